@@ -1,0 +1,1 @@
+"""Drives in: KITTI layouts, synthetic worlds, and the data sets derived from them."""

@@ -1,0 +1,1 @@
+"""Labels computed from labels: which objects move."""

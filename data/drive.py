@@ -1,0 +1,97 @@
+"""What every drive offers, whatever its layout on disk."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from perception.sensor import LidarModel
+from perception.types import Bool, Boxes3D, Calibration, Float64, Frame, Int
+
+
+@dataclass(frozen=True)
+class Labels:
+    """M labelled objects of one frame, KITTI's conventions already converted.
+
+    Attributes:
+        boxes_velo: (M) 3D boxes in the LiDAR frame.
+        boxes_px: (M, 4) x1 y1 x2 y2.
+        types: (M,) class names as labelled: Car, Van, Truck, Pedestrian, Cyclist ...
+        track_ids: (M,) -1 where the layout has none.
+        truncation: (M,) 0..1, or KITTI's tracking levels 0..2 where it is a tracking label.
+        occlusion: (M,) 0 visible, 1 partly, 2 largely occluded, 3 unknown.
+        dont_care_px: (D, 4) image regions in which nothing was labelled.
+    """
+
+    boxes_velo: Boxes3D
+    boxes_px: Float64
+    types: np.ndarray
+    track_ids: Int
+    truncation: Float64
+    occlusion: Int
+    dont_care_px: Float64
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.boxes_velo)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> "Labels":
+        """Return the labels of a mask, of indices, or of a slice; DontCare regions stay."""
+        return Labels(
+            self.boxes_velo[rows],
+            self.boxes_px[rows],
+            self.types[rows],
+            self.track_ids[rows],
+            self.truncation[rows],
+            self.occlusion[rows],
+            self.dont_care_px,
+        )
+
+
+class Drive(Protocol):
+    """Frames in order of time, read from disk one at a time."""
+
+    name: str
+    root: Path
+    sensor: LidarModel
+    calibration: Calibration | None
+    has_images: bool
+    has_poses: bool
+    has_labels: bool
+
+    def __len__(self) -> int:
+        """Return the number of frames, counting those whose files are missing in the middle."""
+        ...
+
+    def __getitem__(self, index: int) -> Frame:
+        """Read one frame; the image only where the drive was opened with images."""
+        ...
+
+    def __iter__(self) -> Iterator[Frame]:
+        """Read the frames in order."""
+        ...
+
+    def labels(self, index: int) -> Labels:
+        """Read the labels of one frame."""
+        ...
+
+    def point_truth(self, index: int) -> "PointTruth | None":
+        """Read the exact truth of every point, which only synthetic drives have."""
+        ...
+
+
+@dataclass(frozen=True)
+class PointTruth:
+    """Exact truth of the N points of a synthetic scan.
+
+    Attributes:
+        classes: (N,) SemanticKITTI class numbers, moving classes (252-259) mapped to their still ones.
+        instances: (N,) object number, 0 for what is no object; the label's track id plus one.
+        is_moving: (N,) whether the point's object moves at this moment.
+    """
+
+    classes: Int
+    instances: Int
+    is_moving: Bool

@@ -1,0 +1,1 @@
+"""KITTI raw, tracking and object layouts; its conventions end here."""

@@ -1,0 +1,1 @@
+"""Trained networks out, as ONNX."""

@@ -1,0 +1,66 @@
+"""The one family of errors that a user can cause.
+
+Libraries raise them; only the command line turns one into a sentence and exit code 2.
+"""
+
+from pathlib import Path
+
+
+class PerceptionError(Exception):
+    """Say in one sentence what is wrong, where, what was expected, and what to do."""
+
+    def __init__(
+        self, where: str | Path, *, expected: str, found: str, advice: str | None = None
+    ) -> None:
+        """Compose the sentence.
+
+        Args:
+            where: the file, argument or frame in which the fault was met.
+            expected: what had to be there.
+            found: what is there instead.
+            advice: what the user can do about it, as an imperative.
+        """
+        self.where, self.expected, self.found, self.advice = str(where), expected, found, advice
+        sentence = f"{where}: expected {expected}, found {found}"
+        super().__init__(f"{sentence}; {advice}." if advice else f"{sentence}.")
+
+
+class ScanError(PerceptionError):
+    """A LiDAR scan is truncated, empty, not finite, or not what its format says."""
+
+
+class ImageError(PerceptionError):
+    """A camera image is unreadable or of another size than its calibration."""
+
+
+class CalibrationError(PerceptionError):
+    """A calibration lacks a key, or holds a matrix that cannot be used."""
+
+
+class PoseError(PerceptionError):
+    """A pose is missing, malformed, or jumps."""
+
+
+class LabelError(PerceptionError):
+    """A label row cannot be read."""
+
+
+class DriveError(PerceptionError):
+    """A drive folder is not laid out as expected, or lacks what a stage needs."""
+
+
+class UsageError(PerceptionError):
+    """An option has a value that cannot work."""
+
+
+class MissingDependencyError(PerceptionError):
+    """An optional package is needed for what was asked."""
+
+    def __init__(self, package: str, *, needed_for: str, extra: str) -> None:
+        """Name the package, what it is needed for, and the line that installs it."""
+        super().__init__(
+            needed_for,
+            expected=f"the Python package {package}",
+            found="none installed",
+            advice=f'install it with: pip install "trifuse[{extra}]"',
+        )

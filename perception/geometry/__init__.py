@@ -1,0 +1,1 @@
+"""Rigid transforms, the camera, boxes, grids and registration."""

@@ -1,0 +1,54 @@
+"""Upright 3D boxes: their corners, and which points they hold."""
+
+import numpy as np
+
+from perception.types import Bool, Boxes3D, Float, Float64
+
+# Corner signs along heading, left, up. Bottom face counter-clockwise from front left, then the top face.
+_CORNERS = np.array(
+    [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0], [1, 1, 1], [-1, 1, 1], [-1, -1, 1], [1, -1, 1]]
+) * (0.5, 0.5, 1.0)
+
+
+def corners(boxes: Boxes3D) -> Float64:
+    """Return (M, 8, 3) corners: the bottom face counter-clockwise from front left, then the top."""
+    local = _CORNERS[None] * boxes.size_m[:, None]
+    cos, sin = np.cos(boxes.yaw_rad)[:, None], np.sin(boxes.yaw_rad)[:, None]
+    x = cos * local[..., 0] - sin * local[..., 1]
+    y = sin * local[..., 0] + cos * local[..., 1]
+    return np.stack([x, y, local[..., 2]], axis=-1) + boxes.bottom_m[:, None]
+
+
+def points_inside(boxes: Boxes3D, points: Float, margin_m: float = 0.0) -> Bool:
+    """Return (M, N): which points lie within which boxes, each grown by a margin on every side.
+
+    The bottom is not lowered: what lies under a box is ground.
+    """
+    inside = np.zeros((len(boxes), len(points)), bool)
+    for row, (bottom, size, yaw) in enumerate(
+        zip(boxes.bottom_m, boxes.size_m, boxes.yaw_rad, strict=True)
+    ):
+        reach = np.hypot(size[0], size[1]) / 2 + 2 * margin_m
+        near = np.flatnonzero(
+            (np.abs(points[:, 0] - bottom[0]) < reach) & (np.abs(points[:, 1] - bottom[1]) < reach)
+        )
+        offset = points[near, :3] - bottom
+        along = np.cos(yaw) * offset[:, 0] + np.sin(yaw) * offset[:, 1]
+        across = np.cos(yaw) * offset[:, 1] - np.sin(yaw) * offset[:, 0]
+        inside[row, near] = (
+            (np.abs(along) <= size[0] / 2 + margin_m)
+            & (np.abs(across) <= size[1] / 2 + margin_m)
+            & (offset[:, 2] >= 0)
+            & (offset[:, 2] <= size[2] + margin_m)
+        )
+    return inside
+
+
+def transform_boxes(dst_SE3_src: Float64, boxes_src: Boxes3D) -> Boxes3D:
+    """Move boxes by a transform that keeps them upright to within a few degrees."""
+    turn_rad = np.arctan2(dst_SE3_src[1, 0], dst_SE3_src[0, 0])
+    return Boxes3D(
+        boxes_src.bottom_m @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3],
+        boxes_src.size_m,
+        boxes_src.yaw_rad + turn_rad,
+    )

@@ -1,0 +1,41 @@
+"""The local area around the vehicle, and the grids laid over it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.types import Bool, Float
+
+
+@dataclass(frozen=True)
+class LocalArea:
+    """The box of space that the obstacle stages look at, in the LiDAR frame (thesis 7.1.1).
+
+    Attributes:
+        ahead_m: reach along +x.
+        behind_m: reach along -x.
+        side_m: reach along +y and -y.
+        height_m: reach above the ground.
+        depth_m: reach below the ground plane, for roads that fall away.
+    """
+
+    ahead_m: float = 25.0
+    behind_m: float = 5.0
+    side_m: float = 10.0
+    height_m: float = 2.0
+    depth_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse an area without extent."""
+        if min(self.ahead_m + self.behind_m, self.side_m, self.height_m) <= 0:
+            raise UsageError("local area", expected="a positive extent", found=str(self))
+
+    def contains_xy(self, points_velo: Float, margin_m: float = 0.0) -> Bool:
+        """Tell which (N, 2+) points lie over the area, grown by a margin."""
+        x, y = points_velo[:, 0], points_velo[:, 1]
+        return np.asarray(
+            (x > -self.behind_m - margin_m)
+            & (x < self.ahead_m + margin_m)
+            & (np.abs(y) < self.side_m + margin_m)
+        )

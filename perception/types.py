@@ -1,0 +1,245 @@
+"""What flows between the stages: frozen, and refused at construction where the shape is wrong.
+
+N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, y left, z up, in metres.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.errors import CalibrationError, ImageError, PerceptionError, PoseError, ScanError
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Float = NDArray[np.float32] | NDArray[np.float64]
+Int = NDArray[np.int32] | NDArray[np.int64]
+UInt8 = NDArray[np.uint8]
+Bool = NDArray[np.bool_]
+
+
+def _require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:
+    fits = array.ndim == len(expected) and all(
+        isinstance(want, str) or have == want
+        for have, want in zip(array.shape, expected, strict=True)
+    )
+    if not fits:
+        shape = "(" + ", ".join(map(str, expected)) + ")"
+        raise PerceptionError(what, expected=f"shape {shape}", found=f"shape {array.shape}")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A rectified pinhole camera and where the LiDAR sits before it.
+
+    Attributes:
+        image_P_cam: (3, 4) projection of the rectified reference camera's frame to pixels; KITTI's P2.
+        cam_SE3_velo: (4, 4) LiDAR to rectified reference camera; KITTI's R0_rect * Tr_velo_to_cam.
+        image_size_px: (width, height) where the calibration states it.
+        source: the file, for error messages.
+    """
+
+    image_P_cam: Float64
+    cam_SE3_velo: Float64
+    image_size_px: tuple[int, int] | None = None
+    source: str = "calibration"
+
+    def __post_init__(self) -> None:
+        """Refuse matrices that cannot project."""
+        _require_shape(f"{self.source} image_P_cam", self.image_P_cam, (3, 4))
+        _require_shape(f"{self.source} cam_SE3_velo", self.cam_SE3_velo, (4, 4))
+        for name, square in (
+            ("image_P_cam", self.image_P_cam[:, :3]),
+            ("cam_SE3_velo", self.cam_SE3_velo),
+        ):
+            if not np.isfinite(square).all() or abs(np.linalg.det(square)) < 1e-9:
+                raise CalibrationError(
+                    self.source, expected=f"an invertible {name}", found="a singular matrix"
+                )
+
+    @property
+    def image_P_velo(self) -> Float64:
+        """(3, 4) projection from the LiDAR frame to pixels (3.1)."""
+        return self.image_P_cam @ self.cam_SE3_velo
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the sensors saw at one moment.
+
+    Attributes:
+        index: number of the frame within its drive.
+        stamp_s: time of the scan.
+        points_velo: (N, 4) x, y, z in metres and reflectance 0..1.
+        image: (H, W, 3) RGB, or None without a camera.
+        world_SE3_velo: (4, 4) INS pose of the LiDAR in a frame fixed to the earth, or None without INS.
+        calibration: of the camera, or None.
+        source: the scan's file, for error messages.
+    """
+
+    index: int
+    stamp_s: float
+    points_velo: Float32
+    image: UInt8 | None = None
+    world_SE3_velo: Float64 | None = None
+    calibration: Calibration | None = None
+    source: str = "frame"
+
+    def __post_init__(self) -> None:
+        """Refuse empty or non-finite scans, malformed poses, and an image of another size."""
+        self._check_scan()
+        if self.world_SE3_velo is not None:
+            _require_shape(f"{self.source} world_SE3_velo", self.world_SE3_velo, (4, 4))
+            if not np.isfinite(self.world_SE3_velo).all():
+                raise PoseError(self.source, expected="a finite pose", found="NaN or infinity")
+        if self.image is not None:
+            self._check_image(self.image)
+
+    def _check_scan(self) -> None:
+        _require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
+        if len(self.points_velo) == 0:
+            raise ScanError(self.source, expected="at least one point", found="an empty scan")
+        finite = np.isfinite(self.points_velo).all(axis=1)
+        if not finite.all():
+            raise ScanError(
+                self.source,
+                expected="finite coordinates",
+                found=f"{int((~finite).sum())} of {len(finite)} points with NaN or infinity",
+                advice="drop these points when you record the scan",
+            )
+        low, high = self.points_velo[:, 3].min(), self.points_velo[:, 3].max()
+        if low < 0 or high > 1:
+            raise ScanError(
+                self.source,
+                expected="reflectance from 0 to 1",
+                found=f"{low:g} to {high:g}",
+                advice="divide it by the sensor's full scale, 255 for most",
+            )
+
+    def _check_image(self, image: UInt8) -> None:
+        _require_shape(f"{self.source} image", image, ("H", "W", 3))
+        size = self.calibration.image_size_px if self.calibration else None
+        height, width = image.shape[:2]
+        if size is not None and size != (width, height):
+            raise ImageError(
+                self.source,
+                expected=f"an image of {size[0]}x{size[1]} pixels as its calibration says",
+                found=f"{width}x{height}",
+            )
+
+
+@dataclass(frozen=True)
+class Boxes3D:
+    """M upright boxes in one frame, the LiDAR's unless the variable's name says otherwise.
+
+             front
+          +---^---+      bottom_m: centre of the bottom face
+          |   |   |      size_m:   length (along the heading), width, height
+    left  |   o   |      yaw_rad:  of the heading, from +x towards +y
+          +-------+
+
+    """
+
+    bottom_m: Float64
+    size_m: Float64
+    yaw_rad: Float64
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        _require_shape("Boxes3D.bottom_m", self.bottom_m, ("M", 3))
+        _require_shape("Boxes3D.size_m", self.size_m, (len(self.bottom_m), 3))
+        _require_shape("Boxes3D.yaw_rad", self.yaw_rad, (len(self.bottom_m),))
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.bottom_m)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the boxes of a mask, of indices, or of a slice."""
+        return type(self)(self.bottom_m[rows], self.size_m[rows], self.yaw_rad[rows])
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return no boxes."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+
+
+class GroundModel(Protocol):
+    """A ground surface in the LiDAR frame. Every ground method returns one."""
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the z of the ground at (N, 2) positions."""
+        ...
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) signed distances of (N, 3+) points along the ground's normal, up positive."""
+        ...
+
+
+class PointState(IntEnum):
+    """What the obstacle stage says of one LiDAR point."""
+
+    OUTSIDE = 0  # beyond the local area
+    GROUND = 1
+    STATIC = 2
+    MOVING = 3
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """V occupied cubes of one grid.
+
+    Attributes:
+        centers_m: (V, 3).
+        counts: (V,) points in each, the thesis' occupancy value (2.1.2).
+        size_m: edge of a cube.
+    """
+
+    centers_m: Float32
+    counts: Int
+    size_m: float
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        _require_shape("Voxels.centers_m", self.centers_m, ("V", 3))
+        _require_shape("Voxels.counts", self.counts, (len(self.centers_m),))
+
+    def __len__(self) -> int:
+        """Return V."""
+        return len(self.centers_m)
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """What stands on the ground in one scan, in the LiDAR frame of that scan.
+
+    Attributes:
+        point_states: (N,) one `PointState` for each point of the frame.
+        static: voxels of the static model, seen in this scan or a recent one.
+        moving: voxels of this scan that move.
+    """
+
+    point_states: UInt8
+    static: Voxels
+    moving: Voxels
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the pipeline made of one frame.
+
+    Attributes:
+        frame: what it was given.
+        world_SE3_velo: (4, 4) pose after registration.
+        ground: the ground surface in the LiDAR frame.
+        obstacles: static and moving.
+        timings_s: seconds by stage, in the order in which the stages ran.
+    """
+
+    frame: Frame
+    world_SE3_velo: Float64
+    ground: GroundModel
+    obstacles: Obstacles
+    timings_s: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,85 @@
+"""Data flows one way: imports too."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+# Lowest first; a module may import its own layer and the layers below it.
+LAYERS = [
+    {"perception.types", "perception.errors", "perception.sensor"},
+    {"perception.geometry"},
+    {"perception.obstacles", "perception.datmo", "perception.maps", "perception.tracking"},
+    {"perception.detection"},
+    {"perception.pipeline", "perception.evaluation", "perception.render"},
+    {"data"},
+    {"train"},
+    {"export"},
+    {"perception.cli"},
+]
+OUTSIDE_THE_LAYERS = {"perception", "perception.__main__"}
+
+
+def layer_of(module: str) -> int | None:
+    for level, names in enumerate(LAYERS):
+        if any(module == name or module.startswith(name + ".") for name in names):
+            return level
+    return None
+
+
+def imports_of(path: Path) -> list[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            raise AssertionError(f"{path}: relative import")
+    return names
+
+
+def source_modules() -> dict[str, Path]:
+    found = {}
+    for package in ("perception", "data", "train", "export"):
+        for path in (ROOT / package).rglob("*.py"):
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            found[module.removesuffix(".__init__")] = path
+    return found
+
+
+def test_every_module_has_a_layer():
+    homeless = [m for m in source_modules() if layer_of(m) is None]
+    assert sorted(homeless) == sorted(OUTSIDE_THE_LAYERS)
+
+
+def test_imports_go_one_way():
+    upward = []
+    for module, path in source_modules().items():
+        if module in OUTSIDE_THE_LAYERS:
+            continue
+        for name in imports_of(path):
+            target = layer_of(name)
+            if target is not None and target > layer_of(module):
+                upward.append(f"{module} imports {name}")
+    assert upward == []
+
+
+def test_an_upward_import_would_be_seen():
+    assert layer_of("perception.geometry.se3") < layer_of("perception.obstacles.ground")
+    assert (
+        layer_of("perception.pipeline")
+        < layer_of("data.kitti.raw")
+        < layer_of("perception.cli.run")
+    )
+
+
+def test_the_runtime_loads_no_torch():
+    code = (
+        "import sys, perception, perception.pipeline, perception.cli.main\n"
+        "print([m for m in ('torch', 'lightning', 'matplotlib', 'av') if m in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert ran.stdout.strip() == "[]", ran.stderr
