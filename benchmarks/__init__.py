@@ -1,0 +1,1 @@
+"""Every stage beside its plain form and the best library for it; run by `trifuse bench`."""
