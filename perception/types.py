@@ -101,7 +101,7 @@ class Frame:
         _require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
         if len(self.points_velo) == 0:
             raise ScanError(self.source, expected="at least one point", found="an empty scan")
-        finite = np.isfinite(self.points_velo).all(axis=1)
+        finite: Bool = np.asarray(np.isfinite(self.points_velo).all(axis=1))
         if not finite.all():
             raise ScanError(
                 self.source,

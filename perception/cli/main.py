@@ -1,0 +1,93 @@
+"""The console script: find the command, make its flags from its signature, turn an error into a sentence.
+
+A command is a function in a module of this folder; its docstring is its help, its arguments its flags.
+Modules are imported only when their command is asked for, so that `trifuse --help` answers at once.
+"""
+
+import importlib
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from jsonargparse import auto_cli
+
+from perception import __version__
+from perception.errors import PerceptionError
+
+# command: what it does. The module of the same name holds a function of the same name, or COMMANDS.
+COMMANDS = {
+    "demo": "make a short synthetic drive and run every stage on it; needs no data",
+    "run": "run the stages on a drive; write results, a video and a summary",
+    "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
+    "check": "read everything once; report what is missing, damaged or implausible",
+    "evaluate": "measure the ground or the obstacles against labels or exact truth",
+    "study": "repeat one of the thesis' own studies: a picture and a table",
+    "bench": "time every stage beside its plain form and the best library for it",
+}
+
+_HELP = """usage: trifuse COMMAND [options]
+
+{commands}
+
+Begin with:  trifuse demo
+Then:        trifuse run path/to/2011_09_26/2011_09_26_drive_0005_sync --out results/0005
+Help:        trifuse COMMAND --help
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; return 0, or 2 where the user has to act."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(_help())
+        return 0
+    if words[0] == "--version":
+        print(f"trifuse {__version__}")
+        return 0
+    if words[0] not in COMMANDS:
+        print(f"trifuse: no command {words[0]!r}; one of {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    logging.basicConfig(stream=sys.stderr, format="%(message)s", level=logging.INFO)
+    try:
+        _run(words[0], words[1:])
+    except PerceptionError as error:
+        print(f"trifuse {words[0]}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"trifuse {words[0]}: stopped; what was written is kept", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _help() -> str:
+    width = max(map(len, COMMANDS))
+    return _HELP.format(
+        commands="\n".join(f"  {n:<{width}}  {what}" for n, what in COMMANDS.items())
+    )
+
+
+def _run(command: str, words: list[str]) -> None:
+    module = importlib.import_module(f"perception.cli.{command}")
+    functions: dict[str, Callable[..., Any]] = getattr(module, "COMMANDS", {})
+    target: Any = functions or getattr(module, command)
+    auto_cli(
+        target,
+        args=words,
+        as_positional=True,
+        set_defaults=None,
+        parser_class=_parser_class(command),
+    )
+
+
+def _parser_class(command: str) -> type:
+    from jsonargparse import ArgumentParser
+
+    class CommandParser(ArgumentParser):
+        """Shows `trifuse COMMAND` as the program's name."""
+
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            kwargs.setdefault("prog", f"trifuse {command}")
+            super().__init__(*args, **kwargs)
+
+    return CommandParser
