@@ -76,18 +76,5 @@ def _run(command: str, words: list[str]) -> None:
         args=words,
         as_positional=True,
         set_defaults=None,
-        parser_class=_parser_class(command),
+        prog=f"trifuse {command}",
     )
-
-
-def _parser_class(command: str) -> type:
-    from jsonargparse import ArgumentParser
-
-    class CommandParser(ArgumentParser):
-        """Shows `trifuse COMMAND` as the program's name."""
-
-        def __init__(self, *args: Any, **kwargs: Any) -> None:
-            kwargs.setdefault("prog", f"trifuse {command}")
-            super().__init__(*args, **kwargs)
-
-    return CommandParser
