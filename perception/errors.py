@@ -56,11 +56,11 @@ class UsageError(PerceptionError):
 class MissingDependencyError(PerceptionError):
     """An optional package is needed for what was asked."""
 
-    def __init__(self, package: str, *, needed_for: str, extra: str) -> None:
-        """Name the package, what it is needed for, and the line that installs it."""
+    def __init__(self, package: str, *, needed_for: str, extra: str, reason: ImportError) -> None:
+        """Name the package, what it is needed for, why it fails, and the line that installs it."""
         super().__init__(
             needed_for,
             expected=f"the Python package {package}",
-            found="none installed",
+            found=str(reason),
             advice=f'install it with: pip install "trifuse[{extra}]"',
         )

@@ -1,0 +1,114 @@
+"""Ground by other people's hands, behind our `GroundModel`, so that one measure judges all."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from perception.errors import MissingDependencyError
+from perception.sensor import LidarModel
+from perception.types import Float, Float64
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One plane a x + b y + c z + d = 0, its unit normal up.
+
+    Attributes:
+        coefficients: (4,) a, b, c, d.
+    """
+
+    coefficients: Float64
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the z of the ground at (N, 2) positions."""
+        a, b, c, d = self.coefficients
+        return np.asarray(-(a * xy_m[:, 0] + b * xy_m[:, 1] + d) / c, np.float64)
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) signed distances of (N, 3+) points, up positive."""
+        return np.asarray(points_velo[:, :3] @ self.coefficients[:3] + self.coefficients[3])
+
+
+def upward_plane(coefficients: Float64) -> Plane:
+    """Scale a plane to a unit normal that points up."""
+    scale = np.linalg.norm(coefficients[:3]) * np.sign(coefficients[2])
+    return Plane(np.asarray(coefficients, np.float64) / scale)
+
+
+class LocalPlanes:
+    """A surface given by its points: a least-squares plane through the nearest ones, wherever asked."""
+
+    def __init__(self, ground_points_velo: Float, neighbours: int = 50) -> None:
+        self._points = np.asarray(ground_points_velo[:, :3], np.float64)
+        self._tree = KDTree(self._points[:, :2])
+        self._neighbours = min(neighbours, len(self._points))
+
+    def _planes(self, xy_m: Float) -> tuple[Float64, Float64]:
+        """Return (N, 3) centroids and (N, 3) upward unit normals around (N, 2) positions."""
+        _, rows = self._tree.query(xy_m, k=self._neighbours)
+        near = self._points[rows]
+        centroids = near.mean(axis=1)
+        centred = near - centroids[:, None]
+        _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
+        normals = vectors[:, :, 0]
+        return centroids, normals * np.sign(normals[:, 2:3])
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the z of the ground at (N, 2) positions."""
+        centroids, normals = self._planes(xy_m)
+        slope = ((xy_m - centroids[:, :2]) * normals[:, :2]).sum(axis=1)
+        return np.asarray(centroids[:, 2] - slope / normals[:, 2])
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) signed distances of (N, 3+) points, up positive."""
+        centroids, normals = self._planes(points_velo[:, :2])
+        return np.asarray(((points_velo[:, :3] - centroids) * normals).sum(axis=1))
+
+
+class PatchworkGround:
+    """Patchwork++ with its own defaults; its surface is the local plane through its ground points."""
+
+    def __init__(self, sensor: LidarModel) -> None:
+        try:
+            import pypatchworkpp
+        except ImportError as error:
+            raise MissingDependencyError(
+                "pypatchworkpp", needed_for="the Patchwork++ peer", extra="bench", reason=error
+            ) from error
+        parameters = pypatchworkpp.Parameters()
+        parameters.verbose = False
+        parameters.sensor_height = sensor.height_m
+        self._patchwork = pypatchworkpp.patchworkpp(parameters)
+
+    def segment(self, points_velo: Float) -> Float64:
+        """Return the (G, 3) points that it calls ground."""
+        self._patchwork.estimateGround(points_velo)
+        return np.asarray(self._patchwork.getGround(), np.float64)[:, :3]
+
+    def estimate(self, points_velo: Float) -> LocalPlanes:
+        """Return its surface for one scan."""
+        return LocalPlanes(self.segment(points_velo))
+
+
+class RansacPlane:
+    """One plane for the whole area, by Open3D's RANSAC."""
+
+    def __init__(self, distance_m: float = 0.1, iterations: int = 200) -> None:
+        try:
+            import open3d
+        except ImportError as error:
+            raise MissingDependencyError(
+                "open3d", needed_for="the RANSAC plane peer", extra="bench", reason=error
+            ) from error
+        self._open3d, self._distance_m, self._iterations = open3d, distance_m, iterations
+
+    def estimate(self, points_velo: Float) -> Plane:
+        """Fit one plane to the points."""
+        cloud = self._open3d.geometry.PointCloud()
+        cloud.points = self._open3d.utility.Vector3dVector(
+            np.asarray(points_velo[:, :3], np.float64)
+        )
+        self._open3d.utility.random.seed(0)
+        coefficients, _ = cloud.segment_plane(self._distance_m, 3, self._iterations)
+        return upward_plane(np.asarray(coefficients))

@@ -1,0 +1,71 @@
+"""Timing that can be compared: contenders take turns on the same input, in one process."""
+
+import resource
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One way of doing a stage.
+
+    Attributes:
+        name: as it stands in the table.
+        run: does the work once on input number i.
+    """
+
+    name: str
+    run: Callable[[int], Any]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How long one contender takes.
+
+    Attributes:
+        name: of the contender.
+        median_ms: over all inputs.
+        p99_ms: 99th percentile.
+        ratio: median over the inputs of its time divided by the first contender's on the same input.
+    """
+
+    name: str
+    median_ms: float
+    p99_ms: float
+    ratio: float
+
+
+def take_turns(contenders: Sequence[Contender], inputs: int, warm_up: int = 1) -> list[Timing]:
+    """Run every contender on every input, one after the other, so that drift hits all alike."""
+    for contender in contenders:
+        for _ in range(warm_up):
+            contender.run(0)
+    seconds = np.empty((inputs, len(contenders)))
+    for i in range(inputs):
+        for column, contender in enumerate(contenders):
+            start = time.perf_counter()
+            contender.run(i)
+            seconds[i, column] = time.perf_counter() - start
+    return [
+        Timing(
+            contender.name,
+            median_ms=1e3 * float(np.median(seconds[:, column])),
+            p99_ms=1e3 * float(np.percentile(seconds[:, column], 99)),
+            ratio=float(np.median(seconds[:, column] / seconds[:, 0])),
+        )
+        for column, contender in enumerate(contenders)
+    ]
+
+
+def resident_mib() -> float:
+    """Return the memory that this process holds now, in MiB (Linux; elsewhere its peak)."""
+    try:
+        with open("/proc/self/statm") as statm:  # noqa: PTH123
+            pages = int(statm.read().split()[1])
+        return pages * resource.getpagesize() / 2**20
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10

@@ -1,0 +1,44 @@
+"""Read the frames of a drive in order, one ahead of who uses them."""
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
+
+from data.drive import Drive
+from perception.errors import PerceptionError
+from perception.types import Frame
+
+log = logging.getLogger(__name__)
+
+OnBadFrame = Literal["stop", "skip"]
+
+
+def read_frames(
+    drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None
+) -> Iterator[Frame]:
+    """Yield the frames of a drive in order, reading the next while this one is worked on.
+
+    Args:
+        drive: what to read.
+        on_bad_frame: raise at a damaged or missing frame, or log one sentence and go on without it.
+        limit: at most so many frames from the drive's start.
+
+    Raises:
+        PerceptionError: a frame cannot be read and `on_bad_frame` is "stop".
+    """
+    count = len(drive) if limit is None else min(limit, len(drive))
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="reader") as reader:
+        ahead = reader.submit(drive.__getitem__, 0) if count else None
+        for index in range(count):
+            assert ahead is not None
+            current = ahead
+            ahead = reader.submit(drive.__getitem__, index + 1) if index + 1 < count else None
+            try:
+                frame = current.result()
+            except PerceptionError as error:
+                if on_bad_frame == "stop":
+                    raise
+                log.warning("skipped frame %d: %s", index, error)
+                continue
+            yield frame

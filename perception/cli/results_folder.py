@@ -1,0 +1,108 @@
+"""The folder that `run` leaves: every file is whole, whenever the run ends.
+
+config.yaml          the effective configuration
+frames.jsonl         one line a frame: time, pose, counts, seconds by stage
+poses.txt            world_SE3_velo after registration, KITTI's 12 numbers a row
+labels/NNNNNN.label  one uint32 a point in SemanticKITTI's numbers: 40 ground, 9 static, 251 moving
+obstacles/NNNNNN.npz static and moving voxels, and the ground's height on a 1 m lattice
+video.mp4            camera and bird's-eye view
+summary.json         the table that was printed
+"""
+
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TextIO
+
+import numpy as np
+
+from perception.geometry.grids import LocalArea
+from perception.types import Float64, GroundModel, PointState, Result
+
+# SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
+SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
+SEMANTIC_KITTI[PointState.GROUND] = 40
+SEMANTIC_KITTI[PointState.STATIC] = 9
+SEMANTIC_KITTI[PointState.MOVING] = 251
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name and rename it, so that it is whole or absent."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_bytes(data)
+    temporary.replace(path)
+
+
+class ResultsFolder:
+    """Writes the results of one run, frame by frame; a context manager."""
+
+    def __init__(self, out: Path, area: LocalArea) -> None:
+        self.out, self._area = out, area
+        (out / "labels").mkdir(parents=True, exist_ok=True)
+        (out / "obstacles").mkdir(exist_ok=True)
+        self._frames: TextIO = (out / "frames.jsonl").open("w", buffering=1)
+        self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._frames.close()
+        self._poses.close()
+
+    def write(self, result: Result) -> None:
+        """Write what the pipeline made of one frame."""
+        name = f"{result.frame.index:06d}"
+        labels = SEMANTIC_KITTI[result.obstacles.point_states]
+        write_whole(self.out / "labels" / f"{name}.label", labels.tobytes())
+        self._write_obstacles(self.out / "obstacles" / f"{name}.npz", result)
+        self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
+        self._frames.write(json.dumps(frame_summary(result)) + "\n")
+
+    def _write_obstacles(self, path: Path, result: Result) -> None:
+        xy_m, heights_m = sample_ground(result.ground, self._area)
+        temporary = path.with_name(f".{path.stem}.part.npz")
+        np.savez(
+            temporary,
+            static_centers_m=result.obstacles.static.centers_m,
+            static_counts=result.obstacles.static.counts,
+            moving_centers_m=result.obstacles.moving.centers_m,
+            moving_counts=result.obstacles.moving.counts,
+            ground_xy_m=xy_m,
+            ground_height_m=heights_m,
+        )
+        temporary.replace(path)
+
+    def write_json(self, name: str, content: Any) -> None:  # noqa: ANN401
+        """Write one JSON document into the folder."""
+        write_whole(self.out / name, (json.dumps(content, indent=1) + "\n").encode())
+
+
+def sample_ground(ground: GroundModel, area: LocalArea) -> tuple[Float64, Float64]:
+    """Return (K, 2) positions on a 1 m lattice over the area and the (K,) ground heights there."""
+    x = np.arange(-area.behind_m, area.ahead_m + 0.5)
+    y = np.arange(-area.side_m, area.side_m + 0.5)
+    xy_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    return xy_m, ground.height_m(xy_m)
+
+
+def frame_summary(result: Result) -> dict[str, Any]:
+    """Return what one line of frames.jsonl holds."""
+    states = np.bincount(result.obstacles.point_states, minlength=len(PointState))
+    return {
+        "frame": result.frame.index,
+        "stamp_s": round(result.frame.stamp_s, 6),
+        "position_m": [round(float(x), 4) for x in result.world_SE3_velo[:3, 3]],
+        "points": {state.name.lower(): int(states[state]) for state in PointState},
+        "voxels": {
+            "static": len(result.obstacles.static),
+            "moving": len(result.obstacles.moving),
+        },
+        "seconds": {stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
+    }
