@@ -1,0 +1,51 @@
+"""Which points of a scan belong to the ground, and which stand on it (thesis 5.1.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry.grids import LocalArea
+from perception.types import Bool, Float, Float32, GroundModel, Int, PointState, UInt8
+
+
+@dataclass(frozen=True)
+class AboveGround:
+    """The points of one scan that stand on the ground of the local area.
+
+    Attributes:
+        points_velo: (O, 3) obstacle points.
+        rows: (O,) where they are in the scan.
+        ground_rows: (G,) where the ground points of the area are in the scan.
+        scan_length: N.
+    """
+
+    points_velo: Float32
+    rows: Int
+    ground_rows: Int
+    scan_length: int
+
+    def point_states(self, is_moving: Bool) -> UInt8:
+        """Return (N,) the `PointState` of the whole scan from (O,) whether each obstacle point moves."""
+        states = np.full(self.scan_length, PointState.OUTSIDE, np.uint8)
+        states[self.ground_rows] = PointState.GROUND
+        states[self.rows] = np.where(is_moving, PointState.MOVING, PointState.STATIC)
+        return states
+
+
+def split_by_ground(
+    points_velo: Float, ground: GroundModel, area: LocalArea, clearance_m: float
+) -> AboveGround:
+    """Split a scan at a distance over the ground; what is higher than the area belongs to neither.
+
+    Args:
+        points_velo: (N, 3+) in the frame of the ground model.
+        ground: of that frame.
+        area: in which obstacles are wanted.
+        clearance_m: least distance of an obstacle point from the ground, the thesis' d_min.
+    """
+    rows = np.flatnonzero(area.contains_xy(points_velo))
+    local = np.asarray(points_velo[rows, :3], np.float32)
+    distance_m: Float32 = np.asarray(ground.distance_m(local), np.float32)
+    stands = (distance_m >= clearance_m) & (distance_m < area.height_m)
+    lies = distance_m < clearance_m
+    return AboveGround(local[stands], rows[stands], rows[lies], len(points_velo))

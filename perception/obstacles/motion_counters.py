@@ -1,0 +1,196 @@
+"""Static and moving by comparing how full a voxel is over time: the thesis' method (5.1.3, Fig. 5.6).
+
+A moving object fills other voxels in every scan; a standing one fills the same. So what is in the
+merged cloud D by one scan alone has moved, and columns of the ground plane are decided by the ratio
+of what is left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry import se3
+from perception.geometry.grids import LocalArea
+from perception.obstacles.above_ground import AboveGround, split_by_ground
+from perception.obstacles.dense_cloud import ScanWindow
+from perception.obstacles.voxels import KeyCounts, VoxelGrid, count_keys
+from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
+
+
+@dataclass(frozen=True)
+class Subtracted:
+    """The voxel grids before and after the preprocessing.
+
+    Attributes:
+        merged: D, all scans together.
+        static: D without the voxels that one scan alone filled.
+        moving: P_i, the newest scan's voxels that are not left in D.
+    """
+
+    merged: KeyCounts
+    static: KeyCounts
+    moving: KeyCounts
+
+
+@dataclass(frozen=True)
+class Masks:
+    """Which columns of the ground plane are static and which move; some are neither.
+
+    Attributes:
+        is_static: (X, Y) B_s of (5.5).
+        is_moving: (X, Y) B_d of (5.5).
+    """
+
+    is_static: Bool
+    is_moving: Bool
+
+
+@dataclass(frozen=True)
+class MotionCounters:
+    """Everything that Fig. 5.6 shows of one frame.
+
+    Attributes:
+        grid: of the voxels; its x and y cells are those of the counters.
+        voxels: before and after the preprocessing.
+        static_before: (X, Y) C_s of the merged cloud, Fig. 5.6 (b).
+        static: (X, Y) C_s after the preprocessing (c).
+        moving: (X, Y) C_d (d).
+        log_ratio: (X, Y) R of (5.4) (e).
+        masks: of (5.5).
+    """
+
+    grid: VoxelGrid
+    voxels: Subtracted
+    static_before: Int
+    static: Int
+    moving: Int
+    log_ratio: Float64
+    masks: Masks
+
+
+def subtract(scan_keys: Sequence[Int]) -> Subtracted:
+    """Remove from the merged grid what one scan alone filled, then from the newest what stays.
+
+    D <= P_k for some scan k says that all points of the voxel come from that scan, so it is enough to
+    count the scans that reached a voxel.
+
+    Args:
+        scan_keys: the voxel key of each obstacle point, scan by scan, the newest last.
+    """
+    scans = [count_keys(keys) for keys in scan_keys]
+    reached: Int = np.concatenate([scan.keys for scan in scans])
+    filled: Int = np.concatenate(scan_keys)
+    reached_by, merged = count_keys(reached), count_keys(filled)
+    stays = reached_by.counts > 1
+    static = KeyCounts(merged.keys[stays], merged.counts[stays])
+    newest = scans[-1]
+    leaves = np.isin(newest.keys, static.keys, assume_unique=True, invert=True)
+    return Subtracted(merged, static, KeyCounts(newest.keys[leaves], newest.counts[leaves]))
+
+
+def column_counter(grid: VoxelGrid, voxels: KeyCounts) -> Int:
+    """Sum occupancy over height into (X, Y) (5.3)."""
+    across = grid.shape[:2]
+    total = np.bincount(grid.columns(voxels.keys), voxels.counts, across[0] * across[1])
+    return total.astype(np.int64).reshape(across)
+
+
+def log_ratio(moving: Int, static: Int, least: float = 1.0) -> Float64:
+    """Return log(max(C_d, ε) / max(C_s, ε)), negative where static (5.4)."""
+    return np.asarray(np.log(np.maximum(moving, least)) - np.log(np.maximum(static, least)))
+
+
+def decide(static: Int, moving: Int, static_points: int, moving_points: int) -> Masks:
+    """Decide the columns of the ground plane.
+
+    As printed, (5.5) compares a log ratio with 50 and 5, which no cell reaches. Read as floors on the
+    counts under the ratio, the same numbers work: a column needs T_s points to be static and T_d to
+    move, the larger counter wins, and a rival of fewer than T_d points counts as ε = 1.
+    """
+    static_rival = np.where(moving >= moving_points, moving, 1)
+    moving_rival = np.where(static >= moving_points, static, 1)
+    return Masks(
+        is_static=(static >= static_points) & (static > static_rival),
+        is_moving=(moving >= moving_points) & (moving > moving_rival),
+    )
+
+
+class CounterSegmenter:
+    """The thesis' static-moving segmentation of a window of scans."""
+
+    def __init__(
+        self,
+        area: LocalArea,
+        voxel_size_m: float = 0.1,
+        clearance_m: float = 0.2,
+        static_points: int = 50,
+        moving_points: int = 5,
+    ) -> None:
+        """Take the thesis' values (Table 7.1).
+
+        Args:
+            area: in which obstacles are wanted.
+            voxel_size_m: edge of a voxel, υ.
+            clearance_m: least distance of an obstacle point from the ground, d_min.
+            static_points: T_s, for a window of 7 scans of an HDL-64E.
+            moving_points: T_d.
+        """
+        self._area = area
+        self._voxel_size_m = voxel_size_m
+        self._clearance_m = clearance_m
+        self._static_points = static_points
+        self._moving_points = moving_points
+
+    def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
+        """Segment the newest scan of the window.
+
+        Args:
+            window: scans with their poses, the newest last.
+            ground: in the frame of the newest scan; it removes the ground of every scan.
+        """
+        scans = self._obstacle_points(window, ground)
+        counters = self._count(scans)
+        grid, voxels, masks = counters.grid, counters.voxels, counters.masks
+        moving = _under(masks.is_moving, grid, voxels.moving)
+        is_moving = np.isin(grid.keys(scans[-1].points_velo), moving.keys)
+        return Obstacles(
+            point_states=scans[-1].point_states(is_moving),
+            static=grid.voxels(_under(masks.is_static, grid, voxels.static)),
+            moving=grid.voxels(moving),
+        )
+
+    def counters(self, window: ScanWindow, ground: GroundModel) -> MotionCounters:
+        """Return what the decision for the newest scan rests on, for a picture of it (Fig. 5.6)."""
+        return self._count(self._obstacle_points(window, ground))
+
+    def _obstacle_points(self, window: ScanWindow, ground: GroundModel) -> list[AboveGround]:
+        """Move every scan into the newest one's frame (5.1) and take its ground away."""
+        newest_SE3_world = se3.inverse(window.newest.world_SE3_velo)
+        moved: list[Float32] = [
+            se3.transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
+            for scan in window
+        ]
+        return [split_by_ground(p, ground, self._area, self._clearance_m) for p in moved]
+
+    def _count(self, scans: list[AboveGround]) -> MotionCounters:
+        points = [scan.points_velo for scan in scans]
+        grid = VoxelGrid.covering(np.concatenate(points), self._voxel_size_m)
+        voxels = subtract([grid.keys(scan) for scan in points])
+        static = column_counter(grid, voxels.static)
+        moving = column_counter(grid, voxels.moving)
+        return MotionCounters(
+            grid,
+            voxels,
+            column_counter(grid, voxels.merged),
+            static,
+            moving,
+            log_ratio(moving, static),
+            decide(static, moving, self._static_points, self._moving_points),
+        )
+
+
+def _under(mask: Bool, grid: VoxelGrid, voxels: KeyCounts) -> KeyCounts:
+    """Keep the voxels, at every height, whose column is in the mask."""
+    kept = mask.ravel()[grid.columns(voxels.keys)]
+    return KeyCounts(voxels.keys[kept], voxels.counts[kept])
