@@ -1,0 +1,211 @@
+"""KITTI's calibration texts, read and written: three files a date for raw, one a sequence or frame else.
+
+    image  <-P2-  rectified camera  <-R0_rect-  camera 0  <-Tr_velo_to_cam-  LiDAR  <-Tr_imu_to_velo-  IMU
+
+Rows are `KEY: numbers`; the tracking benchmark spells some keys otherwise and leaves out colons.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from perception.errors import CalibrationError
+from perception.geometry.se3 import from_rotation_translation
+from perception.types import Calibration, Float, Float64
+
+_PROJECTION_KEYS = ("P2",)
+_RECTIFICATION_KEYS = ("R0_rect", "R_rect")
+_VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam")
+_IMU_TO_VELO_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
+
+CAM_TO_CAM = "calib_cam_to_cam.txt"
+VELO_TO_CAM = "calib_velo_to_cam.txt"
+IMU_TO_VELO = "calib_imu_to_velo.txt"
+
+
+@dataclass(frozen=True)
+class DriveCalibration:
+    """Everything that a drive's calibration files state.
+
+    Attributes:
+        camera: of the left colour camera, or None where the drive states none.
+        velo_SE3_imu: (4, 4) IMU to LiDAR, or None where the drive states none.
+    """
+
+    camera: Calibration | None
+    velo_SE3_imu: Float64 | None
+
+
+@dataclass(frozen=True)
+class CalibrationText:
+    """The rows of one calibration file, turned into matrices when asked for.
+
+    Attributes:
+        path: the file.
+        rows: what follows each key.
+    """
+
+    path: Path
+    rows: Mapping[str, str]
+
+    @classmethod
+    def read(cls, path: Path) -> "CalibrationText":
+        """Split the file into keys and rows.
+
+        Raises:
+            CalibrationError: there is no such file, or it is no text.
+        """
+        try:
+            lines = path.read_text().splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            found = "no file" if isinstance(error, FileNotFoundError) else str(error)
+            raise CalibrationError(path, expected="a calibration text", found=found) from error
+        parts = [line.split(maxsplit=1) for line in lines if line.strip()]
+        return cls(path, {key.rstrip(":"): "".join(row) for key, *row in parts})
+
+    def has(self, keys: tuple[str, ...]) -> bool:
+        """Tell whether one of the spellings of a key is there."""
+        return any(key in self.rows for key in keys)
+
+    def matrix(self, keys: tuple[str, ...], shape: tuple[int, ...]) -> Float64:
+        """Return the numbers of a key, whichever of its spellings the file uses.
+
+        Raises:
+            CalibrationError: no such key, not so many finite numbers, or a singular matrix.
+        """
+        key = next((key for key in keys if key in self.rows), None)
+        if key is None:
+            raise CalibrationError(
+                self.path,
+                expected=f"the key {' or '.join(keys)}",
+                found=f"only {', '.join(self.rows) or 'an empty file'}",
+            )
+        numbers = self._numbers(key, int(np.prod(shape))).reshape(shape)
+        if len(shape) == 2 and abs(np.linalg.det(numbers[:, :3])) < 1e-6:
+            raise CalibrationError(
+                self.path, expected=f"an invertible {key}", found="a singular matrix"
+            )
+        return numbers
+
+    def _numbers(self, key: str, count: int) -> Float64:
+        try:
+            numbers = np.array(self.rows[key].split(), np.float64)
+        except ValueError as error:
+            raise CalibrationError(
+                self.path, expected=f"{count} numbers after {key}", found=f"{self.rows[key]!r}"
+            ) from error
+        if len(numbers) != count or not np.isfinite(numbers).all():
+            raise CalibrationError(
+                self.path,
+                expected=f"{count} finite numbers after {key}",
+                found=f"{int(np.isfinite(numbers).sum())}",
+            )
+        return numbers
+
+
+def read_benchmark_calibration(path: Path) -> DriveCalibration:
+    """Read the one file of a tracking sequence or an object frame.
+
+    Raises:
+        CalibrationError: a key of the camera is missing, or a matrix cannot be used.
+    """
+    text = CalibrationText.read(path)
+    rectification = text.matrix(_RECTIFICATION_KEYS, (3, 3))
+    camera = Calibration(
+        image_P_cam=text.matrix(_PROJECTION_KEYS, (3, 4)),
+        cam_SE3_velo=_rectify(rectification, _homogeneous(text.matrix(_VELO_TO_CAM_KEYS, (3, 4)))),
+        source=str(path),
+    )
+    has_imu = text.has(_IMU_TO_VELO_KEYS)
+    imu = _homogeneous(text.matrix(_IMU_TO_VELO_KEYS, (3, 4))) if has_imu else None
+    return DriveCalibration(camera, imu)
+
+
+def read_raw_calibration(folder: Path) -> DriveCalibration:
+    """Read the calibration files of a raw recording; those that are not there yield None.
+
+    Raises:
+        CalibrationError: a file lacks a key, or a matrix cannot be used.
+    """
+    has_camera = (folder / CAM_TO_CAM).is_file() or (folder / VELO_TO_CAM).is_file()
+    has_imu = (folder / IMU_TO_VELO).is_file()
+    return DriveCalibration(
+        _read_raw_camera(folder) if has_camera else None,
+        _read_raw_transform(folder / IMU_TO_VELO) if has_imu else None,
+    )
+
+
+def _read_raw_camera(folder: Path) -> Calibration:
+    cameras = CalibrationText.read(folder / CAM_TO_CAM)
+    width, height = cameras.matrix(("S_rect_02",), (2,))
+    return Calibration(
+        image_P_cam=cameras.matrix(("P_rect_02",), (3, 4)),
+        cam_SE3_velo=_rectify(
+            cameras.matrix(("R_rect_00",), (3, 3)), _read_raw_transform(folder / VELO_TO_CAM)
+        ),
+        image_size_px=(int(width), int(height)),
+        source=str(cameras.path),
+    )
+
+
+def _read_raw_transform(path: Path) -> Float64:
+    text = CalibrationText.read(path)
+    return from_rotation_translation(text.matrix(("R",), (3, 3)), text.matrix(("T",), (3,)))
+
+
+def _homogeneous(rows: Float64) -> Float64:
+    return from_rotation_translation(rows[:, :3], rows[:, 3])
+
+
+def _rectify(rectification: Float64, cam0_SE3_velo: Float64) -> Float64:
+    return from_rotation_translation(rectification, np.zeros(3)) @ cam0_SE3_velo
+
+
+def format_benchmark_calibration(calibration: DriveCalibration) -> str:
+    """Return the text of a tracking or object calibration file, the rectification folded into Tr."""
+    rows: dict[str, Float] = {}
+    if calibration.camera is not None:
+        # Readers of the benchmarks ask for all four cameras; there is one, so all are the same.
+        rows |= {f"P{camera}": calibration.camera.image_P_cam for camera in range(4)}
+        rows["R0_rect"] = np.eye(3)
+        rows["Tr_velo_to_cam"] = calibration.camera.cam_SE3_velo[:3]
+    if calibration.velo_SE3_imu is not None:
+        rows["Tr_imu_to_velo"] = calibration.velo_SE3_imu[:3]
+    return _format_rows(rows)
+
+
+def format_raw_calibration(calibration: DriveCalibration) -> dict[str, str]:
+    """Return the text of each calibration file of a raw recording, by file name.
+
+    Raises:
+        CalibrationError: the camera does not state the size of its images.
+    """
+    texts: dict[str, str] = {}
+    if calibration.camera is not None:
+        texts[CAM_TO_CAM] = _format_raw_camera(calibration.camera)
+        texts[VELO_TO_CAM] = _format_raw_transform(calibration.camera.cam_SE3_velo)
+    if calibration.velo_SE3_imu is not None:
+        texts[IMU_TO_VELO] = _format_raw_transform(calibration.velo_SE3_imu)
+    return texts
+
+
+def _format_raw_camera(camera: Calibration) -> str:
+    if camera.image_size_px is None:
+        raise CalibrationError(camera.source, expected="image_size_px", found="None")
+    size = np.array(camera.image_size_px, np.float64)
+    rows: dict[str, Float] = {"R_rect_00": np.eye(3)}
+    rows |= {"S_rect_02": size, "R_rect_02": np.eye(3), "P_rect_02": camera.image_P_cam}
+    return _format_rows(rows)
+
+
+def _format_raw_transform(dst_SE3_src: Float64) -> str:
+    return _format_rows({"R": dst_SE3_src[:3, :3], "T": dst_SE3_src[:3, 3]})
+
+
+def _format_rows(rows: Mapping[str, Float]) -> str:
+    return "".join(
+        f"{key}: {' '.join(f'{number:.12e}' for number in values.ravel())}\n"
+        for key, values in rows.items()
+    )

@@ -1,0 +1,177 @@
+"""KITTI's INS packets ("oxts"), read, written, and turned into poses in metres.
+
+One packet is one row of 30 numbers: a file a frame in raw recordings, a line a frame in tracking
+sequences. The IMU has x forward, y left, z up; its pose is given on the globe, as latitude,
+longitude and altitude, and as roll, pitch and yaw, where yaw is 0 to the east and grows to the north.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from perception.errors import PoseError
+from perception.geometry.se3 import from_euler
+from perception.types import Float64
+
+EARTH_RADIUS_M = 6378137.0
+_FIELDS = 30
+_MOST_LATITUDE_DEG = 89.0  # Mercator's projection ends short of the poles
+_STATUS = "4 10 4 4 0"  # navigation state, satellites, position, velocity and orientation mode
+
+
+@dataclass(frozen=True)
+class InsPacket:
+    """Where the IMU is on the globe, and how it moves.
+
+    Attributes:
+        latitude_deg: north positive.
+        longitude_deg: east positive.
+        altitude_m: above the sea.
+        roll_rad: left side up positive.
+        pitch_rad: front down positive.
+        yaw_rad: 0 to the east, counter-clockwise.
+        velocity_level_mps: (3,) forward, left, up, in the plane of the horizon.
+        acceleration_imu_mps2: (3,) along the IMU's axes, gravity included.
+        rate_imu_rad_s: (3,) turning about the IMU's axes.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    velocity_level_mps: Float64
+    acceleration_imu_mps2: Float64
+    rate_imu_rad_s: Float64
+
+
+@dataclass(frozen=True)
+class Mercator:
+    """A flat world with x east, y north and z up in metres, by KITTI's Mercator projection.
+
+    KITTI takes the scale from the first latitude. Here the origin is put at the first packet too, so
+    that positions stay small and keep their precision.
+
+    Attributes:
+        latitude_deg: of the origin.
+        longitude_deg: of the origin.
+        altitude_m: of the origin.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+    @classmethod
+    def around(cls, packet: InsPacket) -> "Mercator":
+        """Put the origin at a packet."""
+        return cls(packet.latitude_deg, packet.longitude_deg, packet.altitude_m)
+
+    @property
+    def _scaled_radius_m(self) -> float:
+        return float(EARTH_RADIUS_M * np.cos(np.radians(self.latitude_deg)))
+
+    def world_SE3_imu(self, packet: InsPacket) -> Float64:
+        """Return the pose of the IMU at a packet."""
+        east = np.radians(packet.longitude_deg - self.longitude_deg)
+        north = _stretched_rad(packet.latitude_deg) - _stretched_rad(self.latitude_deg)
+        position_m = np.array([self._scaled_radius_m * east, self._scaled_radius_m * north, 0.0])
+        position_m[2] = packet.altitude_m - self.altitude_m
+        return from_euler(packet.roll_rad, packet.pitch_rad, packet.yaw_rad, position_m)
+
+    def packet(
+        self,
+        world_SE3_imu: Float64,
+        velocity_world_mps: Float64,
+        acceleration_imu_mps2: Float64,
+        rate_imu_rad_s: Float64,
+    ) -> InsPacket:
+        """Return the packet that an INS would give there: the inverse of `world_SE3_imu`."""
+        east_m, north_m, up_m = world_SE3_imu[:3, 3]
+        stretched_rad = _stretched_rad(self.latitude_deg) + north_m / self._scaled_radius_m
+        yaw, pitch, roll = Rotation.from_matrix(world_SE3_imu[:3, :3]).as_euler("ZYX")
+        return InsPacket(
+            latitude_deg=float(np.degrees(2 * np.arctan(np.exp(stretched_rad)) - np.pi / 2)),
+            longitude_deg=self.longitude_deg + float(np.degrees(east_m / self._scaled_radius_m)),
+            altitude_m=self.altitude_m + float(up_m),
+            roll_rad=float(roll),
+            pitch_rad=float(pitch),
+            yaw_rad=float(yaw),
+            velocity_level_mps=_turn(velocity_world_mps, -yaw),
+            acceleration_imu_mps2=acceleration_imu_mps2,
+            rate_imu_rad_s=rate_imu_rad_s,
+        )
+
+
+def _stretched_rad(latitude_deg: float) -> float:
+    """Return Mercator's stretched latitude, on which a step north is as long as one east."""
+    return float(np.log(np.tan(np.pi / 4 + np.radians(latitude_deg) / 2)))
+
+
+def _turn(vector: Float64, yaw_rad: float) -> Float64:
+    return from_euler(0, 0, yaw_rad)[:3, :3] @ vector
+
+
+def velocity_world_mps(packet: InsPacket) -> Float64:
+    """Return (3,) the velocity to the east, to the north and up."""
+    return _turn(packet.velocity_level_mps, packet.yaw_rad)
+
+
+def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
+    """Read one packet.
+
+    Raises:
+        PoseError: the row has too few or non-finite numbers, or lies off the map.
+    """
+    try:
+        numbers = np.array(row.split(), np.float64)
+    except ValueError as error:
+        raise PoseError(source, expected="an INS packet of numbers", found=repr(row)) from error
+    if len(numbers) < _FIELDS or not np.isfinite(numbers).all():
+        raise PoseError(
+            source,
+            expected=f"an INS packet of {_FIELDS} finite numbers",
+            found=f"{int(np.isfinite(numbers).sum())}",
+        )
+    if abs(numbers[0]) > _MOST_LATITUDE_DEG or abs(numbers[1]) > 180:
+        raise PoseError(
+            source,
+            expected=f"a latitude within {_MOST_LATITUDE_DEG:g} and a longitude within 180 degrees",
+            found=f"{numbers[0]:g} and {numbers[1]:g}",
+        )
+    latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad = numbers[:6].tolist()
+    return InsPacket(
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_m,
+        roll_rad=roll_rad,
+        pitch_rad=pitch_rad,
+        yaw_rad=yaw_rad,
+        velocity_level_mps=numbers[8:11],
+        acceleration_imu_mps2=numbers[11:14],
+        rate_imu_rad_s=numbers[17:20],
+    )
+
+
+def format_oxts_packet(
+    packet: InsPacket, position_accuracy_m: float = 0.05, velocity_accuracy_mps: float = 0.03
+) -> str:
+    """Return the row that `parse_oxts_packet` reads, without a line end."""
+    east_mps, north_mps, _ = velocity_world_mps(packet)
+    tilt = from_euler(packet.roll_rad, packet.pitch_rad, 0)[:3, :3]
+    position = f"{packet.latitude_deg:.13f} {packet.longitude_deg:.13f} {packet.altitude_m:.6f}"
+    numbers = np.concatenate(
+        [
+            (packet.roll_rad, packet.pitch_rad, packet.yaw_rad, north_mps, east_mps),
+            packet.velocity_level_mps,
+            packet.acceleration_imu_mps2,
+            tilt @ packet.acceleration_imu_mps2,
+            packet.rate_imu_rad_s,
+            tilt @ packet.rate_imu_rad_s,
+            (position_accuracy_m, velocity_accuracy_mps),
+        ]
+    )
+    return f"{position} {' '.join(f'{number:.12g}' for number in numbers)} {_STATUS}"
