@@ -1,0 +1,98 @@
+"""One scan aligned with another: the box-grid filter, local surfaces, and ICP in its kinds."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import small_gicp
+
+from perception.types import Float32, Float64
+
+_MIN_POINTS = 50  # of a filtered scan; fewer do not pin six degrees of freedom
+_MAX_ITERATIONS = 20
+_STEP_RAD, _STEP_M = 3e-4, 1e-3  # a smaller step ends the alignment: 3e-4 rad is 1 cm at 30 m
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A thinned scan with a local covariance at each point, ready to be matched.
+
+    Attributes:
+        cloud: small_gicp's points and covariances.
+        tree: small_gicp's search tree over them.
+    """
+
+    cloud: Any
+    tree: Any
+
+    def __len__(self) -> int:
+        """Return how many points the filter left."""
+        return int(self.cloud.size())
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How a source surface lies on a target.
+
+    Attributes:
+        target_SE3_source: (4, 4).
+        inlier_ratio: share of the source's points with a match within reach.
+        cost: mean squared error of a point, an unmatched one counting 1; lower is better.
+        is_converged: whether the steps became small.
+    """
+
+    target_SE3_source: Float64
+    inlier_ratio: float
+    cost: float
+    is_converged: bool
+
+
+def surface_of(points: Float32, box_m: float, neighbors: int = 10, threads: int = 1) -> Surface:
+    """Thin (N, 3+) points to one a box and fit a covariance to each one's neighbours."""
+    # The filter keeps another set of points each time when it runs on several threads.
+    cloud = small_gicp.voxelgrid_sampling(points[:, :3].astype(np.float64), box_m, 1)
+    tree = small_gicp.KdTree(cloud, num_threads=threads)
+    if cloud.size():
+        small_gicp.estimate_covariances(cloud, tree, neighbors, threads)
+    return Surface(cloud, tree)
+
+
+def align(
+    target: Surface,
+    source: Surface,
+    seed: Float64,
+    reach_m: float,
+    threads: int = 1,
+    kind: Literal["ICP", "GICP"] = "GICP",
+) -> Alignment:
+    """Move the source onto the target from a first guess `target_SE3_source`.
+
+    Args:
+        target: what stands.
+        source: what is moved.
+        seed: (4, 4) first guess.
+        reach_m: the farthest match that counts.
+        threads: more than one changes the last digits from run to run.
+        kind: point to point as the thesis does, or surface to surface.
+    """
+    if min(len(target), len(source)) < _MIN_POINTS:
+        return Alignment(seed, inlier_ratio=0.0, cost=1.0, is_converged=False)
+    result = small_gicp.align(
+        target.cloud,
+        source.cloud,
+        target.tree,
+        seed,
+        registration_type=kind,
+        max_correspondence_distance=reach_m,
+        num_threads=threads,
+        max_iterations=_MAX_ITERATIONS,
+        rotation_epsilon=_STEP_RAD,
+        translation_epsilon=_STEP_M,
+    )
+    unmatched = len(source) - result.num_inliers
+    return Alignment(
+        target_SE3_source=np.asarray(result.T_target_source),
+        inlier_ratio=result.num_inliers / len(source),
+        cost=(result.error + unmatched) / len(source),
+        is_converged=bool(result.converged),
+    )
