@@ -53,13 +53,45 @@ class Labels:
 class Drive(Protocol):
     """Frames in order of time, read from disk one at a time."""
 
-    name: str
-    root: Path
-    sensor: LidarModel
-    calibration: Calibration | None
-    has_images: bool
-    has_poses: bool
-    has_labels: bool
+    @property
+    def name(self) -> str:
+        """What the drive is called."""
+        ...
+
+    @property
+    def root(self) -> Path:
+        """The folder it lies in."""
+        ...
+
+    @property
+    def sensor(self) -> LidarModel:
+        """The LiDAR."""
+        ...
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Of all frames, or None where there is no camera or each frame has its own."""
+        ...
+
+    @property
+    def is_sequence(self) -> bool:
+        """Whether frames follow each other in time; object frames do not, and have no poses."""
+        ...
+
+    @property
+    def has_images(self) -> bool:
+        """Whether frames carry images."""
+        ...
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether frames carry INS poses."""
+        ...
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes."""
+        ...
 
     def __len__(self) -> int:
         """Return the number of frames, counting those whose files are missing in the middle."""
@@ -74,7 +106,7 @@ class Drive(Protocol):
         ...
 
     def labels(self, index: int) -> Labels:
-        """Read the labels of one frame."""
+        """Read the labels of one frame; raise DriveError where there are none."""
         ...
 
     def point_truth(self, index: int) -> "PointTruth | None":

@@ -1,0 +1,165 @@
+"""KITTI's object benchmark: single frames of many drives, each with its own calibration.
+
+training/velodyne/000000.bin   training/image_2/000000.png
+training/calib/000000.txt      training/label_2/000000.txt
+training/labels/000000.label   training/sensor.json          (synthetic drives)
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from data.drive import Labels, PointTruth
+from data.kitti.calibration import read_benchmark_calibration
+from data.kitti.labels import read_object_labels
+from data.kitti.sensor_files import (
+    IMAGE_SUFFIXES,
+    POINT_LABEL_SUFFIXES,
+    SCAN_SUFFIXES,
+    NumberedFiles,
+    read_image,
+    read_point_truth,
+    read_scan,
+)
+from perception.errors import CalibrationError, DriveError, LabelError
+from perception.sensor import LidarModel
+from perception.types import Calibration, Frame, UInt8
+
+
+def is_object_folder(folder: Path) -> bool:
+    """Tell whether a folder holds object frames."""
+    scans = folder / "velodyne"
+    return scans.is_dir() and any(path.suffix in SCAN_SUFFIXES for path in scans.iterdir())
+
+
+@dataclass(frozen=True)
+class ObjectFrames:
+    """Frames that have nothing to do with each other: no order in time, no poses.
+
+    Frames are those with a scan, in the order of their numbers, which may have gaps.
+
+    Attributes:
+        name: of the folder.
+        root: the training or testing folder.
+        sensor: the LiDAR.
+        scans: one a frame.
+        images: or None.
+        label_folder: or None.
+        point_labels: exact truth of synthetic points, or None.
+        calibration: None, as each frame has its own.
+    """
+
+    name: str
+    root: Path
+    sensor: LidarModel
+    scans: NumberedFiles
+    images: NumberedFiles | None = None
+    label_folder: Path | None = None
+    point_labels: NumberedFiles | None = None
+    calibration: Calibration | None = None
+    is_sequence: bool = False
+    has_poses: bool = False
+
+    @property
+    def has_images(self) -> bool:
+        """Whether frames carry images."""
+        return self.images is not None
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes."""
+        return self.label_folder is not None
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[index] for index in range(len(self)))
+
+    def number(self, index: int) -> int:
+        """Return the number that a frame has in KITTI's file names."""
+        return list(self.scans.paths)[index]
+
+    def __getitem__(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            PerceptionError: a file of the frame is missing or damaged.
+        """
+        number = self.number(index)
+        image = self._image(number)
+        path = self.scans.path(number)
+        return Frame(
+            index=range(len(self))[index],
+            points_velo=read_scan(path),
+            stamp_s=range(len(self))[index] / self.sensor.rate_hz,
+            image=image,
+            calibration=self._calibration(number, image),
+            source=str(path),
+        )
+
+    def _image(self, number: int) -> UInt8 | None:
+        return None if self.images is None else read_image(self.images.path(number))
+
+    def _calibration(self, number: int, image: UInt8 | None = None) -> Calibration | None:
+        folder = self.root / "calib"
+        if not folder.is_dir():
+            return None
+        camera = read_benchmark_calibration(folder / f"{self.scans.path(number).stem}.txt").camera
+        if camera is None or image is None:
+            return camera
+        return replace(camera, image_size_px=(image.shape[1], image.shape[0]))
+
+    def labels(self, index: int) -> Labels:
+        """Read the labels of one frame.
+
+        Raises:
+            DriveError: there are none.
+            LabelError: the frame's label file is missing or cannot be read.
+            CalibrationError: the frame has no calibration to place its labels.
+        """
+        if self.label_folder is None:
+            raise DriveError(self.root, expected="object frames with labels", found="none")
+        number = self.number(index)
+        calibration = self._calibration(number)
+        path = self.label_folder / f"{self.scans.path(number).stem}.txt"
+        if calibration is None:
+            raise CalibrationError(self.root / "calib", expected=f"one for {path}", found="none")
+        if not path.is_file():
+            raise LabelError(path, expected="the labels of this frame", found="no file")
+        return read_object_labels(path, calibration)
+
+    def point_truth(self, index: int) -> PointTruth | None:
+        """Read the exact truth of every point, which only synthetic frames have.
+
+        Raises:
+            LabelError: the file is missing, or it is not as long as the scan.
+        """
+        if self.point_labels is None:
+            return None
+        number = self.number(index)
+        points = len(read_scan(self.scans.path(number)))
+        return read_point_truth(self.point_labels.path(number), points)
+
+
+def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> ObjectFrames:
+    """Open a training or testing folder of object frames.
+
+    Raises:
+        DriveError: there is no scan in it.
+    """
+    scans = NumberedFiles.within(folder / "velodyne", SCAN_SUFFIXES)
+    if not len(scans):
+        raise DriveError(scans.folder, expected="scans named 000000.bin", found="none")
+    image_files = NumberedFiles.within(folder / "image_2", IMAGE_SUFFIXES)
+    point_labels = NumberedFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
+    label_folder = folder / "label_2"
+    return ObjectFrames(
+        name=folder.resolve().name,
+        root=folder,
+        sensor=sensor,
+        scans=scans,
+        images=image_files if images and len(image_files) else None,
+        label_folder=label_folder if label_folder.is_dir() else None,
+        point_labels=point_labels if len(point_labels) else None,
+    )

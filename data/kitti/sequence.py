@@ -1,0 +1,252 @@
+"""Frames of one recording in order of time: what the raw and the tracking layout have in common."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+from data.drive import Labels, PointTruth
+from data.kitti.calibration import DriveCalibration
+from data.kitti.labels import no_labels, read_tracking_labels
+from data.kitti.oxts import InsPacket, Mercator
+from data.kitti.sensor_files import (
+    NumberedFiles,
+    StatedSize,
+    read_image,
+    read_point_truth,
+    read_scan,
+)
+from perception.errors import CalibrationError, DriveError, ImageError, PoseError
+from perception.geometry.se3 import inverse
+from perception.sensor import LidarModel
+from perception.types import Calibration, Float64, Frame, UInt8
+
+
+class InsSource(Protocol):
+    """Where the INS packets of a drive are."""
+
+    def packet(self, number: int) -> InsPacket:
+        """Read the packet of a frame; raise PoseError where it is missing or malformed."""
+        ...
+
+
+class Clock(Protocol):
+    """When the scans of a drive were taken."""
+
+    def stamp_s(self, number: int) -> float:
+        """Return the time of a frame's scan since the drive's first."""
+        ...
+
+
+@dataclass(frozen=True)
+class SteadyClock:
+    """A clock for drives without timestamps: the sensor turns at its rate.
+
+    Attributes:
+        rate_hz: scans a second.
+        first_number: of the drive's frames.
+    """
+
+    rate_hz: float
+    first_number: int
+
+    def stamp_s(self, number: int) -> float:
+        """Return the time of a frame's scan since the drive's first."""
+        return (number - self.first_number) / self.rate_hz
+
+
+@dataclass(frozen=True)
+class KittiSequence:
+    """A drive of which each frame is read when it is asked for.
+
+    Attributes:
+        name: of the raw drive or the tracking sequence.
+        root: the folder of the drive, or that of all sequences.
+        sensor: the LiDAR.
+        calibration: of the camera, with the size of its images where any says it.
+        scans: the frames; what has no scan between the first and the last is a missing frame.
+        clock: when they were taken.
+        images: of the left colour camera, or None.
+        image_size: what every image is checked against, or None.
+        ins: INS packets, or None.
+        velo_SE3_imu: (4, 4) IMU to LiDAR; there if `ins` is.
+        label_file: labels in tracking format, or None.
+        point_labels: exact truth of synthetic points, or None.
+    """
+
+    name: str
+    root: Path
+    sensor: LidarModel
+    calibration: Calibration | None
+    scans: NumberedFiles
+    clock: Clock
+    images: NumberedFiles | None = None
+    image_size: StatedSize | None = None
+    ins: InsSource | None = None
+    velo_SE3_imu: Float64 | None = None
+    label_file: Path | None = None
+    point_labels: NumberedFiles | None = None
+    is_sequence: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse an INS whose place on the vehicle is unknown, as its poses could not be used."""
+        if self.ins is not None and self.velo_SE3_imu is None:
+            raise CalibrationError(
+                self.root,
+                expected="an IMU-to-LiDAR calibration for the INS packets of this drive",
+                found="none",
+                advice="add the drive's calibration files, or move its oxts folder away",
+            )
+
+    @property
+    def has_images(self) -> bool:
+        """Whether frames carry images."""
+        return self.images is not None
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether frames carry INS poses."""
+        return self.ins is not None
+
+    @property
+    def has_labels(self) -> bool:
+        """Whether there are labelled boxes."""
+        return self.label_file is not None
+
+    def __len__(self) -> int:
+        return len(self.scans.numbers)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: int) -> Frame:
+        """Read one frame.
+
+        Raises:
+            PerceptionError: a file of the frame is missing or damaged.
+        """
+        number = self.scans.numbers[index]
+        path = self.scans.path(number)
+        return Frame(
+            index=number - self.scans.numbers[0],
+            points_velo=read_scan(path),
+            stamp_s=self.clock.stamp_s(number),
+            image=self._image(number),
+            world_SE3_velo=self._world_SE3_velo(number),
+            calibration=self.calibration,
+            source=str(path),
+        )
+
+    def _image(self, number: int) -> UInt8 | None:
+        if self.images is None:
+            return None
+        return read_image(self.images.path(number), self.image_size)
+
+    def _world_SE3_velo(self, number: int) -> Float64 | None:
+        if self.ins is None or self.velo_SE3_imu is None:
+            return None
+        return self._world.world_SE3_imu(self.ins.packet(number)) @ inverse(self.velo_SE3_imu)
+
+    @cached_property
+    def _world(self) -> Mercator:
+        """The world around the first packet that can be read."""
+        failure: PoseError | None = None
+        for number in self.scans.numbers:
+            try:
+                return Mercator.around(self._packet(number))
+            except PoseError as error:
+                failure = failure or error
+        raise failure or PoseError(self.root, expected="an INS packet", found="none")
+
+    def _packet(self, number: int) -> InsPacket:
+        if self.ins is None:
+            raise DriveError(self.root, expected="a drive with INS packets", found="none")
+        return self.ins.packet(number)
+
+    def ins_packet(self, index: int) -> InsPacket:
+        """Read what the INS said at one frame.
+
+        Raises:
+            DriveError: the drive has no INS.
+            PoseError: the packet is missing or malformed.
+        """
+        return self._packet(self.scans.numbers[index])
+
+    def world_SE3_velo(self, index: int) -> Float64 | None:
+        """Return the (4, 4) INS pose of one frame without reading its scan, or None without INS.
+
+        Raises:
+            PoseError: the packet is missing or malformed.
+        """
+        return self._world_SE3_velo(self.scans.numbers[index])
+
+    def labels(self, index: int) -> Labels:
+        """Read the labels of one frame.
+
+        Raises:
+            DriveError: the drive has none.
+            LabelError: the label file cannot be read.
+        """
+        return self._labels_by_number.get(self.scans.numbers[index], no_labels())
+
+    @cached_property
+    def _labels_by_number(self) -> Mapping[int, Labels]:
+        if self.label_file is None:
+            raise DriveError(self.root, expected="a drive with labels", found="none")
+        if self.calibration is None:
+            raise DriveError(
+                self.root,
+                expected=f"a camera calibration to place the labels of {self.label_file.name}",
+                found="none",
+            )
+        return read_tracking_labels(self.label_file, self.calibration)
+
+    def point_truth(self, index: int) -> PointTruth | None:
+        """Read the exact truth of every point, which only synthetic drives have.
+
+        Raises:
+            LabelError: the file is missing, or it is not as long as the scan.
+        """
+        if self.point_labels is None:
+            return None
+        number = self.scans.numbers[index]
+        return read_point_truth(
+            self.point_labels.path(number), len(read_scan(self.scans.path(number)))
+        )
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The images of a drive and their calibration.
+
+    Attributes:
+        calibration: with the size of the images where the calibration or the first image says it.
+        image_size: the same size, and which of the two says so.
+        images: None where there are none or none are wanted.
+    """
+
+    calibration: Calibration | None
+    image_size: StatedSize | None
+    images: NumberedFiles | None
+
+    @classmethod
+    def of(cls, calibration: DriveCalibration, images: NumberedFiles, *, wanted: bool) -> "Camera":
+        """Bring together what a drive's folders hold."""
+        camera = calibration.camera
+        size = _stated_size(camera, images)
+        if camera is not None and size is not None:
+            camera = replace(camera, image_size_px=size.size_px)
+        return cls(camera, size, images if wanted and len(images) else None)
+
+
+def _stated_size(camera: Calibration | None, images: NumberedFiles) -> StatedSize | None:
+    if camera is not None and camera.image_size_px is not None:
+        return StatedSize(camera.image_size_px, stated_by=camera.source)
+    for path in images.paths.values():
+        try:
+            height, width = read_image(path).shape[:2]
+        except ImageError:
+            continue  # it will be met again as a frame
+        return StatedSize((width, height), stated_by=f"{path}, the drive's first,")
+    return None

@@ -1,0 +1,102 @@
+"""KITTI's tracking benchmark: sequences side by side, a folder a sensor.
+
+training/velodyne/0000/000000.bin   training/image_02/0000/000000.png
+training/oxts/0000.txt   training/calib/0000.txt   training/label_02/0000.txt
+training/labels/0000/000000.label   training/sensor.json      (synthetic drives)
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.kitti.calibration import DriveCalibration, read_benchmark_calibration
+from data.kitti.oxts import InsPacket, parse_oxts_packet
+from data.kitti.sensor_files import (
+    IMAGE_SUFFIXES,
+    POINT_LABEL_SUFFIXES,
+    SCAN_SUFFIXES,
+    SKIP_ADVICE,
+    NumberedFiles,
+)
+from data.kitti.sequence import Camera, KittiSequence, SteadyClock
+from perception.errors import DriveError, PoseError
+from perception.sensor import LidarModel
+
+
+def tracking_sequences_in(folder: Path) -> list[str]:
+    """Name the sequences in a training or testing folder."""
+    scans = folder / "velodyne"
+    return sorted(entry.name for entry in scans.iterdir() if entry.is_dir())
+
+
+def open_tracking(
+    folder: Path, sequence: str, sensor: LidarModel, *, images: bool = True
+) -> KittiSequence:
+    """Open a sequence of a training or testing folder; its files are read frame by frame.
+
+    Raises:
+        DriveError: there is no scan in it.
+        CalibrationError: the calibration file cannot be used, or the INS has none.
+    """
+    scans = NumberedFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
+    if not len(scans):
+        raise DriveError(scans.folder, expected="scans named 000000.bin", found="none")
+    calibration_file = folder / "calib" / f"{sequence}.txt"
+    calibration = DriveCalibration(None, None)
+    if calibration_file.is_file():
+        calibration = read_benchmark_calibration(calibration_file)
+    image_files = NumberedFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
+    camera = Camera.of(calibration, image_files, wanted=images)
+    packets = folder / "oxts" / f"{sequence}.txt"
+    label_file = folder / "label_02" / f"{sequence}.txt"
+    point_labels = NumberedFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)
+    return KittiSequence(
+        name=sequence,
+        root=folder,
+        sensor=sensor,
+        calibration=camera.calibration,
+        scans=scans,
+        clock=SteadyClock(sensor.rate_hz, scans.numbers[0]),
+        images=camera.images,
+        image_size=camera.image_size,
+        ins=PacketRows.read(packets) if packets.is_file() else None,
+        velo_SE3_imu=calibration.velo_SE3_imu,
+        label_file=label_file if label_file.is_file() else None,
+        point_labels=point_labels if len(point_labels) else None,
+    )
+
+
+@dataclass(frozen=True)
+class PacketRows:
+    """INS packets, a row each."""
+
+    path: Path
+    rows: tuple[str, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> "PacketRows":
+        """Split the file into rows, which are parsed when they are asked for.
+
+        Raises:
+            PoseError: the file is no text.
+        """
+        try:
+            return cls(path, tuple(path.read_text().splitlines()))
+        except (OSError, UnicodeDecodeError) as error:
+            raise PoseError(path, expected="INS packets as text", found=str(error)) from error
+
+    def packet(self, number: int) -> InsPacket:
+        """Read the packet of a frame.
+
+        Raises:
+            PoseError: it is missing or malformed.
+        """
+        where = f"{self.path} row {number + 1}"
+        row = self.rows[number] if number < len(self.rows) else ""
+        if not row.strip():
+            raise PoseError(
+                where,
+                expected=f"the INS packet of frame {number}",
+                found="an empty row" if number < len(self.rows) else f"only {len(self.rows)} rows",
+                advice=SKIP_ADVICE,
+            )
+        return parse_oxts_packet(row, where)

@@ -1,0 +1,118 @@
+"""Open whatever drive a path holds."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.drive import Drive
+from data.kitti.objects import is_object_folder, open_objects
+from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
+from data.kitti.tracking import open_tracking, tracking_sequences_in
+from perception.errors import DriveError, UsageError
+from perception.sensor import HDL_64E, LidarModel, sensor_named
+
+_LAYOUTS = (
+    "a KITTI raw drive (velodyne_points/data), a folder of raw drives, tracking sequences "
+    "(velodyne/SSSS), or object frames (velodyne/NNNNNN.bin)"
+)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """What a path turned out to be.
+
+    Attributes:
+        folder: a raw drive, a folder of them, or a training or testing folder.
+        layout: raw, date, tracking or object.
+        sequences: names of the sequences in a date or tracking folder.
+    """
+
+    folder: Path
+    layout: str
+    sequences: tuple[str, ...] = ()
+
+
+def open_drive(
+    path: Path, *, sequence: str | None = None, sensor: str | None = None, images: bool = True
+) -> Drive:
+    """Open a drive, whatever its layout.
+
+    Args:
+        path: a raw drive, a date folder, or a tracking or object folder with or without training/.
+        sequence: which one, where there are several: 0000, or the name or number of a raw drive.
+        sensor: name of a LiDAR model, or a .json file; else the drive's sensor.json, else HDL-64E.
+        images: whether frames shall carry images.
+
+    Raises:
+        DriveError: the path holds no drive, or several of which none was named.
+    """
+    place = _recognise(path)
+    if place.layout in ("raw", "object"):
+        _refuse_sequence(path, sequence)
+        chosen = ""
+    else:
+        chosen = _choose(place, sequence)
+    folder = place.folder / chosen if place.layout == "date" else place.folder
+    model = _sensor(folder, sensor)
+    if place.layout == "tracking":
+        return open_tracking(folder, chosen, model, images=images)
+    if place.layout == "object":
+        return open_objects(folder, model, images=images)
+    return open_raw(folder, model, images=images)
+
+
+def sequences_in(path: Path) -> list[str | None]:
+    """Return what `open_drive` takes as `sequence` to open each drive of a path, one after another.
+
+    Raises:
+        DriveError: the path holds no drive.
+    """
+    return list(_recognise(path).sequences) or [None]
+
+
+def _recognise(path: Path) -> _Place:
+    """Find out which layout a path has, looking into training/, then testing/."""
+    if not path.is_dir():
+        raise DriveError(path, expected=_LAYOUTS, found="no such folder")
+    if is_raw_drive(path):
+        return _Place(path, "raw")
+    for folder in (path, path / "training", path / "testing"):
+        if is_object_folder(folder):
+            return _Place(folder, "object")
+        if (folder / "velodyne").is_dir() and (sequences := tracking_sequences_in(folder)):
+            return _Place(folder, "tracking", tuple(sequences))
+    if drives := raw_drives_in(path):
+        return _Place(path, "date", tuple(drives))
+    entries = sorted(entry.name for entry in path.iterdir() if entry.name[0] != ".")
+    listing = ", ".join(entries[:6]) + (" ..." if len(entries) > 6 else "")
+    raise DriveError(path, expected=_LAYOUTS, found=listing or "an empty folder")
+
+
+def _refuse_sequence(path: Path, sequence: str | None) -> None:
+    if sequence is not None:
+        raise UsageError(
+            f"sequence {sequence}",
+            expected="none, as the path itself names the drive",
+            found=str(path),
+        )
+
+
+def _choose(place: _Place, sequence: str | None) -> str:
+    if sequence is None and len(place.sequences) == 1:
+        return place.sequences[0]
+    asked = (sequence or "").zfill(4)
+    names = [n for n in place.sequences if n in (sequence, asked) or f"_drive_{asked}_" in n]
+    if len(names) != 1:
+        raise DriveError(
+            place.folder,
+            expected=f"sequence {sequence}" if sequence else "one of several sequences to be named",
+            found=", ".join(place.sequences),
+            advice="choose one with --sequence",
+        )
+    return names[0]
+
+
+def _sensor(folder: Path, asked: str | None) -> LidarModel:
+    if asked is not None:
+        return sensor_named(asked)
+    own = folder / "sensor.json"
+    return sensor_named(str(own)) if own.is_file() else HDL_64E
