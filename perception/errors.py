@@ -29,6 +29,10 @@ class ScanError(PerceptionError):
     """A LiDAR scan is truncated, empty, not finite, or not what its format says."""
 
 
+class MountingError(PerceptionError):
+    """The LiDAR does not stand as its axes and its model say."""
+
+
 class ImageError(PerceptionError):
     """A camera image is unreadable or of another size than its calibration."""
 
