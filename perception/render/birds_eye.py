@@ -1,0 +1,164 @@
+"""The local area from above. Each `draw_*` paints one thing onto a canvas; later stages add theirs.
+
+      ^ x ahead          A `BirdsEyeView` turns metres of the LiDAR frame into pixels,
+      |                  the vehicle's heading up.
+y <---o
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.geometry.grids import LocalArea
+from perception.render import palette
+from perception.render.canvas import blank_canvas, is_inside
+from perception.render.palette import Color
+from perception.render.surface import Surface
+from perception.render.text import Align, draw_text
+from perception.render.vehicle import vehicle_outline_m
+from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
+
+_FIXED_POINT_BITS = 4
+_RING_STEP_M = 10.0
+# Heights of the static voxels' colours: dark at the ground, full at this height over it.
+_FULL_HEIGHT_M = 1.8
+# Sun from the front left at half height; slopes are drawn steeper than they are.
+_TO_LIGHT = np.array([0.5, 0.5, 0.7])
+_SLOPE_EXAGGERATION = 4.0
+
+
+@dataclass(frozen=True)
+class BirdsEyeView:
+    """How metres become pixels.
+
+    Attributes:
+        size_px: (width, height) of the canvas.
+        pixels_per_m: scale.
+        vehicle_px: (column, row) of the LiDAR.
+    """
+
+    size_px: tuple[int, int]
+    pixels_per_m: float
+    vehicle_px: tuple[float, float]
+
+    def to_pixels(self, points_m: Float) -> Float64:
+        """Return (N, 2) columns and rows of (N, 2+) points."""
+        column = self.vehicle_px[0] - points_m[:, 1] * self.pixels_per_m
+        row = self.vehicle_px[1] - points_m[:, 0] * self.pixels_per_m
+        return np.column_stack([column, row]).astype(np.float64)
+
+    @property
+    def reach_m(self) -> float:
+        """The distance from the vehicle to the canvas' farthest corner."""
+        column, row = self.vehicle_px
+        width, height = self.size_px
+        return float(np.hypot(max(column, width - column), max(row, height - row))) / (
+            self.pixels_per_m
+        )
+
+
+def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
+    """Fit the local area into a canvas, centred, at the largest scale."""
+    width, height = size_px
+    length_m, breadth_m = area.ahead_m + area.behind_m, 2 * area.side_m
+    scale = min(width / breadth_m, height / length_m)
+    top_px = (height - length_m * scale) / 2
+    return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
+
+
+def draw_birds_eye(view: BirdsEyeView, result: Result, surface: Surface) -> UInt8:
+    """Return the canvas with ground, points, obstacles, range rings and the vehicle."""
+    canvas = blank_canvas(view.size_px, palette.PANEL)
+    draw_ground(canvas, view, surface)
+    draw_points(canvas, view, result)
+    draw_rings(canvas, view)
+    draw_static(canvas, view, result.obstacles.static, surface)
+    draw_squares(canvas, view, result.obstacles.moving, np.array(palette.MOVING))
+    draw_vehicle(canvas, view)
+    return canvas
+
+
+def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: Surface) -> None:
+    """Shade the ground as a relief under a low sun; flat ground is evenly blue."""
+    along_x, along_y = surface.slope()
+    normal = np.stack(
+        [-_SLOPE_EXAGGERATION * along_x, -_SLOPE_EXAGGERATION * along_y, np.ones_like(along_x)]
+    )
+    light = np.tensordot(_TO_LIGHT, normal / np.linalg.norm(normal, axis=0), axes=1)
+    brightness = np.clip(0.42 * light / _TO_LIGHT[2], 0.15, 0.9)[..., None]
+    relief = (brightness * palette.GROUND).astype(np.float32)
+    # Rows of the relief run ahead and to the left; rows of a picture run back and to the right.
+    corners = view.to_pixels(
+        np.array([(surface.x_m[-1], surface.y_m[-1]), (surface.x_m[0], surface.y_m[0])])
+    )
+    (left, top), (right, bottom) = np.rint(corners).astype(int)
+    picture = cv2.resize(relief[::-1, ::-1], (right - left, bottom - top))
+    height, width = canvas.shape[:2]
+    rows = slice(max(top, 0), min(bottom, height))
+    columns = slice(max(left, 0), min(right, width))
+    canvas[rows, columns] = picture[
+        rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
+    ]
+
+
+def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
+    """Dot every point of the scan: pale on the ground, grey beyond the local area."""
+    tints = np.array([palette.POINTS] * len(PointState), np.uint8)
+    tints[PointState.GROUND] = palette.GROUND_POINTS
+    pixels = view.to_pixels(result.frame.points_velo)
+    inside = is_inside(pixels, view.size_px)
+    column, row = np.rint(pixels[inside]).astype(int).T
+    canvas[row, column] = tints[result.obstacles.point_states[inside]]
+
+
+def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: Surface) -> None:
+    """Draw static voxels as squares, brighter the higher they stand; the highest is on top."""
+    above_m = voxels.centers_m[:, 2] - float(np.median(surface.height_m))
+    lowest_first = np.argsort(above_m, kind="stable")
+    brightness = np.clip(0.5 + 0.5 * above_m / _FULL_HEIGHT_M, 0.4, 1.0)[lowest_first, None]
+    ordered = Voxels(voxels.centers_m[lowest_first], voxels.counts[lowest_first], voxels.size_m)
+    draw_squares(canvas, view, ordered, brightness * palette.STATIC)
+
+
+def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Float) -> None:
+    """Fill the footprint of each voxel, the last on top, with (3,) or (V, 3) colours."""
+    edge = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
+    corner = view.to_pixels(voxels.centers_m) - (edge - 1) / 2
+    width, height = view.size_px
+    inside = is_inside(corner, (width - edge + 1, height - edge + 1))
+    painted: UInt8 = np.broadcast_to(colors, (len(voxels), 3))[inside].astype(np.uint8)
+    column, row = np.rint(corner[inside]).astype(int).T
+    for down in range(edge):
+        for right in range(edge):
+            canvas[row + down, column + right] = painted
+
+
+def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:
+    """Draw a ring every ten metres around the vehicle, its radius written ahead of it."""
+    center = tuple(round(value * 2**_FIXED_POINT_BITS) for value in view.vehicle_px)
+    for radius_m in np.arange(_RING_STEP_M, view.reach_m, _RING_STEP_M):
+        radius_px = radius_m * view.pixels_per_m
+        shifted = round(radius_px * 2**_FIXED_POINT_BITS)
+        cv2.circle(canvas, center, shifted, palette.GRID, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+        at = (view.vehicle_px[0], view.vehicle_px[1] - radius_px - 4)
+        draw_text(
+            canvas,
+            f"{radius_m:.0f} m",
+            at,
+            color=palette.FAINT_TEXT,
+            height_px=9,
+            align=Align.CENTER,
+        )
+
+
+def draw_vehicle(canvas: UInt8, view: BirdsEyeView) -> None:
+    """Draw the vehicle's outline with an arrow along its heading."""
+    draw_polygon(canvas, view, vehicle_outline_m(), palette.VEHICLE)
+    draw_polygon(canvas, view, np.array([(2.3, 0.0), (1.2, 0.55), (1.2, -0.55)]), palette.GLASS)
+
+
+def draw_polygon(canvas: UInt8, view: BirdsEyeView, corners_m: Float, color: Color) -> None:
+    """Fill the polygon of (C, 2+) corners."""
+    corners = np.rint(view.to_pixels(corners_m) * 2**_FIXED_POINT_BITS).astype(np.int32)
+    cv2.fillPoly(canvas, [corners], color, cv2.LINE_AA, _FIXED_POINT_BITS)

@@ -1,0 +1,33 @@
+"""The colours of every picture, RGB 0..255, in one place."""
+
+Color = tuple[int, int, int]
+
+# What the stages find (static red and moving green as in thesis Fig. 5.7).
+GROUND: Color = (46, 120, 255)
+GROUND_MESH: Color = (150, 200, 255)
+STATIC: Color = (240, 62, 54)
+MOVING: Color = (64, 232, 96)
+
+# The picture around it.
+BACKGROUND: Color = (13, 15, 20)
+PANEL: Color = (20, 23, 31)
+GRID: Color = (92, 106, 138)
+POINTS: Color = (120, 128, 144)
+GROUND_POINTS: Color = (104, 150, 226)
+TEXT: Color = (226, 230, 238)
+FAINT_TEXT: Color = (136, 144, 160)
+VEHICLE: Color = (206, 212, 224)
+GLASS: Color = (58, 68, 86)
+LIMIT: Color = (255, 196, 64)
+
+# One colour a stage of the pipeline, in the order in which they run.
+STAGES: tuple[Color, ...] = (
+    (88, 166, 255),
+    (64, 200, 190),
+    (163, 128, 255),
+    (255, 166, 87),
+    (247, 120, 186),
+    (150, 200, 90),
+    (120, 130, 255),
+    (220, 210, 90),
+)

@@ -1,0 +1,74 @@
+"""The scene in three dimensions, seen from a virtual camera behind and above the vehicle."""
+
+import cv2
+import numpy as np
+
+from perception.geometry.camera import project
+from perception.render import palette
+from perception.render.canvas import blank_canvas, is_inside
+from perception.render.overlay import OverlayStyle, draw_overlay
+from perception.render.surface import Surface
+from perception.render.vehicle import Face, vehicle_faces
+from perception.types import Float64, PointState, Result, UInt8
+
+_EYE_M = np.array([-13.5, 0.0, 8.2])
+_TARGET_M = np.array([9.0, 0.0, -1.7])
+_FIELD_OF_VIEW_RAD = np.radians(64)
+# Direction to the light that shades the vehicle.
+_TO_LIGHT = np.array([-0.45, 0.25, 0.86])
+_FIXED_POINT_BITS = 4
+# Nothing lies under the obstacles here, and each gap between two voxels shows what is there.
+_SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
+
+
+def chase_camera(size_px: tuple[int, int]) -> Float64:
+    """Return (3, 4) image_P_velo of a camera behind and above the vehicle, looking ahead and down."""
+    width, height = size_px
+    focal_px = width / 2 / np.tan(_FIELD_OF_VIEW_RAD / 2)
+    forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    cam_R_velo = np.stack([right, np.cross(forward, right), forward])
+    image_K_cam = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
+    return np.asarray(image_K_cam @ np.column_stack([cam_R_velo, -cam_R_velo @ _EYE_M]))
+
+
+def draw_perspective(size_px: tuple[int, int], result: Result, surface: Surface) -> UInt8:
+    """Return the scene as an image of (width, height): points, ground, obstacles and the vehicle."""
+    image_P_velo = chase_camera(size_px)
+    image = blank_canvas(size_px, palette.PANEL)
+    _draw_points(image, image_P_velo, result)
+    image = draw_overlay(image, image_P_velo, surface, result.obstacles, _SOLID)
+    ground_height_m = float(result.ground.height_m(np.zeros((1, 2)))[0])
+    _draw_vehicle(image, image_P_velo, ground_height_m)
+    return image
+
+
+def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
+    """Dot the points outside the local area, brighter where they reflect more."""
+    is_outside = result.obstacles.point_states == PointState.OUTSIDE
+    points = result.frame.points_velo[is_outside]
+    pixels, _ = project(image_P_velo, points)
+    seen = is_inside(pixels, (image.shape[1], image.shape[0]))
+    column, row = np.rint(pixels[seen]).astype(int).T
+    brightness = 0.45 + 0.9 * np.minimum(points[seen, 3:4], 0.6)
+    image[row, column] = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
+
+
+def _draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:
+    faces = [face for face in vehicle_faces(ground_height_m) if _faces_camera(face)]
+    for face in sorted(faces, key=lambda face: (-_distance_m(face), face.is_glass)):
+        pixels, _ = project(image_P_velo, face.corners_m)
+        corners = np.rint(pixels * 2**_FIXED_POINT_BITS).astype(np.int32)
+        light = 0.55 + 0.45 * max(float(face.outward @ _TO_LIGHT), 0.0)
+        tint = palette.GLASS if face.is_glass else palette.VEHICLE
+        color = [int(channel * light) for channel in tint]
+        cv2.fillPoly(image, [corners], color, cv2.LINE_AA, _FIXED_POINT_BITS)
+
+
+def _faces_camera(face: Face) -> bool:
+    return bool(face.outward @ (_EYE_M - face.corners_m[0]) > 0)
+
+
+def _distance_m(face: Face) -> float:
+    return float(np.linalg.norm(face.corners_m.mean(axis=0) - _EYE_M))

@@ -1,0 +1,40 @@
+"""Anti-aliased words on a picture."""
+
+from enum import Enum
+
+import cv2
+
+from perception.render.palette import TEXT, Color
+from perception.types import UInt8
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+class Align(Enum):
+    """Which end of a line of words stands at its position."""
+
+    LEFT = 0.0
+    CENTER = 0.5
+    RIGHT = 1.0
+
+
+def draw_text(
+    canvas: UInt8,
+    words: str,
+    position_px: tuple[float, float],
+    *,
+    color: Color = TEXT,
+    height_px: int = 11,
+    align: Align = Align.LEFT,
+) -> None:
+    """Write one line of capitals that high onto the canvas, its baseline at (column, row)."""
+    scale = cv2.getFontScaleFromHeight(_FONT, height_px)
+    (width, _), _ = cv2.getTextSize(words, _FONT, scale, 1)
+    origin = (round(position_px[0] - width * align.value), round(position_px[1]))
+    cv2.putText(canvas, words, origin, _FONT, scale, color, 1, cv2.LINE_AA)
+
+
+def text_width_px(words: str, height_px: int = 11) -> int:
+    """Return the width of one line."""
+    scale = cv2.getFontScaleFromHeight(_FONT, height_px)
+    return int(cv2.getTextSize(words, _FONT, scale, 1)[0][0])
