@@ -14,7 +14,7 @@ from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.dense_cloud import ScanWindow
-from perception.obstacles.voxels import KeyCounts, VoxelGrid, count_keys
+from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
 
 
@@ -69,7 +69,7 @@ class MotionCounters:
     masks: Masks
 
 
-def subtract(scan_keys: Sequence[Int]) -> Subtracted:
+def subtract(scan_keys: Sequence[Keys]) -> Subtracted:
     """Remove from the merged grid what one scan alone filled, then from the newest what stays.
 
     D <= P_k for some scan k says that all points of the voxel come from that scan, so it is enough to
@@ -79,8 +79,8 @@ def subtract(scan_keys: Sequence[Int]) -> Subtracted:
         scan_keys: the voxel key of each obstacle point, scan by scan, the newest last.
     """
     scans = [count_keys(keys) for keys in scan_keys]
-    reached: Int = np.concatenate([scan.keys for scan in scans])
-    filled: Int = np.concatenate(scan_keys)
+    reached: Keys = np.concatenate([scan.keys for scan in scans])
+    filled: Keys = np.concatenate(scan_keys)
     reached_by, merged = count_keys(reached), count_keys(filled)
     stays = reached_by.counts > 1
     static = KeyCounts(merged.keys[stays], merged.counts[stays])

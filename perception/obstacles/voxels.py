@@ -5,11 +5,15 @@ grid is mostly air (about 1 % of its cells hold a point), which is why no dense 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.errors import UsageError
-from perception.types import Float, Float32, Float64, Int, Voxels
+from perception.types import Float, Float64, Voxels
+
+Keys = NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True)
@@ -21,8 +25,8 @@ class KeyCounts:
         counts: (K,) at least 1.
     """
 
-    keys: Int
-    counts: Int
+    keys: Keys
+    counts: Keys
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class VoxelGrid:
         x, y, z = (int(cells) for cells in high - low + 1)
         return cls(low * size_m, (x, y, z), size_m)
 
-    def keys(self, points: Float) -> Int:
+    def keys(self, points: Float) -> Keys:
         """Return (N,) the key of the cell of each (N, 3+) point; points beyond go to the border."""
         cells = np.floor((points[:, :3] - self.corner_m) / self.size_m).astype(np.int64)
         np.clip(cells, 0, np.asarray(self.shape) - 1, out=cells)
@@ -72,21 +76,23 @@ class VoxelGrid:
         # Half the bytes sort in half the time.
         return keys.astype(np.int32) if fits else keys
 
-    def columns(self, keys: Int) -> Int:
+    def columns(self, keys: Keys) -> Keys:
         """Return (K,) the number i * shape[1] + j of the vertical bar that holds each cell."""
         return np.asarray(keys // self.shape[2])
 
-    def centers_m(self, keys: Int) -> Float32:
+    def centers_m(self, keys: Keys) -> Float64:
         """Return (K, 3) the middle of each cell."""
         cells = np.stack(np.unravel_index(keys, self.shape), axis=-1)
-        return np.asarray(self.corner_m + (cells + 0.5) * self.size_m, np.float32)
+        return np.asarray(self.corner_m + (cells + 0.5) * self.size_m)
 
     def voxels(self, occupied: KeyCounts) -> Voxels:
         """Return counted keys as voxels."""
-        return Voxels(self.centers_m(occupied.keys), occupied.counts, self.size_m)
+        return Voxels(
+            self.centers_m(occupied.keys).astype(np.float32), occupied.counts, self.size_m
+        )
 
 
-def count_keys(keys: Int) -> KeyCounts:
+def count_keys(keys: Keys) -> KeyCounts:
     """Count how often each key occurs."""
     if len(keys) == 0:
         return KeyCounts(keys, np.zeros(0, np.int64))
@@ -99,3 +105,28 @@ def count_voxels(points: Float, size_m: float) -> Voxels:
     """Return the occupied voxels of (N, 3+) points and their occupancy, in rising x, y, z (2.1.2)."""
     grid = VoxelGrid.covering(points, size_m)
     return grid.voxels(count_keys(grid.keys(points)))
+
+
+@dataclass(frozen=True)
+class KeyGroups:
+    """N keys grouped by value into K.
+
+    Attributes:
+        counted: the K different keys.
+        first: (K,) index of one of the N for each; the same one each time.
+        group_of: (N,) to which of the K each belongs.
+    """
+
+    counted: KeyCounts
+    first: Keys
+    group_of: Keys
+
+
+def group_keys(keys: Keys) -> KeyGroups:
+    """Group equal keys, and keep the way back from each key to its group."""
+    order: Keys = np.argsort(keys, kind="stable")
+    counted = count_keys(keys)
+    starts = np.cumsum(counted.counts) - counted.counts
+    group_of = np.empty(len(keys), np.int64)
+    group_of[order] = np.repeat(np.arange(len(counted.keys)), counted.counts)
+    return KeyGroups(counted, order[starts], group_of)

@@ -1,0 +1,107 @@
+"""What earlier scans say of the place where something stands now."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry import se3
+from perception.obstacles.range_image import BeamRaster, RangeImage, Sight
+from perception.sensor import LidarModel
+from perception.types import Bool, Float32, Float64
+
+
+@dataclass(frozen=True)
+class History:
+    """What the scans of the last second or so say of P places, from the newest to the oldest asked.
+
+    Attributes:
+        ages_s: (A,) how long ago each of the A scans was taken, rising.
+        was_free: (A, P) a beam passed the place.
+        was_hit: (A, P) a beam ended at the place.
+        was_behind_leaver: (A, P) something hid the place that has itself left since.
+        gaps_m: (A, P) how far it stood before the place.
+    """
+
+    ages_s: Float64
+    was_free: Bool
+    was_hit: Bool
+    was_behind_leaver: Bool
+    gaps_m: Float32
+
+
+@dataclass(frozen=True)
+class _PastScan:
+    image: RangeImage
+    world_SE3_velo: Float64
+
+
+class FreeSpaceMemory:
+    """Range images of the newest scan and of those before it, with their poses."""
+
+    def __init__(
+        self, sensor: LidarModel, horizon_s: float, travel_m: float, margin_m: float
+    ) -> None:
+        """Begin without a scan.
+
+        Args:
+            sensor: whose scans will come.
+            horizon_s: age of the oldest scan that is asked.
+            travel_m: how far the vehicle may have come since then; farther back the beams are too coarse.
+            margin_m: depth within which two returns are from one surface; also its error to the side.
+        """
+        self._raster = BeamRaster(sensor, tolerance_m=margin_m / 2)
+        self._period_s = 1 / sensor.rate_hz
+        self._travel_m = travel_m
+        self._margin_m = margin_m
+        self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
+
+    def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
+        """Add the newest scan; the oldest falls out."""
+        self._scans.append(_PastScan(RangeImage(points_velo, self._raster), world_SE3_velo))
+
+    def clear(self) -> None:
+        """Forget all scans."""
+        self._scans.clear()
+
+    def newest_saw_through(self, points_velo: Float32) -> Bool:
+        """Tell which (P, 3) places in the newest scan's frame a beam of it passed."""
+        sights = self._scans[-1].image.look(points_velo, self._margin_m)
+        return np.asarray(sights.states == Sight.FREE)
+
+    def ask(self, points_velo: Float32) -> History:
+        """Ask scans of a third, two thirds and all of the horizon about (P, 3) places of the newest."""
+        ages = self._ages()
+        shape = (len(ages), len(points_velo))
+        was_free, was_hit, was_behind_leaver = (np.zeros(shape, bool) for _ in range(3))
+        gaps_m = np.zeros(shape, np.float32)
+        for row, age in enumerate(ages):
+            past = self._scans[-1 - age]
+            past_SE3_newest = se3.inverse(past.world_SE3_velo) @ self._scans[-1].world_SE3_velo
+            points_past = se3.transform_points(past_SE3_newest, points_velo)
+            sights = past.image.look(points_past, self._margin_m)
+            was_free[row] = sights.states == Sight.FREE
+            was_hit[row] = sights.states == Sight.HIT
+            gaps_m[row] = sights.gaps_m
+            hidden = np.flatnonzero(sights.states == Sight.HIDDEN)
+            ends = _shorten(points_past[hidden], sights.gaps_m[hidden])
+            ends_now = se3.transform_points(se3.inverse(past_SE3_newest), ends)
+            was_behind_leaver[row, hidden] = self.newest_saw_through(ends_now)
+        return History(
+            np.array(ages) * self._period_s, was_free, was_hit, was_behind_leaver, gaps_m
+        )
+
+    def _ages(self) -> list[int]:
+        """Return the ages to ask, in scans, rising."""
+        here = self._scans[-1].world_SE3_velo[:3, 3]
+        come_m = [float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans]
+        usable = [age for age, way in enumerate(reversed(come_m)) if way <= self._travel_m]
+        # At a speed that no limit foresaw, the scan before is still the best there is.
+        oldest = min(max(usable[-1], 1), len(self._scans) - 1)
+        return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})
+
+
+def _shorten(points: Float32, by_m: Float32) -> Float32:
+    """Move (P, 3) points towards the origin."""
+    ranges = np.linalg.norm(points, axis=1)
+    return np.asarray(points * (1 - by_m / ranges)[:, None], np.float32)

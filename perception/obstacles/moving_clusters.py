@@ -1,0 +1,122 @@
+"""From what was seen of single voxels to whole things that move.
+
+One voxel alone errs: a window returns once and lets pass the next time, an edge is missed by a
+hair. So voxels are joined over the ground plane, and a thing moves where most of it has.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.obstacles.free_space import History
+from perception.types import Bool, Float, Float64, Int
+
+
+@dataclass(frozen=True)
+class MotionRules:
+    """When a thing counts as moving.
+
+    Attributes:
+        cell_m: edge of the columns that are joined over the ground plane; legs of one walker stay one.
+        least_voxels: voxels that must have come; fewer may be the noise of one edge.
+        least_share: of a thing's voxels that must have come; the rest was out of sight before.
+        stopped_share: of a thing's voxels in sight that were met already half a second ago, from which
+            on it stands again.
+        stop_age_s: a younger scan cannot tell standing from walking.
+        leaver_gap_m: how near a leaving thing must come, followed to now, to be this thing.
+    """
+
+    cell_m: float = 0.25
+    least_voxels: int = 8
+    least_share: float = 0.25
+    stopped_share: float = 0.8
+    stop_age_s: float = 0.3
+    leaver_gap_m: float = 0.7
+
+
+@dataclass(frozen=True)
+class Votes:
+    """What each of V voxels says; a voxel in none of the three was out of sight until now.
+
+    Attributes:
+        came: (V,) its place was empty.
+        stood: (V,) its place was filled.
+        trails: (V,) its place was hidden, by something that has left since.
+    """
+
+    came: Bool
+    stood: Bool
+    trails: Bool
+
+
+def vote(history: History) -> Votes:
+    """Let the older scans decide and, where none saw the place, the youngest."""
+    older = slice(1, None) if len(history.ages_s) > 1 else slice(None)
+    free = history.was_free[older].sum(axis=0)
+    hit = history.was_hit[older].sum(axis=0)
+    unseen = (free == 0) & (hit == 0)
+    came = (free > hit) | (unseen & history.was_free[0])
+    stood = ((hit >= free) & (hit > 0)) | (unseen & history.was_hit[0])
+    trails = history.was_behind_leaver.any(axis=0) & ~came & ~stood
+    return Votes(came, stood, trails)
+
+
+def moving_voxels(centers_m: Float, history: History, rules: MotionRules) -> Bool:
+    """Tell which of (V, 3) occupied voxels belong to things that move."""
+    if len(centers_m) == 0 or len(history.ages_s) == 0:
+        return np.zeros(len(centers_m), bool)
+    votes = vote(history)
+    thing = _join(centers_m, votes, rules.cell_m)
+    things = int(thing.max()) + 1
+
+    def tally(voxels: Bool) -> Float64:
+        return np.bincount(thing, voxels.astype(np.float64), things)
+
+    leaves = tally(votes.trails) * _leads_here(thing, things, history, rules.leaver_gap_m)
+    came = tally(votes.came) + leaves
+    moves = (
+        (came >= rules.least_voxels)
+        & (came > tally(votes.stood))
+        & (came >= rules.least_share * np.bincount(thing, minlength=things))
+    )
+    if history.ages_s[0] >= rules.stop_age_s:
+        hit = tally(history.was_hit[0])
+        seen = hit + tally(history.was_free[0]) + tally(history.was_behind_leaver[0])
+        moves &= hit < rules.stopped_share * np.maximum(seen, 1)
+    moves[0] = False
+    return np.asarray(moves[thing])
+
+
+def _join(centers_m: Float, votes: Votes, cell_m: float) -> Int:
+    """Return (V,) the number of the thing each voxel belongs to, 0 for what stands.
+
+    As in (5.3), all voxels of a column share one state. Columns of the ground plane are joined with
+    their eight neighbours, but not through columns most of which stood.
+    """
+    cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
+    cells -= cells.min(axis=0)
+    across, along = cells.max(axis=0) + 1
+    column = cells[:, 0] * along + cells[:, 1]
+    standing = np.bincount(column, votes.stood, across * along)
+    is_open = np.bincount(column, ~votes.stood, across * along) > standing
+    _, labels = cv2.connectedComponents(
+        is_open.reshape(across, along).astype(np.uint8), connectivity=8
+    )
+    return np.asarray(labels.ravel()[column])
+
+
+def _leads_here(thing: Int, things: int, history: History, gap_m: float) -> Bool:
+    """Tell of which things the leaver before them is their own back, seen earlier.
+
+    A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is
+    followed to now. A thing that comes to light behind a passer-by keeps its distance to it.
+    """
+    if len(history.ages_s) < 2:
+        return np.zeros(things, bool)
+    young_s, old_s = history.ages_s[0], history.ages_s[-1]
+    behind = history.was_behind_leaver[0] & history.was_behind_leaver[-1]
+    gap_now = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
+    near = np.bincount(thing, behind & (gap_now < gap_m), things)
+    total = np.bincount(thing, behind, things)
+    return np.asarray((total > 0) & (near >= 0.5 * total))

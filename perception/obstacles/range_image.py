@@ -1,0 +1,176 @@
+"""What one scan saw, as ranges over direction: which places it looked through, met, or could not see.
+
+Every return says two things: something stood at its end, and nothing stood on the way there. The
+thesis counts only the first; the second is what tells a moving object from one seen anew.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import cv2
+import numpy as np
+
+from perception.sensor import LidarModel
+from perception.types import Bool, Float32, Int, UInt8
+
+_NOTHING = np.float32(np.inf)  # a direction without a return: dark, glass, or sky
+_SLOPE_STEPS = 4096
+_FIRINGS_A_COLUMN = 2  # so that a lost return rarely empties a pixel
+_LEVELS = 4
+
+
+class Sight(IntEnum):
+    """What a scan says of a place."""
+
+    UNKNOWN = 0  # no beam came near, or the beams disagree
+    FREE = 1  # every beam around passed and met something farther
+    HIT = 2  # a beam ended here
+    HIDDEN = 3  # the beam ended before
+
+
+@dataclass(frozen=True)
+class Sights:
+    """What a scan says of P places.
+
+    Attributes:
+        states: (P,) `Sight`.
+        gaps_m: (P,) how far behind the return in its direction a hidden place lies; else 0.
+    """
+
+    states: UInt8
+    gaps_m: Float32
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Where P points fall in a range image.
+
+    Attributes:
+        rows: (P,) nearest beam, the highest is 0.
+        columns: (P,) direction around the vertical.
+        ranges_m: (P,) distance from the sensor.
+        are_in_view: (P,) whether a beam of the sensor points there.
+    """
+
+    rows: Int
+    columns: Int
+    ranges_m: Float32
+    are_in_view: Bool
+
+
+class BeamRaster:
+    """The pixels of a sensor: one row a beam, one column for every two firings.
+
+    Near the sensor a small shift of a point spans many pixels. So places are compared with blocks of
+    pixels: level l spans 2^l columns to either side, and as many rows as make the same angle, but
+    always the beam above and the beam below, between which a standing thing cannot hide.
+    """
+
+    def __init__(self, sensor: LidarModel, tolerance_m: float) -> None:
+        """Lay out the pixels.
+
+        Args:
+            sensor: its beams and its azimuth step.
+            tolerance_m: how far a point may lie to the side of where it was, by error of pose and beam.
+        """
+        self.rows = sensor.beams
+        self.columns = max(sensor.columns // _FIRINGS_A_COLUMN, 1)
+        self.column_step_rad = 2 * np.pi / self.columns
+        step_rad = sensor.elevation_step_rad
+        rising = np.linspace(
+            sensor.elevations_rad[-1] - step_rad, sensor.elevations_rad[0] + step_rad, _SLOPE_STEPS
+        )
+        self._lowest_slope = np.float32(np.tan(rising[0]))
+        self._highest_slope = np.float32(np.tan(rising[-1]))
+        slopes = np.linspace(self._lowest_slope, self._highest_slope, _SLOPE_STEPS)
+        nearest = np.interp(-np.arctan(slopes), -sensor.elevations_rad, np.arange(self.rows))
+        self._row_of_slope = np.rint(nearest).astype(np.int32)
+        self.blocks = [
+            (max(1, int(np.ceil(2**level * self.column_step_rad / step_rad))), 2**level)
+            for level in range(_LEVELS)
+        ]
+        self._level_0_from_m = np.float32(tolerance_m / self.column_step_rad)
+
+    def pixels(self, points_velo: Float32) -> Pixels:
+        """Find the pixels of (P, 3+) points in the sensor's frame."""
+        x, y, z = (np.ascontiguousarray(points_velo[:, axis]) for axis in range(3))
+        across, azimuth_rad = (part.ravel() for part in cv2.cartToPolar(x, y))
+        slope = z / np.maximum(across, np.float32(1e-3))
+        scale = np.float32((_SLOPE_STEPS - 1) / (self._highest_slope - self._lowest_slope))
+        step = (slope - self._lowest_slope) * scale
+        return Pixels(
+            rows=self._row_of_slope[np.clip(step, 0, _SLOPE_STEPS - 1).astype(np.int32)],
+            columns=(azimuth_rad * np.float32(1 / self.column_step_rad)).astype(np.int32)
+            % self.columns,
+            ranges_m=np.sqrt(across * across + z * z),
+            are_in_view=(step >= 0) & (step <= _SLOPE_STEPS - 1),
+        )
+
+    def levels(self, ranges_m: Float32) -> Int:
+        """Return (P,) the block level that spans the tolerance at each range."""
+        finer = self._level_0_from_m / np.maximum(ranges_m, np.float32(1e-3))
+        return np.searchsorted(2.0 ** np.arange(_LEVELS - 1), finer).astype(np.int32)
+
+
+class RangeImage:
+    """The nearest return in each pixel of one scan."""
+
+    def __init__(self, points_velo: Float32, raster: BeamRaster) -> None:
+        """Draw a scan; points that no beam of the sensor can have met are left out."""
+        pixels = raster.pixels(points_velo)
+        cells = (pixels.rows * raster.columns + pixels.columns)[pixels.are_in_view]
+        ranges = np.full(raster.rows * raster.columns, _NOTHING, np.float32)
+        np.minimum.at(ranges, cells, pixels.ranges_m[pixels.are_in_view])
+        self._raster = raster
+        self._ranges = ranges
+        self._nearest = _block_minima(ranges.reshape(raster.rows, raster.columns), raster.blocks)
+
+    def look(self, points_velo: Float32, margin_m: float) -> Sights:
+        """Say of (P, 3+) places in this scan's frame whether it saw them free, met, or hidden.
+
+        Args:
+            points_velo: places.
+            margin_m: how much farther a beam must go to have passed, and how near it must end to have met.
+        """
+        if len(points_velo) == 0:
+            return Sights(np.zeros(0, np.uint8), np.zeros(0, np.float32))
+        at = self._raster.pixels(points_velo)
+        columns = self._raster.columns
+        around = self._nearest[self._raster.levels(at.ranges_m), at.rows * columns + at.columns]
+        beam = self._ranges[at.rows * columns + at.columns]
+        is_free = (around > at.ranges_m + np.float32(margin_m)) & (around < _NOTHING)
+        is_hit = self._ends_near(at, np.float32(margin_m))
+        is_hidden = beam < at.ranges_m - np.float32(margin_m)
+        states = np.select(
+            [~at.are_in_view, is_hit, is_free, is_hidden],
+            [Sight.UNKNOWN, Sight.HIT, Sight.FREE, Sight.HIDDEN],
+            Sight.UNKNOWN,
+        ).astype(np.uint8)
+        gaps_m = np.where(states == Sight.HIDDEN, at.ranges_m - beam, np.float32(0))
+        return Sights(states, gaps_m)
+
+    def _ends_near(self, at: Pixels, margin_m: np.float32) -> Bool:
+        """Tell where a return in the 3 x 3 pixels around lies within the margin."""
+        rows, columns = self._raster.rows, self._raster.columns
+        is_hit = np.zeros(len(at.rows), bool)
+        for row in (np.maximum(at.rows - 1, 0), at.rows, np.minimum(at.rows + 1, rows - 1)):
+            for shift in (-1, 0, 1):
+                beam = self._ranges[row * columns + (at.columns + shift) % columns]
+                is_hit |= np.abs(beam - at.ranges_m) < margin_m
+        return is_hit
+
+
+def _block_minima(ranges: Float32, blocks: list[tuple[int, int]]) -> Float32:
+    """Return (levels, pixels) the nearest return in the block around each pixel, round the full turn."""
+    wrap = max(columns for _, columns in blocks)
+    turned = np.concatenate([ranges[:, -wrap:], ranges, ranges[:, :wrap]], axis=1)
+    minima = [
+        cv2.erode(
+            turned,
+            np.ones((2 * rows + 1, 2 * columns + 1), np.uint8),
+            borderType=cv2.BORDER_CONSTANT,
+            borderValue=float(_NOTHING),
+        )[:, wrap:-wrap].ravel()
+        for rows, columns in blocks
+    ]
+    return np.stack(minima)
