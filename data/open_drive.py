@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.drive import Drive
-from data.kitti.objects import is_object_folder, open_objects
+from data.kitti.objects import ObjectFrames, is_object_folder, open_objects
 from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
+from data.kitti.sequence import KittiSequence
 from data.kitti.tracking import open_tracking, tracking_sequences_in
 from perception.errors import DriveError, UsageError
 from perception.sensor import HDL_64E, LidarModel, sensor_named
@@ -33,7 +33,7 @@ class _Place:
 
 def open_drive(
     path: Path, *, sequence: str | None = None, sensor: str | None = None, images: bool = True
-) -> Drive:
+) -> KittiSequence | ObjectFrames:
     """Open a drive, whatever its layout.
 
     Args:

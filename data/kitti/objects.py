@@ -87,7 +87,7 @@ class ObjectFrames:
             PerceptionError: a file of the frame is missing or damaged.
         """
         number = self.number(index)
-        image = self._image(number)
+        image = self.image(index)
         path = self.scans.path(number)
         return Frame(
             index=range(len(self))[index],
@@ -98,8 +98,13 @@ class ObjectFrames:
             source=str(path),
         )
 
-    def _image(self, number: int) -> UInt8 | None:
-        return None if self.images is None else read_image(self.images.path(number))
+    def image(self, index: int) -> UInt8 | None:
+        """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
+
+        Raises:
+            ImageError: it is missing or damaged.
+        """
+        return None if self.images is None else read_image(self.images.path(self.number(index)))
 
     def _calibration(self, number: int, image: UInt8 | None = None) -> Calibration | None:
         folder = self.root / "calib"

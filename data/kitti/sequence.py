@@ -132,16 +132,11 @@ class KittiSequence:
             index=number - self.scans.numbers[0],
             points_velo=read_scan(path),
             stamp_s=self.clock.stamp_s(number),
-            image=self._image(number),
+            image=self.image(index),
             world_SE3_velo=self._world_SE3_velo(number),
             calibration=self.calibration,
             source=str(path),
         )
-
-    def _image(self, number: int) -> UInt8 | None:
-        if self.images is None:
-            return None
-        return read_image(self.images.path(number), self.image_size)
 
     def _world_SE3_velo(self, number: int) -> Float64 | None:
         if self.ins is None or self.velo_SE3_imu is None:
@@ -163,6 +158,16 @@ class KittiSequence:
         if self.ins is None:
             raise DriveError(self.root, expected="a drive with INS packets", found="none")
         return self.ins.packet(number)
+
+    def image(self, index: int) -> UInt8 | None:
+        """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
+
+        Raises:
+            ImageError: it is missing, damaged or of another size.
+        """
+        if self.images is None:
+            return None
+        return read_image(self.images.path(self.scans.numbers[index]), self.image_size)
 
     def ins_packet(self, index: int) -> InsPacket:
         """Read what the INS said at one frame.

@@ -1,0 +1,167 @@
+"""What a drive's numbers may look like, and what is odd: times, INS motion, calibration, labels."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from data.drive import Labels
+from data.kitti.oxts import InsPacket, Mercator, velocity_world_mps
+from perception.geometry.camera import is_in_view
+from perception.geometry.se3 import inverse, rotation_angle_rad
+from perception.types import Calibration, Float64, Frame
+
+_LONGEST_PERIODS = 1.5  # between two scans
+_JUMP_M = 1.0  # the INS off its own velocity between two scans; KITTI: 0.1 at most, measured
+_FASTEST_MPS = 70.0
+_HARDEST_MPS2 = 30.0  # no wheel holds three times the weight
+_FASTEST_TURN_RAD_S = 3.0
+_ORTHONORMAL = 1e-3  # the files print seven digits
+_LEAST_SHARE_IN_VIEW = 0.02  # of the points ahead; KITTI: 0.3, measured
+_AHEAD_M = 5.0
+_BORDER_PX = 2.0
+_FARTHEST_M = 250.0
+
+
+@dataclass(frozen=True)
+class Oddity:
+    """One implausible thing.
+
+    Attributes:
+        what: its kind.
+        example: where, what was expected, what was found.
+    """
+
+    what: str
+    example: str
+
+
+def time_oddities(stamps_s: Mapping[int, float]) -> Iterator[Oddity]:
+    """Find gaps between consecutive frames, and time that stands still or runs backwards."""
+    steps = {b: stamps_s[b] - stamps_s[a] for a, b in pairwise(stamps_s) if b == a + 1}
+    if not steps:
+        return
+    usual_s = float(np.median(list(steps.values())))
+    for index, step_s in steps.items():
+        where = f"frame {index}"
+        if step_s <= 0:
+            yield Oddity("time runs backwards", f"{where}: {step_s:.3f} s after the frame before.")
+        elif step_s > _LONGEST_PERIODS * usual_s:
+            yield Oddity(
+                "gaps in time",
+                f"{where}: expected {usual_s:.3f} s after the frame before, found {step_s:.3f} s.",
+            )
+
+
+def motion_oddities(
+    packets: Mapping[int, InsPacket], stamps_s: Mapping[int, float], period_s: float
+) -> Iterator[Oddity]:
+    """Find steps of the INS that do not follow its own velocity, or that no vehicle can make."""
+    if not packets:
+        return
+    world = Mercator.around(next(iter(packets.values())))
+    for before, after in pairwise(packets):
+        known = before in stamps_s and after in stamps_s
+        step_s = stamps_s[after] - stamps_s[before] if known else (after - before) * period_s
+        if step_s > 0:
+            yield from _step_oddities(
+                world, packets[before], packets[after], step_s, f"frame {after}"
+            )
+
+
+def _step_oddities(
+    world: Mercator, before: InsPacket, after: InsPacket, step_s: float, where: str
+) -> Iterator[Oddity]:
+    pose_before, pose_after = world.world_SE3_imu(before), world.world_SE3_imu(after)
+    velocities = velocity_world_mps(before), velocity_world_mps(after)
+    expected_m = step_s * (velocities[0] + velocities[1]) / 2
+    moved_m = pose_after[:3, 3] - pose_before[:3, 3]
+    off_m = float(np.linalg.norm(moved_m - expected_m))
+    if off_m > _JUMP_M:
+        yield Oddity(
+            "INS jumps",
+            f"{where}: expected {np.linalg.norm(expected_m):.2f} m moved as its velocity says, "
+            f"found {np.linalg.norm(moved_m):.2f} m, {off_m:.2f} m off.",
+        )
+    turn_rad_s = rotation_angle_rad(inverse(pose_before) @ pose_after) / step_s
+    limits = (
+        ("INS speed", float(np.linalg.norm(velocities[1])), _FASTEST_MPS, "m/s"),
+        (
+            "INS acceleration",
+            float(np.linalg.norm(velocities[1] - velocities[0])) / step_s,
+            _HARDEST_MPS2,
+            "m/s2",
+        ),
+        ("INS turning", turn_rad_s, _FASTEST_TURN_RAD_S, "rad/s"),
+    )
+    for what, value, limit, unit in limits:
+        if value > limit:
+            yield Oddity(
+                f"{what} implausible",
+                f"{where}: expected at most {limit:g} {unit}, found {value:.1f}.",
+            )
+
+
+def rotation_oddities(dst_SE3_src: Float64, where: str) -> Iterator[Oddity]:
+    """Find a rotation that stretches or mirrors."""
+    rotation = dst_SE3_src[:3, :3]
+    error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if error > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+        found = "a mirror" if error <= _ORTHONORMAL else f"R R' off the identity by {error:.3g}"
+        yield Oddity("rotations that are none", f"{where}: expected a rotation, found {found}.")
+
+
+def calibration_oddities(calibration: Calibration) -> Iterator[Oddity]:
+    """Find a LiDAR-to-camera rotation that is none, and a principal point outside the image."""
+    yield from rotation_oddities(calibration.cam_SE3_velo, f"{calibration.source} cam_SE3_velo")
+    size = calibration.image_size_px
+    center_px = calibration.image_P_cam[:2, 2]
+    if size is not None and not ((center_px > 0) & (center_px < size)).all():
+        yield Oddity(
+            "principal points outside the image",
+            f"{calibration.source}: expected it within {size[0]}x{size[1]} pixels, "
+            f"found {center_px[0]:.1f}, {center_px[1]:.1f}.",
+        )
+
+
+def projection_oddities(frame: Frame) -> Iterator[Oddity]:
+    """Find a LiDAR whose points ahead do not fall into the image."""
+    calibration = frame.calibration
+    if calibration is None or calibration.image_size_px is None:
+        return
+    ahead = frame.points_velo[frame.points_velo[:, 0] > _AHEAD_M]
+    if len(ahead) == 0:
+        return
+    share = float(is_in_view(calibration, ahead, calibration.image_size_px).mean())
+    if share < _LEAST_SHARE_IN_VIEW:
+        yield Oddity(
+            "LiDAR and camera that do not fit",
+            f"{frame.source}: expected the camera to see at least {_LEAST_SHARE_IN_VIEW:.0%} of "
+            f"the points ahead as {calibration.source} has it, found {share:.1%}.",
+        )
+
+
+def label_oddities(
+    labels: Labels, image_size_px: tuple[int, int] | None, where: str
+) -> Iterator[Oddity]:
+    """Find boxes that lie outside the image, have no size, or are out of any LiDAR's reach."""
+    boxes = labels.boxes_velo
+    reach_m = np.linalg.norm(boxes.bottom_m, axis=1)
+    for kind, size_m, distance_m in zip(labels.types, boxes.size_m, reach_m, strict=True):
+        if size_m.min() <= 0 or distance_m > _FARTHEST_M:
+            yield Oddity(
+                "label boxes implausible",
+                f"{where}: expected a {kind} with a size within {_FARTHEST_M:g} m, "
+                f"found {size_m.round(2)} m at {distance_m:.0f} m.",
+            )
+    edges = labels.boxes_px
+    is_inverted = (edges[:, 2:] <= edges[:, :2]).any(axis=1)
+    limit_px = np.asarray(image_size_px or (np.inf, np.inf)) + _BORDER_PX
+    is_outside = ((edges[:, :2] < -_BORDER_PX) | (edges[:, 2:] > limit_px)).any(axis=1)
+    for row in np.flatnonzero(is_inverted | is_outside):
+        yield Oddity(
+            "label boxes outside the image",
+            f"{where}: expected x1 y1 x2 y2 of a {labels.types[row]} within "
+            f"{image_size_px or 'the image'}, found {edges[row].round(1)}.",
+        )
