@@ -5,16 +5,16 @@ of a box's bottom centre to the estimated surface is an error (Fig. 3.3); any `G
 asked, whoever made it. Where every point has an exact class, the points called ground are counted.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
 from perception.evaluation.confusion import Confusion, confusion
+from perception.evaluation.rows import Rows
 from perception.geometry.grids import LocalArea
-from perception.types import Bool, Float, Float64, GroundModel, Int, PointState, UInt8
+from perception.types import Float, Float64, GroundModel, Int, PointState, UInt8
 
 # SemanticKITTI's classes that lie on the ground: road, parking, sidewalk, other ground, lane marking,
 # terrain. Their class decides, not their slope: the face of a kerb is sidewalk, so a kerb called an
@@ -38,7 +38,7 @@ def signed_errors(ground: GroundModel, foot_points: Float) -> Float64:
 
 
 @dataclass(frozen=True)
-class FootErrors:
+class FootErrors(Rows):
     """The errors at the feet of K labelled objects, of one frame or of many.
 
     Attributes:
@@ -50,24 +50,6 @@ class FootErrors:
     frames: Int
     ranges_m: Float64
     errors_m: Float64
-
-    def __len__(self) -> int:
-        """Return K."""
-        return len(self.frames)
-
-    def __getitem__(self, rows: Bool) -> Self:
-        """Return the errors of a mask."""
-        return type(self)(self.frames[rows], self.ranges_m[rows], self.errors_m[rows])
-
-    @classmethod
-    def concatenate(cls, parts: Iterable[Self]) -> Self:
-        """Join the errors of many frames."""
-        whole = [cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0)), *parts]
-        return cls(
-            np.concatenate([part.frames for part in whole]),
-            np.concatenate([part.ranges_m for part in whole]),
-            np.concatenate([part.errors_m for part in whole]),
-        )
 
 
 def foot_errors(frame: int, ground: GroundModel, foot_points: Float, area: LocalArea) -> FootErrors:

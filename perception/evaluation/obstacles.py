@@ -1,0 +1,188 @@
+"""Labelled objects found and missed, standing and moving; and the motion of every point where known.
+
+The protocol, which the thesis leaves to a human observer (Table 7.2):
+
+- An object counts in a frame when the bottom centre of its box is in the local area and the box holds
+  at least `min_points` points of the scan between `clearance_m` above its bottom and the area's height.
+  The box says where the ground is, so that a wrong ground hides nothing.
+- It is found as an obstacle when `found_share` of these points are STATIC or MOVING.
+- A moving object is found to move when `moving_share` of those obstacle points are MOVING. An object
+  that slides along itself, as a van does, changes only where it begins and ends; a quarter is what
+  is new in a scan at walking speed, and far more than stray points make.
+- A static object of which as many move is a false one.
+- Objects whose motion is unknown count as obstacles only.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.evaluation.confusion import Confusion, confusion
+from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
+from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.rows import Rows
+from perception.geometry.boxes import points_inside
+from perception.geometry.grids import LocalArea
+from perception.types import Bool, Float, Float64, Int, PointState, UInt8
+
+
+@dataclass(frozen=True)
+class ObjectRule:
+    """When a labelled object counts, and when it is found.
+
+    Attributes:
+        min_points: that its box must hold; fewer than these are hardly seen.
+        clearance_m: over the box's bottom, below which points are taken for ground; the thesis' d_min.
+        found_share: of the object's points that must be called obstacle.
+        moving_share: of the obstacle points that must be called moving.
+    """
+
+    min_points: int = 20
+    clearance_m: float = 0.2
+    found_share: float = 0.5
+    moving_share: float = 0.25
+
+
+@dataclass(frozen=True)
+class ObjectObservations(Rows):
+    """K objects in the area, each in one frame.
+
+    Attributes:
+        frames: (K,) number of the frame.
+        track_ids: (K,) -1 where the labels have no tracks.
+        motions: (K,) `Motion` by the labels.
+        ranges_m: (K,) horizontal distance of the box's bottom centre from the LiDAR.
+        points: (K,) points of the scan that the object must be found by.
+        obstacle_points: (K,) of these called STATIC or MOVING.
+        moving_points: (K,) of these called MOVING.
+    """
+
+    frames: Int
+    track_ids: Int
+    motions: Int
+    ranges_m: Float64
+    points: Int
+    obstacle_points: Int
+    moving_points: Int
+
+    def is_obstacle(self, share: float) -> Bool:
+        """Tell which objects are found as obstacles at a share of their points."""
+        return np.asarray((self.points > 0) & (self.obstacle_points >= share * self.points))
+
+    def is_moving(self, share: float) -> Bool:
+        """Tell which objects are found to move at a share of their obstacle points; 0 asks for any."""
+        enough = self.moving_points >= share * self.obstacle_points
+        return np.asarray((self.moving_points > 0) & enough)
+
+
+def observe_objects(
+    frame: int,
+    points_velo: Float,
+    states: UInt8,
+    objects: LabelledObjects,
+    area: LocalArea,
+    rule: ObjectRule,
+) -> ObjectObservations:
+    """Count the points of every labelled object in the area by what was said of them."""
+    bottom_m = objects.boxes_velo.bottom_m
+    present = area.contains_xy(bottom_m)
+    boxes, bottom_m = objects.boxes_velo[present], bottom_m[present]
+    rise_m = points_velo[None, :, 2] - bottom_m[:, 2, None]
+    in_area = area.contains_xy(points_velo)
+    holds = points_inside(boxes, points_velo) & in_area
+    holds &= (rise_m >= rule.clearance_m) & (rise_m < area.height_m)
+    stands = np.isin(states, (PointState.STATIC, PointState.MOVING))
+    return ObjectObservations(
+        frames=np.full(len(boxes), frame, np.int64),
+        track_ids=objects.track_ids[present],
+        motions=objects.motions[present],
+        ranges_m=np.hypot(bottom_m[:, 0], bottom_m[:, 1]),
+        points=np.count_nonzero(holds, axis=1),
+        obstacle_points=np.count_nonzero(holds & stands, axis=1),
+        moving_points=np.count_nonzero(holds & (states == PointState.MOVING), axis=1),
+    )
+
+
+@dataclass(frozen=True)
+class ObjectCounts:
+    """How many labelled objects were found, missed and mistaken; each counts once a frame.
+
+    Attributes:
+        min_points: that an object must hold to count.
+        objects: that count, of any motion.
+        missed_objects: of these not found as obstacles.
+        moving: objects that move.
+        missed_moving: of these not found to move.
+        moving_tracks: how many different objects these are.
+        tracks_never_moving: of these tracks found to move in no frame.
+        static: objects that stand.
+        false_moving: of these found to move.
+    """
+
+    min_points: int
+    objects: int
+    missed_objects: int
+    moving: int
+    missed_moving: int
+    moving_tracks: int
+    tracks_never_moving: int
+    static: int
+    false_moving: int
+
+
+def count_objects(observed: ObjectObservations, rule: ObjectRule) -> ObjectCounts:
+    """Apply the protocol of this file to the objects of any number of frames."""
+    counted = observed[observed.points >= rule.min_points]
+    moves, stands = counted.motions == Motion.MOVING, counted.motions == Motion.STATIC
+    found_moving = counted.is_moving(rule.moving_share)
+    tracks = np.unique(counted.track_ids[moves])
+    found_tracks = np.unique(counted.track_ids[moves & found_moving])
+    return ObjectCounts(
+        min_points=rule.min_points,
+        objects=len(counted),
+        missed_objects=int(np.count_nonzero(~counted.is_obstacle(rule.found_share))),
+        moving=int(np.count_nonzero(moves)),
+        missed_moving=int(np.count_nonzero(moves & ~found_moving)),
+        moving_tracks=len(tracks),
+        tracks_never_moving=len(tracks) - len(found_tracks),
+        static=int(np.count_nonzero(stands)),
+        false_moving=int(np.count_nonzero(stands & found_moving)),
+    )
+
+
+def missed_moving(observed: ObjectObservations, rule: ObjectRule) -> ObjectObservations:
+    """Return the moving objects that were not found to move."""
+    counts = (observed.points >= rule.min_points) & (observed.motions == Motion.MOVING)
+    return observed[counts & ~observed.is_moving(rule.moving_share)]
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """How the points of the area compare with the exact truth of a synthetic scan.
+
+    Attributes:
+        moving: points called MOVING against points of objects that move at this moment.
+        static: points called STATIC against all other points above the true ground.
+    """
+
+    moving: Confusion = field(default_factory=Confusion)
+    static: Confusion = field(default_factory=Confusion)
+
+    def __add__(self, other: "PointMotion") -> "PointMotion":
+        """Return the counts of both."""
+        return PointMotion(self.moving + other.moving, self.static + other.static)
+
+
+def point_motion(states: UInt8, classes: Int, is_moving: Bool) -> PointMotion:
+    """Count (N,) states against (N,) classes and motions, for the labelled points of the local area.
+
+    The area ends at a height, so points above it are left out. What is less than the clearance over
+    the ground is called ground by design; where it belongs to an object (feet, tyres) it costs recall.
+    """
+    counts = (states != PointState.OUTSIDE) & ~np.isin(classes, UNLABELLED_CLASSES)
+    states, classes, moves = states[counts], classes[counts], is_moving[counts]
+    stands = ~moves & ~np.isin(classes, GROUND_CLASSES)
+    return PointMotion(
+        moving=confusion(states == PointState.MOVING, moves),
+        static=confusion(states == PointState.STATIC, stands),
+    )

@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+
+from perception.errors import PerceptionError
+from perception.evaluation.confusion import Confusion
+from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.obstacles import (
+    ObjectObservations,
+    ObjectRule,
+    count_objects,
+    missed_moving,
+    observe_objects,
+    point_motion,
+)
+from perception.geometry.grids import LocalArea
+from perception.types import Boxes3D, PointState
+
+AREA = LocalArea()
+OUTSIDE, GROUND = PointState.OUTSIDE, PointState.GROUND
+STATIC, MOVING = PointState.STATIC, PointState.MOVING
+FOUR_POINTS = ObjectRule(min_points=4)
+
+
+def three_objects(*motions: Motion) -> LabelledObjects:
+    """Return 2 m cubes on the ground at x = 5, 10 and 15, and one beyond the area at x = 40."""
+    return LabelledObjects(
+        boxes_velo=Boxes3D(
+            np.array([[5, 0, -1.7], [10, 0, -1.7], [15, 0, -1.7], [40, 0, -1.7]]),
+            np.full((4, 3), 2.0),
+            np.zeros(4),
+        ),
+        motions=np.array([*motions, Motion.MOVING]),
+        track_ids=np.array([1, 2, 3, 4]),
+    )
+
+
+def points_on(x_m: float, states: list[int], height_m: float = 1.0) -> np.ndarray:
+    """Return rows of x, y, z, reflectance, state: one point a state, side by side."""
+    y_m = np.linspace(-0.5, 0.5, len(states))
+    count = len(states)
+    columns = [np.full(count, x_m), y_m, np.full(count, height_m - 1.7), np.zeros(count), states]
+    return np.column_stack(columns)
+
+
+def observe(rows: list[np.ndarray], objects: LabelledObjects) -> ObjectObservations:
+    scan = np.concatenate(rows)
+    return observe_objects(0, scan[:, :4], scan[:, 4].astype(np.uint8), objects, AREA, ObjectRule())
+
+
+def test_an_object_is_found_or_missed_by_its_own_points():
+    objects = three_objects(Motion.STATIC, Motion.MOVING, Motion.MOVING)
+    observed = observe(
+        [
+            points_on(5, [STATIC] * 4),  # stands, found
+            points_on(10, [MOVING, STATIC, STATIC, STATIC]),  # moves, found by a quarter
+            points_on(15, [GROUND, GROUND, GROUND, MOVING]),  # moves, but taken for ground
+            points_on(7.5, [MOVING] * 9),  # on no object
+            points_on(40, [STATIC] * 9),  # an object beyond the area
+            points_on(5, [GROUND] * 9, height_m=0.1),  # at its feet: ground by design
+        ],
+        objects,
+    )
+    assert observed.track_ids.tolist() == [1, 2, 3]
+    assert observed.points.tolist() == [4, 4, 4]
+    assert observed.obstacle_points.tolist() == [4, 4, 1]
+    assert observed.moving_points.tolist() == [0, 1, 1]
+    np.testing.assert_allclose(observed.ranges_m, [5, 10, 15])
+    counts = count_objects(observed, FOUR_POINTS)
+    assert (counts.objects, counts.missed_objects) == (3, 1)
+    assert (counts.moving, counts.missed_moving) == (2, 0)
+    assert (counts.static, counts.false_moving) == (1, 0)
+
+
+def test_a_moving_object_called_static_is_missed_and_a_static_one_called_moving_is_false():
+    observed = observe(
+        [points_on(5, [MOVING] * 4), points_on(10, [STATIC] * 4), points_on(15, [STATIC] * 4)],
+        three_objects(Motion.STATIC, Motion.MOVING, Motion.UNKNOWN),
+    )
+    counts = count_objects(observed, FOUR_POINTS)
+    assert (counts.moving, counts.missed_moving, counts.tracks_never_moving) == (1, 1, 1)
+    assert (counts.static, counts.false_moving) == (1, 1)
+    assert counts.objects == 3  # what is unknown is an obstacle still
+    assert missed_moving(observed, FOUR_POINTS).track_ids.tolist() == [2]
+
+
+def test_objects_with_few_points_do_not_count():
+    observed = observe(
+        [points_on(5, [STATIC] * 4), points_on(10, [GROUND] * 3)],
+        three_objects(Motion.STATIC, Motion.STATIC, Motion.STATIC),
+    )
+    assert count_objects(observed, FOUR_POINTS).objects == 1
+    seen_at_all = count_objects(observed, ObjectRule(min_points=1))
+    assert (seen_at_all.objects, seen_at_all.missed_objects) == (2, 1)
+
+
+def test_a_track_is_found_where_one_of_its_frames_is():
+    rows = np.arange(3)
+    observed = ObjectObservations(
+        frames=rows,
+        track_ids=np.array([7, 7, 8]),
+        motions=np.full(3, Motion.MOVING),
+        ranges_m=np.full(3, 9.0),
+        points=np.full(3, 50),
+        obstacle_points=np.full(3, 50),
+        moving_points=np.array([0, 40, 0]),
+    )
+    counts = count_objects(observed, ObjectRule())
+    assert (counts.moving, counts.missed_moving) == (3, 2)
+    assert (counts.moving_tracks, counts.tracks_never_moving) == (2, 1)
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.0, True), (0.25, True), (0.5, False)])
+def test_the_share_that_must_move(share: float, found: bool):
+    observed = observe(
+        [points_on(5, [MOVING, STATIC, STATIC, STATIC])],
+        three_objects(Motion.MOVING, Motion.MOVING, Motion.MOVING),
+    )
+    assert observed.is_moving(share).tolist() == [found, False, False]
+
+
+def test_no_object_is_counted_as_none():
+    counts = count_objects(ObjectObservations.concatenate([]), ObjectRule())
+    assert (counts.objects, counts.moving, counts.static) == (0, 0, 0)
+
+
+def test_point_motion_by_hand():
+    rows = [
+        # state, class, moves
+        (MOVING, 10, True),  # a car that drives
+        (STATIC, 10, True),  # its roof, called static
+        (STATIC, 50, False),  # a wall
+        (MOVING, 50, False),  # another, called moving
+        (GROUND, 10, True),  # a tyre
+        (STATIC, 48, False),  # a kerb
+        (GROUND, 40, False),  # road
+        (OUTSIDE, 50, False),  # too high: does not count
+        (STATIC, 0, False),  # unlabelled: does not count
+    ]
+    states, classes, moves = (np.array(column) for column in zip(*rows, strict=True))
+    figures = point_motion(states.astype(np.uint8), classes, moves)
+    assert figures.moving == Confusion(true_positives=1, false_positives=1, false_negatives=2)
+    assert figures.static == Confusion(true_positives=1, false_positives=2, false_negatives=1)
+    assert (figures + figures).moving.iou == pytest.approx(2 / 8)
+
+
+def test_labelled_objects_of_different_lengths_are_refused():
+    with pytest.raises(PerceptionError, match="one length"):
+        LabelledObjects(Boxes3D.empty(), np.zeros(1, np.int64), np.zeros(0, np.int64))
