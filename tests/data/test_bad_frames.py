@@ -1,0 +1,162 @@
+"""Whatever is wrong with a file: a sentence that names it, what was expected, and what was found."""
+
+import numpy as np
+import pytest
+
+from data.open_drive import open_drive
+from perception.errors import CalibrationError, DriveError, ImageError, PoseError, ScanError
+
+
+def _scan_path(drive, index=2):
+    return drive / f"velodyne_points/data/{index:010d}.bin"
+
+
+def _sentence(drive, error_type, index=2) -> str:
+    with pytest.raises(error_type) as error:
+        open_drive(drive)[index]
+    return str(error.value)
+
+
+def test_a_truncated_scan(raw_drive):
+    path = _scan_path(raw_drive)
+    path.write_bytes(path.read_bytes()[:-3])
+    sentence = _sentence(raw_drive, ScanError)
+    assert sentence.startswith(f"{path}: expected 16 bytes a point")
+    assert "found 57597 bytes" in sentence
+
+
+def test_a_scan_of_three_columns_has_the_wrong_size(raw_drive):
+    path = _scan_path(raw_drive)
+    np.zeros((7, 3), np.float32).tofile(path)
+    assert f"{path}: expected 16 bytes a point" in _sentence(raw_drive, ScanError)
+
+
+def test_an_empty_scan(raw_drive):
+    path = _scan_path(raw_drive)
+    path.write_bytes(b"")
+    sentence = _sentence(raw_drive, ScanError)
+    assert sentence == f"{path}: expected at least one point, found an empty scan."
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf], ids=["NaN", "infinity"])
+def test_points_that_are_not_finite(raw_drive, value):
+    path = _scan_path(raw_drive)
+    points = np.fromfile(path, np.float32)
+    points[[4, 80]] = value
+    points.tofile(path)
+    sentence = _sentence(raw_drive, ScanError)
+    assert sentence.startswith(f"{path}: expected finite coordinates, found 2 of 3600 points")
+
+
+@pytest.mark.parametrize("value", [-0.1, 255])
+def test_reflectance_of_another_scale(raw_drive, value):
+    path = _scan_path(raw_drive)
+    points = np.fromfile(path, np.float32)
+    points[3] = value
+    points.tofile(path)
+    sentence = _sentence(raw_drive, ScanError)
+    assert sentence.startswith(f"{path}: expected reflectance from 0 to 1, found")
+    assert f"{value:g}" in sentence
+
+
+def test_a_scan_missing_in_the_middle(raw_drive):
+    path = _scan_path(raw_drive)
+    path.unlink()
+    drive = open_drive(raw_drive)
+    assert len(drive) == 6
+    assert drive[3].index == 3
+    sentence = _sentence(raw_drive, ScanError)
+    assert sentence.startswith(f"{path}: expected a scan, found no file; pass --on-bad-frame skip")
+
+
+def test_timestamps_for_the_scans_that_are_there(raw_drive):
+    _scan_path(raw_drive).unlink()
+    path = raw_drive / "velodyne_points/timestamps.txt"
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join(rows[:2] + rows[3:]))
+    assert open_drive(raw_drive)[4].stamp_s == pytest.approx(0.4)
+
+
+def test_a_timestamp_that_is_none(raw_drive):
+    path = raw_drive / "velodyne_points/timestamps.txt"
+    path.write_text(path.read_text().replace("32.2", "noon"))
+    assert f"{path} row 3: expected a time such as" in _sentence(raw_drive, DriveError)
+
+
+@pytest.mark.parametrize("damage", [b"", b"\x89PNG not really", None], ids=["empty", "no", "cut"])
+def test_an_unreadable_image(raw_drive, damage):
+    path = raw_drive / "image_02/data/0000000002.png"
+    path.write_bytes(path.read_bytes()[:-20] if damage is None else damage)
+    sentence = _sentence(raw_drive, ImageError)
+    assert sentence.startswith(f"{path}: expected a whole PNG or JPEG image, found")
+
+
+def test_an_image_cut_off_is_refused_as_jpeg_too(raw_drive):
+    import cv2
+
+    path = raw_drive / "image_02/data/0000000002.png"
+    noise = np.random.default_rng(0).integers(0, 255, (19, 62, 3)).astype(np.uint8)
+    data = cv2.imencode(".jpg", noise)[1].tobytes()
+    path.write_bytes(data)
+    assert open_drive(raw_drive)[2].image.shape == (19, 62, 3)
+    path.write_bytes(data[: len(data) // 2])
+    assert "expected a whole PNG or JPEG image" in _sentence(raw_drive, ImageError)
+
+
+def test_an_image_of_another_size_than_its_calibration(raw_drive):
+    import cv2
+
+    path = raw_drive / "image_02/data/0000000002.png"
+    cv2.imwrite(str(path), np.zeros((20, 62, 3), np.uint8))
+    calibration = raw_drive.parent / "calib_cam_to_cam.txt"
+    sentence = _sentence(raw_drive, ImageError)
+    assert sentence == f"{path}: expected 62x19 pixels as {calibration} says, found 62x20."
+
+
+def test_an_image_of_another_size_than_the_first(tracking_root):
+    import cv2
+
+    path = tracking_root / "training/image_02/0001/000002.png"
+    cv2.imwrite(str(path), np.zeros((19, 70, 3), np.uint8))
+    with pytest.raises(ImageError, match=r"000002\.png: expected 62x19 .*first.*found 70x19"):
+        open_drive(tracking_root, sequence="0001")[2]
+
+
+def test_a_missing_calibration_key(raw_drive):
+    path = raw_drive.parent / "calib_velo_to_cam.txt"
+    path.write_text(path.read_text().replace("T:", "S:"))
+    assert _sentence(raw_drive, CalibrationError) == f"{path}: expected the key T, found only R, S."
+
+
+def test_a_singular_matrix(raw_drive):
+    path = raw_drive.parent / "calib_velo_to_cam.txt"
+    path.write_text(f"R: {'0 ' * 9}\nT: 0 0 0\n")
+    sentence = _sentence(raw_drive, CalibrationError)
+    assert sentence == f"{path}: expected an invertible R, found a singular matrix."
+
+
+def test_a_missing_ins_file(raw_drive):
+    path = raw_drive / "oxts/data/0000000002.txt"
+    path.unlink()
+    sentence = _sentence(raw_drive, PoseError)
+    assert sentence.startswith(f"{path}: expected the INS packet of frame 2, found no file")
+
+
+def test_a_missing_ins_row(tracking_root):
+    path = tracking_root / "training/oxts/0001.txt"
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join([*rows[:2], "", *rows[3:5]]))
+    drive = open_drive(tracking_root, sequence="0001")
+    with pytest.raises(PoseError) as error:
+        drive[2]
+    where = f"{path} row 3: expected the INS packet of frame 2, found an empty row"
+    assert str(error.value).startswith(where)
+    with pytest.raises(PoseError, match=r"row 6: expected .* found only 5 rows"):
+        drive[5]
+
+
+def test_the_first_ins_row_may_be_missing_too(tracking_root):
+    path = tracking_root / "training/oxts/0001.txt"
+    path.write_text("\n" + path.read_text().split("\n", 1)[1])
+    drive = open_drive(tracking_root, sequence="0001")
+    np.testing.assert_allclose(drive.world_SE3_velo(1)[2, 3], 0.8, atol=1e-6)
