@@ -1,0 +1,102 @@
+"""Several synthetic drives at once, each of another world."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from data.synthetic import writer
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.ins import InsNoise
+from data.synthetic.world import WorldConfig, draw_config
+from data.synthetic.writer import Layout
+from perception.errors import UsageError
+from perception.sensor import HDL_64E, LidarModel
+
+_FRAMES_A_WORLD = 5  # of the object layout
+_FRAMES_APART = 18  # so that the scenery is another
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What to write.
+
+    Attributes:
+        layout: KITTI's raw, tracking or object layout.
+        frames: of each drive; of all together in the object layout.
+        drives: how many; the object layout takes as many worlds as it needs.
+        sensor: the LiDAR.
+        seed: of the first drive; the next have the next seeds.
+        noise: of the INS.
+        images: whether to write images.
+        config: the street of every drive; else the first is the demonstration street and each next
+            one another kind.
+    """
+
+    layout: Layout = "raw"
+    frames: int = 80
+    drives: int = 1
+    sensor: LidarModel = HDL_64E
+    seed: int = 0
+    noise: InsNoise = field(default_factory=InsNoise)
+    images: bool = True
+    config: WorldConfig | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse to write nothing, or an unknown layout."""
+        if self.frames < 1 or self.drives < 1:
+            found = f"{self.drives} drives of {self.frames} frames"
+            raise UsageError("synthetic drives", expected="at least one frame", found=found)
+        if self.layout not in ("raw", "tracking", "object"):
+            raise UsageError("layout", expected="raw, tracking or object", found=repr(self.layout))
+
+    @property
+    def total_frames(self) -> int:
+        """How many frames will be written."""
+        return self.frames if self.layout == "object" else self.frames * self.drives
+
+
+def write_drives(
+    out: Path, recipe: Recipe, done: Callable[[], object] = lambda: None
+) -> list[Path]:
+    """Write drives below a folder; return the folder that opens as each.
+
+    Args:
+        out: where.
+        recipe: what.
+        done: called after each frame.
+    """
+    if recipe.layout == "object":
+        return [_write_object_frames(out, recipe, done)]
+    write = writer.write_raw if recipe.layout == "raw" else writer.write_tracking
+    return [
+        write(draw_drive(recipe, number, recipe.frames), out, number, done)
+        for number in range(recipe.drives)
+    ]
+
+
+def draw_drive(recipe: Recipe, number: int, frames: int) -> SyntheticDrive:
+    """Draw one of the drives of a recipe."""
+    seed = recipe.seed + number
+    config = recipe.config
+    if config is None and (number > 0 or recipe.layout == "object"):
+        config = draw_config(np.random.default_rng([seed, 0xC0]))
+    return SyntheticDrive(
+        frames, seed=seed, sensor=recipe.sensor, config=config, noise=recipe.noise,
+        images=recipe.images,
+    )  # fmt: skip
+
+
+def _write_object_frames(out: Path, recipe: Recipe, done: Callable[[], object]) -> Path:
+    folder = out
+    for world, numbers in enumerate(_batches(recipe.frames)):
+        frames = range(0, _FRAMES_APART * len(numbers), _FRAMES_APART)
+        drive = draw_drive(recipe, world, frames[-1] + 1)
+        folder = writer.write_objects(drive, out, numbers[0], frames, done)
+    return folder
+
+
+def _batches(frames: int) -> Iterator[range]:
+    for first in range(0, frames, _FRAMES_A_WORLD):
+        yield range(first, min(first + _FRAMES_A_WORLD, frames))

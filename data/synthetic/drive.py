@@ -1,0 +1,148 @@
+"""A synthetic drive in memory: every frame is seen when it is asked for, the same at every asking."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from data.drive import Labels, PointTruth
+from data.kitti.calibration import DriveCalibration
+from data.kitti.oxts import InsPacket, Mercator
+from data.synthetic import ins, labelling, lidar
+from data.synthetic.ins import InsNoise
+from data.synthetic.lidar import LidarScan
+from data.synthetic.rig import default_calibration
+from data.synthetic.world import World, WorldConfig, build_world
+from perception.errors import DriveError, UsageError
+from perception.geometry import se3
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Calibration, Float64, Frame, UInt8
+
+_WORLD, _INS, _SCAN, _IMAGE = range(4)  # streams of random numbers
+
+
+class SyntheticDrive:
+    """Frames of a synthetic world, deterministic in seed and index; implements `data.drive.Drive`."""
+
+    is_sequence = True
+    has_poses = True
+    has_labels = True
+
+    def __init__(
+        self,
+        frames: int = 80,
+        *,
+        seed: int = 0,
+        sensor: LidarModel = HDL_64E,
+        config: WorldConfig | None = None,
+        noise: InsNoise | None = None,
+        images: bool = True,
+    ) -> None:
+        """Draw the world.
+
+        Args:
+            frames: how many scans.
+            seed: of the world and of all noise.
+            sensor: the LiDAR.
+            config: how the world is drawn; else a lively street.
+            noise: of the INS; else as KITTI's.
+            images: whether frames carry images.
+        """
+        if frames < 1:
+            raise UsageError("synthetic drive", expected="at least one frame", found=str(frames))
+        self.name, self.root = f"synthetic_{seed:04d}", Path(f"synthetic_{seed:04d}")
+        self.sensor, self.has_images = sensor, images
+        self.rig: DriveCalibration = default_calibration()
+        self._frames, self._seed, self._noise = frames, seed, noise or InsNoise()
+        self.world: World = build_world(
+            config or WorldConfig(), frames / sensor.rate_hz, self._random(_WORLD)
+        )
+
+    def _random(self, stream: int, index: int = 0) -> np.random.Generator:
+        return np.random.default_rng([self._seed, stream, index])
+
+    @property
+    def calibration(self) -> Calibration:
+        """The camera's."""
+        if self.rig.camera is None:
+            raise DriveError(self.name, expected="a rig with a camera", found="none")
+        return self.rig.camera
+
+    def __len__(self) -> int:
+        return self._frames
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[index] for index in range(len(self)))
+
+    def __getitem__(self, index: int) -> Frame:
+        """Look at the world at the time of one frame."""
+        index = range(self._frames)[index]
+        return Frame(
+            index=index,
+            stamp_s=self.stamp_s(index),
+            points_velo=self.scan(index).points_velo,
+            image=self.image(index) if self.has_images else None,
+            world_SE3_velo=self.world_SE3_velo(index),
+            calibration=self.calibration,
+            source=f"{self.name} frame {index}",
+        )
+
+    def stamp_s(self, index: int) -> float:
+        """Return when the LiDAR of a frame faces forward, which is when the camera opens."""
+        return range(self._frames)[index] / self.sensor.rate_hz
+
+    def scan(self, index: int) -> LidarScan:
+        """Take the scan of one frame, with the truth of its points."""
+        rng = self._random(_SCAN, range(self._frames)[index])
+        return lidar.scan(self.world, self.sensor, self.stamp_s(index), rng)
+
+    def image(self, index: int) -> UInt8:
+        """Take the image of one frame."""
+        raise NotImplementedError
+
+    def ins_packet(self, index: int) -> InsPacket:
+        """Return what the INS says at one frame."""
+        return self._packets[range(self._frames)[index]]
+
+    def world_SE3_velo(self, index: int) -> Float64:
+        """Return the (4, 4) pose by the INS, in metres around the first packet."""
+        return self._metres.world_SE3_imu(self.ins_packet(index)) @ se3.inverse(self._velo_SE3_imu)
+
+    def true_world_SE3_velo(self, index: int) -> Float64:
+        """Return the exact (4, 4) pose, in the same world as those by the INS."""
+        pose = self._poses[range(self._frames)[index]].copy()
+        pose[:3, 3] -= ins.ORIGIN.world_SE3_imu(self._packets[0])[:3, 3]
+        return pose
+
+    def labels(self, index: int, *, is_tracking: bool = True) -> Labels:
+        """Label one frame by KITTI's rules, truncation as tracking's levels or as a share."""
+        return labelling.label(
+            self.world, self.calibration, self._poses[range(self._frames)[index]],
+            self.stamp_s(index), is_tracking=is_tracking,
+        )  # fmt: skip
+
+    def point_truth(self, index: int) -> PointTruth:
+        """Return the exact truth of every point of one frame."""
+        return self.scan(index).truth
+
+    @cached_property
+    def _poses(self) -> Float64:
+        """(F, 4, 4) true LiDAR poses in the coordinates of the world's geometry."""
+        stamps = np.arange(self._frames) / self.sensor.rate_hz
+        return lidar.velo_poses(self.world, self.sensor, stamps)
+
+    @property
+    def _velo_SE3_imu(self) -> Float64:
+        if self.rig.velo_SE3_imu is None:
+            raise DriveError(self.name, expected="a rig with an INS", found="none")
+        return self.rig.velo_SE3_imu
+
+    @cached_property
+    def _packets(self) -> list[InsPacket]:
+        poses = self._poses @ self._velo_SE3_imu
+        return ins.packets(poses, self.sensor.rate_hz, self._noise, self._random(_INS))
+
+    @cached_property
+    def _metres(self) -> Mercator:
+        return Mercator.around(self._packets[0])

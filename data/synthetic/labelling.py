@@ -1,0 +1,199 @@
+"""Labels by KITTI's rules, from exact geometry: what a careful annotator would draw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.drive import Labels
+from data.synthetic.actors import Actor
+from data.synthetic.rig import PinholeCamera
+from data.synthetic.scene import Moving, Rays, to_local
+from data.synthetic.world import World
+from perception.geometry import se3
+from perception.types import Bool, Boxes3D, Calibration, Float32, Float64, Int
+
+_SAMPLES = 26  # along each side of a box, at most, to tell what is visible
+_LATTICE = np.stack(
+    np.meshgrid(np.linspace(-0.45, 0.45, 9), np.linspace(-0.4, 0.4, 5), np.linspace(0.1, 0.9, 5)),
+    -1,
+).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class LabelRules:
+    """Which objects are labelled, and which are image regions that nobody cares about.
+
+    Attributes:
+        min_height_px: lower objects are DontCare.
+        unknown_height_px: lower ones have occlusion 3, unknown.
+        max_distance_m: farther ones are DontCare.
+        min_visible_share: of the object within the image; below it is DontCare.
+        visible_share: at least so much seen is occlusion 0.
+        partly_share: at least so much seen is occlusion 1, less is 2.
+        max_truncation: share outside the image beyond which an object is DontCare.
+        min_seen_px: area that must be seen for the object to be noticed at all.
+    """
+
+    min_height_px: float = 12.0
+    unknown_height_px: float = 16.0
+    max_distance_m: float = 85.0
+    min_visible_share: float = 0.12
+    visible_share: float = 0.85
+    partly_share: float = 0.45
+    max_truncation: float = 0.90
+    min_seen_px: float = 30.0
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """One object before the camera.
+
+    Attributes:
+        actor: who it is.
+        state: where it is and which shape it has.
+        box_px: (4,) around its outline, clipped to the image.
+        truncation: share of its volume outside the image.
+        distance_m: along the camera's axis.
+    """
+
+    actor: Actor
+    state: Moving
+    box_px: Float64
+    truncation: float
+    distance_m: float
+
+
+def label(
+    world: World,
+    calibration: Calibration,
+    world_SE3_velo: Float64,
+    time_s: float,
+    *,
+    is_tracking: bool,
+    rules: LabelRules = LabelRules(),
+) -> Labels:
+    """Label what the camera sees at a time.
+
+    Args:
+        world: what is there.
+        calibration: of the camera.
+        world_SE3_velo: pose of the LiDAR.
+        time_s: when.
+        is_tracking: truncation as tracking's levels 0, 1 and 2 instead of a share.
+        rules: what is labelled.
+    """
+    camera = PinholeCamera(calibration, world_SE3_velo)
+    sights = _sights(world, camera, time_s, rules)
+    alone, seen, area = _visibility(world, camera, sights, time_s)
+    share = seen / np.maximum(alone, 1)
+    seen_px = share * area
+    height = np.array([s.box_px[3] - s.box_px[1] for s in sights])
+    truncation = np.array([s.truncation for s in sights])
+    distance = np.array([s.distance_m for s in sights])
+    noticed = (seen > 0) & (seen_px >= rules.min_seen_px)
+    labelled = noticed & (height >= rules.min_height_px) & (distance <= rules.max_distance_m)
+    labelled &= (share >= rules.min_visible_share) & (truncation <= rules.max_truncation)
+    occlusion = np.select([share >= rules.visible_share, share >= rules.partly_share], [0, 1], 2)
+    occlusion = np.where(height < rules.unknown_height_px, 3, occlusion)
+    boxes_px = np.array([s.box_px for s in sights]).reshape(-1, 4)
+    levels = np.digitize(truncation, [0.04, 0.5]).astype(float)
+    kept = [sight for sight, keep in zip(sights, labelled, strict=True) if keep]
+    return Labels(
+        boxes_velo=_boxes_velo(kept, world_SE3_velo),
+        boxes_px=boxes_px[labelled],
+        types=np.array([s.actor.body.kind for s in kept], np.str_),
+        track_ids=np.array([s.actor.track_id for s in kept], np.int64),
+        truncation=(levels if is_tracking else truncation)[labelled],
+        occlusion=occlusion[labelled].astype(np.int64),
+        dont_care_px=boxes_px[noticed & ~labelled],
+    )
+
+
+def _sights(world: World, camera: PinholeCamera, time_s: float, rules: LabelRules) -> list[_Sight]:
+    """Find the objects of which some part falls into the image."""
+    found = []
+    for actor in world.actors:
+        state = world.state(actor, time_s)
+        offset = state.world_SE3_thing[:3, 3] - camera.centre_m
+        if np.linalg.norm(offset) > 1.4 * rules.max_distance_m:
+            continue
+        sight = _sight(actor, state, actor.body.poses[actor.phase(time_s)].vertices_m, camera)
+        if sight is not None:
+            found.append(sight)
+    return found
+
+
+def _sight(actor: Actor, state: Moving, outline: Float32, camera: PinholeCamera) -> _Sight | None:
+    pose, width_height = state.world_SE3_thing, np.array(camera.size_px, float)
+    pixels, depth_m = camera.project(outline @ pose[:3, :3].T + pose[:3, 3])
+    before = depth_m > 0.3
+    if not before.any():
+        return None
+    low, high = pixels[before].min(axis=0), pixels[before].max(axis=0)
+    low, high = np.maximum(low, 0.0), np.minimum(high, width_height - 1)
+    if (high - low < 1.5).any():
+        return None
+    inside = _LATTICE * np.asarray(actor.body.size_m)
+    places, depths = camera.project(inside @ pose[:3, :3].T + pose[:3, 3])
+    with np.errstate(invalid="ignore"):
+        is_in = ((places >= 0) & (places < width_height)).all(axis=1) & (depths > 0)
+    middle = float(camera.project(pose[None, :3, 3])[1][0])
+    return _Sight(actor, state, np.concatenate([low, high]), float(1 - is_in.mean()), middle)
+
+
+def _visibility(
+    world: World, camera: PinholeCamera, sights: Sequence[_Sight], time_s: float
+) -> tuple[Int, Int, Float64]:
+    """Return, by object, samples that it covers alone, those it is seen in, and its area in pixels."""
+    if not sights:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    pixels, owner = _sample_pixels(sights)
+    rays = camera.rays(pixels)
+    covers = np.concatenate(
+        [_covers(world, rays, np.flatnonzero(owner == n), s.state) for n, s in enumerate(sights)]
+    )
+    index = np.flatnonzero(covers)
+    before = camera.rays(pixels[index])
+    _, moving = world.moving_at(time_s, 150.0)
+    hits = world.scene.cast(before, moving)
+    instance = world.scene.tables.instances[hits.thing]
+    own = np.array([sight.actor.track_id + 1 for sight in sights])[owner[index]]
+    is_seen = (hits.row >= 0) & (instance == own)
+    alone = np.bincount(owner[index], minlength=len(sights))
+    seen = np.bincount(owner[index[is_seen]], minlength=len(sights))
+    size = np.array([s.box_px[2:] - s.box_px[:2] for s in sights]).prod(axis=1)
+    return alone, seen, size * alone / np.bincount(owner, minlength=len(sights))
+
+
+def _sample_pixels(sights: Sequence[_Sight]) -> tuple[Float64, Int]:
+    """Lay an even lattice of pixels over every box."""
+    lattices, owners = [], []
+    for number, sight in enumerate(sights):
+        x0, y0, x1, y1 = sight.box_px
+        columns = min(_SAMPLES, max(2, int(x1 - x0)))
+        rows = min(_SAMPLES, max(2, int(y1 - y0)))
+        x = x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0)
+        y = y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)
+        lattices.append(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+        owners.append(np.full(columns * rows, number))
+    return np.concatenate(lattices), np.concatenate(owners)
+
+
+def _covers(world: World, rays: Rays, index: Int, state: Moving) -> Bool:
+    """Tell which rays meet an object when nothing else is there."""
+    origins, directions = to_local(rays, index, state)
+    return world.scene.meets(state.shape, origins, directions)
+
+
+def _boxes_velo(sights: Sequence[_Sight], world_SE3_velo: Float64) -> Boxes3D:
+    """Return upright boxes in the LiDAR's frame."""
+    if not sights:
+        return Boxes3D.empty()
+    velo_SE3_world = se3.inverse(world_SE3_velo)
+    poses = np.stack([velo_SE3_world @ sight.state.world_SE3_thing for sight in sights])
+    return Boxes3D(
+        poses[:, :3, 3],
+        np.array([sight.actor.body.size_m for sight in sights], float),
+        np.arctan2(poses[:, 1, 0], poses[:, 0, 0]),
+    )

@@ -1,0 +1,186 @@
+"""What things are made of: how each material answers a laser and a camera, and which class it has.
+
+A mesh names a `Slot` for every triangle; an object's palette gives each slot its colour and
+reflectance, so that one car shape is painted a hundred ways.
+"""
+
+from enum import IntEnum, auto
+from typing import NamedTuple
+
+import numpy as np
+
+from perception.types import Float32
+
+
+class Slot(IntEnum):
+    """Material of a triangle."""
+
+    ASPHALT = 0
+    KERB = auto()
+    PAVEMENT = auto()
+    GRASS = auto()
+    WALL = auto()
+    WINDOW = auto()
+    FRAME = auto()
+    CURTAIN = auto()
+    ROOF = auto()
+    DOOR = auto()
+    TRUNK = auto()
+    LEAVES = auto()
+    FENCE = auto()
+    METAL = auto()
+    SIGN = auto()
+    SIGN_BACK = auto()
+    PAINT = auto()
+    GLASS = auto()
+    TRIM = auto()
+    TYRE = auto()
+    RIM = auto()
+    HEADLIGHT = auto()
+    TAILLIGHT = auto()
+    PLATE = auto()
+    INTERIOR = auto()
+    SKIN = auto()
+    HAIR = auto()
+    SHIRT = auto()
+    TROUSERS = auto()
+    SHOES = auto()
+    BICYCLE = auto()
+
+
+class SemanticClass(IntEnum):
+    """SemanticKITTI's numbers of the classes that a synthetic street holds."""
+
+    CAR = 10
+    TRUCK = 18
+    OTHER_VEHICLE = 20
+    PERSON = 30
+    BICYCLIST = 31
+    ROAD = 40
+    SIDEWALK = 48
+    BUILDING = 50
+    FENCE = 51
+    VEGETATION = 70
+    TRUNK = 71
+    TERRAIN = 72
+    POLE = 80
+    TRAFFIC_SIGN = 81
+
+
+# Still class: its number while the object moves.
+MOVING_CLASS = {
+    SemanticClass.CAR: 252,
+    SemanticClass.BICYCLIST: 253,
+    SemanticClass.PERSON: 254,
+    SemanticClass.TRUCK: 258,
+    SemanticClass.OTHER_VEHICLE: 259,
+}
+
+
+class Material(NamedTuple):
+    """One slot's defaults.
+
+    Attributes:
+        rgb: linear colour, 0..1.
+        reflectance: what a LiDAR reports of it face on, 0..1, as on KITTI's scans.
+        semantic: class of static things with this slot; objects such as cars override it.
+        gloss: share of the sky that it mirrors face on.
+        drop: share of laser returns lost whatever the range.
+        transmission: share of laser shots that go through it.
+    """
+
+    rgb: tuple[float, float, float]
+    reflectance: float
+    semantic: int = 0
+    gloss: float = 0.0
+    drop: float = 0.01
+    transmission: float = 0.0
+
+
+MATERIALS = {
+    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.30, SemanticClass.ROAD),
+    Slot.KERB: Material((0.42, 0.41, 0.39), 0.38, SemanticClass.SIDEWALK),
+    Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.34, SemanticClass.SIDEWALK),
+    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.42, SemanticClass.TERRAIN, drop=0.04),
+    Slot.WALL: Material((0.50, 0.46, 0.40), 0.36, SemanticClass.BUILDING),
+    Slot.WINDOW: Material(
+        (0.03, 0.04, 0.05), 0.10, SemanticClass.BUILDING, gloss=0.35, drop=0.35, transmission=0.6
+    ),
+    Slot.FRAME: Material((0.72, 0.72, 0.70), 0.42, SemanticClass.BUILDING),
+    Slot.CURTAIN: Material((0.20, 0.19, 0.18), 0.25, SemanticClass.BUILDING),
+    Slot.ROOF: Material((0.26, 0.10, 0.07), 0.30, SemanticClass.BUILDING),
+    Slot.DOOR: Material((0.16, 0.09, 0.05), 0.30, SemanticClass.BUILDING),
+    Slot.TRUNK: Material((0.12, 0.09, 0.07), 0.30, SemanticClass.TRUNK),
+    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.38, SemanticClass.VEGETATION, drop=0.05),
+    Slot.FENCE: Material((0.30, 0.24, 0.18), 0.35, SemanticClass.FENCE),
+    Slot.METAL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.POLE, gloss=0.05),
+    Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
+    Slot.SIGN_BACK: Material((0.35, 0.36, 0.37), 0.40, SemanticClass.TRAFFIC_SIGN),
+    Slot.PAINT: Material((0.30, 0.30, 0.32), 0.30, gloss=0.06, drop=0.03),
+    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.12, drop=0.45, transmission=0.75),
+    Slot.TRIM: Material((0.025, 0.025, 0.027), 0.08, gloss=0.02, drop=0.06),
+    Slot.TYRE: Material((0.03, 0.03, 0.03), 0.10, drop=0.05),
+    Slot.RIM: Material((0.42, 0.43, 0.45), 0.45, gloss=0.12, drop=0.03),
+    Slot.HEADLIGHT: Material((0.70, 0.72, 0.75), 0.65, gloss=0.20, drop=0.10),
+    Slot.TAILLIGHT: Material((0.40, 0.02, 0.02), 0.85, gloss=0.08, drop=0.03),
+    Slot.PLATE: Material((0.78, 0.78, 0.74), 0.97),
+    Slot.INTERIOR: Material((0.04, 0.04, 0.045), 0.20, drop=0.05),
+    Slot.SKIN: Material((0.55, 0.36, 0.27), 0.45),
+    Slot.HAIR: Material((0.06, 0.04, 0.03), 0.15, drop=0.05),
+    Slot.SHIRT: Material((0.30, 0.30, 0.35), 0.35),
+    Slot.TROUSERS: Material((0.06, 0.07, 0.12), 0.25),
+    Slot.SHOES: Material((0.05, 0.045, 0.04), 0.20),
+    Slot.BICYCLE: Material((0.08, 0.08, 0.09), 0.25, gloss=0.03, drop=0.05),
+}
+
+
+def column(field: str) -> Float32:
+    """Return one field of every slot's material as an array indexed by slot."""
+    return np.array([getattr(MATERIALS[slot], field) for slot in Slot], np.float32)
+
+
+def palette(changes: dict[Slot, tuple[float, float, float, float]] | None = None) -> Float32:
+    """Return (slots, 4) colour and reflectance, the defaults but for what changes."""
+    rows = np.concatenate([column("rgb"), column("reflectance")[:, None]], axis=1)
+    for slot, row in (changes or {}).items():
+        rows[slot] = row
+    return rows
+
+
+# Linear colour, reflectance face on, and how many cars in a hundred wear it.
+CAR_PAINTS: list[tuple[tuple[float, float, float, float], float]] = [
+    ((0.55, 0.56, 0.58, 0.42), 22),  # silver
+    ((0.10, 0.105, 0.11, 0.16), 18),  # dark grey
+    ((0.012, 0.012, 0.013, 0.05), 20),  # black
+    ((0.80, 0.80, 0.78, 0.50), 14),  # white
+    ((0.03, 0.07, 0.22, 0.22), 10),  # blue
+    ((0.35, 0.025, 0.02, 0.38), 8),  # red
+    ((0.03, 0.10, 0.05, 0.20), 3),  # green
+    ((0.42, 0.36, 0.26, 0.38), 3),  # beige
+    ((0.60, 0.42, 0.04, 0.45), 2),  # yellow
+]
+
+
+def random_paint(rng: np.random.Generator) -> tuple[float, float, float, float]:
+    """Draw a car's colour and reflectance as common as on a German street."""
+    weights = np.array([weight for _, weight in CAR_PAINTS])
+    row = np.array(CAR_PAINTS[rng.choice(len(CAR_PAINTS), p=weights / weights.sum())][0])
+    row *= rng.uniform(0.85, 1.15, 4)
+    return tuple(np.clip(row, 0.005, 0.9))
+
+
+def random_clothes(rng: np.random.Generator) -> Float32:
+    """Draw the palette of a person, with or without a bicycle."""
+    shirt = rng.uniform(0.02, 0.6) * rng.dirichlet([3, 3, 3]) * 2
+    trousers = rng.uniform(0.02, 0.2) * rng.dirichlet([6, 6, 9]) * 2
+    skin = np.array([0.55, 0.36, 0.27]) * rng.uniform(0.35, 1.15)
+    frame = rng.uniform(0.02, 0.5) * rng.dirichlet([1, 1, 1]) * 2
+    hair = np.array([0.10, 0.06, 0.03]) * rng.uniform(0.2, 2.5)
+    colours = {
+        Slot.SHIRT: (*shirt, rng.uniform(0.15, 0.6)),
+        Slot.TROUSERS: (*trousers, rng.uniform(0.1, 0.4)),
+        Slot.SKIN: (*skin, 0.45),
+        Slot.HAIR: (*hair, 0.15),
+        Slot.BICYCLE: (*frame, 0.25),
+    }
+    return palette(colours)

@@ -1,0 +1,189 @@
+"""Pedestrians and cyclists, posed by the phase of their step or of their pedals.
+
+Origin on the ground below the body's centre, x forward, y left, z up.
+"""
+
+import numpy as np
+
+from data.synthetic import meshes
+from data.synthetic.materials import Slot
+from data.synthetic.meshes import Mesh
+from perception.types import Float64
+
+PHASES = 12  # poses in one full step or pedal turn
+STRIDE_M = 1.45  # way walked in one full step, left and right
+PEDAL_M = 5.0  # way ridden in one turn of the pedals
+
+_TALL_M = 1.75  # all measures below are of a person this tall
+
+
+def _limb(joints_m: list[Float64], radii_m: list[float], slot: Slot) -> Mesh:
+    """Join neighbouring joints by tubes, and round the joints between them."""
+    parts = [
+        meshes.tube(np.array([a, b]), [ra, rb], slot)
+        for a, b, ra, rb in zip(joints_m, joints_m[1:], radii_m, radii_m[1:], strict=False)
+    ]
+    balls = [
+        meshes.ellipsoid(j, (r, r, r), slot, 6) for j, r in zip(joints_m, radii_m, strict=True)
+    ]
+    return meshes.merge(parts + balls)
+
+
+def _head(neck_m: Float64) -> list[Mesh]:
+    """Build neck, face and hair upon the neck's foot."""
+    return [
+        meshes.tube(np.array([neck_m, neck_m + (0.01, 0, 0.12)]), [0.055, 0.055], Slot.SKIN),
+        meshes.ellipsoid(neck_m + (0.03, 0, 0.20), (0.095, 0.078, 0.12), Slot.SKIN, 10),
+        meshes.ellipsoid(neck_m + (0.005, 0, 0.225), (0.10, 0.085, 0.115), Slot.HAIR, 10),
+    ]
+
+
+def _torso(hip_m: Float64, neck_m: Float64) -> list[Mesh]:
+    """Build hips, waist and chest between the hips' centre and the neck's foot."""
+    spine = neck_m - hip_m
+    across = np.array([0.0, 1.0, 0.0])
+    depth = np.cross(across, spine / np.linalg.norm(spine))
+    turn = np.linspace(0, 2 * np.pi, 11)
+    share = np.array([-0.12, -0.1, 0.0, 0.25, 0.55, 0.8, 0.95, 1.0, 1.02])
+    wide = np.array([0.0, 0.13, 0.17, 0.155, 0.185, 0.20, 0.15, 0.06, 0.0])
+    deep = np.array([0.0, 0.10, 0.12, 0.11, 0.125, 0.115, 0.08, 0.05, 0.0])
+    ring = (
+        hip_m
+        + share[:, None, None] * spine
+        + (wide[:, None] * np.cos(turn))[..., None] * across
+        + (deep[:, None] * np.sin(turn))[..., None] * depth
+    )
+    slots = np.array([Slot.TROUSERS] * 2 + [Slot.SHIRT] * 6)[:, None]
+    return [meshes.smooth(meshes.grid(ring, slots))]
+
+
+def pedestrian(height_m: float, phase: int, *, is_walking: bool = True) -> Mesh:
+    """Build a person in one of the poses of a step."""
+    swing = np.sin(2 * np.pi * phase / PHASES) if is_walking else 0.0
+    lift = np.cos(2 * np.pi * phase / PHASES) if is_walking else 0.0
+    parts: list[Mesh] = []
+    hip = np.array([0.0, 0.0, 0.93 - 0.03 * abs(swing)])
+    neck = hip + (0.03, 0.0, 0.53)
+    for side in (1, -1):
+        thigh_rad = 0.50 * swing * side
+        bend_rad = 0.15 + 0.75 * max(0.0, lift * side) if is_walking else 0.03
+        parts += _leg(hip + (0, 0.09 * side, 0), thigh_rad, bend_rad)
+        arm_rad = -0.45 * swing * side
+        parts += _arm(neck + (-0.01, 0.19 * side, -0.07), arm_rad, side)
+    parts += _torso(hip, neck) + _head(neck)
+    return _grown(meshes.merge(parts), height_m)
+
+
+def _grown(mesh: Mesh, height_m: float) -> Mesh:
+    """Scale a body to its height and set its lowest point on the ground."""
+    scale = height_m / _TALL_M
+    vertices = mesh.vertices_m * np.float32(scale)
+    vertices[:, 2] -= vertices[:, 2].min()
+    return Mesh(vertices, mesh.triangles, mesh.slots, mesh.normals, mesh.texture_m)
+
+
+def _swung(angle_rad: float, length_m: float) -> Float64:
+    """Return the way down a limb that is swung forward."""
+    return length_m * np.array([np.sin(angle_rad), 0.0, -np.cos(angle_rad)])
+
+
+def _leg(hip_m: Float64, thigh_rad: float, bend_rad: float) -> list[Mesh]:
+    knee = hip_m + _swung(thigh_rad, 0.43)
+    ankle = knee + _swung(thigh_rad - bend_rad, 0.42)
+    shoe = ankle + (0.06, 0.0, -0.03)
+    return [
+        _limb([hip_m, knee, ankle], [0.085, 0.062, 0.045], Slot.TROUSERS),
+        meshes.ellipsoid(shoe, (0.14, 0.05, 0.05), Slot.SHOES),
+    ]
+
+
+def _arm(shoulder_m: Float64, angle_rad: float, side: int) -> list[Mesh]:
+    elbow = shoulder_m + _swung(angle_rad, 0.28) + (0, 0.03 * side, 0)
+    hand = elbow + _swung(angle_rad + 0.35, 0.27)
+    return [
+        _limb([shoulder_m, elbow, hand], [0.06, 0.048, 0.038], Slot.SHIRT),
+        meshes.ellipsoid(hand, (0.045, 0.03, 0.06), Slot.SKIN, 6),
+    ]
+
+
+def _wheel(centre_m: Float64, radius_m: float) -> Mesh:
+    """Build a thin tyre and a few spokes."""
+    turn = np.linspace(0, 2 * np.pi, 25)[:, None]
+    around = np.linspace(0, 2 * np.pi, 7)[None]
+    reach = radius_m + 0.022 * (np.cos(around) - 1)
+    ring = np.stack(
+        np.broadcast_arrays(
+            reach * np.cos(turn), 0.022 * np.sin(around) + 0 * turn, reach * np.sin(turn)
+        ),
+        axis=-1,
+    )
+    tyre = meshes.smooth(meshes.grid(centre_m + ring, Slot.TYRE))
+    spokes = [
+        meshes.tube(
+            centre_m + np.array([[-c, 0, -s], [c, 0, s]]) * (radius_m - 0.02),
+            [0.004] * 2,
+            Slot.RIM,
+            4,
+        )
+        for c, s in zip(
+            np.cos(np.arange(6) * np.pi / 6), np.sin(np.arange(6) * np.pi / 6), strict=True
+        )
+    ]
+    return meshes.merge([tyre, *spokes])
+
+
+def _bicycle() -> list[Mesh]:
+    rear, front = np.array([-0.52, 0, 0.34]), np.array([0.55, 0, 0.34])
+    crank, seat, head = (
+        np.array([-0.08, 0, 0.30]),
+        np.array([-0.25, 0, 0.90]),
+        np.array([0.40, 0, 0.92]),
+    )
+    lines = [(rear, crank), (crank, seat), (seat - (0, 0, 0.15), head), (crank, head - (0, 0, 0.12)),
+             (rear, seat - (0, 0, 0.12)), (front, head)]  # fmt: skip
+    tubes = [meshes.tube(np.array(line), [0.018, 0.018], Slot.BICYCLE, 6) for line in lines]
+    stem = head + (0.02, 0, 0.10)
+    return [
+        *tubes,
+        meshes.tube(np.array([head, stem]), [0.015, 0.015], Slot.BICYCLE, 6),
+        meshes.tube(
+            np.array([stem - (0, 0.28, 0), stem + (0, 0.28, 0)]), [0.014] * 2, Slot.BICYCLE, 6
+        ),
+        meshes.ellipsoid(seat + (0.0, 0, 0.02), (0.13, 0.07, 0.035), Slot.TRIM),
+        _wheel(rear, 0.34),
+        _wheel(front, 0.34),
+    ]
+
+
+def cyclist(height_m: float, phase: int) -> Mesh:
+    """Build a bicycle and its rider in one of the poses of a pedal turn."""
+    parts = _bicycle()
+    hip, neck = np.array([-0.22, 0, 0.98]), np.array([0.06, 0, 1.44])
+    turn = -2 * np.pi * phase / PHASES
+    for side in (1, -1):
+        pedal = np.array([-0.08, 0.10 * side, 0.30]) + 0.17 * side * np.array(
+            [np.cos(turn), 0, np.sin(turn)]
+        )
+        joint = hip + (0, 0.09 * side, 0)
+        ankle = pedal + (-0.05, 0, 0.09)
+        knee = _knee(joint, ankle, 0.43, 0.43)
+        parts += [
+            _limb([joint, knee, ankle], [0.085, 0.062, 0.045], Slot.TROUSERS),
+            meshes.ellipsoid(pedal + (0.02, 0, 0.04), (0.13, 0.05, 0.045), Slot.SHOES),
+        ]
+        shoulder, grip = neck + (0.0, 0.19 * side, -0.06), np.array([0.44, 0.25 * side, 1.02])
+        elbow = (shoulder + grip) / 2 + (-0.02, 0.05 * side, -0.09)
+        parts.append(_limb([shoulder, elbow, grip], [0.06, 0.048, 0.038], Slot.SHIRT))
+    parts += _torso(hip, neck) + _head(neck)
+    return _grown(meshes.merge(parts), height_m)
+
+
+def _knee(hip_m: Float64, ankle_m: Float64, thigh_m: float, shin_m: float) -> Float64:
+    """Return where a leg bends, forward, between hip and ankle."""
+    way = ankle_m - hip_m
+    reach = min(float(np.linalg.norm(way)), 0.999 * (thigh_m + shin_m))
+    along = (thigh_m**2 - shin_m**2 + reach**2) / (2 * reach)
+    out = np.sqrt(max(thigh_m**2 - along**2, 0.0))
+    unit = way / np.linalg.norm(way)
+    forward = np.array([1.0, 0, 0]) - unit * unit[0]
+    return np.asarray(hip_m + along * unit + out * forward / np.linalg.norm(forward))

@@ -1,0 +1,61 @@
+"""Where camera, LiDAR and INS sit on the synthetic vehicle: like KITTI's, in numbers of its own."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from data.kitti.calibration import DriveCalibration
+from data.synthetic.scene import Rays, near_any
+from perception.geometry import camera, se3
+from perception.types import Calibration, Float64, Int
+
+IMAGE_SIZE_PX = (1242, 375)
+_FOCAL_PX, _CENTRE_PX = 721.5377, (609.5, 172.9)
+_BASELINE_M = 0.06  # from the rectified reference camera to the colour camera
+# Axes of the LiDAR (x forward, y left, z up) seen along those of a camera (x right, y down, z forward).
+_CAMERA_AXES = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+
+
+def default_calibration() -> DriveCalibration:
+    """Return the rig's calibration, with mounting angles of a fraction of a degree."""
+    image_P_cam = np.array(
+        [
+            [_FOCAL_PX, 0.0, _CENTRE_PX[0], _FOCAL_PX * _BASELINE_M],
+            [0.0, _FOCAL_PX, _CENTRE_PX[1], 0.2],
+            [0.0, 0.0, 1.0, 0.003],
+        ]
+    )
+    tilt = se3.from_euler(np.radians(0.3), np.radians(0.5), np.radians(-0.4))
+    axes = se3.from_rotation_translation(_CAMERA_AXES, np.array([0.0, -0.08, -0.27]))
+    velo_SE3_imu = se3.from_euler(
+        np.radians(-0.2), np.radians(0.3), np.radians(0.4), np.array([-0.8, 0.3, -0.8])
+    )
+    return DriveCalibration(
+        Calibration(image_P_cam, axes @ tilt, IMAGE_SIZE_PX, source="synthetic camera"),
+        velo_SE3_imu,
+    )
+
+
+class PinholeCamera:
+    """The colour camera at one moment: pixels to rays and back."""
+
+    def __init__(self, calibration: Calibration, world_SE3_velo: Float64) -> None:
+        """Place the camera by the pose of the LiDAR."""
+        self.size_px = calibration.image_size_px or IMAGE_SIZE_PX
+        self.image_P_world = calibration.image_P_velo @ se3.inverse(world_SE3_velo)
+        self._back = np.linalg.inv(self.image_P_world[:, :3])
+        self.centre_m = -self._back @ self.image_P_world[:, 3]
+
+    def project(self, points_world: Float64) -> tuple[Float64, Float64]:
+        """Return (N, 2) pixels, NaN behind the camera, and (N,) depths."""
+        return camera.project(self.image_P_world, points_world)
+
+    def rays(self, pixels: Float64, near: Callable[[Float64, float], Int] | None = None) -> Rays:
+        """Return the rays through (N, 2) pixels; `near` finds those that may meet a sphere."""
+        homogeneous = np.column_stack([pixels, np.ones(len(pixels))])
+        directions = homogeneous @ self._back.T
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = np.ascontiguousarray(directions, np.float32)
+        origins = np.broadcast_to(self.centre_m.astype(np.float32), directions.shape).copy()
+        delays = np.zeros(len(pixels), np.float32)
+        return Rays(origins, directions, delays, near or near_any(origins, directions))

@@ -1,0 +1,237 @@
+"""Ray casting: one Embree scene for all that stands still, and one for each shape that moves.
+
+A ray that may meet a moving thing is carried into that thing's own frame, at the moment it is fired,
+so that no geometry is rebuilt from frame to frame and a scan sees motion exactly.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from data.synthetic import meshes
+from data.synthetic.materials import MOVING_CLASS, Slot, column
+from data.synthetic.meshes import Mesh
+from data.synthetic.street import Part
+from perception.types import Bool, Float32, Float64, Int
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A moving thing at a reference time.
+
+    Attributes:
+        shape: number of its shape in the scene.
+        thing: number of its palette and class in the scene.
+        world_SE3_thing: (4, 4) pose.
+        velocity_m_s: (3,) in world axes.
+    """
+
+    shape: int
+    thing: int
+    world_SE3_thing: Float64
+    velocity_m_s: Float64
+
+
+@dataclass(frozen=True)
+class Rays:
+    """N rays.
+
+    Attributes:
+        origins_m: (N, 3) in world coordinates.
+        directions: (N, 3) unit.
+        delays_s: (N,) firing time after the reference time.
+        near: which rays may pass within a radius of a point.
+    """
+
+    origins_m: Float32
+    directions: Float32
+    delays_s: Float32
+    near: Callable[[Float64, float], Int]
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Where N rays end.
+
+    Attributes:
+        distance_m: (N,) along the ray; infinity where it meets nothing.
+        row: (N,) row of the surface table; -1 where it meets nothing.
+        thing: (N,) number of the thing met; -1 for nothing.
+        u: (N,) barycentric coordinate of the triangle's second corner.
+        v: (N,) of its third corner.
+        moving: (N,) row of the list of moving things, -1 for what stands still.
+    """
+
+    distance_m: Float32
+    row: Int
+    thing: Int
+    u: Float32
+    v: Float32
+    moving: Int
+
+
+class Scene:
+    """Everything that rays can meet, and what it is made of."""
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        """Build the acceleration structure of what stands still."""
+        self._palettes = [part.palette for part in parts]
+        self._semantics = [part.semantic for part in parts]
+        self._instances = [part.instance for part in parts]
+        still = meshes.merge([part.mesh for part in parts])
+        self._still = _embree(still)
+        self._meshes, self._starts, self._shapes = [still], [0], []
+        self._thing_of_row = np.repeat(
+            np.arange(len(parts), dtype=np.int32), [len(part.mesh) for part in parts]
+        )
+        self._radii_m: list[float] = []
+        self.tables: SurfaceTables
+
+    def add_shape(self, mesh: Mesh) -> int:
+        """Add a shape that moving things can have; return its number."""
+        self._starts.append(self._starts[-1] + len(self._meshes[-1]))
+        self._meshes.append(mesh)
+        self._shapes.append(_embree(mesh))
+        self._radii_m.append(mesh.radius_m)
+        return len(self._shapes) - 1
+
+    def add_thing(self, palette: Float32, semantic: int, instance: int) -> int:
+        """Add a moving thing's looks; return its number."""
+        self._palettes.append(palette)
+        self._semantics.append(semantic)
+        self._instances.append(instance)
+        return len(self._palettes) - 1
+
+    def finish(self) -> None:
+        """Lay out the tables once all shapes and things are known."""
+        whole = meshes.merge(self._meshes)
+        corners = whole.vertices_m[whole.triangles]
+        faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-12)
+        self.tables = SurfaceTables(
+            whole.slots,
+            faces.astype(np.float32),
+            whole.normals,
+            whole.texture_m,
+            np.stack(self._palettes),
+            np.array(self._semantics, np.int32),
+            np.array(self._instances, np.int32),
+        )
+
+    def cast(self, rays: Rays, moving: Sequence[Moving]) -> Hits:
+        """Follow rays to the first thing they meet."""
+        met = self._still.run(rays.origins_m, rays.directions, output=1)
+        row = met["primID"].copy()
+        is_hit = row >= 0
+        hits = Hits(
+            np.where(is_hit, met["tfar"], np.float32(np.inf)),
+            row,
+            np.where(is_hit, self._thing_of_row[row], -1),
+            met["u"],
+            met["v"],
+            np.full(len(row), -1, np.int32),
+        )
+        for number, thing in enumerate(moving):
+            self._cast_at(rays, number, thing, hits)
+        return hits
+
+    def _cast_at(self, rays: Rays, number: int, thing: Moving, hits: Hits) -> None:
+        """Overwrite the hits of the rays that meet one moving thing first."""
+        centre = thing.world_SE3_thing[:3, 3]
+        slack = 0.06 * float(np.linalg.norm(thing.velocity_m_s))
+        index = rays.near(centre, self._radii_m[thing.shape] + slack)
+        if len(index) == 0:
+            return
+        origins, directions = to_local(rays, index, thing)
+        reach = np.minimum(hits.distance_m[index], np.float32(1e6))
+        met = self._shapes[thing.shape].run(origins, directions, dists=reach, output=1)
+        is_first = met["primID"] >= 0
+        at = index[is_first]
+        hits.distance_m[at] = met["tfar"][is_first]
+        hits.row[at] = met["primID"][is_first] + self._starts[thing.shape + 1]
+        hits.u[at], hits.v[at] = met["u"][is_first], met["v"][is_first]
+        hits.thing[at], hits.moving[at] = thing.thing, number
+
+    def meets(self, shape: int, origins_m: Float32, directions: Float32) -> Bool:
+        """Tell which rays, in a shape's own frame, meet it when nothing else is there."""
+        return np.asarray(self._shapes[shape].run(origins_m, directions, query="INTERSECT") >= 0)
+
+    def face_normals(self, hits: Hits, moving: Sequence[Moving]) -> Float32:
+        """Return (N, 3) world normals of the faces met; zero where nothing is."""
+        normals = np.where(hits.row[:, None] >= 0, self.tables.face_normals[hits.row], 0)
+        return rotated(normals, hits, moving)
+
+
+@dataclass(frozen=True)
+class SurfaceTables:
+    """What R triangles and O things look like.
+
+    Attributes:
+        slots: (R,) material.
+        face_normals: (R, 3) in the frame of their scene or shape.
+        corner_normals: (R, 3, 3) rounded.
+        texture_m: (R, 3, 2).
+        palettes: (O, slots, 4) colour and reflectance.
+        semantics: (O,) class of the whole thing, 0 to take each material's own.
+        instances: (O,) object numbers, 0 for none.
+    """
+
+    slots: np.ndarray
+    face_normals: Float32
+    corner_normals: Float32
+    texture_m: Float32
+    palettes: Float32
+    semantics: Int
+    instances: Int
+
+    def classes(self, row: Int, thing: Int) -> Int:
+        """Return the class of points on given rows of given things."""
+        own = _SEMANTIC_OF_SLOT[self.slots[row]]
+        whole = self.semantics[thing]
+        return np.where(whole > 0, whole, own)
+
+
+_SEMANTIC_OF_SLOT = column("semantic").astype(np.int32)
+STILL_CLASS = {moving: int(still) for still, moving in MOVING_CLASS.items()}
+SLOT_COUNT = len(Slot)
+
+
+def _embree(mesh: Mesh) -> EmbreeScene:
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh.vertices_m, mesh.triangles)
+    # The first query builds the tree; ask now, so that threads may share the scene later.
+    scene.run(np.zeros((1, 3), np.float32), np.array([[0, 0, 1]], np.float32))
+    return scene
+
+
+def to_local(rays: Rays, index: Int, thing: Moving) -> tuple[Float32, Float32]:
+    """Carry some rays into a moving thing's frame at the time each is fired."""
+    rotation = thing.world_SE3_thing[:3, :3].astype(np.float32)
+    origins = rays.origins_m[index] - thing.world_SE3_thing[:3, 3].astype(np.float32)
+    origins -= rays.delays_s[index, None] * thing.velocity_m_s.astype(np.float32)
+    return origins @ rotation, rays.directions[index] @ rotation
+
+
+def rotated(normals: Float32, hits: Hits, moving: Sequence[Moving]) -> Float32:
+    """Turn normals on moving things from their own frames to the world's."""
+    turned = normals.copy()
+    for number in np.unique(hits.moving[hits.moving >= 0]):
+        rows = hits.moving == number
+        rotation = moving[number].world_SE3_thing[:3, :3].astype(np.float32)
+        turned[rows] = normals[rows] @ rotation.T
+    return turned
+
+
+def near_any(origins_m: Float32, directions: Float32) -> Callable[[Float64, float], Int]:
+    """Return a search for rays that pass a point, by distance: for rays in no order."""
+
+    def near(centre_m: Float64, radius_m: float) -> Int:
+        offset = centre_m.astype(np.float32) - origins_m
+        along = np.einsum("ij,ij->i", offset, directions)
+        squared = np.einsum("ij,ij->i", offset, offset) - along * np.abs(along)
+        return np.flatnonzero((squared < radius_m**2) & (along > -radius_m))
+
+    return near

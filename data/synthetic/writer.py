@@ -1,0 +1,259 @@
+"""Synthetic drives on disk, in KITTI's raw, tracking and object layouts, with exact truth beside them.
+
+raw        DATE/calib_*.txt   DATE/DATE_drive_NNNN_sync/{velodyne_points,image_02,oxts,labels}/
+           label_02.txt  truth_poses.txt  sensor.json in the drive's folder
+tracking   training/{velodyne,image_02,labels}/SSSS/NNNNNN.*  training/{calib,oxts,label_02}/SSSS.txt
+           training/truth_poses/SSSS.txt  training/sensor.json
+object     training/{velodyne,image_2,labels,calib,label_2}/NNNNNN.*  training/sensor.json
+
+`truth_poses.txt` holds the exact world_SE3_velo of each frame as KITTI's 12 numbers a row, in the world
+of the INS packets. `.label` files hold SemanticKITTI's words: class below, track id plus one above.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from data.drive import Labels, PointTruth
+from data.kitti.calibration import format_benchmark_calibration, format_raw_calibration
+from data.kitti.labels import format_object_labels, format_tracking_labels
+from data.kitti.oxts import format_oxts_packet
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.materials import MOVING_CLASS
+from perception.sensor import sensor_to_json
+from perception.types import Float64, UInt8
+
+Layout = Literal["raw", "tracking", "object"]
+DATE = "2025_06_01"
+_NOON = datetime(2025, 6, 1, 12, 0, 0)
+_THREADS = 2  # ray casting and array arithmetic let go of the interpreter
+
+
+@dataclass(frozen=True)
+class FrameFiles:
+    """What one frame puts on disk.
+
+    Attributes:
+        scan: x, y, z, reflectance as float32.
+        truth: a SemanticKITTI word for each point.
+        image: PNG, or None without a camera.
+        packet: row of the INS.
+        labels: by KITTI's rules.
+    """
+
+    scan: bytes
+    truth: bytes
+    image: bytes | None
+    packet: str
+    labels: Labels
+
+
+@dataclass(frozen=True)
+class FramePlaces:
+    """Where the files of one frame go."""
+
+    scan: Path
+    truth: Path
+    image: Path
+
+
+def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], object]) -> Path:
+    """Write a drive as a KITTI raw recording; return its folder.
+
+    Args:
+        drive: what is written.
+        out: gets the folder of the date.
+        number: of the drive.
+        done: called after each frame.
+    """
+    folder = out / DATE / f"{DATE}_drive_{number:04d}_sync"
+    for name, text in format_raw_calibration(drive.rig).items():
+        write_whole(folder.parent / name, text.encode())
+    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+
+    def places(index: int) -> FramePlaces:
+        stem = f"{index:010d}"
+        return FramePlaces(
+            folder / "velodyne_points" / "data" / f"{stem}.bin",
+            folder / "labels" / f"{stem}.label",
+            folder / "image_02" / "data" / f"{stem}.png",
+        )
+
+    labels = []
+    for index, frame in _write_frames(drive, range(len(drive)), places, is_tracking=True):
+        write_whole(folder / "oxts" / "data" / f"{index:010d}.txt", f"{frame.packet}\n".encode())
+        labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
+        done()
+    write_whole(folder / "label_02.txt", "".join(labels).encode())
+    write_whole(folder / "truth_poses.txt", _truth_poses(drive))
+    _write_stamps(drive, folder)
+    return folder
+
+
+def write_tracking(
+    drive: SyntheticDrive, out: Path, number: int, done: Callable[[], object]
+) -> Path:
+    """Write a drive as a sequence of KITTI's tracking benchmark; return the training folder.
+
+    Args:
+        drive: what is written.
+        out: gets the folder training.
+        number: of the sequence.
+        done: called after each frame.
+    """
+    folder, name = out / "training", f"{number:04d}"
+    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+    calibration = format_benchmark_calibration(drive.rig).encode()
+    write_whole(folder / "calib" / f"{name}.txt", calibration)
+
+    def places(index: int) -> FramePlaces:
+        return FramePlaces(
+            folder / "velodyne" / name / f"{index:06d}.bin",
+            folder / "labels" / name / f"{index:06d}.label",
+            folder / "image_02" / name / f"{index:06d}.png",
+        )
+
+    labels, packets = [], []
+    for index, frame in _write_frames(drive, range(len(drive)), places, is_tracking=True):
+        packets.append(f"{frame.packet}\n")
+        labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
+        done()
+    write_whole(folder / "oxts" / f"{name}.txt", "".join(packets).encode())
+    write_whole(folder / "label_02" / f"{name}.txt", "".join(labels).encode())
+    write_whole(folder / "truth_poses" / f"{name}.txt", _truth_poses(drive))
+    return folder
+
+
+def write_objects(
+    drive: SyntheticDrive,
+    out: Path,
+    first_number: int,
+    frames: Sequence[int],
+    done: Callable[[], object],
+) -> Path:
+    """Write some frames of a drive as frames of KITTI's object benchmark; return the training folder.
+
+    Args:
+        drive: of which frames are written.
+        out: gets the folder training.
+        first_number: of the first frame written; the others follow.
+        frames: which frames of the drive.
+        done: called after each frame.
+    """
+    folder = out / "training"
+    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+    number_of = {index: first_number + row for row, index in enumerate(frames)}
+
+    def places(index: int) -> FramePlaces:
+        stem = f"{number_of[index]:06d}"
+        return FramePlaces(
+            folder / "velodyne" / f"{stem}.bin",
+            folder / "labels" / f"{stem}.label",
+            folder / "image_2" / f"{stem}.png",
+        )
+
+    calibration = format_benchmark_calibration(drive.rig).encode()
+    for index, frame in _write_frames(drive, frames, places, is_tracking=False):
+        stem = f"{number_of[index]:06d}"
+        text = format_object_labels(frame.labels, drive.calibration)
+        write_whole(folder / "calib" / f"{stem}.txt", calibration)
+        write_whole(folder / "label_2" / f"{stem}.txt", text.encode())
+        done()
+    return folder
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file under another name and rename it, so that it is there whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.part")
+    part.write_bytes(data)
+    part.replace(path)
+
+
+def semantic_words(truth: PointTruth) -> np.ndarray:
+    """Return (N,) SemanticKITTI words: class, moving ones apart, and object number times 65536."""
+    classes = truth.classes.astype(np.uint32)
+    for still, moving in MOVING_CLASS.items():
+        classes[truth.is_moving & (truth.classes == still)] = moving
+    return np.asarray(classes | truth.instances.astype(np.uint32) << 16)
+
+
+def _write_frames(
+    drive: SyntheticDrive,
+    frames: Sequence[int],
+    places: Callable[[int], FramePlaces],
+    *,
+    is_tracking: bool,
+) -> Iterator[tuple[int, FrameFiles]]:
+    """Write scans, truth and images of some frames; yield the frames in order."""
+
+    def write(index: int) -> FrameFiles:
+        files = frame_files(drive, index, is_tracking=is_tracking)
+        place = places(index)
+        if files.image is not None:
+            write_whole(place.image, files.image)
+        write_whole(place.truth, files.truth)
+        write_whole(place.scan, files.scan)
+        return files
+
+    with ThreadPoolExecutor(_THREADS, thread_name_prefix="synth") as pool:
+        try:
+            yield from zip(frames, pool.map(write, frames), strict=True)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def frame_files(drive: SyntheticDrive, index: int, *, is_tracking: bool) -> FrameFiles:
+    """See one frame and encode it."""
+    scan = drive.scan(index)
+    return FrameFiles(
+        scan=scan.points_velo.tobytes(),
+        truth=semantic_words(scan.truth).tobytes(),
+        image=_png(drive.image(index)) if drive.has_images else None,
+        packet=format_oxts_packet(drive.ins_packet(index)),
+        labels=drive.labels(index, is_tracking=is_tracking),
+    )
+
+
+def _png(image: UInt8) -> bytes:
+    swapped = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".png", swapped, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return data.tobytes()
+
+
+def _truth_poses(drive: SyntheticDrive) -> bytes:
+    poses = np.stack([drive.true_world_SE3_velo(index)[:3] for index in range(len(drive))])
+    return format_poses(poses).encode()
+
+
+def format_poses(poses: Float64) -> str:
+    """Return (F, 3, 4) poses as KITTI's 12 numbers a row."""
+    rows = poses.reshape(len(poses), 12)
+    return "".join(" ".join(f"{number:.9e}" for number in row) + "\n" for row in rows)
+
+
+def _write_stamps(drive: SyntheticDrive, folder: Path) -> None:
+    """Write when each turn began, faced forward and ended, and when camera and INS measured."""
+    half_turn = 0.5 / drive.sensor.rate_hz
+    moments = {
+        "velodyne_points/timestamps_start.txt": -half_turn,
+        "velodyne_points/timestamps.txt": 0.0,
+        "velodyne_points/timestamps_end.txt": half_turn,
+        "oxts/timestamps.txt": 0.0,
+    }
+    if drive.has_images:
+        moments["image_02/timestamps.txt"] = 0.0
+    for name, shift_s in moments.items():
+        stamps = [drive.stamp_s(index) + shift_s for index in range(len(drive))]
+        write_whole(folder / name, "".join(f"{_clock(stamp)}\n" for stamp in stamps).encode())
+
+
+def _clock(stamp_s: float) -> str:
+    moment = _NOON + timedelta(seconds=stamp_s)
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond * 1000:09d}"
