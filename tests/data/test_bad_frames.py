@@ -1,5 +1,6 @@
 """Whatever is wrong with a file: a sentence that names it, what was expected, and what was found."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -92,8 +93,6 @@ def test_an_unreadable_image(raw_drive, damage):
 
 
 def test_an_image_cut_off_is_refused_as_jpeg_too(raw_drive):
-    import cv2
-
     path = raw_drive / "image_02/data/0000000002.png"
     noise = np.random.default_rng(0).integers(0, 255, (19, 62, 3)).astype(np.uint8)
     data = cv2.imencode(".jpg", noise)[1].tobytes()
@@ -104,8 +103,6 @@ def test_an_image_cut_off_is_refused_as_jpeg_too(raw_drive):
 
 
 def test_an_image_of_another_size_than_its_calibration(raw_drive):
-    import cv2
-
     path = raw_drive / "image_02/data/0000000002.png"
     cv2.imwrite(str(path), np.zeros((20, 62, 3), np.uint8))
     calibration = raw_drive.parent / "calib_cam_to_cam.txt"
@@ -114,8 +111,6 @@ def test_an_image_of_another_size_than_its_calibration(raw_drive):
 
 
 def test_an_image_of_another_size_than_the_first(tracking_root):
-    import cv2
-
     path = tracking_root / "training/image_02/0001/000002.png"
     cv2.imwrite(str(path), np.zeros((19, 70, 3), np.uint8))
     with pytest.raises(ImageError, match=r"000002\.png: expected 62x19 .*first.*found 70x19"):
