@@ -44,7 +44,7 @@ def split_by_ground(
         clearance_m: least distance of an obstacle point from the ground, the thesis' d_min.
     """
     rows = np.flatnonzero(area.contains_xy(points_velo))
-    local = np.asarray(points_velo[rows, :3], np.float32)
+    local = points_velo.take(rows, axis=0)[:, :3].astype(np.float32, copy=False)
     distance_m: Float32 = np.asarray(ground.distance_m(local), np.float32)
     stands = (distance_m >= clearance_m) & (distance_m < area.height_m)
     lies = distance_m < clearance_m

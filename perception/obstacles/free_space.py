@@ -66,8 +66,7 @@ class FreeSpaceMemory:
 
     def newest_saw_through(self, points_velo: Float32) -> Bool:
         """Tell which (P, 3) places in the newest scan's frame a beam of it passed."""
-        sights = self._scans[-1].image.look(points_velo, self._margin_m)
-        return np.asarray(sights.states == Sight.FREE)
+        return self._scans[-1].image.sees_through(points_velo, self._margin_m)
 
     def ask(self, points_velo: Float32) -> History:
         """Ask scans of a third, two thirds and all of the horizon about (P, 3) places of the newest."""

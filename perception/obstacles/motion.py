@@ -4,7 +4,6 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.dense_cloud import ScanWindow

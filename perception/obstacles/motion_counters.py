@@ -14,7 +14,7 @@ from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.dense_cloud import ScanWindow
-from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys
+from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys, is_among
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
 
 
@@ -85,7 +85,7 @@ def subtract(scan_keys: Sequence[Keys]) -> Subtracted:
     stays = reached_by.counts > 1
     static = KeyCounts(merged.keys[stays], merged.counts[stays])
     newest = scans[-1]
-    leaves = np.isin(newest.keys, static.keys, assume_unique=True, invert=True)
+    leaves = ~is_among(newest.keys, static.keys)
     return Subtracted(merged, static, KeyCounts(newest.keys[leaves], newest.counts[leaves]))
 
 
@@ -153,7 +153,7 @@ class CounterSegmenter:
         counters = self._count(scans)
         grid, voxels, masks = counters.grid, counters.voxels, counters.masks
         moving = _under(masks.is_moving, grid, voxels.moving)
-        is_moving = np.isin(grid.keys(scans[-1].points_velo), moving.keys)
+        is_moving = is_among(grid.keys(scans[-1].points_velo), moving.keys)
         return Obstacles(
             point_states=scans[-1].point_states(is_moving),
             static=grid.voxels(_under(masks.is_static, grid, voxels.static)),

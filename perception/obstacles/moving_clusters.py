@@ -29,7 +29,7 @@ class MotionRules:
 
     cell_m: float = 0.25
     least_voxels: int = 8
-    least_share: float = 0.25
+    least_share: float = 0.15
     stopped_share: float = 0.8
     stop_age_s: float = 0.3
     leaver_gap_m: float = 0.7

@@ -93,15 +93,18 @@ class BeamRaster:
 
     def pixels(self, points_velo: Float32) -> Pixels:
         """Find the pixels of (P, 3+) points in the sensor's frame."""
-        x, y, z = (np.ascontiguousarray(points_velo[:, axis]) for axis in range(3))
-        across, azimuth_rad = (part.ravel() for part in cv2.cartToPolar(x, y))
+        x, y, z = np.ascontiguousarray(points_velo[:, :3].T)
+        polar = cv2.cartToPolar(x, y) if len(x) else (x, y)  # OpenCV returns nothing for nothing
+        across, azimuth_rad = (part.ravel() for part in polar)
         slope = z / np.maximum(across, np.float32(1e-3))
         scale = np.float32((_SLOPE_STEPS - 1) / (self._highest_slope - self._lowest_slope))
         step = (slope - self._lowest_slope) * scale
         return Pixels(
             rows=self._row_of_slope[np.clip(step, 0, _SLOPE_STEPS - 1).astype(np.int32)],
-            columns=(azimuth_rad * np.float32(1 / self.column_step_rad)).astype(np.int32)
-            % self.columns,
+            columns=np.minimum(
+                (azimuth_rad * np.float32(1 / self.column_step_rad)).astype(np.int32),
+                self.columns - 1,
+            ),
             ranges_m=np.sqrt(across * across + z * z),
             are_in_view=(step >= 0) & (step <= _SLOPE_STEPS - 1),
         )
@@ -119,11 +122,13 @@ class RangeImage:
         """Draw a scan; points that no beam of the sensor can have met are left out."""
         pixels = raster.pixels(points_velo)
         cells = (pixels.rows * raster.columns + pixels.columns)[pixels.are_in_view]
-        ranges = np.full(raster.rows * raster.columns, _NOTHING, np.float32)
-        np.minimum.at(ranges, cells, pixels.ranges_m[pixels.are_in_view])
+        flat = np.full(raster.rows * raster.columns, _NOTHING, np.float32)
+        np.minimum.at(flat, cells, pixels.ranges_m[pixels.are_in_view])
+        ranges = flat.reshape(raster.rows, raster.columns)
         self._raster = raster
-        self._ranges = ranges
-        self._nearest = _block_minima(ranges.reshape(raster.rows, raster.columns), raster.blocks)
+        self._nearest = _block_minima(ranges, raster.blocks)
+        # One more pixel on every side: neighbours are then a fixed step away.
+        self._framed = np.pad(np.pad(ranges, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
 
     def look(self, points_velo: Float32, margin_m: float) -> Sights:
         """Say of (P, 3+) places in this scan's frame whether it saw them free, met, or hidden.
@@ -132,31 +137,34 @@ class RangeImage:
             points_velo: places.
             margin_m: how much farther a beam must go to have passed, and how near it must end to have met.
         """
-        if len(points_velo) == 0:
-            return Sights(np.zeros(0, np.uint8), np.zeros(0, np.float32))
         at = self._raster.pixels(points_velo)
-        columns = self._raster.columns
-        around = self._nearest[self._raster.levels(at.ranges_m), at.rows * columns + at.columns]
-        beam = self._ranges[at.rows * columns + at.columns]
-        is_free = (around > at.ranges_m + np.float32(margin_m)) & (around < _NOTHING)
-        is_hit = self._ends_near(at, np.float32(margin_m))
-        is_hidden = beam < at.ranges_m - np.float32(margin_m)
-        states = np.select(
-            [~at.are_in_view, is_hit, is_free, is_hidden],
-            [Sight.UNKNOWN, Sight.HIT, Sight.FREE, Sight.HIDDEN],
-            Sight.UNKNOWN,
-        ).astype(np.uint8)
+        margin = np.float32(margin_m)
+        pixel = (at.rows + 1) * self._framed.shape[1] + at.columns + 1
+        beam = self._framed.ravel()[pixel]
+        states = np.where(beam < at.ranges_m - margin, np.uint8(Sight.HIDDEN), np.uint8(0))
+        states[self._is_passed(at, margin)] = Sight.FREE
+        states[self._ends_near(pixel, at.ranges_m, margin)] = Sight.HIT
+        states[~at.are_in_view] = Sight.UNKNOWN
         gaps_m = np.where(states == Sight.HIDDEN, at.ranges_m - beam, np.float32(0))
         return Sights(states, gaps_m)
 
-    def _ends_near(self, at: Pixels, margin_m: np.float32) -> Bool:
+    def sees_through(self, points_velo: Float32, margin_m: float) -> Bool:
+        """Tell which (P, 3+) places `look` would call free."""
+        at = self._raster.pixels(points_velo)
+        return self._is_passed(at, np.float32(margin_m)) & at.are_in_view
+
+    def _is_passed(self, at: Pixels, margin_m: np.float32) -> Bool:
+        """Tell where every beam of the block around met something farther."""
+        pixel = at.rows * self._raster.columns + at.columns
+        around = self._nearest[self._raster.levels(at.ranges_m), pixel]
+        return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
+
+    def _ends_near(self, pixel: Int, ranges_m: Float32, margin_m: np.float32) -> Bool:
         """Tell where a return in the 3 x 3 pixels around lies within the margin."""
-        rows, columns = self._raster.rows, self._raster.columns
-        is_hit = np.zeros(len(at.rows), bool)
-        for row in (np.maximum(at.rows - 1, 0), at.rows, np.minimum(at.rows + 1, rows - 1)):
-            for shift in (-1, 0, 1):
-                beam = self._ranges[row * columns + (at.columns + shift) % columns]
-                is_hit |= np.abs(beam - at.ranges_m) < margin_m
+        beams, width = self._framed.ravel(), self._framed.shape[1]
+        is_hit = np.zeros(len(pixel), bool)
+        for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
+            is_hit |= np.abs(beams[pixel + step] - ranges_m) < margin_m
         return is_hit
 
 

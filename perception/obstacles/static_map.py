@@ -7,15 +7,18 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
-from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, group_keys
+from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, group_keys, is_among
 from perception.types import Bool, Float32, Float64, Voxels
 
 
 @dataclass(frozen=True)
 class _Remembered:
+    """R voxels by rising key, their centres in the frame of the scan that was added last."""
+
     keys: Keys
     counts: Keys
     unseen_scans: Keys
+    centers_velo: Float32
 
 
 class StaticMap:
@@ -26,7 +29,8 @@ class StaticMap:
         self._area = area
         self._memory_scans = memory_scans
         nothing: Keys = np.zeros(0, np.int64)
-        self._voxels = _Remembered(nothing, nothing, nothing)
+        self._known = _Remembered(nothing, nothing, nothing, np.zeros((0, 3), np.float32))
+        self._world_SE3_velo = np.eye(4)
 
     def update(
         self,
@@ -39,41 +43,51 @@ class StaticMap:
 
         Args:
             seen: static voxels of the scan.
-            moving: voxels of the scan that move; nothing static is left there.
+            moving: voxels of the scan that move, rising; nothing static is left there.
             world_SE3_velo: pose of the scan.
             is_seen_through: tells of (P, 3) places in the scan's frame which a beam of it passed.
         """
         velo_SE3_world = se3.inverse(world_SE3_velo)
-        kept = self._still_standing(seen.keys, moving, velo_SE3_world, is_seen_through)
-        groups = group_keys(np.concatenate([seen.keys, kept.keys]))
-        counts = np.concatenate([seen.counts, kept.counts])
-        unseen = np.concatenate([np.zeros_like(seen.keys), kept.unseen_scans])
-        self._voxels = _Remembered(
-            groups.counted.keys,
-            np.bincount(groups.group_of, counts, len(groups.first)).astype(np.int64),
-            unseen[groups.first],  # a voxel's first entry is the scan's own, where it has one
+        known = self._known
+        centers_velo = se3.transform_points(
+            velo_SE3_world @ self._world_SE3_velo, known.centers_velo
         )
-        centers_m = self._centers_velo(self._voxels.keys, velo_SE3_world)
-        return Voxels(centers_m, self._voxels.counts, self._grid.size_m)
-
-    def _still_standing(
-        self,
-        seen: Keys,
-        moving: Keys,
-        velo_SE3_world: Float64,
-        is_seen_through: Callable[[Float32], Bool],
-    ) -> _Remembered:
-        known = self._voxels
-        unseen = np.where(np.isin(known.keys, seen, assume_unique=True), 0, known.unseen_scans + 1)
-        centers_m = self._centers_velo(known.keys, velo_SE3_world)
-        stands = (unseen <= self._memory_scans) & self._area.contains_xy(centers_m)
-        stands &= ~np.isin(known.keys, moving, assume_unique=True)
-        asked = np.flatnonzero(stands & (unseen > 0))
-        stands[asked] = ~is_seen_through(centers_m[asked])
-        return _Remembered(known.keys[stands], known.counts[stands], unseen[stands])
+        is_seen = is_among(known.keys, seen.keys)
+        stays = (
+            (is_seen | (known.unseen_scans < self._memory_scans))
+            & self._area.contains_xy(centers_velo)
+            & ~is_among(known.keys, moving)
+        )
+        asked = np.flatnonzero(stays & ~is_seen)
+        stays[asked] = ~is_seen_through(centers_velo[asked])
+        kept = _Remembered(
+            known.keys[stays],
+            known.counts[stays],
+            known.unseen_scans[stays] + 1,
+            centers_velo[stays],
+        )
+        self._known = _join(kept, seen, self._centers_velo(seen.keys, velo_SE3_world))
+        self._world_SE3_velo = world_SE3_velo
+        return Voxels(self._known.centers_velo, self._known.counts, self._grid.size_m)
 
     def _centers_velo(self, keys: Keys, velo_SE3_world: Float64) -> Float32:
+        rotation, translation_m = velo_SE3_world[:3, :3], velo_SE3_world[:3, 3]
         centers_world = self._grid.centers_m(keys)
-        return np.asarray(
-            centers_world @ velo_SE3_world[:3, :3].T + velo_SE3_world[:3, 3], np.float32
-        )
+        return np.asarray(centers_world @ rotation.T + translation_m, np.float32)
+
+
+def _join(kept: _Remembered, seen: KeyCounts, seen_centers_velo: Float32) -> _Remembered:
+    """Add up the counts of voxels kept and seen; what is seen is 0 scans old."""
+    groups = group_keys(np.concatenate([kept.keys, seen.keys]))
+    voxels = len(groups.first)
+    counts = np.concatenate([kept.counts, seen.counts])
+    unseen = np.zeros(voxels, np.int64)
+    unseen[groups.group_of[: len(kept.keys)]] = kept.unseen_scans
+    unseen[groups.group_of[len(kept.keys) :]] = 0
+    centers = np.concatenate([kept.centers_velo, seen_centers_velo])
+    return _Remembered(
+        groups.counted.keys,
+        np.bincount(groups.group_of, counts, voxels).astype(np.int64),
+        unseen,
+        centers[groups.first],
+    )

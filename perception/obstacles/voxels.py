@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.errors import UsageError
-from perception.types import Float, Float64, Voxels
+from perception.types import Bool, Float, Float64, Voxels
 
 Keys = NDArray[np.signedinteger[Any]]
 
@@ -94,9 +94,12 @@ class VoxelGrid:
 
 def count_keys(keys: Keys) -> KeyCounts:
     """Count how often each key occurs."""
-    if len(keys) == 0:
-        return KeyCounts(keys, np.zeros(0, np.int64))
-    ordered = np.sort(keys)
+    return _count_ordered(np.sort(keys))
+
+
+def _count_ordered(ordered: Keys) -> KeyCounts:
+    if len(ordered) == 0:
+        return KeyCounts(ordered, np.zeros(0, np.int64))
     starts = np.flatnonzero(np.concatenate(([True], ordered[1:] != ordered[:-1])))
     return KeyCounts(ordered[starts], np.diff(starts, append=len(ordered)))
 
@@ -105,6 +108,14 @@ def count_voxels(points: Float, size_m: float) -> Voxels:
     """Return the occupied voxels of (N, 3+) points and their occupancy, in rising x, y, z (2.1.2)."""
     grid = VoxelGrid.covering(points, size_m)
     return grid.voxels(count_keys(grid.keys(points)))
+
+
+def is_among(keys: Keys, ordered: Keys) -> Bool:
+    """Tell which of K keys are among others that are given in rising order."""
+    if len(ordered) == 0:
+        return np.zeros(len(keys), bool)
+    at = np.minimum(np.searchsorted(ordered, keys), len(ordered) - 1)
+    return np.asarray(ordered[at] == keys)
 
 
 @dataclass(frozen=True)
@@ -124,8 +135,8 @@ class KeyGroups:
 
 def group_keys(keys: Keys) -> KeyGroups:
     """Group equal keys, and keep the way back from each key to its group."""
-    order: Keys = np.argsort(keys, kind="stable")
-    counted = count_keys(keys)
+    order: Keys = np.argsort(keys)
+    counted = _count_ordered(keys[order])
     starts = np.cumsum(counted.counts) - counted.counts
     group_of = np.empty(len(keys), np.int64)
     group_of[order] = np.repeat(np.arange(len(counted.keys)), counted.counts)
