@@ -10,8 +10,10 @@ from data.drive import Labels, PointTruth
 from data.kitti.calibration import DriveCalibration
 from data.kitti.oxts import InsPacket, Mercator
 from data.synthetic import ins, labelling, lidar
+from data.synthetic.camera import Camera, Exposure
 from data.synthetic.ins import InsNoise
 from data.synthetic.lidar import LidarScan
+from data.synthetic.light import Daylight
 from data.synthetic.rig import default_calibration
 from data.synthetic.world import World, WorldConfig, build_world
 from perception.errors import DriveError, UsageError
@@ -99,7 +101,24 @@ class SyntheticDrive:
 
     def image(self, index: int) -> UInt8:
         """Take the image of one frame."""
-        raise NotImplementedError
+        index = range(self._frames)[index]
+        return self._camera.take(
+            self._poses[index],
+            self.stamp_s(index),
+            self._exposure(index),
+            self._random(_IMAGE, index),
+        )
+
+    @cached_property
+    def _camera(self) -> Camera:
+        shift = float(self._random(_IMAGE, self._frames).uniform(0, 500))
+        daylight = Daylight(self.world.sun, self.world.config.is_sunny, shift)
+        return Camera(self.world, self.calibration, daylight)
+
+    def _exposure(self, index: int) -> Exposure:
+        """Return a gain that differs from drive to drive and breathes within one."""
+        gain, phase = self._random(_IMAGE, self._frames + 1).uniform([0.8, 0], [1.2, 6.28])
+        return Exposure(float(gain * (1 + 0.05 * np.sin(0.5 * self.stamp_s(index) + phase))))
 
     def ins_packet(self, index: int) -> InsPacket:
         """Return what the INS says at one frame."""

@@ -13,7 +13,7 @@ from data.drive import PointTruth
 from data.synthetic.actors import MOVING_M_S
 from data.synthetic.materials import Slot, column
 from data.synthetic.scene import Hits, Moving, Rays, near_any
-from data.synthetic.surfaces import marking_reflectance
+from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
 from perception.geometry import se3
 from perception.sensor import LidarModel

@@ -46,6 +46,11 @@ class PinholeCamera:
         self._back = np.linalg.inv(self.image_P_world[:, :3])
         self.centre_m = -self._back @ self.image_P_world[:, 3]
 
+    @property
+    def focal_px(self) -> float:
+        """Focal length."""
+        return float(np.linalg.norm(self.image_P_world[0, :3] / np.linalg.norm(self.image_P_world[2, :3])))
+
     def project(self, points_world: Float64) -> tuple[Float64, Float64]:
         """Return (N, 2) pixels, NaN behind the camera, and (N,) depths."""
         return camera.project(self.image_P_world, points_world)

@@ -155,6 +155,15 @@ class Scene:
         hits.u[at], hits.v[at] = met["u"][is_first], met["v"][is_first]
         hits.thing[at], hits.moving[at] = thing.thing, number
 
+    def blocks(self, rays: Rays, moving: Sequence[Moving]) -> Bool:
+        """Tell which rays meet anything at all; panes of glass cast shadows too."""
+        blocked = self._still.run(rays.origins_m, rays.directions, query="INTERSECT") >= 0
+        for thing in moving:
+            index = rays.near(thing.world_SE3_thing[:3, 3], self._radii_m[thing.shape])
+            if len(index):
+                blocked[index] |= self.meets(thing.shape, *to_local(rays, index, thing))
+        return np.asarray(blocked)
+
     def meets(self, shape: int, origins_m: Float32, directions: Float32) -> Bool:
         """Tell which rays, in a shape's own frame, meet it when nothing else is there."""
         return np.asarray(self._shapes[shape].run(origins_m, directions, query="INTERSECT") >= 0)

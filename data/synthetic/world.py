@@ -152,6 +152,20 @@ class World:
                 states.append(state)
         return near, states
 
+    def footprints(
+        self, moving: Sequence[Moving], centre_m: Float64, within_m: float
+    ) -> list[tuple[Float64, float, float]]:
+        """Return pose, length and width of the vehicles around a place."""
+        by_thing = {state.thing: state.world_SE3_thing for state in moving}
+        found = []
+        for actor, thing in zip(self.actors, self.things, strict=True):
+            pose = actor.world_SE3_parked if actor.path is None else by_thing.get(thing)
+            if pose is None or actor.body.is_person:
+                continue
+            if np.linalg.norm(pose[:3, 3] - centre_m) < within_m:
+                found.append((pose, *actor.body.size_m[:2]))
+        return found
+
     def state(self, actor: Actor, time_s: float) -> Moving:
         """Return where an actor is, and which shape it has there."""
         shape = self.shapes[actor.track_id][actor.phase(time_s)]
