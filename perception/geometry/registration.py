@@ -290,5 +290,8 @@ def _extrapolate(velocity: Float64 | None, gap_s: float) -> Float64:
 
 
 def _rounded(pose: Float64) -> Float64:
-    """Drop the last digits, which depend on the order in which threads add up."""
-    return np.round(pose, 10)
+    """Drop the last digits, which depend on the order in which threads add up.
+
+    Left alone, what rounding skews would double with every keyframe.
+    """
+    return orthonormal(np.round(pose, 10))

@@ -5,7 +5,7 @@ import pytest
 
 from perception.errors import PoseError
 from perception.geometry.alignment import align, surface_of
-from perception.geometry.registration import Localizer, PoseOrigin
+from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
 
 STEP_S = 0.1
@@ -94,6 +94,17 @@ def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> No
     metres, degrees = apart(truth[-1], found.world_SE3_velo)
     assert metres < 0.02
     assert degrees < 0.05
+
+
+def test_many_keyframes_do_not_skew_the_rotation() -> None:
+    """Each keyframe's pose is built on the one before: any skew would double each time."""
+    localizer = Localizer(RegistrationConfig(keyframe_m=0.0))
+    points = seen_from(np.eye(4), 0)
+    for index in range(40):
+        found = localizer.update(points, index * STEP_S)
+    rotation = found.world_SE3_velo[:3, :3]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    assert found.origin is PoseOrigin.REGISTERED
 
 
 def test_same_input_gives_the_same_poses() -> None:
