@@ -1,0 +1,142 @@
+"""Pictures into an H.264 file that every player and browser opens."""
+
+import logging
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import av
+from av.container import OutputContainer
+
+from perception.errors import ImageError
+from perception.types import UInt8
+
+_LOG = logging.getLogger(__name__)
+# Best first. The last is in every build of FFmpeg, but browsers do not play it.
+_ENCODERS = ("libx264", "libopenh264", "mpeg4")
+_X264_OPTIONS = {"preset": "veryfast", "crf": "23"}
+_MPEG4_BITS_PER_PIXEL = 2
+# From this libavformat on, a file can be read at any moment while it is written.
+_HYBRID_SINCE = (61, 7)
+
+
+class PictureSink(Protocol):
+    """Where pictures go, one after another."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def add(self, picture: UInt8) -> None:
+        """Take the next (H, W, 3) RGB picture."""
+        ...
+
+
+class NoVideo:
+    """Takes pictures and keeps none, where no video is wanted."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def add(self, picture: UInt8) -> None:
+        """Drop the picture."""
+
+
+class VideoFile:
+    """An MP4 file that grows by one picture at a time.
+
+    It bears the name `partial_path` until it is complete; where a run stops early, that file holds
+    and plays every picture so far. Without pictures no file is made.
+    """
+
+    def __init__(self, path: Path, rate_hz: float = 10.0) -> None:
+        self.path = path
+        self.partial_path = path.with_name(f"{path.stem}.partial.mp4")
+        self._rate_hz = Fraction(rate_hz).limit_denominator(1001)
+        self._container: OutputContainer | None = None
+        self._stream: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file; give it its name where nothing went wrong."""
+        if self._container is None:
+            return
+        for packet in self._stream.encode():
+            self._container.mux(packet)
+        self._container.close()
+        self._container = None
+        if error is None:
+            self.partial_path.replace(self.path)
+
+    def add(self, picture: UInt8) -> None:
+        """Encode the next (H, W, 3) RGB picture; height and width are even and stay the same.
+
+        Raises:
+            ImageError: the picture is of another size than the first, or of an odd one.
+        """
+        container = self._container or self._open(picture)
+        self._check_size(picture)
+        frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+        for packet in self._stream.encode(frame):
+            container.mux(packet)
+
+    def _open(self, picture: UInt8) -> OutputContainer:
+        height, width = picture.shape[:2]
+        if height % 2 or width % 2:
+            raise ImageError(
+                self.path, expected="pictures of even size", found=f"{width}x{height} pixels"
+            )
+        encoder = _best_encoder()
+        flags = "faststart"
+        if av.library_versions["libavformat"][:2] >= _HYBRID_SINCE:
+            flags = "hybrid_fragmented"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        container = av.open(str(self.partial_path), "w", format="mp4", options={"movflags": flags})
+        self._stream = container.add_stream(encoder, rate=self._rate_hz)
+        self._stream.width, self._stream.height = width, height
+        self._stream.pix_fmt = "yuv420p"
+        if encoder == "libx264":
+            self._stream.options = _X264_OPTIONS
+        else:
+            self._stream.bit_rate = _MPEG4_BITS_PER_PIXEL * width * height
+        self._container = container
+        return container
+
+    def _check_size(self, picture: UInt8) -> None:
+        expected = (self._stream.height, self._stream.width, 3)
+        if picture.shape != expected:
+            raise ImageError(
+                self.path, expected=f"pictures of shape {expected}", found=f"{picture.shape}"
+            )
+
+
+def video_or_none(path: Path | None, rate_hz: float = 10.0) -> PictureSink:
+    """Return a file, or what drops all pictures where there is no path."""
+    return NoVideo() if path is None else VideoFile(path, rate_hz)
+
+
+def _best_encoder() -> str:
+    encoder = next(name for name in _ENCODERS if name in av.codecs_available)
+    if encoder == "mpeg4":
+        _LOG.warning("This build of PyAV has no H.264 encoder: the video is MPEG-4 Part 2.")
+    return encoder
