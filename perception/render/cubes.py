@@ -64,7 +64,8 @@ def _fill_squares(canvas: Int, first: Int, edge_px: Int, number: Int) -> None:
     """Write numbers into squares, given far to near: edges in pixels then never fall."""
     flat, stride = canvas.reshape(-1), canvas.shape[1]
     edges, starts = np.unique(edge_px, return_index=True)
-    for edge, start, stop in zip(edges, starts, [*starts[1:], len(number)], strict=True):
+    stops = np.append(starts, len(number))[1:]
+    for edge, start, stop in zip(edges, starts, stops, strict=True):
         square = (np.arange(edge)[:, None] * stride + np.arange(edge)).ravel()
         # Where squares overlap, NumPy keeps the value assigned last, the nearest.
         flat[(first[start:stop, None] + square).ravel()] = np.repeat(

@@ -1,0 +1,74 @@
+import av
+import numpy as np
+import pytest
+
+from perception.errors import ImageError
+from perception.render.video import NoVideo, VideoFile, video_or_none
+
+PICTURE = np.full((64, 96, 3), (200, 40, 40), np.uint8)
+
+
+def read_back(path):
+    with av.open(str(path)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        return frames, container.streams.video[0]
+
+
+def test_every_picture_is_read_back(tmp_path):
+    path = tmp_path / "new folder" / "drive.mp4"
+    with VideoFile(path, rate_hz=10.0) as video:
+        for _ in range(12):
+            video.add(PICTURE)
+    frames, stream = read_back(path)
+    assert len(frames) == 12
+    assert frames[0].shape == PICTURE.shape
+    assert np.abs(frames[5].astype(int) - PICTURE).max() < 12
+    assert stream.average_rate == 10
+    assert stream.codec_context.pix_fmt == "yuv420p"
+    assert [file.name for file in path.parent.iterdir()] == ["drive.mp4"]
+
+
+def test_a_failed_run_leaves_a_file_that_plays(tmp_path):
+    path = tmp_path / "drive.mp4"
+    with pytest.raises(RuntimeError, match="broke"), VideoFile(path) as video:
+        for _ in range(5):
+            video.add(PICTURE)
+        raise RuntimeError("the run broke")
+    assert not path.exists()
+    frames, _ = read_back(tmp_path / "drive.partial.mp4")
+    assert len(frames) == 5
+
+
+def test_a_failed_run_leaves_the_last_good_video_alone(tmp_path):
+    path = tmp_path / "drive.mp4"
+    path.write_bytes(b"of an earlier run")
+    with pytest.raises(RuntimeError), VideoFile(path) as video:
+        video.add(PICTURE)
+        raise RuntimeError
+    assert path.read_bytes() == b"of an earlier run"
+
+
+def test_another_size_is_refused_and_the_pictures_so_far_are_kept(tmp_path):
+    with pytest.raises(ImageError, match="shape"), VideoFile(tmp_path / "drive.mp4") as video:
+        video.add(PICTURE)
+        video.add(PICTURE[:32])
+    assert len(read_back(tmp_path / "drive.partial.mp4")[0]) == 1
+
+
+def test_odd_sizes_are_refused_before_a_file_is_made(tmp_path):
+    with pytest.raises(ImageError, match="even size"), VideoFile(tmp_path / "drive.mp4") as video:
+        video.add(PICTURE[:63])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_pictures_there_is_no_file(tmp_path):
+    with VideoFile(tmp_path / "drive.mp4"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_no_video_takes_pictures_all_the_same(tmp_path):
+    with video_or_none(None) as nothing:
+        assert isinstance(nothing, NoVideo)
+        nothing.add(PICTURE)
+    assert isinstance(video_or_none(tmp_path / "drive.mp4"), VideoFile)
