@@ -15,7 +15,8 @@ import numpy as np
 from scipy import ndimage
 
 from data.drive import Labels
-from perception.errors import UsageError
+from data.kitti.sequence import KittiSequence
+from perception.errors import PoseError, UsageError
 from perception.evaluation.objects import Motion
 from perception.geometry.boxes import transform_boxes
 from perception.types import Bool, Float64, Int
@@ -116,6 +117,33 @@ class MotionLabels:
     def moving_tracks(self) -> list[int]:
         """Return the tracks that move at some time, in rising order."""
         return sorted(set(self.track_ids[self.motions == Motion.MOVING].tolist()))
+
+
+def label_drive_motion(
+    drive: KittiSequence, thresholds: MotionThresholds | None = None
+) -> MotionLabels:
+    """Say of every labelled box of a drive whether its object stands or moves, by the poses of its INS.
+
+    The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS.
+
+    Raises:
+        DriveError: the drive has no labels.
+        LabelError: the labels cannot be read.
+    """
+    posed = [_posed_labels(drive, index) for index in range(len(drive))]
+    return label_motion(gather_tracks([frame for frame in posed if frame is not None]), thresholds)
+
+
+def _posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
+    labels = drive.labels(index)
+    try:
+        world_SE3_velo = drive.world_SE3_velo(index)
+    except PoseError:
+        return None  # whoever reads this frame is told
+    if world_SE3_velo is None:
+        return None
+    stamp_s = drive.clock.stamp_s(drive.scans.numbers[index])
+    return PosedLabels(index, stamp_s, world_SE3_velo, labels)
 
 
 def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:

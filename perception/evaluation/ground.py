@@ -43,13 +43,18 @@ class FootErrors(Rows):
 
     Attributes:
         frames: (K,) number of the frame.
-        ranges_m: (K,) horizontal distance of the foot from the LiDAR.
+        feet_m: (K, 2) x and y of the foot in the LiDAR frame.
         errors_m: (K,) signed: positive where the estimated ground lies too low.
     """
 
     frames: Int
-    ranges_m: Float64
+    feet_m: Float64
     errors_m: Float64
+
+    @property
+    def ranges_m(self) -> Float64:
+        """(K,) horizontal distance of the foot from the LiDAR."""
+        return np.asarray(np.linalg.norm(self.feet_m, axis=-1))
 
 
 def foot_errors(frame: int, ground: GroundModel, foot_points: Float, area: LocalArea) -> FootErrors:
@@ -57,7 +62,7 @@ def foot_errors(frame: int, ground: GroundModel, foot_points: Float, area: Local
     feet = foot_points[area.contains_xy(foot_points)]
     return FootErrors(
         frames=np.full(len(feet), frame, np.int64),
-        ranges_m=np.hypot(feet[:, 0], feet[:, 1]).astype(np.float64),
+        feet_m=feet[:, :2].astype(np.float64),
         errors_m=signed_errors(ground, feet),
     )
 
@@ -93,19 +98,24 @@ def mean_displacement(errors: FootErrors) -> Displacement:
     )
 
 
-def displacement_by_range(errors: FootErrors, edges_m: Sequence[float]) -> list[Displacement]:
+def displacement_by_interval(
+    errors: FootErrors, positions_m: Float64, edges_m: Sequence[float]
+) -> list[Displacement]:
     """Return one figure for each interval between rising edges, and one for what lies beyond the last.
 
-    The edges of the thesis' slices (5.2) give the errors per slice.
+    Args:
+        errors: of K objects.
+        positions_m: (K,) where each lies: its range, or its x for slices (5.2), which end at lines of x.
+        edges_m: of the intervals.
     """
-    interval = _interval_of(errors.ranges_m, edges_m)
+    interval = _interval_of(positions_m, edges_m)
     return [mean_displacement(errors[interval == number]) for number in range(len(edges_m))]
 
 
 def interval_names(edges_m: Sequence[float]) -> list[str]:
-    """Name the intervals of `displacement_by_range`."""
-    bounded = [f"{low:g}-{high:g} m" for low, high in pairwise(edges_m)]
-    return [*bounded, f"over {edges_m[-1]:g} m"]
+    """Name the intervals between rising edges, and what lies beyond the last."""
+    bounded = [f"{low:.4g} to {high:.4g} m" for low, high in pairwise(edges_m)]
+    return [*bounded, f"over {edges_m[-1]:.4g} m"]
 
 
 @dataclass(frozen=True)

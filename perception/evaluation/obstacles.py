@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.objects import LabelledObjects, Motion
@@ -41,6 +42,16 @@ class ObjectRule:
     clearance_m: float = 0.2
     found_share: float = 0.5
     moving_share: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Refuse shares beyond 0 to 1, and objects without a point."""
+        shares = (self.found_share, self.moving_share)
+        if self.min_points < 1 or not all(0 <= share <= 1 for share in shares):
+            raise UsageError(
+                "labelled objects",
+                expected="min_points of at least 1 and shares from 0 to 1",
+                found=str(self),
+            )
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import (
     FootErrors,
     PointClasses,
-    displacement_by_range,
+    displacement_by_interval,
     displacement_errors,
     foot_errors,
     ground_confusion,
@@ -55,7 +55,7 @@ def made_up_errors() -> FootErrors:
     """Two objects in frame 0 (errors +2 and -4 cm), one in frame 5 (+1 cm)."""
     return FootErrors(
         frames=np.array([0, 0, 5]),
-        ranges_m=np.array([7.0, 22.0, 26.0]),
+        feet_m=np.array([[-7.0, 0.0], [22.0, 0.0], [24.0, 10.0]]),
         errors_m=np.array([0.02, -0.04, 0.01]),
     )
 
@@ -74,11 +74,17 @@ def test_no_object_gives_no_figure():
 
 
 def test_errors_by_range_add_up_to_all():
-    edges_m = (0, 5, 10, 25)
-    figures = displacement_by_range(made_up_errors(), edges_m)
-    assert interval_names(edges_m) == ["0-5 m", "5-10 m", "10-25 m", "over 25 m"]
+    errors, edges_m = made_up_errors(), (0, 5, 10, 25)
+    figures = displacement_by_interval(errors, errors.ranges_m, edges_m)
+    assert interval_names(edges_m) == ["0 to 5 m", "5 to 10 m", "10 to 25 m", "over 25 m"]
     assert [figure.objects for figure in figures] == [0, 1, 1, 1]
     np.testing.assert_allclose([figure.mde_m for figure in figures[1:]], [0.02, 0.04, 0.01])
+
+
+def test_slices_end_at_lines_of_x():
+    errors = made_up_errors()
+    figures = displacement_by_interval(errors, errors.feet_m[:, 0], (-10, 0, 23))
+    np.testing.assert_allclose([figure.bias_m for figure in figures], [0.02, -0.04, 0.01])
 
 
 def test_ratios_of_counts():

@@ -1,0 +1,115 @@
+"""The figures of `trifuse evaluate obstacles`, for people and for programs."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.evaluate_obstacles import ObstacleReport
+from perception.cli.table import Cell, format_table, percent
+from perception.evaluation.false_clusters import is_false
+from perception.evaluation.obstacles import ObjectCounts, missed_moving
+
+_OBJECT_HEADER = (
+    "objects",
+    "missed",
+    "",
+    "moving",
+    "missed",
+    "tracks",
+    "never found",
+    "static",
+    "called moving",
+)
+
+
+def obstacle_tables(report: ObstacleReport) -> str:
+    """Return the figures for people."""
+    tables = [*_object_tables(report), *_cluster_tables(report)]
+    if report.points is not None:
+        points = {"moving": report.points.moving, "static": report.points.static}
+        tables.append(
+            confusion_table("Points called moving or static, against exact truth", points)
+        )
+    return "\n\n".join(tables)
+
+
+def _object_tables(report: ObstacleReport) -> list[str]:
+    if report.observed is None:
+        return []
+    rule = report.protocol.objects
+    by_points = {
+        f"{counts.min_points} points and more": counts for counts in report.counts_by_min_points()
+    }
+    return [
+        _object_table(
+            f"Labelled objects, once a frame; found to move at {100 * rule.moving_share:g} % of points",
+            by_points,
+        ),
+        _object_table(
+            f"Of {rule.min_points} points and more, by share of points that must move",
+            report.counts_by_moving_share(),
+        ),
+        _object_table(
+            f"Of {rule.min_points} points and more, by frames", report.counts_by_warm_up()
+        ),
+    ]
+
+
+def _object_table(title: str, counts: Mapping[str, ObjectCounts]) -> str:
+    rows: list[list[Cell]] = [
+        [
+            name,
+            c.objects,
+            c.missed_objects,
+            percent(c.missed_objects, c.objects),
+            c.moving,
+            c.missed_moving,
+            c.moving_tracks,
+            c.tracks_never_moving,
+            c.static,
+            c.false_moving,
+        ]
+        for name, c in counts.items()
+    ]
+    return format_table(title, ("", *_OBJECT_HEADER), rows)
+
+
+def _cluster_tables(report: ObstacleReport) -> list[str]:
+    if report.clusters is None:
+        return []
+    rows: list[list[Cell]] = [
+        [
+            f"{false.min_points} points and more",
+            false.clusters,
+            false.per_frame,
+            false.on_static_objects,
+            false.in_warm_up,
+            false.with_dont_care,
+        ]
+        for false in report.false_clusters()
+    ]
+    first = f"in first {report.protocol.warm_up}"
+    header = ("", "clusters", "a scan", "on static objects", first, "with DontCare")
+    return [format_table("False moving clusters in the camera's view", header, rows)]
+
+
+def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
+    """Return the figures for programs."""
+    results: dict[str, Any] = {}
+    if report.observed is not None:
+        results["objects"] = report.counts()
+        results["objects_by_min_points"] = report.counts_by_min_points()
+        results["objects_by_moving_share"] = report.counts_by_moving_share()
+        results["objects_by_warm_up"] = report.counts_by_warm_up()
+        results["missed_moving"] = missed_moving(report.observed, report.protocol.objects)
+    if report.clusters is not None:
+        protocol = report.protocol
+        false = is_false(
+            report.clusters, protocol.cluster_points, protocol.clusters, excuse_dont_care=True
+        )
+        results["false_clusters"] = report.false_clusters()
+        results["false_cluster_places"] = report.clusters[false]
+    if report.points is not None:
+        results["points_moving"] = with_ratios(report.points.moving)
+        results["points_static"] = with_ratios(report.points.static)
+    return results
