@@ -9,7 +9,7 @@ from data.synthetic.materials import SemanticClass, Slot, palette, random_clothe
 from data.synthetic.meshes import Mesh
 from data.synthetic.motion import Path, upright_poses, vehicle_poses
 from data.synthetic.road import Road
-from data.synthetic.vehicles import BodyStyle
+from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from perception.types import Float32, Float64
 
 MOVING_M_S = 0.1  # slower is standing
@@ -72,7 +72,7 @@ class Actor:
         if self.path is None:
             return self.world_SE3_parked
         poses = upright_poses if self.body.is_person else vehicle_poses
-        return poses(road, self.path, np.array([time_s]))[0]
+        return np.asarray(poses(road, self.path, np.array([time_s]))[0])
 
     def velocity_m_s(self, road: Road, time_s: float) -> Float64:
         """Return (3,) in world axes."""
@@ -99,7 +99,7 @@ def draw_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
     bodies = []
     for number in range(count):
         style = common[number % len(common)]
-        design = vehicles.draw_design(style, rng)
+        design = draw_design(style, rng)
         kind = "Van" if style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN) else "Car"
         bodies.append(Body(kind, design.size_m, (vehicles.build(design),)))
     return bodies
@@ -108,15 +108,20 @@ def draw_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
 def draw_pedestrians(rng: np.random.Generator, count: int) -> list[Body]:
     """Draw people of several heights, each in all poses of a step."""
     bodies = []
-    for height in rng.uniform(1.55, 1.92, count):
+    for height in _heights_m(rng, 1.55, 1.92, count):
         poses = tuple(people.pedestrian(height, phase) for phase in range(people.PHASES))
         bodies.append(Body("Pedestrian", (0.85, 0.60, float(height)), poses, people.STRIDE_M))
     return bodies
 
 
+def _heights_m(rng: np.random.Generator, low: float, high: float, count: int) -> list[float]:
+    """Draw heights in steps of 2 cm, so that bodies are built once for many worlds."""
+    return [round(float(height) / 0.02) * 0.02 for height in rng.uniform(low, high, count)]
+
+
 def draw_standing(rng: np.random.Generator) -> Body:
     """Draw someone who stands still."""
-    height = float(rng.uniform(1.55, 1.92))
+    height = _heights_m(rng, 1.55, 1.92, 1)[0]
     mesh = people.pedestrian(height, 0, is_walking=False)
     return Body("Pedestrian", (0.55, 0.60, height), (mesh,))
 
@@ -124,7 +129,7 @@ def draw_standing(rng: np.random.Generator) -> Body:
 def draw_cyclists(rng: np.random.Generator, count: int) -> list[Body]:
     """Draw cyclists of several heights, each in all poses of a pedal turn."""
     bodies = []
-    for tall in rng.uniform(1.62, 1.85, count):
+    for tall in _heights_m(rng, 1.62, 1.85, count):
         poses = tuple(people.cyclist(tall, phase) for phase in range(people.PHASES))
         height = float(poses[0].vertices_m[:, 2].max())
         bodies.append(Body("Cyclist", (1.80, 0.62, height), poses, people.PEDAL_M))

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 
 from data.synthetic.light import Daylight
-from data.synthetic.materials import Slot, column
-from data.synthetic.rig import PinholeCamera
+from data.synthetic.materials import Slot, column, rgb
+from data.synthetic.rig import IMAGE_SIZE_PX, PinholeCamera
 from data.synthetic.scene import Hits, Moving, Rays, near_any, rotated
 from data.synthetic.textures import Painter, grain
 from data.synthetic.world import World
@@ -23,6 +23,7 @@ _IS_ROUNDED = np.isin(np.arange(len(Slot)), _ROUNDED)
 _IS_GROUND = np.isin(np.arange(len(Slot)), _GROUND)
 _SHADOW_STEP = 2  # shadows are cast for every second pixel of every second row
 _VIEW_M = 160.0
+_SHADOWS_M = 70.0  # farther moving things cast none
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,10 @@ class Camera:
         """Prepare what does not change from frame to frame."""
         self._world, self._calibration, self._daylight = world, calibration, daylight
         self._painter = Painter(world.config.road)
+        width, height = calibration.image_size_px or IMAGE_SIZE_PX
+        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+        level = PinholeCamera(calibration, np.eye(4))
+        self._directions_velo = level.rays(pixels.reshape(-1, 2).astype(float)).directions
 
     def take(
         self, world_SE3_velo: Float64, time_s: float, exposure: Exposure, rng: np.random.Generator
@@ -75,18 +80,22 @@ class Camera:
         """Return the (H, W, 3) image at a time, the LiDAR being at a pose."""
         pinhole = PinholeCamera(self._calibration, world_SE3_velo)
         _, moving = self._world.moving_at(time_s, _VIEW_M)
-        view = self._look(pinhole, moving)
+        view = self._look(pinhole, world_SE3_velo, moving)
         light = self._shade(view, pinhole, moving)
         width, height = pinhole.size_px
-        image = self._daylight.sky(view.rays.directions)
+        image = np.empty((width * height, 3), np.float32)
+        missed = np.flatnonzero(view.hits.row < 0)
+        image[missed] = self._daylight.sky(view.rays.directions[missed])
         image[view.seen] = light
         return develop(image.reshape(height, width, 3), exposure, rng)
 
-    def _look(self, pinhole: PinholeCamera, moving: list[Moving]) -> _View:
+    def _look(self, pinhole: PinholeCamera, world_SE3_velo: Float64, moving: list[Moving]) -> _View:
         """Cast the rays of all pixels and gather what they meet."""
-        width, height = pinhole.size_px
-        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-        rays = pinhole.rays(pixels.reshape(-1, 2).astype(float), near_pixels(pinhole))
+        directions = self._directions_velo @ world_SE3_velo[:3, :3].T.astype(np.float32)
+        origins = np.empty_like(directions)
+        origins[:] = pinhole.centre_m
+        delays = np.zeros(len(directions), np.float32)
+        rays = Rays(origins, directions, delays, near_pixels(pinhole))
         hits = self._world.scene.cast(rays, moving)
         seen = np.flatnonzero(hits.row >= 0)
         tables = self._world.scene.tables
@@ -124,13 +133,11 @@ class Camera:
             facing *= self._sunlit(view, pinhole, moving)
         up = view.normals[:, 2]
         ambient = (0.62 + 0.38 * up) * self._openness(view, pinhole, moving)
-        light = colours * (
-            facing[:, None] * daylight.sun_rgb + ambient[:, None] * daylight.sky_rgb
-        )
+        light = colours * (facing[:, None] * daylight.sun_rgb + ambient[:, None] * daylight.sky_rgb)
         light = self._gloss(light, view, facing)
         distance = view.hits.distance_m[view.seen]
         haze = (1 - np.exp(-distance / 900))[:, None]
-        return np.asarray(light + haze * (np.float32([0.70, 0.76, 0.84]) - light), np.float32)
+        return np.asarray(light + haze * (rgb(0.70, 0.76, 0.84) - light), np.float32)
 
     def _sunlit(self, view: _View, pinhole: PinholeCamera, moving: list[Moving]) -> Float32:
         """Return (K,) how much of the sun reaches each place, from rays for a quarter of the pixels."""
@@ -147,7 +154,12 @@ class Camera:
         rays = Rays(
             origins, directions, np.zeros(len(origins), np.float32), near_any(origins, directions)
         )
-        blocked = self._world.scene.blocks(rays, moving)
+        casting = [
+            thing
+            for thing in moving
+            if np.linalg.norm(thing.world_SE3_thing[:3, 3] - pinhole.centre_m) < _SHADOWS_M
+        ]
+        blocked = self._world.scene.blocks(rays, casting)
         lit = np.ones(len(asked), np.float32)
         lit[np.flatnonzero(faces)[blocked]] = 0.0
         small = np.ones(coarse.shape, np.float32)
@@ -167,7 +179,9 @@ class Camera:
             offset = (view.points[at] - pose[:3, 3].astype(np.float32)) @ pose[:3, :2].astype(
                 np.float32
             )
-            outside = np.maximum(np.abs(offset[:, 0]) - length / 2, np.abs(offset[:, 1]) - width / 2)
+            outside = np.maximum(
+                np.abs(offset[:, 0]) - length / 2, np.abs(offset[:, 1]) - width / 2
+            )
             level = np.abs((view.points[at] - pose[:3, 3].astype(np.float32)) @ pose[:3, 2]) < 0.3
             shade = np.clip((outside + 0.25) / 0.75, 0, 1)
             open_sky[at] *= np.where(level, 0.22 + 0.78 * np.sqrt(shade), 1.0)
@@ -203,17 +217,32 @@ def near_pixels(pinhole: PinholeCamera) -> Callable[[Float64, float], Int]:
     row_start = np.arange(height)[:, None] * width
 
     def near(centre_m: Float64, radius_m: float) -> Int:
-        pixel, depth = pinhole.project(centre_m[None])
-        if depth[0] < -radius_m:
-            return np.zeros(0, np.int64)
-        if depth[0] < 1.5 * radius_m + 0.5:
-            return np.arange(width * height)
-        reach = 1.15 * pinhole.focal_px * radius_m / (depth[0] - radius_m) + 2
-        low = np.clip(np.floor(pixel[0] - reach), 0, (width, height)).astype(int)
-        high = np.clip(np.ceil(pixel[0] + reach), 0, (width, height)).astype(int)
-        return np.asarray((row_start[low[1] : high[1]] + np.arange(low[0], high[0])).ravel())
+        x, y, z = pinhole.camera_R_world @ (centre_m - pinhole.centre_m)
+        columns = _span(x, z, radius_m, pinhole.focal_px, pinhole.middle_px[0], width)
+        rows = _span(y, z, radius_m, pinhole.focal_px, pinhole.middle_px[1], height)
+        return np.asarray((row_start[rows] + np.arange(width)[columns]).ravel())
 
     return near
+
+
+def _span(
+    across_m: float,
+    ahead_m: float,
+    radius_m: float,
+    focal_px: float,
+    middle_px: float,
+    size_px: int,
+) -> slice:
+    """Return the pixels along one axis that a circle before the camera covers."""
+    distance = float(np.hypot(across_m, ahead_m))
+    if distance <= radius_m:
+        return slice(0, size_px)
+    middle, half = np.arctan2(across_m, ahead_m), np.arcsin(radius_m / distance)
+    if middle - half > 1.5 or middle + half < -1.5:
+        return slice(0, 0)
+    edges = middle_px + focal_px * np.tan(np.clip([middle - half, middle + half], -1.55, 1.55))
+    low, high = np.clip([edges[0] - 1, edges[1] + 2], 0, size_px).astype(int)
+    return slice(low, high)
 
 
 def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UInt8:
@@ -227,7 +256,6 @@ def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UIn
     shoulder = exposed / (1 + 0.35 * exposed) * 1.35 * 0.72
     table = (255 * np.linspace(0, 1, 4096) ** (1 / 2.2)).astype(np.float32)
     levels = np.take(table, np.minimum(shoulder * 4095, 4095).astype(np.int32))
-    noise = rng.standard_normal((height, width), np.float32)[..., None] * exposure.noise
-    colour_noise = np.roll(noise, 7, axis=1) * np.float32([0.5, -0.2, 0.6])
-    return np.clip(levels + noise + colour_noise + 0.5, 0, 255).astype(np.uint8)
-
+    noise = rng.standard_normal((height, width), np.float32) * np.float32(exposure.noise)
+    speckled = levels + noise[..., None] + (noise[:, ::-1, None] * rgb(0.5, -0.2, 0.6))
+    return np.asarray(np.clip(speckled + 0.5, 0, 255), np.uint8)

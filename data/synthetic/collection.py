@@ -9,7 +9,7 @@ import numpy as np
 from data.synthetic import writer
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
-from data.synthetic.world import WorldConfig, draw_config
+from data.synthetic.world_config import WorldConfig, draw_config
 from data.synthetic.writer import Layout
 from perception.errors import UsageError
 from perception.sensor import HDL_64E, LidarModel

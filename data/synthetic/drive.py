@@ -15,7 +15,8 @@ from data.synthetic.ins import InsNoise
 from data.synthetic.lidar import LidarScan
 from data.synthetic.light import Daylight
 from data.synthetic.rig import default_calibration
-from data.synthetic.world import World, WorldConfig, build_world
+from data.synthetic.world import World, build_world
+from data.synthetic.world_config import WorldConfig
 from perception.errors import DriveError, UsageError
 from perception.geometry import se3
 from perception.sensor import HDL_64E, LidarModel
@@ -132,7 +133,7 @@ class SyntheticDrive:
         """Return the exact (4, 4) pose, in the same world as those by the INS."""
         pose = self._poses[range(self._frames)[index]].copy()
         pose[:3, 3] -= ins.ORIGIN.world_SE3_imu(self._packets[0])[:3, 3]
-        return pose
+        return np.asarray(pose)
 
     def labels(self, index: int, *, is_tracking: bool = True) -> Labels:
         """Label one frame by KITTI's rules, truncation as tracking's levels or as a share."""

@@ -46,7 +46,8 @@ def errors(frames: int, step_s: float, sigma: float, rng: np.random.Generator) -
     for frame in range(1, frames):
         drift[frame] = kept * drift[frame - 1] + np.sqrt(1 - kept**2) * rng.normal(size=3)
     jitter = rng.normal(size=(frames, 3))
-    return sigma * (np.sqrt(_DRIFTING_SHARE) * drift + np.sqrt(1 - _DRIFTING_SHARE) * jitter)
+    mixed = np.sqrt(_DRIFTING_SHARE) * drift + np.sqrt(1 - _DRIFTING_SHARE) * jitter
+    return np.asarray(sigma * mixed)
 
 
 def packets(
@@ -65,11 +66,13 @@ def packets(
     turn_rad = errors(frames, 1 / rate_hz, np.radians(noise.angle_deg), rng)
     angles = Rotation.from_matrix(world_SE3_imu[:, :3, :3]).as_euler("ZYX")[:, ::-1] + turn_rad
     velocity = _slope(world_SE3_imu[:, :3, 3], rate_hz)
-    acceleration = _slope(velocity, rate_hz) + (0, 0, _GRAVITY_M_S2)
+    acceleration = _slope(velocity, rate_hz)
+    acceleration[:, 2] += _GRAVITY_M_S2
     turning = _slope(np.unwrap(angles - turn_rad, axis=0), rate_hz)
     found = []
     for row, pose in enumerate(world_SE3_imu):
-        noisy = se3.from_euler(*angles[row], pose[:3, 3] + shift_m[row])
+        roll, pitch, yaw = angles[row]
+        noisy = se3.from_euler(roll, pitch, yaw, pose[:3, 3] + shift_m[row])
         found.append(
             ORIGIN.packet(noisy, velocity[row], noisy[:3, :3].T @ acceleration[row], turning[row])
         )

@@ -19,9 +19,8 @@ from perception.geometry import se3
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int
 
-_LOST_SIGNAL = (
-    0.018  # reflectance over squared share of the range at which half of all returns is lost
-)
+# Reflectance over the squared share of the range at which half of all returns is lost.
+_LOST_SIGNAL = 0.035
 _BEYOND_GLASS_M = 0.02
 
 
@@ -47,7 +46,7 @@ def velo_poses(world: World, sensor: LidarModel, times_s: Float64) -> Float64:
 def scan(world: World, sensor: LidarModel, time_s: float, rng: np.random.Generator) -> LidarScan:
     """Take one turn of the sensor around a time."""
     rays, azimuth_rad = _fire(world, sensor, time_s)
-    actors, moving = world.moving_at(time_s, sensor.max_range_m + 10)
+    _, moving = world.moving_at(time_s, sensor.max_range_m + 10)
     hits = world.scene.cast(rays, moving)
     hits = _through_glass(world, rays, hits, moving, rng)
     kept, reflectance = _returns(world, sensor, rays, hits, moving, rng)
@@ -155,6 +154,9 @@ def _returns(
     kept &= (hits.distance_m > sensor.min_range_m) & (hits.distance_m < sensor.max_range_m)
     speckle = rng.normal(0, 0.035, len(slots)).astype(np.float32)
     reflectance = albedo * (0.45 + 0.55 * cosine) * (1 + 2 * speckle) + speckle
+    # Lasers of one head differ in gain even after calibration, which shows as rings.
+    gains = 1 + 0.10 * np.random.default_rng(sensor.beams).standard_normal(sensor.beams)
+    reflectance *= np.tile(gains, sensor.columns)
     retro = np.isin(slots, (Slot.SIGN, Slot.PLATE, Slot.TAILLIGHT))
     reflectance = np.where(retro, albedo, reflectance)
     return kept, np.round(np.clip(reflectance, 0, 0.99), 2).astype(np.float32)

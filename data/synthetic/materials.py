@@ -98,7 +98,7 @@ class Material(NamedTuple):
 
 
 MATERIALS = {
-    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.30, SemanticClass.ROAD),
+    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.45, SemanticClass.ROAD),
     Slot.KERB: Material((0.42, 0.41, 0.39), 0.38, SemanticClass.SIDEWALK),
     Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.34, SemanticClass.SIDEWALK),
     Slot.GRASS: Material((0.13, 0.20, 0.06), 0.42, SemanticClass.TERRAIN, drop=0.04),
@@ -117,14 +117,14 @@ MATERIALS = {
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
     Slot.SIGN_BACK: Material((0.35, 0.36, 0.37), 0.40, SemanticClass.TRAFFIC_SIGN),
     Slot.PAINT: Material((0.30, 0.30, 0.32), 0.30, gloss=0.06, drop=0.03),
-    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.12, drop=0.45, transmission=0.75),
+    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.07, drop=0.75, transmission=0.55),
     Slot.TRIM: Material((0.025, 0.025, 0.027), 0.08, gloss=0.02, drop=0.06),
     Slot.TYRE: Material((0.03, 0.03, 0.03), 0.10, drop=0.05),
     Slot.RIM: Material((0.42, 0.43, 0.45), 0.45, gloss=0.12, drop=0.03),
     Slot.HEADLIGHT: Material((0.70, 0.72, 0.75), 0.65, gloss=0.20, drop=0.10),
     Slot.TAILLIGHT: Material((0.40, 0.02, 0.02), 0.85, gloss=0.08, drop=0.03),
     Slot.PLATE: Material((0.78, 0.78, 0.74), 0.97),
-    Slot.INTERIOR: Material((0.04, 0.04, 0.045), 0.20, drop=0.05),
+    Slot.INTERIOR: Material((0.04, 0.04, 0.045), 0.20, drop=0.3),
     Slot.SKIN: Material((0.55, 0.36, 0.27), 0.45),
     Slot.HAIR: Material((0.06, 0.04, 0.03), 0.15, drop=0.05),
     Slot.SHIRT: Material((0.30, 0.30, 0.35), 0.35),
@@ -132,6 +132,11 @@ MATERIALS = {
     Slot.SHOES: Material((0.05, 0.045, 0.04), 0.20),
     Slot.BICYCLE: Material((0.08, 0.08, 0.09), 0.25, gloss=0.03, drop=0.05),
 }
+
+
+def rgb(red: float, green: float, blue: float) -> Float32:
+    """Return (3,) a linear colour."""
+    return np.array([red, green, blue], np.float32)
 
 
 def column(field: str) -> Float32:
@@ -169,12 +174,22 @@ def random_paint(rng: np.random.Generator) -> tuple[float, float, float, float]:
     return tuple(np.clip(row, 0.005, 0.9))
 
 
+# Linear colours of clothes, common ones first.
+_CLOTHES = np.array(
+    [
+        (0.02, 0.02, 0.025), (0.03, 0.04, 0.09), (0.10, 0.10, 0.11), (0.30, 0.30, 0.31),
+        (0.62, 0.61, 0.58), (0.08, 0.13, 0.28), (0.33, 0.04, 0.04), (0.28, 0.21, 0.13),
+        (0.07, 0.10, 0.05), (0.25, 0.36, 0.50), (0.50, 0.33, 0.05), (0.36, 0.10, 0.20),
+    ]
+)  # fmt: skip
+
+
 def random_clothes(rng: np.random.Generator) -> Float32:
     """Draw the palette of a person, with or without a bicycle."""
-    shirt = rng.uniform(0.02, 0.6) * rng.dirichlet([3, 3, 3]) * 2
-    trousers = rng.uniform(0.02, 0.2) * rng.dirichlet([6, 6, 9]) * 2
+    shirt = _CLOTHES[rng.integers(len(_CLOTHES))] * rng.uniform(0.7, 1.3, 3)
+    trousers = _CLOTHES[rng.choice([0, 1, 1, 2, 3, 5, 7])] * rng.uniform(0.7, 1.2, 3)
     skin = np.array([0.55, 0.36, 0.27]) * rng.uniform(0.35, 1.15)
-    frame = rng.uniform(0.02, 0.5) * rng.dirichlet([1, 1, 1]) * 2
+    frame = _CLOTHES[rng.integers(len(_CLOTHES))] * rng.uniform(0.6, 1.4, 3)
     hair = np.array([0.10, 0.06, 0.03]) * rng.uniform(0.2, 2.5)
     colours = {
         Slot.SHIRT: (*shirt, rng.uniform(0.15, 0.6)),

@@ -3,6 +3,8 @@
 Origin on the ground below the body's centre, x forward, y left, z up.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from data.synthetic import meshes
@@ -20,7 +22,7 @@ _TALL_M = 1.75  # all measures below are of a person this tall
 def _limb(joints_m: list[Float64], radii_m: list[float], slot: Slot) -> Mesh:
     """Join neighbouring joints by tubes, and round the joints between them."""
     parts = [
-        meshes.tube(np.array([a, b]), [ra, rb], slot)
+        meshes.tube(a, b, (ra, rb), slot)
         for a, b, ra, rb in zip(joints_m, joints_m[1:], radii_m, radii_m[1:], strict=False)
     ]
     balls = [
@@ -32,9 +34,9 @@ def _limb(joints_m: list[Float64], radii_m: list[float], slot: Slot) -> Mesh:
 def _head(neck_m: Float64) -> list[Mesh]:
     """Build neck, face and hair upon the neck's foot."""
     return [
-        meshes.tube(np.array([neck_m, neck_m + (0.01, 0, 0.12)]), [0.055, 0.055], Slot.SKIN),
-        meshes.ellipsoid(neck_m + (0.03, 0, 0.20), (0.095, 0.078, 0.12), Slot.SKIN, 10),
-        meshes.ellipsoid(neck_m + (0.005, 0, 0.225), (0.10, 0.085, 0.115), Slot.HAIR, 10),
+        meshes.tube(neck_m, neck_m + np.array([0.01, 0, 0.12]), (0.055, 0.055), Slot.SKIN),
+        meshes.ellipsoid(neck_m + np.array([0.03, 0, 0.20]), (0.095, 0.078, 0.12), Slot.SKIN, 10),
+        meshes.ellipsoid(neck_m + np.array([0.005, 0, 0.225]), (0.10, 0.085, 0.115), Slot.HAIR, 10),
     ]
 
 
@@ -57,19 +59,20 @@ def _torso(hip_m: Float64, neck_m: Float64) -> list[Mesh]:
     return [meshes.smooth(meshes.grid(ring, slots))]
 
 
+@lru_cache(maxsize=512)
 def pedestrian(height_m: float, phase: int, *, is_walking: bool = True) -> Mesh:
     """Build a person in one of the poses of a step."""
     swing = np.sin(2 * np.pi * phase / PHASES) if is_walking else 0.0
     lift = np.cos(2 * np.pi * phase / PHASES) if is_walking else 0.0
     parts: list[Mesh] = []
     hip = np.array([0.0, 0.0, 0.93 - 0.03 * abs(swing)])
-    neck = hip + (0.03, 0.0, 0.53)
+    neck = hip + np.array([0.03, 0.0, 0.53])
     for side in (1, -1):
         thigh_rad = 0.50 * swing * side
         bend_rad = 0.15 + 0.75 * max(0.0, lift * side) if is_walking else 0.03
-        parts += _leg(hip + (0, 0.09 * side, 0), thigh_rad, bend_rad)
+        parts += _leg(hip + np.array([0, 0.09 * side, 0]), thigh_rad, bend_rad)
         arm_rad = -0.45 * swing * side
-        parts += _arm(neck + (-0.01, 0.19 * side, -0.07), arm_rad, side)
+        parts += _arm(neck + np.array([-0.01, 0.19 * side, -0.07]), arm_rad, side)
     parts += _torso(hip, neck) + _head(neck)
     return _grown(meshes.merge(parts), height_m)
 
@@ -90,7 +93,7 @@ def _swung(angle_rad: float, length_m: float) -> Float64:
 def _leg(hip_m: Float64, thigh_rad: float, bend_rad: float) -> list[Mesh]:
     knee = hip_m + _swung(thigh_rad, 0.43)
     ankle = knee + _swung(thigh_rad - bend_rad, 0.42)
-    shoe = ankle + (0.06, 0.0, -0.03)
+    shoe = ankle + np.array([0.06, 0.0, -0.03])
     return [
         _limb([hip_m, knee, ankle], [0.085, 0.062, 0.045], Slot.TROUSERS),
         meshes.ellipsoid(shoe, (0.14, 0.05, 0.05), Slot.SHOES),
@@ -118,16 +121,10 @@ def _wheel(centre_m: Float64, radius_m: float) -> Mesh:
         axis=-1,
     )
     tyre = meshes.smooth(meshes.grid(centre_m + ring, Slot.TYRE))
+    angles = np.arange(6) * np.pi / 6
+    tips = (radius_m - 0.02) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
     spokes = [
-        meshes.tube(
-            centre_m + np.array([[-c, 0, -s], [c, 0, s]]) * (radius_m - 0.02),
-            [0.004] * 2,
-            Slot.RIM,
-            4,
-        )
-        for c, s in zip(
-            np.cos(np.arange(6) * np.pi / 6), np.sin(np.arange(6) * np.pi / 6), strict=True
-        )
+        meshes.tube(centre_m - tip, centre_m + tip, (0.004, 0.004), Slot.RIM, 4) for tip in tips
     ]
     return meshes.merge([tyre, *spokes])
 
@@ -139,22 +136,27 @@ def _bicycle() -> list[Mesh]:
         np.array([-0.25, 0, 0.90]),
         np.array([0.40, 0, 0.92]),
     )
-    lines = [(rear, crank), (crank, seat), (seat - (0, 0, 0.15), head), (crank, head - (0, 0, 0.12)),
-             (rear, seat - (0, 0, 0.12)), (front, head)]  # fmt: skip
-    tubes = [meshes.tube(np.array(line), [0.018, 0.018], Slot.BICYCLE, 6) for line in lines]
-    stem = head + (0.02, 0, 0.10)
+    lines = [(rear, crank), (crank, seat), (seat - np.array([0, 0, 0.15]), head), (crank, head - np.array([0, 0, 0.12])),
+             (rear, seat - np.array([0, 0, 0.12])), (front, head)]  # fmt: skip
+    tubes = [meshes.tube(*line, (0.018, 0.018), Slot.BICYCLE, 6) for line in lines]
+    stem = head + np.array([0.02, 0, 0.10])
     return [
         *tubes,
-        meshes.tube(np.array([head, stem]), [0.015, 0.015], Slot.BICYCLE, 6),
+        meshes.tube(head, stem, (0.015, 0.015), Slot.BICYCLE, 6),
         meshes.tube(
-            np.array([stem - (0, 0.28, 0), stem + (0, 0.28, 0)]), [0.014] * 2, Slot.BICYCLE, 6
+            stem - np.array([0, 0.28, 0]),
+            stem + np.array([0, 0.28, 0]),
+            (0.014, 0.014),
+            Slot.BICYCLE,
+            6,
         ),
-        meshes.ellipsoid(seat + (0.0, 0, 0.02), (0.13, 0.07, 0.035), Slot.TRIM),
+        meshes.ellipsoid(seat + np.array([0.0, 0, 0.02]), (0.13, 0.07, 0.035), Slot.TRIM),
         _wheel(rear, 0.34),
         _wheel(front, 0.34),
     ]
 
 
+@lru_cache(maxsize=512)
 def cyclist(height_m: float, phase: int) -> Mesh:
     """Build a bicycle and its rider in one of the poses of a pedal turn."""
     parts = _bicycle()
@@ -164,15 +166,18 @@ def cyclist(height_m: float, phase: int) -> Mesh:
         pedal = np.array([-0.08, 0.10 * side, 0.30]) + 0.17 * side * np.array(
             [np.cos(turn), 0, np.sin(turn)]
         )
-        joint = hip + (0, 0.09 * side, 0)
-        ankle = pedal + (-0.05, 0, 0.09)
+        joint = hip + np.array([0, 0.09 * side, 0])
+        ankle = pedal + np.array([-0.05, 0, 0.09])
         knee = _knee(joint, ankle, 0.43, 0.43)
         parts += [
             _limb([joint, knee, ankle], [0.085, 0.062, 0.045], Slot.TROUSERS),
-            meshes.ellipsoid(pedal + (0.02, 0, 0.04), (0.13, 0.05, 0.045), Slot.SHOES),
+            meshes.ellipsoid(pedal + np.array([0.02, 0, 0.04]), (0.13, 0.05, 0.045), Slot.SHOES),
         ]
-        shoulder, grip = neck + (0.0, 0.19 * side, -0.06), np.array([0.44, 0.25 * side, 1.02])
-        elbow = (shoulder + grip) / 2 + (-0.02, 0.05 * side, -0.09)
+        shoulder, grip = (
+            neck + np.array([0.0, 0.19 * side, -0.06]),
+            np.array([0.44, 0.25 * side, 1.02]),
+        )
+        elbow = (shoulder + grip) / 2 + np.array([-0.02, 0.05 * side, -0.09])
         parts.append(_limb([shoulder, elbow, grip], [0.06, 0.048, 0.038], Slot.SHIRT))
     parts += _torso(hip, neck) + _head(neck)
     return _grown(meshes.merge(parts), height_m)

@@ -45,11 +45,9 @@ class PinholeCamera:
         self.image_P_world = calibration.image_P_velo @ se3.inverse(world_SE3_velo)
         self._back = np.linalg.inv(self.image_P_world[:, :3])
         self.centre_m = -self._back @ self.image_P_world[:, 3]
-
-    @property
-    def focal_px(self) -> float:
-        """Focal length."""
-        return float(np.linalg.norm(self.image_P_world[0, :3] / np.linalg.norm(self.image_P_world[2, :3])))
+        self.camera_R_world = (calibration.cam_SE3_velo @ se3.inverse(world_SE3_velo))[:3, :3]
+        self.focal_px = float(calibration.image_P_cam[0, 0])
+        self.middle_px = calibration.image_P_cam[:2, 2]
 
     def project(self, points_world: Float64) -> tuple[Float64, Float64]:
         """Return (N, 2) pixels, NaN behind the camera, and (N,) depths."""

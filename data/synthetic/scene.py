@@ -83,7 +83,8 @@ class Scene:
         self._instances = [part.instance for part in parts]
         still = meshes.merge([part.mesh for part in parts])
         self._still = _embree(still)
-        self._meshes, self._starts, self._shapes = [still], [0], []
+        self._meshes, self._starts = [still], [0]
+        self._shapes: list[EmbreeScene] = []
         self._thing_of_row = np.repeat(
             np.arange(len(parts), dtype=np.int32), [len(part.mesh) for part in parts]
         )
@@ -109,7 +110,7 @@ class Scene:
         """Lay out the tables once all shapes and things are known."""
         whole = meshes.merge(self._meshes)
         corners = whole.vertices_m[whole.triangles]
-        faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        faces = meshes.face_areas(corners)
         faces /= np.maximum(np.linalg.norm(faces, axis=1, keepdims=True), 1e-12)
         self.tables = SurfaceTables(
             whole.slots,
@@ -227,10 +228,10 @@ def to_local(rays: Rays, index: Int, thing: Moving) -> tuple[Float32, Float32]:
 def rotated(normals: Float32, hits: Hits, moving: Sequence[Moving]) -> Float32:
     """Turn normals on moving things from their own frames to the world's."""
     turned = normals.copy()
-    for number in np.unique(hits.moving[hits.moving >= 0]):
-        rows = hits.moving == number
-        rotation = moving[number].world_SE3_thing[:3, :3].astype(np.float32)
-        turned[rows] = normals[rows] @ rotation.T
+    at = np.flatnonzero(hits.moving >= 0)
+    if len(at):
+        rotations = np.stack([thing.world_SE3_thing[:3, :3] for thing in moving]).astype(np.float32)
+        turned[at] = np.einsum("nij,nj->ni", rotations[hits.moving[at]], normals[at])
     return turned
 
 

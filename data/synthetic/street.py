@@ -146,7 +146,8 @@ def house_palette(rng: np.random.Generator) -> Float32:
                (0.60, 0.58, 0.56), (0.42, 0.42, 0.43), (0.64, 0.48, 0.40)]  # fmt: skip
     wall = np.array(plaster[rng.integers(len(plaster))]) * rng.uniform(0.75, 1.1)
     roof = np.array([(0.26, 0.09, 0.06), (0.12, 0.11, 0.11), (0.20, 0.12, 0.09)][rng.integers(3)])
-    door = rng.uniform(0.02, 0.35, 3)
+    doors = [(0.10, 0.05, 0.03), (0.04, 0.08, 0.05), (0.45, 0.44, 0.42), (0.06, 0.06, 0.07)]
+    door = np.array(doors[rng.integers(len(doors))])
     return palette(
         {
             Slot.WALL: (*wall, rng.uniform(0.28, 0.45)),
@@ -170,12 +171,12 @@ def _leaf_cards(
     return meshes.Mesh(mesh.vertices_m, mesh.triangles, mesh.slots, shaded, mesh.texture_m)
 
 
-def tree(height_m: float, rng: np.random.Generator, leaves: int = 1100) -> Mesh:
+def tree(height_m: float, rng: np.random.Generator, leaves: int = 1700) -> Mesh:
     """Build a trunk with boughs and a crown of loose leaf clusters."""
     stem = rng.uniform(0.28, 0.4) * height_m
     trunk_m = 0.012 * height_m + 0.06
     top = np.array([rng.normal(0, 0.2), rng.normal(0, 0.2), 0.75 * height_m])
-    parts = [meshes.tube(np.array([[0, 0, -0.3], top]), [trunk_m, 0.3 * trunk_m], Slot.TRUNK)]
+    parts = [meshes.tube((0, 0, -0.3), top, (trunk_m, 0.3 * trunk_m), Slot.TRUNK)]
     centres, outward = [], []
     for _ in range(7):
         turn, reach = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, 0.2) * height_m
@@ -187,9 +188,7 @@ def tree(height_m: float, rng: np.random.Generator, leaves: int = 1100) -> Mesh:
             ]
         )
         parts.append(
-            meshes.tube(
-                np.array([top * (stem / top[2]), middle]), [0.4 * trunk_m, 0.02], Slot.TRUNK, 5
-            )
+            meshes.tube(top * (stem / top[2]), middle, (0.4 * trunk_m, 0.02), Slot.TRUNK, 5)
         )
         unit = rng.normal(size=(leaves // 7, 3))
         unit /= np.linalg.norm(unit, axis=1, keepdims=True)
@@ -198,7 +197,7 @@ def tree(height_m: float, rng: np.random.Generator, leaves: int = 1100) -> Mesh:
         centres.append(middle + unit * radii * shell)
         outward.append(unit)
     crown = _leaf_cards(
-        np.concatenate(centres), np.concatenate(outward), 0.13 + 0.008 * height_m, rng
+        np.concatenate(centres), np.concatenate(outward), 0.085 + 0.007 * height_m, rng
     )
     return meshes.merge([*parts, crown])
 
@@ -248,13 +247,9 @@ def garden_wall(length_m: float, height_m: float) -> Mesh:
 
 def lamp(height_m: float, radius_m: float, reach_m: float) -> Mesh:
     """Build a street lamp whose arm reaches along y."""
-    pole = meshes.tube(
-        np.array([[0, 0, -0.3], [0, 0, height_m]]), [radius_m, 0.7 * radius_m], Slot.METAL, 10
-    )
-    foot = meshes.tube(np.array([[0, 0, -0.3], [0, 0, 0.9]]), [1.5 * radius_m] * 2, Slot.METAL, 10)
-    arm = meshes.tube(
-        np.array([[0, 0, height_m], [0, reach_m, height_m + 0.25]]), [0.03, 0.025], Slot.METAL, 6
-    )
+    pole = meshes.tube((0, 0, -0.3), (0, 0, height_m), (radius_m, 0.7 * radius_m), Slot.METAL, 10)
+    foot = meshes.tube((0, 0, -0.3), (0, 0, 0.9), (1.5 * radius_m, 1.5 * radius_m), Slot.METAL, 10)
+    arm = meshes.tube((0, 0, height_m), (0, reach_m, height_m + 0.25), (0.03, 0.025), Slot.METAL, 6)
     head = meshes.ellipsoid((0, reach_m, height_m + 0.25), (0.14, 0.32, 0.07), Slot.METAL)
     return meshes.merge([pole, foot, arm, head])
 
@@ -270,7 +265,7 @@ def sign(kind: int, radius_m: float) -> Mesh:
         middle = np.zeros_like(rim)
         disc = meshes.grid(np.stack([middle, rim]) + centre + (back, 0, 0), slot)
         plate.append(meshes.textured(disc, (disc.vertices_m - centre)[:, 1:] / size))
-    pole = meshes.tube(np.array([[0, 0, -0.3], [0, 0, 2.65]]), [radius_m] * 2, Slot.METAL, 8)
+    pole = meshes.tube((0, 0, -0.3), (0, 0, 2.65), (radius_m, radius_m), Slot.METAL, 8)
     return meshes.merge([pole, *plate])
 
 
@@ -283,5 +278,4 @@ def sign_palette(kind: int, rng: np.random.Generator) -> Float32:
 
 def bollard(height_m: float, radius_m: float) -> Mesh:
     """Build a thin post."""
-    path = np.array([[0, 0, -0.2], [0, 0, height_m]])
-    return meshes.tube(path, [radius_m] * 2, Slot.METAL, 8)
+    return meshes.tube((0, 0, -0.2), (0, 0, height_m), (radius_m, radius_m), Slot.METAL)

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from data.synthetic.materials import Slot
+from data.synthetic.materials import Slot, rgb
 from data.synthetic.road import RoadShape
 from data.synthetic.scene import Hits, SurfaceTables
 from data.synthetic.world import World
-from perception.types import Bool, Float32, Int, UInt8
+from perception.types import Bool, Float, Float32, Int, UInt8
 
 _SIZE = 512
 _PAINT_REFLECTANCE = 0.62
@@ -20,27 +20,36 @@ def _fractal_noise(seed: int) -> Float32:
     radius = np.maximum(np.hypot(waves[:, None], waves[None]), 1.0)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, radius.shape)
     image = np.fft.ifft2(np.exp(1j * phases) / radius**1.1).real
-    return ((image - image.mean()) / image.std()).astype(np.float32)
+    return np.asarray((image - image.mean()) / image.std(), np.float32)
 
 
 _NOISE = _fractal_noise(5)
 _GRAIN = np.random.default_rng(6).normal(0, 1, (_SIZE, _SIZE)).astype(np.float32)
 
 
-def smooth_noise(x: Float32, y: Float32) -> Float32:
+def smooth_noise(x: Float, y: Float) -> Float32:
     """Look up noise of many scales; it repeats after 512 units."""
     return _look_up(_NOISE, x, y)
 
 
-def grain(x: Float32, y: Float32) -> Float32:
+def grain(x: Float, y: Float) -> Float32:
     """Look up white noise, constant within a unit square."""
     return _look_up(_GRAIN, x, y)
 
 
-def _look_up(image: Float32, x: Float32, y: Float32) -> Float32:
+def _look_up(image: Float32, x: Float, y: Float) -> Float32:
     column = np.floor(x).astype(np.int32) & (_SIZE - 1)
     row = np.floor(y).astype(np.int32) & (_SIZE - 1)
     return np.take(image.ravel(), row * _SIZE + column)
+
+
+def clouds(x: Float, y: Float) -> Float32:
+    """Look up noise of many scales, interpolated between its samples."""
+    left, low = np.floor(x), np.floor(y)
+    u, v = x - left, y - low
+    below = _look_up(_NOISE, left, low) * (1 - u) + _look_up(_NOISE, left + 1, low) * u
+    above = _look_up(_NOISE, left, low + 1) * (1 - u) + _look_up(_NOISE, left + 1, low + 1) * u
+    return np.asarray(below * (1 - v) + above * v, np.float32)
 
 
 def texture_at(tables: SurfaceTables, hits: Hits, rows: Int) -> Float32:
@@ -86,6 +95,7 @@ class Painter:
             Slot.ROOF: _tiles,
             Slot.SIGN: _sign,
             Slot.FENCE: _planks,
+            Slot.PLATE: _plate,
         }
 
     def paint(
@@ -97,7 +107,7 @@ class Painter:
             at = np.flatnonzero(slots == slot)
             if len(at):
                 place = texture_at(tables, hits, rows[at])
-                fade = 1 / (1 + np.square(hits.distance_m[rows[at]] / 22))
+                fade = np.float32(1) / (1 + np.square(hits.distance_m[rows[at]] / np.float32(22)))
                 painted[at] = pattern(place, colours[at], fade)
         return painted
 
@@ -120,21 +130,21 @@ def _paving(place: Float32, colours: Float32, fade: Float32) -> Float32:
     s, side = place[:, 0] / 0.4, place[:, 1] / 0.4
     tone = 1 + 0.10 * grain(s, side) * np.sqrt(fade) + 0.06 * smooth_noise(s, side)
     joint = (np.mod(s, 1) < 0.05) | (np.mod(side, 1) < 0.05)
-    return colours * np.where(joint, 1 - 0.4 * np.sqrt(fade), tone)[:, None]
+    return np.asarray(colours * np.where(joint, 1 - 0.4 * np.sqrt(fade), tone)[:, None], np.float32)
 
 
 def _kerb(place: Float32, colours: Float32, fade: Float32) -> Float32:
     joint = np.mod(place[:, 0], 1.0) < 0.02
     tone = 1 + 0.10 * smooth_noise(place[:, 0] * 20, place[:, 1] * 60)
-    return colours * np.where(joint, 1 - 0.5 * fade, tone)[:, None]
+    return np.asarray(colours * np.where(joint, 1 - 0.5 * fade, tone)[:, None], np.float32)
 
 
 def _grass(place: Float32, colours: Float32, fade: Float32) -> Float32:
     x, y = place[:, 0], place[:, 1]
     tone = 1 + 0.22 * smooth_noise(x * 4, y * 4) + 0.30 * fade * grain(x * 45, y * 45)
     dry = np.clip(0.5 + 0.4 * smooth_noise(x * 1.5 + 77, y * 1.5), 0, 1)[:, None]
-    mixed = colours * (1 - 0.35 * dry) + np.float32([0.20, 0.17, 0.07]) * 0.35 * dry
-    return np.maximum(mixed * tone[:, None], 0.01)
+    mixed = colours * (1 - 0.35 * dry) + rgb(0.20, 0.17, 0.07) * 0.35 * dry
+    return np.asarray(np.maximum(mixed * tone[:, None], 0.01), np.float32)
 
 
 def _wall(place: Float32, colours: Float32, fade: Float32) -> Float32:
@@ -146,25 +156,36 @@ def _wall(place: Float32, colours: Float32, fade: Float32) -> Float32:
     joint = (np.mod(z / 0.08, 1) < 0.14) | (np.mod(shift, 1) < 0.06)
     brick = (1 + 0.16 * grain(shift, course)) * np.where(joint, 1 + 0.5 * fade, 1.0) + stain
     is_brick = colours[:, 0] > 2.2 * colours[:, 2]
-    return colours * np.where(is_brick, brick, plaster)[:, None]
+    return np.asarray(colours * np.where(is_brick, brick, plaster)[:, None], np.float32)
 
 
 def _tiles(place: Float32, colours: Float32, fade: Float32) -> Float32:
     x, y = place[:, 0] / 0.25, place[:, 1] / 0.3
     tone = 1 + 0.15 * grain(x, y) - 0.35 * fade * (np.mod(y, 1) < 0.15)
-    return colours * tone[:, None]
+    return np.asarray(colours * tone[:, None], np.float32)
 
 
 def _planks(place: Float32, colours: Float32, fade: Float32) -> Float32:
     tone = 1 + 0.12 * smooth_noise(place[:, 0] * 60, place[:, 1] * 8)
-    return colours * tone[:, None]
+    return np.asarray(colours * tone[:, None], np.float32)
+
+
+def _plate(place: Float32, colours: Float32, fade: Float32) -> Float32:
+    """A blue band and seven dark letters."""
+    x, z = place[:, 0], place[:, 1]
+    letter = (x - 0.12) / 0.125
+    stroke = (np.mod(letter, 1) > 0.2) & (np.abs(z - 0.5) < 0.33) & (x > 0.12) & (x < 0.96)
+    stroke &= grain(letter * 4, z * 4 + 31) > -0.3
+    band = (x < 0.08)[:, None]
+    inked = np.where(stroke[:, None], colours * 0.08, colours)
+    return np.where(band, rgb(0.01, 0.04, 0.30), inked)
 
 
 def _sign(place: Float32, colours: Float32, fade: Float32) -> Float32:
     """Red rims on white signs, white symbols on coloured ones."""
     reach = np.hypot(place[:, 0], place[:, 1])
     is_white = (colours.min(axis=1) > 0.5)[:, None]
-    red, white, black = np.float32([[0.5, 0.01, 0.01], [0.75, 0.75, 0.75], [0.02, 0.02, 0.02]])
+    red, white, black = rgb(0.5, 0.01, 0.01), rgb(0.75, 0.75, 0.75), rgb(0.02, 0.02, 0.02)
     symbol = ((np.abs(place[:, 0]) < 0.12) & (np.abs(place[:, 1]) < 0.4))[:, None]
     rim = (reach > 0.72)[:, None]
     on_white = np.where(rim, red, np.where(symbol, black, colours))

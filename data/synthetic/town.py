@@ -6,9 +6,11 @@ import numpy as np
 
 from data.synthetic import meshes, street
 from data.synthetic.materials import SemanticClass, palette
+from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.street import Part
-from perception.types import Float64
+from perception.geometry import se3
+from perception.types import Float32, Float64
 
 
 @dataclass(frozen=True)
@@ -51,161 +53,137 @@ def furnish(
     """Return the ground of a stretch and all that stands on it."""
     parts = [street.ground(road, *stretch_m)]
     for side in (-1, 1):
-        parts += _plots(road, stretch_m, side, style, rng)
-        parts += _kerbside(road, stretch_m, side, style, clearings, rng)
-        parts += _backdrop(road, stretch_m, side, rng)
+        roadside = _Roadside(road, side, style, rng)
+        parts += roadside.plots(*stretch_m)
+        parts += roadside.kerbside(*stretch_m, clearings)
+        parts += roadside.backdrop(*stretch_m)
     return parts
 
 
-def _plots(
-    road: Road,
-    stretch_m: tuple[float, float],
-    side: int,
-    style: TownStyle,
-    rng: np.random.Generator,
-) -> list[Part]:
-    """Fill one side behind the pavement with houses and gardens, plot after plot."""
-    edge = road.shape.half_width_m + road.shape.pavement_m
-    parts: list[Part] = []
-    s = stretch_m[0]
-    while s < stretch_m[1] - 8:
-        length = float(rng.uniform(9, 17))
-        if rng.random() < style.houses:
-            setback = 0.3 + float(rng.choice([0.0, 0.0, 3.0]))
-            parts.append(_house(road, s, side, edge + setback, length, rng))
-            if setback > 1:
-                parts += _border(road, s, side, edge + 0.3, length, style, rng)
-        else:
-            parts += _border(road, s, side, edge + 0.3, length, style, rng)
-            parts += _garden(road, s, side, edge, length, style, rng)
-        s += length + float(rng.choice([0.3, 0.3, 3.5]))
-    return parts
+@dataclass(frozen=True)
+class _Roadside:
+    """One side of a road, to be built up.
 
+    Attributes:
+        road: the road.
+        side: 1 to its left, -1 to its right.
+        style: how densely it is built up.
+        rng: draws what stands where.
+    """
 
-def _along(road: Road, s_m: float, side: int, edge_m: float, length_m: float) -> Float64:
-    """Return the pose of a straight thing of some length along the road, its outside turned to it."""
-    ends = road.place(np.array([s_m, s_m + length_m]), np.full(2, side * edge_m))
-    if side > 0:
-        start, turn = ends[0], 0.0
-    else:
-        start, turn = ends[1], np.pi
-    way = ends[1] - ends[0]
-    heading = float(np.arctan2(way[1], way[0])) + turn
-    from perception.geometry import se3
+    road: Road
+    side: int
+    style: TownStyle
+    rng: np.random.Generator
 
-    low = np.array([start[0], start[1], ends[:, 2].min()])
-    return se3.from_euler(0.0, 0.0, heading, low)
+    @property
+    def _edge_m(self) -> float:
+        """Outer edge of the pavement."""
+        return self.road.shape.half_width_m + self.road.shape.pavement_m
 
+    def plots(self, start_m: float, end_m: float) -> list[Part]:
+        """Fill the land behind the pavement with houses and gardens, plot after plot."""
+        parts: list[Part] = []
+        s = start_m
+        while s < end_m - 8:
+            length = float(self.rng.uniform(9, 17))
+            parts += self._plot(s, length)
+            s += length + float(self.rng.choice([0.3, 0.3, 3.5]))
+        return parts
 
-def _house(
-    road: Road, s_m: float, side: int, edge_m: float, length_m: float, rng: np.random.Generator
-) -> Part:
-    floors = int(rng.choice([2, 2, 3, 3, 4]))
-    # Straight houses stand clear of the pavement where the road curves.
-    sagitta = road.shape.curvature_1_m * length_m**2 / 8
-    pose = _along(road, s_m, side, edge_m + sagitta, length_m)
-    return Part(meshes.moved(street.house(length_m, floors, rng), pose), street.house_palette(rng))
+    def _plot(self, s_m: float, length_m: float) -> list[Part]:
+        if self.rng.random() >= self.style.houses:
+            return [self._border(s_m, length_m), *self._garden(s_m, length_m)]
+        front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
+        house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
+        return [house, self._border(s_m, length_m)] if front_garden_m > 0 else [house]
 
-
-def _border(
-    road: Road,
-    s_m: float,
-    side: int,
-    edge_m: float,
-    length_m: float,
-    style: TownStyle,
-    rng: np.random.Generator,
-) -> list[Part]:
-    """Close a plot off towards the pavement by a hedge, a fence or a low wall."""
-    sagitta = road.shape.curvature_1_m * length_m**2 / 8
-    pose = _along(road, s_m, side, edge_m + sagitta + 0.4, length_m)
-    height, kind = float(rng.uniform(0.8, 1.7)), rng.random()
-    if kind < style.greenery:
-        hedge = street.hedge(length_m, height, rng)
-        return [Part(meshes.moved(hedge, pose), street.foliage_palette(rng))]
-    if kind < 0.85:
-        return [Part(meshes.moved(street.fence(length_m, min(height, 1.3)), pose), palette())]
-    wall = meshes.moved(street.garden_wall(length_m, min(height, 1.1)), pose)
-    return [Part(wall, street.house_palette(rng), SemanticClass.FENCE)]
-
-
-def _garden(
-    road: Road,
-    s_m: float,
-    side: int,
-    edge_m: float,
-    length_m: float,
-    style: TownStyle,
-    rng: np.random.Generator,
-) -> list[Part]:
-    count = 1 + int(rng.random() < style.greenery)
-    parts = []
-    for _ in range(count):
-        s, l = s_m + rng.uniform(1, length_m - 1), side * (edge_m + rng.uniform(3, 9))  # noqa: E741
-        parts.append(_tree(road, s, l, rng))
-    return parts
-
-
-def _tree(road: Road, s_m: float, l_m: float, rng: np.random.Generator) -> Part:
-    mesh = street.tree(float(rng.uniform(5, 10)), rng)
-    pose = street.standing(road, s_m, l_m, float(rng.uniform(0, 6.28)))
-    return Part(meshes.moved(mesh, pose), street.foliage_palette(rng))
-
-
-def _kerbside(
-    road: Road,
-    stretch_m: tuple[float, float],
-    side: int,
-    style: TownStyle,
-    clearings: list[Clearing],
-    rng: np.random.Generator,
-) -> list[Part]:
-    """Stand lamps, signs, bollards and trees in a row behind the kerb."""
-    parts: list[Part] = []
-    places = np.arange(stretch_m[0] + 3, stretch_m[1] - 3, 6.5) + rng.uniform(0, 3)
-    for number, s in enumerate(places):
-        row = side * (road.shape.half_width_m + 0.5)
-        s_m = float(s + rng.uniform(-1.5, 1.5))
-        if any(abs(s_m - c.s_m) < c.half_m for c in clearings):
-            continue
-        if number % 4 == 0:
-            parts.append(_lamp(road, s_m, row, side, rng))
-        elif rng.random() < style.furniture * 0.6:
-            parts.append(_post(road, s_m, row, side, rng))
-        elif rng.random() < style.greenery:
-            parts.append(_tree(road, s_m, row, rng))
-    return parts
-
-
-def _lamp(road: Road, s_m: float, l_m: float, side: int, rng: np.random.Generator) -> Part:
-    mesh = street.lamp(float(rng.uniform(5, 8)), float(rng.uniform(0.04, 0.05)), 1.2)
-    turn = np.pi if side > 0 else 0.0  # the arm, along y, reaches over the road
-    return Part(meshes.moved(mesh, street.standing(road, s_m, l_m, turn)), palette())
-
-
-def _post(road: Road, s_m: float, l_m: float, side: int, rng: np.random.Generator) -> Part:
-    """Stand a sign that faces the traffic of its side, or a bollard."""
-    if rng.random() < 0.6:
-        kind = int(rng.choice([0, 0, 1, 2, 2, 3]))
-        mesh, colours = street.sign(kind, 0.03), street.sign_palette(kind, rng)
-    else:
-        mesh, colours = (
-            street.bollard(float(rng.uniform(0.9, 1.1)), float(rng.uniform(0.025, 0.05))),
-            palette(),
+    def _along(self, s_m: float, length_m: float, edge_m: float) -> Float64:
+        """Return the pose of a straight front along the road: x along it, y away from the road."""
+        # Straight fronts stand clear of the pavement where the road curves.
+        sagitta = self.road.shape.curvature_1_m * length_m**2 / 8
+        ends = self.road.place(
+            np.array([s_m, s_m + length_m]), np.full(2, self.side * (edge_m + sagitta))
         )
-    turn = np.pi if side > 0 else 0.0
-    return Part(meshes.moved(mesh, street.standing(road, s_m, l_m, turn)), colours)
+        start, end = ends if self.side > 0 else ends[::-1]
+        heading = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
+        return se3.from_euler(0.0, 0.0, heading, np.array([*start[:2], ends[:, 2].min()]))
 
+    def _house(self, s_m: float, length_m: float, edge_m: float) -> Part:
+        floors = int(self.rng.choice([2, 2, 3, 3, 4]))
+        mesh = street.house(length_m, floors, self.rng)
+        pose = self._along(s_m, length_m, edge_m)
+        return Part(meshes.moved(mesh, pose), street.house_palette(self.rng))
 
-def _backdrop(
-    road: Road, stretch_m: tuple[float, float], side: int, rng: np.random.Generator
-) -> list[Part]:
-    """Stand loose rows of tall trees behind the houses."""
-    outer = road.shape.half_width_m + road.shape.pavement_m
-    parts = []
-    for s in np.arange(stretch_m[0], stretch_m[1], 14.0):
-        l_m = side * (outer + float(rng.uniform(17, 30)))
-        mesh = street.tree(float(rng.uniform(9, 15)), rng, leaves=700)
-        pose = street.standing(road, float(s + rng.uniform(-5, 5)), l_m)
-        parts.append(Part(meshes.moved(mesh, pose), street.foliage_palette(rng)))
-    return parts
+    def _border(self, s_m: float, length_m: float) -> Part:
+        """Close a plot off towards the pavement by a hedge, a fence or a low wall."""
+        pose = self._along(s_m, length_m, self._edge_m + 0.7)
+        height, kind = float(self.rng.uniform(0.8, 1.7)), self.rng.random()
+        if kind < self.style.greenery:
+            hedge = street.hedge(length_m, height, self.rng)
+            return Part(meshes.moved(hedge, pose), street.foliage_palette(self.rng))
+        if kind < 0.85:
+            return Part(meshes.moved(street.fence(length_m, min(height, 1.3)), pose), palette())
+        wall = meshes.moved(street.garden_wall(length_m, min(height, 1.1)), pose)
+        return Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)
+
+    def _garden(self, s_m: float, length_m: float) -> list[Part]:
+        count = 1 + int(self.rng.random() < self.style.greenery)
+        return [
+            self._tree(
+                s_m + float(self.rng.uniform(1, length_m - 1)),
+                self._edge_m + float(self.rng.uniform(3, 9)),
+                float(self.rng.uniform(5, 10)),
+            )
+            for _ in range(count)
+        ]
+
+    def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
+        mesh = street.tree(height_m, self.rng)
+        pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
+        return Part(meshes.moved(mesh, pose), street.foliage_palette(self.rng))
+
+    def kerbside(self, start_m: float, end_m: float, clearings: list[Clearing]) -> list[Part]:
+        """Stand lamps, signs, bollards and trees in a row behind the kerb."""
+        parts: list[Part] = []
+        row_m = self.road.shape.half_width_m + 0.5
+        places = np.arange(start_m + 3, end_m - 3, 6.5) + self.rng.uniform(0, 3)
+        for number, place in enumerate(places):
+            s_m = float(place + self.rng.uniform(-1.5, 1.5))
+            if any(abs(s_m - clearing.s_m) < clearing.half_m for clearing in clearings):
+                continue
+            if number % 4 == 0:
+                parts.append(self._facing_traffic(self._lamp(), palette(), s_m, row_m))
+            elif self.rng.random() < self.style.furniture * 0.6:
+                parts.append(self._facing_traffic(*self._post(), s_m, row_m))
+            elif self.rng.random() < self.style.greenery:
+                parts.append(self._tree(s_m, row_m, float(self.rng.uniform(5, 9))))
+        return parts
+
+    def _facing_traffic(self, mesh: Mesh, looks: Float32, s_m: float, out_m: float) -> Part:
+        """Stand something with its -x towards the traffic of this side, its y over the road."""
+        turn = np.pi if self.side > 0 else 0.0
+        pose = street.standing(self.road, s_m, self.side * out_m, turn)
+        return Part(meshes.moved(mesh, pose), looks)
+
+    def _lamp(self) -> Mesh:
+        return street.lamp(float(self.rng.uniform(5, 8)), float(self.rng.uniform(0.04, 0.05)), 1.2)
+
+    def _post(self) -> tuple[Mesh, Float32]:
+        """Draw a sign, or a bollard."""
+        if self.rng.random() < 0.6:
+            kind = int(self.rng.choice([0, 0, 1, 2, 2, 3]))
+            return street.sign(kind, 0.03), street.sign_palette(kind, self.rng)
+        height, radius = float(self.rng.uniform(0.9, 1.1)), float(self.rng.uniform(0.025, 0.05))
+        return street.bollard(height, radius), palette()
+
+    def backdrop(self, start_m: float, end_m: float) -> list[Part]:
+        """Stand a loose row of tall trees behind the houses."""
+        return [
+            self._tree(
+                float(s + self.rng.uniform(-5, 5)),
+                self._edge_m + float(self.rng.uniform(17, 30)),
+                float(self.rng.uniform(9, 15)),
+            )
+            for s in np.arange(start_m, end_m, 14.0)
+        ]

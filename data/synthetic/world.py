@@ -1,93 +1,21 @@
 """A street with its traffic, drawn from a seed: everything that is true of a synthetic drive."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import actors as cast_of
-from data.synthetic import meshes, town, traffic
-from data.synthetic.actors import Actor, Body
+from data.synthetic import meshes, town
+from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
-from data.synthetic.road import Road, RoadShape
+from data.synthetic.road import Road
 from data.synthetic.scene import Moving, Scene
 from data.synthetic.street import Part
-from data.synthetic.town import Clearing, TownStyle
-from data.synthetic.traffic import Block, Lane, Slowdown
-from perception.errors import UsageError
-from perception.geometry import se3
+from data.synthetic.traffic_plan import TrafficPlan
+from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 125.0, 140.0  # how far the street is built around the ego vehicle's way
-_EGO_LENGTH_M = 4.6
-
-
-@dataclass(frozen=True)
-class WorldConfig:
-    """How a street and its traffic are drawn; the defaults make a lively street for a demonstration.
-
-    Attributes:
-        road: curves, slopes and cross-section.
-        town: how the street is built up.
-        ego_m_s: speed that the ego vehicle wishes for.
-        leader_gap_m: from the ego vehicle to the first vehicle before it.
-        vehicle_gap_m: mean distance between the vehicles of a lane.
-        cyclists: in 100 m of street, both sides together.
-        pedestrians: in 100 m of street, both sides together.
-        crossing_every_s: between two people who cross before the ego vehicle, 0 for none.
-        slowdown_every_s: between two slowdowns of the vehicle before the ego vehicle, 0 for none.
-        is_sunny: whether the sun casts shadows.
-    """
-
-    road: RoadShape = field(default_factory=RoadShape)
-    town: TownStyle = field(default_factory=TownStyle)
-    ego_m_s: float = 8.5
-    leader_gap_m: float = 17.0
-    vehicle_gap_m: float = 30.0
-    cyclists: float = 5.0
-    pedestrians: float = 12.0
-    crossing_every_s: float = 7.0
-    slowdown_every_s: float = 6.0
-    is_sunny: bool = True
-
-    def __post_init__(self) -> None:
-        """Refuse traffic that would not fit on a road."""
-        if not (0 < self.ego_m_s <= 20 and self.vehicle_gap_m >= 12 and self.leader_gap_m >= 9):
-            raise UsageError(
-                "synthetic world",
-                expected="ego_m_s up to 20, vehicle_gap_m from 12, leader_gap_m from 9",
-                found=f"{self.ego_m_s:g}, {self.vehicle_gap_m:g}, {self.leader_gap_m:g}",
-            )
-
-
-def draw_config(rng: np.random.Generator) -> WorldConfig:
-    """Draw another kind of street: narrower, greener, busier, steeper."""
-    road = RoadShape(
-        curvature_1_m=float(rng.uniform(0, 1 / 110)),
-        curve_length_m=float(rng.uniform(150, 260)),
-        slope=float(rng.uniform(0, 0.05)),
-        bank=float(rng.uniform(0, 0.025)),
-        lane_m=float(rng.uniform(3.3, 4.0)),
-        parking_m=float(rng.choice([0.0, 2.1, 2.1, 2.3])),
-        kerb_m=float(rng.uniform(0.10, 0.15)),
-        pavement_m=float(rng.uniform(2.2, 4.0)),
-    )
-    style = TownStyle(
-        houses=float(rng.uniform(0.1, 0.95)),
-        greenery=float(rng.uniform(0.15, 0.8)),
-        furniture=float(rng.uniform(0.4, 1.0)),
-        parking=float(rng.uniform(0.2, 0.9)),
-    )
-    return WorldConfig(
-        road=road,
-        town=style,
-        ego_m_s=float(rng.uniform(6, 12)),
-        leader_gap_m=float(rng.uniform(11, 45)),
-        vehicle_gap_m=float(rng.uniform(18, 45)),
-        cyclists=float(rng.uniform(1, 8)),
-        pedestrians=float(rng.uniform(3, 20)),
-        is_sunny=bool(rng.random() < 0.65),
-    )
 
 
 @dataclass(frozen=True)
@@ -182,7 +110,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
         start_m=-(_BEHIND_M + 120),
         end_m=2 * reach + _AHEAD_M + 120,
     )
-    plan = _TrafficPlan(config, road, duration_s, rng)
+    plan = TrafficPlan(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     parts = town.furnish(road, stretch, config.town, plan.clearings, rng)
     plan.walk_and_ride(stretch)
@@ -192,7 +120,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
 
 def _assemble(
     config: WorldConfig,
-    plan: "_TrafficPlan",
+    plan: TrafficPlan,
     parts: list[Part],
     duration_s: float,
     rng: np.random.Generator,
@@ -230,195 +158,3 @@ def _assemble(
     return World(
         config, plan.road, scene, plan.actors, plan.ego, sway, sun, shapes, things, duration_s
     )
-
-
-class _TrafficPlan:
-    """Draws who is on the road and where they go; nobody runs into anybody."""
-
-    def __init__(
-        self, config: WorldConfig, road: Road, duration_s: float, rng: np.random.Generator
-    ) -> None:
-        self.config, self.road, self.rng = config, road, rng
-        self.duration_s = duration_s
-        self.times_s = traffic.simulation_times(duration_s)
-        self.actors: list[Actor] = []
-        self.clearings: list[Clearing] = []
-        self._vehicles = cast_of.draw_vehicles(rng, 14)
-        self._walkers = cast_of.draw_pedestrians(rng, 4)
-        self._riders = cast_of.draw_cyclists(rng, 3)
-        self._crossers: list[Path] = []
-        self._tracks: list[tuple[Float64, float]] = []
-        self.ego = self._drive()
-
-    # ------------------------------------------------------------------ lanes
-
-    def _drive(self) -> Path:
-        """Simulate both lanes; return the ego vehicle's way."""
-        lane, bodies, ego_row = self._own_lane()
-        slowdowns = self._slowdowns(ego_row)
-        free = traffic.drive_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
-        own_blocks, oncoming_blocks = self._crossings(free)
-        places = traffic.drive_lane(lane, self.times_s, own_blocks, slowdowns)
-        centre = -self.road.shape.lane_m / 2 + 0.1
-        for row, body in enumerate(bodies):
-            if row != ego_row:
-                self._add(body, Path(self.times_s, places[:, row], self._wander(centre)), 1.1)
-        self._oncoming(oncoming_blocks)
-        ego = Path(self.times_s, places[:, ego_row], self._wander(centre))
-        self._tracks.append((self._sampled(ego), 1.3))
-        return ego
-
-    def _own_lane(self) -> tuple[Lane, list[Body], int]:
-        """Draw the vehicles before, at and behind the ego vehicle."""
-        config, rng = self.config, self.rng
-        gaps = config.vehicle_gap_m * rng.uniform(0.7, 1.4, 6)
-        gaps[0] = config.leader_gap_m * rng.uniform(0.9, 1.1)
-        ahead = np.cumsum(gaps)[::-1]
-        behind = -np.cumsum(config.vehicle_gap_m * rng.uniform(0.5, 1.2, 3))
-        bodies = [self._vehicle() for _ in range(len(ahead) + 1 + len(behind))]
-        place = np.concatenate([ahead, [0.0], behind]) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
-        desired = config.ego_m_s * rng.uniform(0.9, 1.08, len(place))
-        length = np.array([body.size_m[0] for body in bodies])
-        length[len(ahead)] = _EGO_LENGTH_M
-        desired[len(ahead)] = config.ego_m_s * 1.1
-        return Lane(place, length, desired), bodies, len(ahead)
-
-    def _slowdowns(self, ego_row: int) -> list[Slowdown]:
-        every = self.config.slowdown_every_s
-        starts = np.arange(2.0, self.duration_s, every) if every > 0 else np.zeros(0)
-        return [
-            Slowdown(ego_row - 1 - n % 2, float(t), float(t + 2.2), (0.45, 0.15, 0.0)[n % 3])
-            for n, t in enumerate(starts)
-        ]
-
-    def _oncoming(self, blocks: list[Block]) -> None:
-        """Draw the vehicles of the other lane; their places run against the road."""
-        config, rng = self.config, self.rng
-        speed = config.ego_m_s * 1.0
-        farthest = 2.05 * (self.duration_s + traffic.WARM_UP_S) * speed + 150.0
-        gaps = config.vehicle_gap_m * rng.uniform(
-            0.6, 1.7, int(farthest / config.vehicle_gap_m) + 5
-        )
-        place = 60.0 - np.cumsum(gaps)
-        bodies = [self._vehicle() for _ in place]
-        desired = speed * rng.uniform(0.92, 1.08, len(place))
-        lane = Lane(place, np.array([body.size_m[0] for body in bodies]), desired)
-        stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
-        places = traffic.drive_lane(lane, self.times_s, blocks, stops)
-        centre = self.road.shape.lane_m / 2
-        for row, body in enumerate(bodies):
-            path = Path(self.times_s, -places[:, row], self._wander(centre), facing=-1)
-            inside = (path.s_m > self.road.start_m + 5) & (path.s_m < self.road.end_m - 5)
-            if inside.all():
-                self._add(body, path, 1.1)
-
-    def _crossings(self, ego_place_m: Float64) -> tuple[list[Block], list[Block]]:
-        """Let people cross before the ego vehicle; return when which lane is closed."""
-        every, rng, shape = self.config.crossing_every_s, self.rng, self.road.shape
-        starts = np.arange(1.6, self.duration_s, every) if every > 0 else np.zeros(0)
-        own, oncoming = [], []
-        for start in starts:
-            place = float(np.interp(start + 1.5, self.times_s, ego_place_m)) + 9.0
-            from_side, pace = float(rng.choice([-1, 1])), float(rng.uniform(1.5, 2.0))
-            edge = from_side * (shape.half_width_m + 1.2)
-            l_m = edge - from_side * np.clip((self.times_s - start) * pace, 0, 2 * abs(edge))
-            s_m = np.full_like(l_m, place)
-            self._crossers.append(Path(self.times_s, s_m, l_m))
-            self.clearings.append(Clearing(place, 4.0))
-            for blocks, low, direction in ((own, -shape.lane_m - 0.3, 1), (oncoming, -0.3, -1)):
-                on_lane = self.times_s[(l_m > low) & (l_m < low + shape.lane_m + 0.6)]
-                stop = direction * place - 2.2
-                blocks.append(Block(stop, float(start - 1.5), float(max(on_lane, default=start))))
-        return own, oncoming
-
-    # ------------------------------------------------------- people and parking
-
-    def walk_and_ride(self, stretch_m: tuple[float, float]) -> None:
-        """Add those who cross, cyclists at the lanes' edges and people on the pavements."""
-        for path in self._crossers:
-            self._try_add(self._walker(), path, 0.35)
-        shape, length = self.road.shape, stretch_m[1] - stretch_m[0]
-        for _ in range(int(self.config.cyclists * length / 100)):
-            side = int(self.rng.choice([-1, 1]))
-            row = side * (shape.lane_m - 0.35)
-            self._try_add(
-                self._rider(), self._ride(stretch_m, row, -side, self.rng.uniform(3.6, 5.5)), 0.8
-            )
-        for _ in range(int(self.config.pedestrians * length / 100)):
-            side, way = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
-            row = side * (shape.half_width_m + self.rng.uniform(1.1, shape.pavement_m - 0.4))
-            stands = self.rng.random() < 0.15
-            body = cast_of.draw_standing(self.rng) if stands else self._walker()
-            pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
-            self._try_add(body, self._ride(stretch_m, row, way, pace), 0.4)
-
-    def _ride(self, stretch_m: tuple[float, float], l_m: float, way: int, pace: float) -> Path:
-        """Draw a steady way along the street."""
-        middle = self.rng.uniform(stretch_m[0] + 15, stretch_m[1] - 15)
-        breath = 1 + 0.12 * np.sin(self.times_s * 0.7 + self.rng.uniform(0, 6))
-        way_m = np.cumsum(pace * breath) * traffic.STEP_S
-        s_m = middle + way * (way_m - way_m[len(way_m) // 2])
-        s_m = np.clip(s_m, self.road.start_m + 10, self.road.end_m - 10)
-        return Path(self.times_s, s_m, np.full_like(s_m, l_m), way)
-
-    def park(self, stretch_m: tuple[float, float]) -> None:
-        """Fill the parking lanes, leaving gaps and the crossings clear."""
-        shape, rng = self.road.shape, self.rng
-        if shape.parking_m < 1.8:
-            return
-        for side in (-1, 1):
-            s = stretch_m[0] + 4.0
-            while s < stretch_m[1] - 8:
-                body = self._vehicle()
-                s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
-                is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in self.clearings)
-                if rng.random() < self.config.town.parking and is_clear:
-                    l_m = side * (shape.half_width_m - 0.15 - body.size_m[1] / 2)
-                    turn = float(rng.normal(0, 0.02)) + (np.pi if side > 0 else 0.0)
-                    self._park_one(body, s, l_m, turn)
-                s += body.size_m[0] / 2
-
-    def _park_one(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
-        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]), 1 if abs(turn_rad) < 1 else -1)
-        level = vehicle_poses(self.road, path, np.zeros(1))[0]
-        small = (turn_rad + np.pi / 2) % np.pi - np.pi / 2
-        pose = level @ se3.from_euler(0, 0, small)
-        looks = cast_of.draw_looks(body, self.rng)
-        self.actors.append(Actor(len(self.actors), body, looks, None, pose))
-
-    # ------------------------------------------------------------------ drawing
-
-    def _vehicle(self) -> Body:
-        return self._vehicles[int(self.rng.integers(len(self._vehicles)))]
-
-    def _walker(self) -> Body:
-        return self._walkers[int(self.rng.integers(len(self._walkers)))]
-
-    def _rider(self) -> Body:
-        return self._riders[int(self.rng.integers(len(self._riders)))]
-
-    def _wander(self, l_m: float) -> Float64:
-        """Return the lateral place of a driver who keeps a lane by hand."""
-        phases = self.rng.uniform(0, 2 * np.pi, 2)
-        drift = np.sin(0.5 * self.times_s + phases[0]) + 0.5 * np.sin(
-            0.9 * self.times_s + phases[1]
-        )
-        return l_m + 0.07 * drift
-
-    def _sampled(self, path: Path) -> Float64:
-        """Return (K, 2) places four times a second."""
-        times = np.arange(self.times_s[0], self.times_s[-1], 0.25)
-        return np.asarray(self.road.place(*path.at(times))[:, :2])
-
-    def _add(self, body: Body, path: Path, radius_m: float) -> None:
-        self._tracks.append((self._sampled(path), radius_m))
-        looks = cast_of.draw_looks(body, self.rng)
-        self.actors.append(Actor(len(self.actors), body, looks, path))
-
-    def _try_add(self, body: Body, path: Path, radius_m: float) -> None:
-        """Add someone unless they would run into somebody already there."""
-        places = self._sampled(path)
-        for other, reach in self._tracks:
-            if (np.linalg.norm(other - places, axis=1) < radius_m + reach).any():
-                return
-        self._add(body, path, radius_m)

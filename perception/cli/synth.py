@@ -12,6 +12,7 @@ from perception.sensor import sensor_named
 
 def synth(  # noqa: PLR0913 - flags of a command
     out: Path,
+    *,
     layout: Layout = "raw",
     frames: int = 80,
     drives: int = 1,

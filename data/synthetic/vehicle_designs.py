@@ -1,0 +1,126 @@
+"""Measures of cars and vans, and how they are drawn."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+
+class BodyStyle(Enum):
+    """How a vehicle is cut."""
+
+    HATCHBACK = "hatchback"
+    SALOON = "saloon"
+    ESTATE = "estate"
+    SUV = "suv"
+    MINIVAN = "minivan"
+    PANEL_VAN = "panel van"
+
+
+@dataclass(frozen=True)
+class VehicleDesign:
+    r"""Measures of one vehicle in metres; `_ahead` counts back from the nose, `_back` from the tail.
+
+                   roof_back  roof_ahead
+                        ____________
+    screen_back     ___/    cabin   \___     screen_ahead
+              tail /                    \____ bonnet
+                  |    _               _     \  nose
+                  |___/ \_____________/ \____|
+                  rear wheel        front wheel
+
+    Attributes:
+        style: how it is cut.
+        length_m: bumper to bumper.
+        width_m: without mirrors.
+        height_m: road to roof.
+        belt_m: height of the window sills.
+        bonnet_m: height of the bonnet at the windscreen.
+        nose_m: height of the bonnet's front edge.
+        tail_m: height of the boot lid, or of the rear window's lower edge.
+        screen_ahead_m: foot of the windscreen.
+        roof_ahead_m: front edge of the roof.
+        roof_back_m: rear edge of the roof.
+        screen_back_m: foot of the rear window.
+        roof_width: roof's share of the width.
+        wheel_m: wheel radius.
+        clearance_m: road to sill.
+        has_rear_windows: behind the front doors.
+        has_dark_bumpers: of bare plastic.
+    """
+
+    style: BodyStyle
+    length_m: float
+    width_m: float
+    height_m: float
+    belt_m: float
+    bonnet_m: float
+    nose_m: float
+    tail_m: float
+    screen_ahead_m: float
+    roof_ahead_m: float
+    roof_back_m: float
+    screen_back_m: float
+    roof_width: float = 0.74
+    wheel_m: float = 0.31
+    clearance_m: float = 0.20
+    has_rear_windows: bool = True
+    has_dark_bumpers: bool = False
+
+    @property
+    def size_m(self) -> tuple[float, float, float]:
+        """Length, width, height."""
+        return self.length_m, self.width_m, self.height_m
+
+    @property
+    def is_tall(self) -> bool:
+        """Whether its sides are nearly upright."""
+        return self.style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN)
+
+    @property
+    def axles_m(self) -> tuple[float, float]:
+        """Positions of the front and the rear axle along x."""
+        return (
+            self.length_m / 2 - 0.19 * self.length_m - 0.02,
+            -self.length_m / 2 + 0.17 * self.length_m + 0.02,
+        )
+
+
+# length width height belt bonnet nose tail | screen_ahead roof_ahead roof_back screen_back
+_TYPICAL_M = {
+    BodyStyle.HATCHBACK: (3.95, 1.70, 1.47, 0.93, 0.96, 0.79, 0.96, 0.94, 1.62, 0.62, 0.16),
+    BodyStyle.SALOON: (4.55, 1.78, 1.44, 0.92, 0.95, 0.77, 0.99, 1.20, 1.95, 1.45, 0.72),
+    BodyStyle.ESTATE: (4.55, 1.77, 1.48, 0.92, 0.95, 0.77, 0.97, 1.18, 1.92, 0.52, 0.14),
+    BodyStyle.SUV: (4.45, 1.83, 1.70, 1.06, 1.09, 0.95, 1.10, 1.12, 1.72, 0.50, 0.16),
+    BodyStyle.MINIVAN: (4.55, 1.82, 1.85, 1.02, 1.08, 0.90, 1.08, 0.82, 1.70, 0.28, 0.10),
+    BodyStyle.PANEL_VAN: (5.20, 1.95, 2.10, 1.15, 1.22, 1.02, 1.15, 0.72, 1.55, 0.10, 0.05),
+}
+
+
+def draw_design(style: BodyStyle, rng: np.random.Generator) -> VehicleDesign:
+    """Draw a vehicle of one style, its measures a few per cent around the typical ones."""
+    spread = np.array([0.06, 0.03, 0.03, *[0.02] * 4, *[0.1] * 4])
+    length, width, height, belt, bonnet, nose, tail, *back = (
+        np.array(_TYPICAL_M[style]) * (1 + spread * rng.uniform(-1, 1, len(spread)))
+    ).tolist()
+    is_suv = style is BodyStyle.SUV
+    is_tall = style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN)
+    return VehicleDesign(
+        style,
+        length_m=length,
+        width_m=width,
+        height_m=height,
+        belt_m=belt,
+        bonnet_m=bonnet,
+        nose_m=nose,
+        tail_m=tail,
+        screen_ahead_m=back[0],
+        roof_ahead_m=back[1],
+        roof_back_m=back[2],
+        screen_back_m=back[3],
+        roof_width=0.86 if is_tall else rng.uniform(0.70, 0.78),
+        wheel_m=rng.uniform(0.34, 0.37) if is_suv else rng.uniform(0.29, 0.33),
+        clearance_m=0.26 if is_suv else 0.19,
+        has_rear_windows=style is not BodyStyle.PANEL_VAN,
+        has_dark_bumpers=bool(rng.random() < 0.35),
+    )
