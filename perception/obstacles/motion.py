@@ -4,6 +4,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.dense_cloud import ScanWindow
@@ -55,11 +56,14 @@ class FreeSpaceSegmenter:
         self._voxel_size_m = voxel_size_m
         self._clearance_m = clearance_m
         self._rules = rules or MotionRules()
+        self._gap_m = area.ahead_m * sensor.elevation_step_rad
         # 20 cm: range noise, pose error of 5 cm and the slant of a surface within a pixel. 12 m: seen
         # from farther back, a post of 10 cm at the end of the area falls between two beams.
         self._memory = FreeSpaceMemory(sensor, horizon_s, travel_m=12.0, margin_m=0.2)
         self._grid_world: VoxelGrid | None = None
         self._static_map: StaticMap | None = None
+        self._moved_before = np.zeros((0, 3), np.float32)
+        self._world_SE3_before = np.eye(4)
 
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
         """Segment the newest scan; a window of one scan begins anew."""
@@ -71,7 +75,12 @@ class FreeSpaceSegmenter:
 
         # One measured point stands for its voxel.
         places = stands.points_velo[voxels.first]
-        moves = moving_voxels(places, self._memory.ask(places), self._rules)
+        before = se3.transform_points(
+            se3.inverse(pose) @ self._world_SE3_before, self._moved_before
+        )
+        history = self._memory.ask(places)
+        moves = moving_voxels(places, history, before, self._rules, self._gap_m)
+        self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
         static = static_map.update(seen, moving.keys, pose, self._memory.newest_saw_through)
@@ -85,6 +94,7 @@ class FreeSpaceSegmenter:
         """Return the grid and the map, new ones where the window begins anew."""
         if self._grid_world is None or self._static_map is None or len(window) == 1:
             self._memory.clear()
+            self._moved_before = np.zeros((0, 3), np.float32)
             half_m = np.array(_WORLD_CELLS) * self._voxel_size_m / 2
             corner_m = window.newest.world_SE3_velo[:3, 3] - half_m
             self._grid_world = VoxelGrid(corner_m, _WORLD_CELLS, self._voxel_size_m)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from perception.obstacles.free_space import History
 from perception.types import Bool, Float, Float64, Int
@@ -19,19 +20,25 @@ class MotionRules:
 
     Attributes:
         cell_m: edge of the columns that are joined over the ground plane; legs of one walker stay one.
-        least_voxels: voxels that must have come; fewer may be the noise of one edge.
+        least_voxels: voxels that must have come; fewer may be glass that returns only now and then.
+        least_voxels_again: as many are enough next to what moved in the scan before.
+        again_reach_m: how near; 5 m/s at 10 Hz. What is faster shows more voxels.
         least_share: of a thing's voxels that must have come; the rest was out of sight before.
-        stopped_share: of a thing's voxels in sight that were met already half a second ago, from which
-            on it stands again.
+        stopped_share: of a thing's voxels in sight that were met already by the youngest scan asked,
+            from which on it stands again.
         stop_age_s: a younger scan cannot tell standing from walking.
+        clear_age_s: after which a walker at 1 m/s no longer overlaps where he was.
         leaver_gap_m: how near a leaving thing must come, followed to now, to be this thing.
     """
 
     cell_m: float = 0.25
-    least_voxels: int = 8
-    least_share: float = 0.15
-    stopped_share: float = 0.8
+    least_voxels: int = 10
+    least_voxels_again: int = 4
+    again_reach_m: float = 0.5
+    least_share: float = 0.1
+    stopped_share: float = 0.95
     stop_age_s: float = 0.3
+    clear_age_s: float = 0.5
     leaver_gap_m: float = 0.7
 
 
@@ -62,12 +69,22 @@ def vote(history: History) -> Votes:
     return Votes(came, stood, trails)
 
 
-def moving_voxels(centers_m: Float, history: History, rules: MotionRules) -> Bool:
-    """Tell which of (V, 3) occupied voxels belong to things that move."""
+def moving_voxels(
+    centers_m: Float, history: History, moved_before_m: Float, rules: MotionRules, gap_m: float
+) -> Bool:
+    """Tell which of V occupied voxels belong to things that move.
+
+    Args:
+        centers_m: (V, 3) where they are.
+        history: what earlier scans saw there.
+        moved_before_m: (B, 3) places of voxels that moved in the scan before.
+        rules: when a thing counts as moving.
+        gap_m: between two beams at the end of the area; nearer parts may be one thing.
+    """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
-    votes = vote(history)
-    thing = _join(centers_m, votes, rules.cell_m)
+    votes, patience = vote(history), _patience(history, rules)
+    thing = _join(centers_m, votes.stood, rules.cell_m, gap_m, patience)
     things = int(thing.max()) + 1
 
     def tally(voxels: Bool) -> Float64:
@@ -75,10 +92,14 @@ def moving_voxels(centers_m: Float, history: History, rules: MotionRules) -> Boo
 
     leaves = tally(votes.trails) * _leads_here(thing, things, history, rules.leaver_gap_m)
     came = tally(votes.came) + leaves
+    was_near = np.zeros(len(thing), bool)
+    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, rules.again_reach_m)
+    goes_on = tally(was_near) > 0
+    least = np.where(goes_on, rules.least_voxels_again, rules.least_voxels * patience)
     moves = (
-        (came >= rules.least_voxels)
-        & (came > tally(votes.stood))
-        & (came >= rules.least_share * np.bincount(thing, minlength=things))
+        (came >= least)
+        & (came > tally(votes.stood) * patience)
+        & (came >= rules.least_share * tally(np.ones(len(thing), bool)))
     )
     if history.ages_s[0] >= rules.stop_age_s:
         hit = tally(history.was_hit[0])
@@ -88,22 +109,41 @@ def moving_voxels(centers_m: Float, history: History, rules: MotionRules) -> Boo
     return np.asarray(moves[thing])
 
 
-def _join(centers_m: Float, votes: Votes, cell_m: float) -> Int:
+def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
+    """Tell which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
+    if len(others_m) == 0:
+        return np.zeros(len(centers_m), bool)
+    others = cKDTree(others_m[:, :2])
+    away_m, _ = others.query(centers_m[:, :2], distance_upper_bound=reach_m)
+    return np.asarray(np.isfinite(away_m))
+
+
+def _patience(history: History, rules: MotionRules) -> float:
+    """Return how many standing voxels one that came must outweigh.
+
+    While the history is short a walker still overlaps where he was, and only his front has come.
+    """
+    return min(1.0, float(history.ages_s[-1]) / rules.clear_age_s)
+
+
+def _join(centers_m: Float, stood: Bool, cell_m: float, gap_m: float, patience: float) -> Int:
     """Return (V,) the number of the thing each voxel belongs to, 0 for what stands.
 
     As in (5.3), all voxels of a column share one state. Columns of the ground plane are joined with
-    their eight neighbours, but not through columns most of which stood.
+    their eight neighbours and over gaps, but not through columns most of which stood.
     """
     cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
     cells -= cells.min(axis=0)
     across, along = cells.max(axis=0) + 1
     column = cells[:, 0] * along + cells[:, 1]
-    standing = np.bincount(column, votes.stood, across * along)
-    is_open = np.bincount(column, ~votes.stood, across * along) > standing
-    _, labels = cv2.connectedComponents(
-        is_open.reshape(across, along).astype(np.uint8), connectivity=8
-    )
-    return np.asarray(labels.ravel()[column])
+    standing = np.bincount(column, stood, across * along)
+    is_open = np.bincount(column, ~stood, across * along) > standing * patience
+    reach = int(gap_m / cell_m / 2)
+    block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    joined = cv2.dilate(is_open.reshape(across, along).astype(np.uint8), block)
+    joined &= (is_open | (standing == 0)).reshape(across, along)
+    _, labels = cv2.connectedComponents(joined, connectivity=8)
+    return np.asarray(np.where(is_open, labels.ravel(), 0)[column])
 
 
 def _leads_here(thing: Int, things: int, history: History, gap_m: float) -> Bool:
