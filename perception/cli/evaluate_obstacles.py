@@ -25,6 +25,7 @@ from perception.evaluation.obstacles import (
     observe_objects,
     point_motion,
 )
+from perception.evaluation.shadows import PlacesLeft, ShadowRule, Shadows
 from perception.geometry.grids import LocalArea
 from perception.types import Frame, Result
 
@@ -46,6 +47,10 @@ PROTOCOL_WORDS = {
         "that moves or whose motion is unknown; with and without those half in DontCare regions; "
         "at the object rule's min_points or other sizes"
     ),
+    "shadows": (
+        "static voxels, in view, where a labelled moving object was within memory_s and no labelled "
+        "object is now: false static obstacles"
+    ),
     "points": (
         "points called moving against points of objects that move, points called static against all "
         "others above the ground; labelled points below the area's height, summed over frames; points "
@@ -62,6 +67,7 @@ class ObstacleProtocol:
         objects: of labelled objects.
         clusters: of false moving clusters.
         motion: of what moves by the labels.
+        shadows: of false static obstacles.
         cluster_points: smaller clusters do not count; the thesis' T_d.
         warm_up: first frames that are counted apart too, since motion needs a history.
         other_min_points: counted beside the object rule's own.
@@ -72,6 +78,7 @@ class ObstacleProtocol:
     objects: ObjectRule = field(default_factory=ObjectRule)
     clusters: ClusterRule = field(default_factory=ClusterRule)
     motion: MotionThresholds = field(default_factory=MotionThresholds)
+    shadows: ShadowRule = field(default_factory=ShadowRule)
     cluster_points: int = 5
     warm_up: int = 1
     other_min_points: tuple[int, ...] = (1, 5, 50)
@@ -110,6 +117,7 @@ class ObstacleReport:
         observed: labelled objects of all frames, or None without labels.
         clusters: what was found to move, or None where labels or INS do not tell what moves, or no
             camera whose view was labelled.
+        shadows: false static obstacles, or None as with the clusters.
         points: counts of points, or None without exact truth.
     """
 
@@ -117,6 +125,7 @@ class ObstacleReport:
     frames: int
     observed: ObjectObservations | None
     clusters: MovingClusters | None
+    shadows: Shadows | None
     points: PointMotion | None
 
     def counts(self, observed: ObjectObservations | None = None, **changes: float) -> ObjectCounts:
@@ -175,6 +184,8 @@ def measure_obstacles(
     motion = _motion_of(drive, protocol.motion)
     observed: list[ObjectObservations] = []
     clusters: list[MovingClusters] = []
+    shadows: list[Shadows] = []
+    places = PlacesLeft(protocol.shadows)
     points: list[PointMotion] = []
     frames = 0
     for result in results:
@@ -188,6 +199,7 @@ def measure_obstacles(
             around = _surroundings(objects, labels, result.frame) if motion else None
             if around is not None:
                 clusters.append(moving_clusters(index, scan, states, around, protocol.clusters))
+                shadows.append(places.shadows(result, around))
         truth = drive.point_truth(index)
         if truth is not None:
             points.append(point_motion(states, truth.classes, truth.is_moving))
@@ -196,6 +208,7 @@ def measure_obstacles(
         frames=frames,
         observed=ObjectObservations.concatenate(observed) if observed else None,
         clusters=MovingClusters.concatenate(clusters) if clusters else None,
+        shadows=Shadows.concatenate(shadows) if shadows else None,
         points=sum(points, PointMotion()) if points else None,
     )
 

@@ -12,9 +12,9 @@ from perception.evaluation.obstacles import ObjectCounts, missed_moving
 _OBJECT_HEADER = (
     "objects",
     "missed",
-    "",
+    "share",
     "moving",
-    "missed",
+    "called static",
     "tracks",
     "never found",
     "static",
@@ -24,7 +24,7 @@ _OBJECT_HEADER = (
 
 def obstacle_tables(report: ObstacleReport) -> str:
     """Return the figures for people."""
-    tables = [*_object_tables(report), *_cluster_tables(report)]
+    tables = [*_object_tables(report), *_cluster_tables(report), *_shadow_tables(report)]
     if report.points is not None:
         points = {"moving": report.points.moving, "static": report.points.static}
         tables.append(
@@ -93,6 +93,17 @@ def _cluster_tables(report: ObstacleReport) -> list[str]:
     return [format_table("False moving clusters in the camera's view", header, rows)]
 
 
+def _shadow_tables(report: ObstacleReport) -> list[str]:
+    if report.shadows is None:
+        return []
+    counts = {"shadows": report.shadows.clusters, "voxels in them": report.shadows.voxels}
+    rows: list[list[Cell]] = [
+        [name, int(count.sum()), float(count.mean())] for name, count in counts.items()
+    ]
+    title = "False static obstacles: shadows of moving objects, in the camera's view"
+    return [format_table(title, ("", "all", "a scan"), rows)]
+
+
 def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
     """Return the figures for programs."""
     results: dict[str, Any] = {}
@@ -109,6 +120,10 @@ def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
         )
         results["false_clusters"] = report.false_clusters()
         results["false_cluster_places"] = report.clusters[false]
+    if report.shadows is not None:
+        results["shadows"] = int(report.shadows.clusters.sum())
+        results["shadow_voxels"] = int(report.shadows.voxels.sum())
+        results["shadows_per_frame"] = float(report.shadows.clusters.mean())
     if report.points is not None:
         results["points_moving"] = with_ratios(report.points.moving)
         results["points_static"] = with_ratios(report.points.static)

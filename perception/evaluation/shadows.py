@@ -1,0 +1,93 @@
+"""False static obstacles: what a moving object leaves behind in the static model (Table 7.2's false ones).
+
+Where a labelled object has been a moment ago, nothing static can stand: the object was there. So static
+voxels in a place that a moving object has left are its shadow, the thesis' main kind of false obstacle
+with slow objects, and the only kind that KITTI's labels can prove.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.evaluation.false_clusters import ClusterRule, Surroundings, cluster_numbers
+from perception.evaluation.objects import Motion
+from perception.evaluation.rows import Rows
+from perception.geometry.boxes import points_inside, transform_boxes
+from perception.geometry.camera import is_in_view
+from perception.geometry.se3 import inverse
+from perception.types import Bool, Boxes3D, Float32, Int, Result
+
+
+@dataclass(frozen=True)
+class ShadowRule:
+    """What counts as a shadow.
+
+    Attributes:
+        memory_s: how long ago an object may have left its place.
+        shrink_m: taken off the boxes of the past on every side, since labels are loose.
+        clearance_m: over a box's bottom, below which voxels may be ground.
+        margin_m: what lies within a box of now, grown by so much, belongs to that object.
+        min_voxels: a cluster of fewer is no shadow.
+    """
+
+    memory_s: float = 2.0
+    shrink_m: float = 0.1
+    clearance_m: float = 0.3
+    margin_m: float = 0.5
+    min_voxels: int = 5
+
+
+@dataclass(frozen=True)
+class Shadows(Rows):
+    """Shadows in F frames.
+
+    Attributes:
+        frames: (F,) number of the frame.
+        voxels: (F,) static voxels in places that moving objects have left.
+        clusters: (F,) how many shadows these make.
+    """
+
+    frames: Int
+    voxels: Int
+    clusters: Int
+
+
+class PlacesLeft:
+    """Remembers for a while where labelled objects have moved, in the world."""
+
+    def __init__(self, rule: ShadowRule | None = None) -> None:
+        self._rule = rule or ShadowRule()
+        self._past: deque[tuple[float, Boxes3D]] = deque()
+
+    def shadows(self, result: Result, around: Surroundings) -> Shadows:
+        """Find the shadows among the static voxels of one frame, then remember its moving objects."""
+        static_velo, stamp_s = result.obstacles.static.centers_m, result.frame.stamp_s
+        world_SE3_velo = result.world_SE3_velo
+        while self._past and self._past[0][0] < stamp_s - self._rule.memory_s:
+            self._past.popleft()
+        lies_in_shadow = np.zeros(len(static_velo), bool)
+        for _, boxes_world in self._past:
+            boxes_velo = transform_boxes(inverse(world_SE3_velo), boxes_world)
+            lies_in_shadow |= _is_within(boxes_velo, static_velo, self._rule)
+        present = around.objects.boxes_velo
+        lies_in_shadow &= ~points_inside(present, static_velo, self._rule.margin_m).any(axis=0)
+        lies_in_shadow &= is_in_view(around.calibration, static_velo, around.image_size_px)
+        moving = present[around.objects.motions == Motion.MOVING]
+        self._past.append((stamp_s, transform_boxes(world_SE3_velo, moving)))
+        sizes = np.bincount(cluster_numbers(static_velo[lies_in_shadow], ClusterRule()))
+        return Shadows(
+            frames=np.array([result.frame.index]),
+            voxels=np.array([np.count_nonzero(lies_in_shadow)]),
+            clusters=np.array([np.count_nonzero(sizes >= self._rule.min_voxels)]),
+        )
+
+
+def _is_within(boxes: Boxes3D, points: Float32, rule: ShadowRule) -> Bool:
+    lift_m = np.array([0.0, 0.0, rule.clearance_m])
+    raised = Boxes3D(
+        boxes.bottom_m + lift_m,
+        boxes.size_m - lift_m,
+        boxes.yaw_rad,
+    )
+    return np.asarray(points_inside(raised, points, -rule.shrink_m).any(axis=0))
