@@ -88,7 +88,7 @@ def moving_voxels(
     things = int(thing.max()) + 1
 
     def tally(voxels: Bool) -> Float64:
-        return np.bincount(thing, voxels.astype(np.float64), things)
+        return np.asarray(np.bincount(thing, voxels, things), np.float64)
 
     leaves = tally(votes.trails) * _leads_here(thing, things, history, rules.leaver_gap_m)
     came = tally(votes.came) + leaves
@@ -140,9 +140,9 @@ def _join(centers_m: Float, stood: Bool, cell_m: float, gap_m: float, patience: 
     is_open = np.bincount(column, ~stood, across * along) > standing * patience
     reach = int(gap_m / cell_m / 2)
     block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    joined = cv2.dilate(is_open.reshape(across, along).astype(np.uint8), block)
-    joined &= (is_open | (standing == 0)).reshape(across, along)
-    _, labels = cv2.connectedComponents(joined, connectivity=8)
+    grown = cv2.dilate(is_open.reshape(across, along).astype(np.uint8), block) > 0
+    joined = grown & (is_open | (standing == 0)).reshape(across, along)
+    _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
     return np.asarray(np.where(is_open, labels.ravel(), 0)[column])
 
 
