@@ -1,0 +1,1 @@
+"""The thesis' own studies, below the flags of `trifuse study`."""

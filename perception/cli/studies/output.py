@@ -1,0 +1,41 @@
+"""What a study leaves: a picture, the numbers beside it, and a table for people."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from perception import __version__
+from perception.cli.evaluation_json import write_json
+
+
+@dataclass(frozen=True)
+class Study:
+    """The outcome of a study.
+
+    Attributes:
+        name: as the command calls it.
+        figure: of the thesis, which it repeats.
+        table: for people.
+        numbers: the same for programs.
+        conditions: drive, frames and parameters.
+    """
+
+    name: str
+    figure: str
+    table: str
+    numbers: Any
+    conditions: dict[str, Any]
+
+
+def publish(study: Study, picture: Path) -> None:
+    """Write the numbers beside the picture, and print the table and where both are."""
+    document = {
+        "study": study.name,
+        "repeats": study.figure,
+        "program": f"trifuse {__version__}",
+        "conditions": study.conditions,
+        "results": study.numbers,
+    }
+    numbers = picture.with_suffix(".json")
+    write_json(numbers, document)
+    print(f"{study.table}\n\n{picture}\n{numbers}")

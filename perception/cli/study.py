@@ -1,0 +1,157 @@
+"""`trifuse study`: the thesis' own studies, a picture and a table each."""
+
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
+from perception.cli.studies.dense_cloud import study_dense_cloud
+from perception.cli.studies.gates import study_gates
+from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
+from perception.cli.studies.masks import study_masks
+from perception.cli.studies.output import publish
+from perception.errors import UsageError
+from perception.types import Frame
+
+_RESULTS = Path("results") / "study"
+_SYNTHETIC_FRAMES = 40
+
+
+def ground_error(
+    drive: str,
+    sequence: str | None = None,
+    frames: int | None = None,
+    every: int = 4,
+    seed: int = 0,
+    out: Path = _RESULTS / "ground-error.png",
+) -> None:
+    """Measure the thesis' ground over merged scans m and slice width η, each 2 to 10 (Fig. 7.1).
+
+    Example: trifuse study ground-error kitti/tracking --sequence 0000 --every 1
+
+    Args:
+        drive: a labelled drive: a KITTI tracking folder, or the word synthetic.
+        sequence: which one, where there are several.
+        frames: at most so many from the start.
+        every: measure in each such frame; all are registered.
+        seed: of RANSAC.
+        out: the picture; the numbers are written beside it.
+    """
+    plan = GroundErrorPlan(every=_positive("every", every), frames=frames, seed=seed)
+    opened = _open(drive, sequence)
+    count = len(opened) if frames is None else min(frames, len(opened))
+    publish(study_ground_error(opened, out, plan, partial(_bar, total=count)), out)
+
+
+def dense_cloud(
+    drive: str,
+    sequence: str | None = None,
+    frame: int | None = None,
+    previous_scans: int = 6,
+    at: tuple[float, float] | None = None,
+    out: Path = _RESULTS / "dense-cloud.png",
+) -> None:
+    """Draw a pole in the merged cloud, by INS alone and after registration (Fig. 5.2).
+
+    Example: trifuse study dense-cloud kitti/raw/2011_09_26/2011_09_26_drive_0005_sync --frame 77
+
+    Args:
+        drive: any drive with INS, or the word synthetic.
+        sequence: which one, where there are several.
+        frame: the newest scan; else the middle of the drive.
+        previous_scans: m, how many scans before it are merged.
+        at: x and y of the object in metres; else the most isolated pole.
+        out: the picture; the numbers are written beside it.
+    """
+    place_m = None if at is None else np.array(at)
+    publish(
+        study_dense_cloud(
+            _open(drive, sequence),
+            out,
+            frame=frame,
+            previous_scans=_positive("previous_scans", previous_scans),
+            place_m=place_m,
+        ),
+        out,
+    )
+
+
+def gates(
+    drive: str,
+    sequence: str | None = None,
+    frame: int | None = None,
+    previous_scans: int = 6,
+    seed: int = 0,
+    out: Path = _RESULTS / "gates.png",
+) -> None:
+    """Draw the gates and planes of the thesis' ground from the side (Figs 5.4, 5.5).
+
+    Example: trifuse study gates synthetic
+
+    Args:
+        drive: any drive, or the word synthetic.
+        sequence: which one, where there are several.
+        frame: the newest scan; else the middle of the drive.
+        previous_scans: m, how many scans before it are merged.
+        seed: of RANSAC.
+        out: the picture; the numbers are written beside it.
+    """
+    scans = _positive("previous_scans", previous_scans)
+    opened = _open(drive, sequence)
+    publish(study_gates(opened, out, frame=frame, previous_scans=scans, seed=seed), out)
+
+
+def masks(
+    drive: str,
+    sequence: str | None = None,
+    frame: int | None = None,
+    previous_scans: int = 6,
+    seed: int = 0,
+    out: Path = _RESULTS / "masks.png",
+) -> None:
+    """Draw the counters, their ratio, and the static and moving masks (Fig. 5.6).
+
+    Example: trifuse study masks synthetic --frame 30
+
+    Args:
+        drive: any drive, or the word synthetic.
+        sequence: which one, where there are several.
+        frame: the newest scan; else the middle of the drive.
+        previous_scans: m, how many scans before it are merged.
+        seed: of RANSAC.
+        out: the picture; the numbers are written beside it.
+    """
+    scans = _positive("previous_scans", previous_scans)
+    opened = _open(drive, sequence)
+    publish(study_masks(opened, out, frame=frame, previous_scans=scans, seed=seed), out)
+
+
+COMMANDS = {
+    "ground-error": ground_error,
+    "dense-cloud": dense_cloud,
+    "gates": gates,
+    "masks": masks,
+}
+
+
+def _open(drive: str, sequence: str | None) -> Drive:
+    """Open a path, or make the synthetic drive."""
+    if drive == "synthetic":
+        return SyntheticDrive(_SYNTHETIC_FRAMES, images=False)
+    return open_drive(Path(drive), sequence=sequence, images=False)
+
+
+def _positive(name: str, value: int) -> int:
+    if value < 1:
+        raise UsageError(f"--{name}", expected="at least 1", found=str(value))
+    return value
+
+
+def _bar(frames: Iterable[Frame], total: int) -> Iterable[Frame]:
+    bar: Iterable[Frame] = tqdm(frames, total=total, desc="study", unit="frame", delay=2)
+    return bar
