@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from data.drive import Drive
 from perception.cli.confusion_figures import confusion_table, with_ratios
 from perception.cli.table import Cell, format_table
@@ -23,7 +21,7 @@ from perception.evaluation.ground import (
     mean_displacement,
 )
 from perception.geometry.grids import LocalArea
-from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m
+from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
 from perception.types import Result
 
 PROTOCOL = {
@@ -114,7 +112,7 @@ def _thesis_edges_m(drive: Drive, area: LocalArea) -> list[float]:
     edges_m = slice_edges_m(
         sensor.height_m, sensor.elevation_step_rad, area.ahead_m, PiecewisePlanesConfig()
     )
-    return [-area.behind_m, *np.round(edges_m, 3).tolist()]
+    return [-area.behind_m, *slice_starts_m(edges_m, area.ahead_m).tolist()]
 
 
 def _sum_by_range(points: list[list[Confusion]]) -> list[Confusion]:
