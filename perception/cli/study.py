@@ -15,6 +15,8 @@ from perception.cli.studies.gates import study_gates
 from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
 from perception.cli.studies.masks import study_masks
 from perception.cli.studies.output import publish
+from perception.cli.studies.speed import SpeedPlan, study_speed
+from perception.cli.studies.stages import study_stages
 from perception.errors import UsageError
 from perception.types import Frame
 
@@ -46,6 +48,46 @@ def ground_error(
     opened = _open(drive, sequence)
     count = len(opened) if frames is None else min(frames, len(opened))
     publish(study_ground_error(opened, out, plan, partial(_bar, total=count)), out)
+
+
+def speed(
+    drive: str,
+    sequence: str | None = None,
+    frames: int = 5,
+    out: Path = _RESULTS / "speed.png",
+) -> None:
+    """Measure frames a second over merged scans m and voxel size, thesis beside default (Fig. 7.3).
+
+    Example: trifuse study speed synthetic --frames 3
+
+    Args:
+        drive: any drive with INS, or the word synthetic.
+        sequence: which one, where there are several.
+        frames: measured, after the ten that fill the longest window.
+        out: the picture; the numbers are written beside it.
+    """
+    plan = SpeedPlan(frames=_positive("frames", frames))
+    publish(study_speed(_open(drive, sequence), out, plan, _bar), out)
+
+
+def stages(
+    drive: str,
+    sequence: str | None = None,
+    frames: int = 10,
+    out: Path = _RESULTS / "stages.png",
+) -> None:
+    """Measure the share of time of each stage: published, repeated, and by default (Table 7.3).
+
+    Example: trifuse study stages synthetic
+
+    Args:
+        drive: any drive with INS, or the word synthetic.
+        sequence: which one, where there are several.
+        frames: measured, after those that fill the window.
+        out: the picture; the numbers are written beside it.
+    """
+    count = _positive("frames", frames)
+    publish(study_stages(_open(drive, sequence), out, frames=count, progress=_bar), out)
 
 
 def dense_cloud(
@@ -133,6 +175,8 @@ def masks(
 
 COMMANDS = {
     "ground-error": ground_error,
+    "speed": speed,
+    "stages": stages,
     "dense-cloud": dense_cloud,
     "gates": gates,
     "masks": masks,
@@ -152,6 +196,6 @@ def _positive(name: str, value: int) -> int:
     return value
 
 
-def _bar(frames: Iterable[Frame], total: int) -> Iterable[Frame]:
+def _bar(frames: Iterable[Frame], total: int | None = None) -> Iterable[Frame]:
     bar: Iterable[Frame] = tqdm(frames, total=total, desc="study", unit="frame", delay=2)
     return bar

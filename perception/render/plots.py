@@ -133,3 +133,36 @@ def plot_shares(path: Path, title: str, bars: Mapping[str, Mapping[str, float]])
     handles = [axes.barh(0, 0, color=colors[name], label=name) for name in names]
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=4)
     save_figure(figure, path)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a plot.
+
+    Attributes:
+        name: in the legend.
+        x: (K,) positions.
+        y: (K,) values, above zero.
+        is_emphasised: drawn heavier than the others.
+    """
+
+    name: str
+    x: Sequence[float]
+    y: Float64
+    is_emphasised: bool = False
+
+
+def plot_curves(
+    path: Path, title: str, curves: Sequence[Curve], axis_names: tuple[str, str]
+) -> None:
+    """Draw the curves on a logarithmic scale, each value marked."""
+    figure = new_figure(7.2, 4.8, title)
+    axes = figure.add_subplot()
+    for curve in curves:
+        width = 3.0 if curve.is_emphasised else 1.3
+        axes.plot(curve.x, curve.y, marker="o", linewidth=width, label=curve.name)
+    axes.set_yscale("log")
+    axes.grid(which="both", alpha=0.25)
+    axes.set(xlabel=axis_names[0], ylabel=axis_names[1])
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    save_figure(figure, path)

@@ -1,0 +1,73 @@
+"""Frames a second over the number of merged scans m and the voxel size υ (Fig. 7.3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data.drive import Drive
+from perception.cli.studies.chain_times import (
+    Progress,
+    ThesisCase,
+    frames_per_s,
+    time_default,
+    time_thesis,
+)
+from perception.cli.studies.output import Study
+from perception.cli.table import Cell, format_table
+from perception.render.plots import Curve, plot_curves
+from perception.types import Float64
+
+
+@dataclass(frozen=True)
+class SpeedPlan:
+    """What to measure.
+
+    Attributes:
+        previous_scans: values of m.
+        voxel_sizes_m: values of υ, for the thesis' method.
+        frames: measured, after those that fill the longest window.
+    """
+
+    previous_scans: Sequence[int] = (2, 4, 6, 8, 10)
+    voxel_sizes_m: Sequence[float] = (0.05, 0.1, 0.2, 0.4)
+    frames: int = 5
+
+
+def study_speed(drive: Drive, picture: Path, plan: SpeedPlan, progress: Progress) -> Study:
+    """Time the thesis' method for each pair, the default method for each m, and draw the curves."""
+    cases = [ThesisCase(m, size) for size in plan.voxel_sizes_m for m in plan.previous_scans]
+    measured = time_thesis(drive, cases, plan.frames, progress)
+    across = (len(plan.voxel_sizes_m), len(plan.previous_scans))
+    thesis = np.array([frames_per_s(measured[case]) for case in cases]).reshape(across)
+    longest = max(plan.previous_scans)
+    default = np.array(
+        [
+            frames_per_s(time_default(drive, m, longest, plan.frames, progress))
+            for m in plan.previous_scans
+        ]
+    )
+    title = f"Speed over merged scans and voxel size, {drive.name}, {plan.frames} frames"
+    curves = [
+        Curve(f"thesis, υ = {100 * size:g} cm", plan.previous_scans, speeds)
+        for size, speeds in zip(plan.voxel_sizes_m, thesis, strict=True)
+    ]
+    curves.append(Curve("default, υ = 10 cm", plan.previous_scans, default, is_emphasised=True))
+    plot_curves(picture, title, curves, ("merged scans before the newest, m", "frames/s"))
+    return Study(
+        name="speed",
+        figure="Fig. 7.3",
+        table=_table(title, plan, thesis, default),
+        numbers={"thesis_frames_per_s": thesis, "default_frames_per_s": default},
+        conditions={"drive": drive.name, "plan": plan, "timing": "stages alone, reading left out"},
+    )
+
+
+def _table(title: str, plan: SpeedPlan, thesis: Float64, default: Float64) -> str:
+    names = [f"thesis, υ = {100 * size:g} cm" for size in plan.voxel_sizes_m]
+    rows: list[list[Cell]] = [
+        [name, *(f"{speed:.1f}" for speed in speeds)]
+        for name, speeds in zip([*names, "default"], [*thesis, default], strict=True)
+    ]
+    return format_table(title, ("frames/s", *(f"m = {m}" for m in plan.previous_scans)), rows)
