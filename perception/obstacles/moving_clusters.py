@@ -39,7 +39,7 @@ class MotionRules:
     stopped_share: float = 0.95
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
-    leaver_gap_m: float = 0.7
+    leaver_gap_m: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -152,11 +152,14 @@ def _leads_here(thing: Int, things: int, history: History, gap_m: float) -> Bool
     A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is
     followed to now. A thing that comes to light behind a passer-by keeps its distance to it.
     """
-    if len(history.ages_s) < 2:
-        return np.zeros(things, bool)
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind = history.was_behind_leaver[0] & history.was_behind_leaver[-1]
-    gap_now = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
-    near = np.bincount(thing, behind & (gap_now < gap_m), things)
-    total = np.bincount(thing, behind, things)
-    return np.asarray((total > 0) & (near >= 0.5 * total))
+    behind, behind_twice = history.was_behind_leaver[0], np.zeros(len(thing), bool)
+    gap_now_m = history.gaps_m[0]
+    if old_s > young_s:
+        behind_twice = behind & history.was_behind_leaver[-1]
+        followed_m = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
+        gap_now_m = np.where(behind_twice, followed_m, gap_now_m)
+    # Seen once, it can only say yes: it may still be coming nearer.
+    comes = np.bincount(thing, behind & (gap_now_m < gap_m), things)
+    keeps_away = np.bincount(thing, behind_twice & (gap_now_m >= gap_m), things)
+    return np.asarray((comes > 0) & (comes >= keeps_away))
