@@ -129,7 +129,8 @@ def _wheel(centre_m: Float64, radius_m: float) -> Mesh:
     return meshes.merge([tyre, *spokes])
 
 
-def _bicycle() -> list[Mesh]:
+@lru_cache
+def _bicycle() -> Mesh:
     rear, front = np.array([-0.52, 0, 0.34]), np.array([0.55, 0, 0.34])
     crank, seat, head = (
         np.array([-0.08, 0, 0.30]),
@@ -140,7 +141,7 @@ def _bicycle() -> list[Mesh]:
              (rear, seat - np.array([0, 0, 0.12])), (front, head)]  # fmt: skip
     tubes = [meshes.tube(*line, (0.018, 0.018), Slot.BICYCLE, 6) for line in lines]
     stem = head + np.array([0.02, 0, 0.10])
-    return [
+    parts = [
         *tubes,
         meshes.tube(head, stem, (0.015, 0.015), Slot.BICYCLE, 6),
         meshes.tube(
@@ -154,12 +155,13 @@ def _bicycle() -> list[Mesh]:
         _wheel(rear, 0.34),
         _wheel(front, 0.34),
     ]
+    return meshes.merge(parts)
 
 
 @lru_cache(maxsize=512)
 def cyclist(height_m: float, phase: int) -> Mesh:
     """Build a bicycle and its rider in one of the poses of a pedal turn."""
-    parts = _bicycle()
+    parts = [_bicycle()]
     hip, neck = np.array([-0.22, 0, 0.98]), np.array([0.06, 0, 1.44])
     turn = -2 * np.pi * phase / PHASES
     for side in (1, -1):

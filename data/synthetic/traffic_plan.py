@@ -27,9 +27,9 @@ class TrafficPlan:
         self.times_s = traffic.simulation_times(duration_s)
         self.actors: list[Actor] = []
         self.clearings: list[Clearing] = []
-        self._vehicles = cast_of.draw_vehicles(rng, 14)
-        self._walkers = cast_of.draw_pedestrians(rng, 4)
-        self._riders = cast_of.draw_cyclists(rng, 3)
+        self._vehicles = cast_of.draw_vehicles(rng, 11)
+        self._walkers = cast_of.draw_pedestrians(rng, 3)
+        self._riders = cast_of.draw_cyclists(rng, 2)
         self._crossers: list[Path] = []
         self._tracks: list[tuple[Float64, float]] = []
         self.ego = self._drive()
@@ -67,9 +67,9 @@ class TrafficPlan:
 
     def _slowdowns(self, ego_row: int) -> list[Slowdown]:
         every = self.config.slowdown_every_s
-        starts = np.arange(2.0, self.duration_s, every) if every > 0 else np.zeros(0)
+        starts = np.arange(6.0, self.duration_s, every) if every > 0 else np.zeros(0)
         return [
-            Slowdown(ego_row - 1 - n % 2, float(t), float(t + 2.2), (0.45, 0.15, 0.0)[n % 3])
+            Slowdown(ego_row - 1 - n % 2, float(t), float(t + 1.6), (0.5, 0.25, 0.0)[n % 3])
             for n, t in enumerate(starts)
         ]
 
@@ -97,11 +97,11 @@ class TrafficPlan:
     def _crossings(self, ego_place_m: Float64) -> tuple[list[Block], list[Block]]:
         """Let people cross before the ego vehicle; return when which lane is closed."""
         every, rng, shape = self.config.crossing_every_s, self.rng, self.road.shape
-        starts = np.arange(1.6, self.duration_s, every) if every > 0 else np.zeros(0)
+        starts = np.arange(1.0, self.duration_s, every) if every > 0 else np.zeros(0)
         own: list[Block] = []
         oncoming: list[Block] = []
         for start in starts:
-            place = float(np.interp(start + 1.5, self.times_s, ego_place_m)) + 9.0
+            place = float(np.interp(start + 1.5, self.times_s, ego_place_m)) + 27.0
             from_side, pace = float(rng.choice([-1, 1])), float(rng.uniform(1.8, 2.4))
             edge = from_side * (shape.half_width_m + 1.2)
             l_m = edge - from_side * np.clip((self.times_s - start) * pace, 0, 2 * abs(edge))
@@ -111,7 +111,8 @@ class TrafficPlan:
             for blocks, low, direction in ((own, -shape.lane_m - 0.3, 1), (oncoming, -0.3, -1)):
                 on_lane = self.times_s[(l_m > low) & (l_m < low + shape.lane_m + 0.6)]
                 stop = direction * place - 2.2
-                blocks.append(Block(stop, float(start - 1.5), float(max(on_lane, default=start))))
+                if len(on_lane):
+                    blocks.append(Block(stop, float(on_lane[0]) - 3.0, float(on_lane[-1])))
         return own, oncoming
 
     def walk_and_ride(self, stretch_m: tuple[float, float]) -> None:

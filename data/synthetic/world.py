@@ -15,7 +15,7 @@ from data.synthetic.traffic_plan import TrafficPlan
 from data.synthetic.world_config import WorldConfig
 from perception.types import Float64
 
-_BEHIND_M, _AHEAD_M = 125.0, 140.0  # how far the street is built around the ego vehicle's way
+_BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,6 @@ class World:
         sun: (3,) unit vector towards the sun.
         shapes: numbers of each actor's shapes in the scene, by track id.
         things: number of each actor in the scene, by track id.
-        duration_s: until when it is simulated.
     """
 
     config: WorldConfig
@@ -44,7 +43,6 @@ class World:
     sun: Float64
     shapes: Sequence[tuple[int, ...]]
     things: Sequence[int]
-    duration_s: float
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
         """Return (K, 4, 4) poses of the ego body over the road: sway, and pitch under braking."""
@@ -115,46 +113,44 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     parts = town.furnish(road, stretch, config.town, plan.clearings, rng)
     plan.walk_and_ride(stretch)
     plan.park(stretch)
-    return _assemble(config, plan, parts, duration_s, rng)
+    return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 
-def _assemble(
+def assemble(
     config: WorldConfig,
-    plan: TrafficPlan,
-    parts: list[Part],
-    duration_s: float,
+    road: Road,
+    parts: Sequence[Part],
+    actors: Sequence[Actor],
+    ego: Path,
     rng: np.random.Generator,
 ) -> World:
-    """Build the scene of the street, the parked vehicles and the shapes of all others."""
-    parked = [
-        Part(
-            meshes.moved(actor.body.poses[0], actor.world_SE3_parked),
-            actor.looks,
-            actor.body.semantic,
-            actor.track_id + 1,
-        )
-        for actor in plan.actors
-        if actor.path is None
+    """Build the scene of what stands, the parked vehicles and the shapes of all who move."""
+    scene = Scene([*parts, *(_parked(actor) for actor in actors if actor.path is None)])
+    shapes_of: dict[int, tuple[int, ...]] = {}
+    for actor in actors:
+        if id(actor.body) not in shapes_of:
+            added = tuple(scene.add_shape(mesh) for mesh in actor.body.poses)
+            shapes_of[id(actor.body)] = added
+    things = [
+        scene.add_thing(actor.looks, actor.body.semantic, actor.track_id + 1) for actor in actors
     ]
-    scene = Scene([*parts, *parked])
-    shape_of: dict[int, tuple[int, ...]] = {}
-    shapes, things = [], []
-    for actor in plan.actors:
-        key = id(actor.body)
-        if key not in shape_of:
-            shape_of[key] = tuple(scene.add_shape(mesh) for mesh in actor.body.poses)
-        shapes.append(shape_of[key])
-        things.append(scene.add_thing(actor.looks, actor.body.semantic, actor.track_id + 1))
     scene.finish()
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(28, 60))
-    sun = np.array(
-        [
-            np.cos(azimuth) * np.cos(elevation),
-            np.sin(azimuth) * np.cos(elevation),
-            np.sin(elevation),
-        ]
-    )
-    sway = rng.uniform(0, 2 * np.pi, (3, 2))
+    level = np.cos(elevation)
     return World(
-        config, plan.road, scene, plan.actors, plan.ego, sway, sun, shapes, things, duration_s
+        config,
+        road,
+        scene,
+        actors,
+        ego,
+        sway_rad=rng.uniform(0, 2 * np.pi, (3, 2)),
+        sun=np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)]),
+        shapes=[shapes_of[id(actor.body)] for actor in actors],
+        things=things,
     )
+
+
+def _parked(actor: Actor) -> Part:
+    """Make a parked vehicle part of what stands still."""
+    mesh = meshes.moved(actor.body.poses[0], actor.world_SE3_parked)
+    return Part(mesh, actor.looks, actor.body.semantic, actor.track_id + 1)

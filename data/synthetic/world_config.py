@@ -29,12 +29,12 @@ class WorldConfig:
     road: RoadShape = field(default_factory=RoadShape)
     town: TownStyle = field(default_factory=TownStyle)
     ego_m_s: float = 8.5
-    leader_gap_m: float = 17.0
+    leader_gap_m: float = 15.0
     vehicle_gap_m: float = 30.0
-    cyclists: float = 5.0
-    pedestrians: float = 12.0
-    crossing_every_s: float = 7.0
-    slowdown_every_s: float = 6.0
+    cyclists: float = 6.0
+    pedestrians: float = 14.0
+    crossing_every_s: float = 11.0
+    slowdown_every_s: float = 9.0
     is_sunny: bool = True
 
     def __post_init__(self) -> None:

@@ -1,0 +1,16 @@
+"""`trifuse synth`."""
+
+from perception.cli.main import main
+
+
+def test_a_drive_is_written_and_named(tmp_path, capsys):
+    words = ["synth", str(tmp_path), "--frames", "1", "--sensor", "VLP-16", "--images", "false"]
+    assert main([*words, "--ins_noise_m", "0.1"]) == 0
+    named = capsys.readouterr().out.strip()
+    assert named.endswith("_drive_0000_sync")
+    assert (tmp_path / named / "velodyne_points" / "data" / "0000000000.bin").is_file()
+
+
+def test_an_unknown_sensor_is_one_sentence(tmp_path, capsys):
+    assert main(["synth", str(tmp_path), "--sensor", "HDL-128"]) == 2
+    assert "HDL-64E, HDL-32E, VLP-16 or a .json file" in capsys.readouterr().err

@@ -1,0 +1,82 @@
+"""What is written is read back the same, in all three layouts."""
+
+import numpy as np
+import pytest
+
+from data.open_drive import open_drive
+from data.synthetic.collection import Recipe, draw_drive, write_drives
+from data.synthetic.materials import SemanticClass
+from data.synthetic.writer import DATE, semantic_words
+from perception.errors import UsageError
+from perception.sensor import VLP_16
+
+FRAMES = 2
+
+
+@pytest.mark.parametrize("layout", ["raw", "tracking"])
+def test_a_sequence_round_trip(tmp_path, layout):
+    recipe = Recipe(layout=layout, frames=FRAMES, sensor=VLP_16, seed=7)
+    done = []
+    [folder] = write_drives(tmp_path, recipe, lambda: done.append(1))
+    assert len(done) == recipe.total_frames == FRAMES
+    read, made = open_drive(folder), draw_drive(recipe, 0, FRAMES)
+    assert (len(read), read.sensor.name) == (FRAMES, "VLP-16")
+    for index in range(FRAMES):
+        ours, theirs = made[index], read[index]
+        assert np.array_equal(ours.points_velo, theirs.points_velo)
+        assert np.array_equal(ours.image, theirs.image)
+        assert theirs.world_SE3_velo == pytest.approx(ours.world_SE3_velo, abs=1e-4)
+        truth, read_truth = made.point_truth(index), read.point_truth(index)
+        assert np.array_equal(truth.classes, read_truth.classes)
+        assert np.array_equal(truth.instances, read_truth.instances)
+        assert np.array_equal(truth.is_moving, read_truth.is_moving)
+        labels, read_labels = made.labels(index), read.labels(index)
+        assert np.array_equal(labels.track_ids, read_labels.track_ids)
+        assert list(labels.types) == list(read_labels.types)
+        assert read_labels.boxes_velo.bottom_m == pytest.approx(
+            labels.boxes_velo.bottom_m, abs=1e-4
+        )
+        assert read_labels.boxes_px == pytest.approx(labels.boxes_px, abs=1e-4)
+        assert np.array_equal(labels.occlusion, read_labels.occlusion)
+        assert np.array_equal(labels.truncation, read_labels.truncation)
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_raw_has_truth_poses_and_stamps(tmp_path):
+    recipe = Recipe(frames=FRAMES, sensor=VLP_16, seed=7, images=False)
+    [folder] = write_drives(tmp_path, recipe)
+    assert folder == tmp_path / DATE / f"{DATE}_drive_0000_sync"
+    poses = np.loadtxt(folder / "truth_poses.txt").reshape(-1, 3, 4)
+    made = draw_drive(recipe, 0, FRAMES)
+    assert poses[1] == pytest.approx(made.true_world_SE3_velo(1)[:3], abs=1e-6)
+    assert open_drive(folder)[1].stamp_s == pytest.approx(0.1)
+    assert not (folder / "image_02").exists()
+
+
+def test_object_frames_come_from_several_worlds(tmp_path):
+    recipe = Recipe(layout="object", frames=6, sensor=VLP_16, seed=9, images=False)
+    [folder] = write_drives(tmp_path, recipe)
+    read = open_drive(folder)
+    assert len(read) == 6
+    scans = [read[index].points_velo for index in range(6)]
+    assert len({len(scan) for scan in scans}) > 1
+    labels = read.labels(0)
+    assert (labels.track_ids == -1).all()
+    assert ((labels.truncation >= 0) & (labels.truncation <= 1)).all()
+    assert read.point_truth(5) is not None
+
+
+def test_words_tell_class_motion_and_instance(street_drive):
+    truth = street_drive.point_truth(0)
+    words = semantic_words(truth)
+    assert np.array_equal(words >> 16, truth.instances)
+    cars = truth.classes == SemanticClass.CAR
+    assert (words[cars & truth.is_moving] & 0xFFFF == 252).all()
+    assert (words[cars & ~truth.is_moving] & 0xFFFF == 10).all()
+
+
+def test_nothing_to_write_is_refused():
+    with pytest.raises(UsageError, match="at least one frame"):
+        Recipe(frames=0)
+    with pytest.raises(UsageError, match="raw, tracking or object"):
+        Recipe(layout="odometry")
