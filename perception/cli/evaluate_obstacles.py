@@ -119,6 +119,7 @@ class ObstacleReport:
             camera whose view was labelled.
         shadows: false static obstacles, or None as with the clusters.
         points: counts of points, or None without exact truth.
+        has_motion: whether labels and INS tell what moves.
     """
 
     protocol: ObstacleProtocol
@@ -127,6 +128,7 @@ class ObstacleReport:
     clusters: MovingClusters | None
     shadows: Shadows | None
     points: PointMotion | None
+    has_motion: bool
 
     def counts(self, observed: ObjectObservations | None = None, **changes: float) -> ObjectCounts:
         """Count objects under the protocol's rule, or one that is changed in places."""
@@ -210,6 +212,7 @@ def measure_obstacles(
         clusters=MovingClusters.concatenate(clusters) if clusters else None,
         shadows=Shadows.concatenate(shadows) if shadows else None,
         points=sum(points, PointMotion()) if points else None,
+        has_motion=motion is not None,
     )
 
 

@@ -30,7 +30,18 @@ def obstacle_tables(report: ObstacleReport) -> str:
         tables.append(
             confusion_table("Points called moving or static, against exact truth", points)
         )
-    return "\n\n".join(tables)
+    return "\n\n".join([*tables, *_what_is_missing(report)])
+
+
+def _what_is_missing(report: ObstacleReport) -> list[str]:
+    """Say which figures the drive does not allow."""
+    if report.observed is None:
+        return ["No objects: the drive has no labelled boxes."]
+    if not report.has_motion:
+        return ["No motion of objects: it takes tracks and INS poses to tell what moves."]
+    if report.clusters is None:
+        return ["No false moving clusters: it takes images to tell what the camera sees."]
+    return []
 
 
 def _object_tables(report: ObstacleReport) -> list[str]:
@@ -107,6 +118,7 @@ def _shadow_tables(report: ObstacleReport) -> list[str]:
 def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
     """Return the figures for programs."""
     results: dict[str, Any] = {}
+    results["missing"] = _what_is_missing(report)
     if report.observed is not None:
         results["objects"] = report.counts()
         results["objects_by_min_points"] = report.counts_by_min_points()

@@ -137,6 +137,7 @@ def test_object_frames_have_obstacles_of_unknown_motion(kitti_root: Path):
     assert report.clusters is None
     assert (report.observed.motions == Motion.UNKNOWN).all()
     assert report.counts(min_points=1).moving == 0
+    assert "it takes tracks and INS poses to tell what moves" in obstacle_tables(report)
 
 
 class WithTruth:
