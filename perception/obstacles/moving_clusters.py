@@ -29,6 +29,7 @@ class MotionRules:
         stop_age_s: a younger scan cannot tell standing from walking.
         clear_age_s: after which a walker at 1 m/s no longer overlaps where he was.
         leaver_gap_m: how near a leaving thing must come, followed to now, to be this thing.
+        whole_share: of an object's voxels that must move for all of it to move.
     """
 
     cell_m: float = 0.25
@@ -40,6 +41,7 @@ class MotionRules:
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
     leaver_gap_m: float = 1.0
+    whole_share: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,8 @@ def moving_voxels(
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
     votes, patience = vote(history), _patience(history, rules)
-    thing = _join(centers_m, votes.stood, rules.cell_m, gap_m, patience)
+    columns = _Columns.over(centers_m, rules.cell_m)
+    thing = _join_what_came(columns, votes.stood, gap_m, patience)
     things = int(thing.max()) + 1
 
     def tally(voxels: Bool) -> Float64:
@@ -106,7 +109,7 @@ def moving_voxels(
         seen = hit + tally(history.was_free[0]) + tally(history.was_behind_leaver[0])
         moves &= hit < rules.stopped_share * np.maximum(seen, 1)
     moves[0] = False
-    return np.asarray(moves[thing])
+    return _complete(columns, np.asarray(moves[thing]), rules.whole_share)
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
@@ -126,24 +129,56 @@ def _patience(history: History, rules: MotionRules) -> float:
     return min(1.0, float(history.ages_s[-1]) / rules.clear_age_s)
 
 
-def _join(centers_m: Float, stood: Bool, cell_m: float, gap_m: float, patience: float) -> Int:
-    """Return (V,) the number of the thing each voxel belongs to, 0 for what stands.
+@dataclass(frozen=True)
+class _Columns:
+    """The upright bars over the ground plane in which V voxels stand; (5.3) gives each one state.
 
-    As in (5.3), all voxels of a column share one state. Columns of the ground plane are joined with
-    their eight neighbours and over gaps, but not through columns most of which stood.
+    Attributes:
+        of: (V,) the column of each voxel.
+        shape: columns along x and y.
+        cell_m: edge of a column.
     """
-    cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    across, along = cells.max(axis=0) + 1
-    column = cells[:, 0] * along + cells[:, 1]
-    standing = np.bincount(column, stood, across * along)
-    is_open = np.bincount(column, ~stood, across * along) > standing * patience
-    reach = int(gap_m / cell_m / 2)
-    block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    grown = cv2.dilate(is_open.reshape(across, along).astype(np.uint8), block) > 0
-    joined = grown & (is_open | (standing == 0)).reshape(across, along)
-    _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
-    return np.asarray(np.where(is_open, labels.ravel(), 0)[column])
+
+    of: Int
+    shape: tuple[int, int]
+    cell_m: float
+
+    @classmethod
+    def over(cls, centers_m: Float, cell_m: float) -> "_Columns":
+        cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
+        cells -= cells.min(axis=0)
+        across, along = (int(cell) + 1 for cell in cells.max(axis=0))
+        return cls(cells[:, 0] * along + cells[:, 1], (across, along), cell_m)
+
+    def count(self, voxels: Bool) -> Float64:
+        """Return how many of the chosen voxels each column holds."""
+        return np.asarray(np.bincount(self.of, voxels, self.shape[0] * self.shape[1]), np.float64)
+
+    def join(self, chosen: Bool, passable: Bool, gap_m: float) -> Int:
+        """Return (V,) the number of the thing each voxel is of, 0 beside the chosen columns.
+
+        Columns are joined with their eight neighbours, and over a gap of passable ones.
+        """
+        reach = int(gap_m / self.cell_m / 2)
+        block = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+        grown = cv2.dilate(chosen.reshape(self.shape).astype(np.uint8), block) > 0
+        joined = grown & (chosen | passable).reshape(self.shape)
+        _, labels = cv2.connectedComponents(joined.astype(np.uint8), connectivity=8)
+        return np.asarray(np.where(chosen, labels.ravel(), 0)[self.of])
+
+
+def _join_what_came(columns: _Columns, stood: Bool, gap_m: float, patience: float) -> Int:
+    """Number the things, not joining through columns most of which stood."""
+    standing = columns.count(stood)
+    return columns.join(columns.count(~stood) > standing * patience, standing == 0, gap_m)
+
+
+def _complete(columns: _Columns, moves: Bool, whole_share: float) -> Bool:
+    """Let all of an object move where most of it does: a slow car's side fills the place it filled."""
+    occupied = columns.count(np.ones(len(moves), bool)) > 0
+    whole = columns.join(occupied, ~occupied, gap_m=0.0)
+    share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
+    return np.asarray(moves | (share[whole] >= whole_share))
 
 
 def _leads_here(thing: Int, things: int, history: History, gap_m: float) -> Bool:
