@@ -35,8 +35,7 @@ class MotionThresholds:
     Attributes:
         start_mps: an object moves at this speed and above.
         stop_mps: an object that moves goes on moving until it is slower than this; below, it stands.
-        window_s: over which a speed is measured: ten scans, in which a walker goes ten times as far
-            as a box jitters.
+        window_s: over which a speed is measured: ten scans, so that the jitter of boxes averages out.
         shortest_s: within which nobody can tell that an object stands; a shorter track moves or is unknown.
         travel_m: the way an object must have gone within the window to move, beyond any jitter of its box.
     """

@@ -7,8 +7,8 @@ The protocol, which the thesis leaves to a human observer (Table 7.2):
   The box says where the ground is, so that a wrong ground hides nothing.
 - It is found as an obstacle when `found_share` of these points are STATIC or MOVING.
 - A moving object is found to move when `moving_share` of those obstacle points are MOVING. An object
-  that slides along itself, as a van does, changes only where it begins and ends; a quarter is what
-  is new in a scan at walking speed, and far more than stray points make.
+  that slides along itself, as a van does, need not look new all over, and a quarter is more than the
+  stray points at its edges make; other shares are counted beside it.
 - A static object of which as many move is a false one.
 - Objects whose motion is unknown count as obstacles only.
 """

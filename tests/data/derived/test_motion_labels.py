@@ -167,7 +167,7 @@ def test_sequence_0000_has_the_five_moving_objects_of_the_thesis(kitti_root):
     assert Motion.UNKNOWN not in motion.motions
 
 
-# Table 3.1: 17 and 10. One more in 0017: two of its eleven tracks cross a corner of the area.
+# Table 3.1 counts 17 and 10. Which of the eleven objects of 0017 it leaves out is not known.
 @pytest.mark.parametrize(("sequence", "moving_in_area"), [("0016", 17), ("0017", 11)])
 def test_sequences_with_a_standing_vehicle(kitti_root, sequence: str, moving_in_area: int):
     motion = label_motion(kitti_tracks(kitti_root, sequence, has_ins=False))
