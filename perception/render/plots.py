@@ -155,13 +155,18 @@ class Curve:
 def plot_curves(
     path: Path, title: str, curves: Sequence[Curve], axis_names: tuple[str, str]
 ) -> None:
-    """Draw the curves on a logarithmic scale, each value marked."""
+    """Draw the curves on a logarithmic scale, each value marked.
+
+    Markers shrink from curve to curve, so that curves on top of each other are all seen.
+    """
     figure = new_figure(7.2, 4.8, title)
     axes = figure.add_subplot()
-    for curve in curves:
-        width = 3.0 if curve.is_emphasised else 1.3
-        axes.plot(curve.x, curve.y, marker="o", linewidth=width, label=curve.name)
+    for number, curve in enumerate(curves):
+        width, size = (3.0, 7) if curve.is_emphasised else (1.3, max(12 - 3 * number, 3))
+        axes.plot(curve.x, curve.y, marker="o", markersize=size, linewidth=width, label=curve.name)
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_xticks(curves[0].x)
     axes.grid(which="both", alpha=0.25)
     axes.set(xlabel=axis_names[0], ylabel=axis_names[1])
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

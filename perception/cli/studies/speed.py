@@ -67,7 +67,7 @@ def study_speed(drive: Drive, picture: Path, plan: SpeedPlan, progress: Progress
 def _table(title: str, plan: SpeedPlan, thesis: Float64, default: Float64) -> str:
     names = [f"thesis, υ = {100 * size:g} cm" for size in plan.voxel_sizes_m]
     rows: list[list[Cell]] = [
-        [name, *(f"{speed:.1f}" for speed in speeds)]
+        [name, *(f"{speed:.2f}" for speed in speeds)]
         for name, speeds in zip([*names, "default"], [*thesis, default], strict=True)
     ]
     return format_table(title, ("frames/s", *(f"m = {m}" for m in plan.previous_scans)), rows)

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from perception.render.palette import FAINT_TEXT, PANEL, STAGES, STATIC
+from perception.render.stage_bar import draw_stage_bar
+
+BAR_ROW = 20
+
+
+@pytest.fixture
+def canvas():
+    return np.zeros((60, 1000, 3), np.uint8)
+
+
+def test_a_stage_is_as_long_as_its_share_of_a_turn(canvas):
+    draw_stage_bar(canvas, {"registration": 0.020, "ground": 0.010}, turn_s=0.1, text_px=9)
+    bar = canvas[BAR_ROW]
+    assert (bar[:200] == STAGES[0]).all()
+    assert (bar[200:300] == STAGES[1]).all()
+    assert (bar[300:998] == PANEL).all()
+    assert (bar[998:] == FAINT_TEXT).all()
+
+
+def test_a_late_frame_shows_where_the_turn_ended(canvas):
+    draw_stage_bar(canvas, {"registration": 0.120, "ground": 0.080}, turn_s=0.1, text_px=9)
+    bar = canvas[BAR_ROW]
+    assert (bar[498:500] == STATIC).all()
+    assert (bar[500:600] == STAGES[0]).all()
+    assert (bar[600:] == STAGES[1]).all()
+
+
+def test_more_stages_than_colours_are_drawn(canvas):
+    draw_stage_bar(canvas, {f"stage {n}": 0.005 for n in range(12)}, turn_s=0.1, text_px=9)
+    assert (canvas[BAR_ROW, 550:600] == STAGES[11 % len(STAGES)]).all()
