@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from perception.obstacles.free_space import History
+from perception.obstacles.moving_clusters import MotionRules, moving_voxels, vote
+
+RULES = MotionRules()
+AGES_S = np.array([0.5, 1.0, 1.5])
+NOWHERE = np.zeros((0, 3), np.float32)
+
+
+def history(*states, ages_s=AGES_S, gaps_m=None):
+    """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first."""
+    letters = np.array([list(word) for word in states]).T
+    gaps = np.zeros(letters.shape, np.float32) if gaps_m is None else np.float32(gaps_m)
+    return History(ages_s, letters == "F", letters == "H", letters == "L", gaps)
+
+
+def column(x, y, voxels):
+    """Voxels over one place."""
+    return np.array([[x, y, 0.1 * k] for k in range(voxels)], np.float32)
+
+
+def test_older_scans_decide_and_the_youngest_where_they_are_blind():
+    votes = vote(history("HFF", "FHH", "F--", "H--", "--L", "-FH", "---"))
+    assert votes.came.tolist() == [True, False, True, False, False, False, False]
+    assert votes.stood.tolist() == [False, True, False, True, False, True, False]
+    assert votes.trails.tolist() == [False, False, False, False, True, False, False]
+
+
+def moves(states, voxels=12, before=NOWHERE, **options):
+    places = column(5.0, 0.0, voxels)
+    word_for_each = [states] * voxels if isinstance(states, str) else states
+    return moving_voxels(places, history(*word_for_each, **options), before, RULES, gap_m=0.2)
+
+
+@pytest.mark.parametrize(
+    ("states", "expected"),
+    [("FFF", True), ("HHH", False), ("---", False), ("HFF", False), ("F--", True)],
+    ids=["came", "stood", "out of sight", "stopped", "came to light and moves"],
+)
+def test_a_thing_moves_where_its_place_was_empty(states, expected):
+    assert moves(states).tolist() == [expected] * 12
+
+
+def test_a_few_voxels_count_only_beside_what_moved_before():
+    assert not moves("FFF", voxels=6).any()
+    assert moves("FFF", voxels=6, before=column(5.4, 0.0, 3)).all()
+    assert not moves("FFF", voxels=6, before=column(6.0, 0.0, 3)).any()
+
+
+def test_what_was_out_of_sight_moves_with_what_came():
+    assert moves(["FFF"] * 12 + ["---"] * 28, voxels=40).all()
+
+
+@pytest.mark.parametrize(
+    ("gaps_m", "expected"), [((1.0, 2.0, 3.0), True), ((3.0, 3.0, 3.0), False)],
+    ids=["drives away", "hidden by a passer-by"],
+)  # fmt: skip
+def test_a_leaving_thing_is_told_from_one_that_a_passer_by_hid(gaps_m, expected):
+    gaps = np.repeat(np.array(gaps_m)[:, None], 12, axis=1)
+    assert moves("LLL", gaps_m=gaps).tolist() == [expected] * 12
+
+
+def test_a_slow_car_s_side_moves_with_its_front():
+    places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(6)])
+    came = ["FFF"] * 24 + ["HHH"] * 12
+    assert moving_voxels(places, history(*came), NOWHERE, RULES, gap_m=0.2).all()
+
+
+def test_a_walker_does_not_make_the_wall_beside_him_move():
+    wall = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(12)])
+    places = np.vstack([wall, column(6.0, 0.3, 14)])
+    states = history(*["HHH"] * 72, *["FFF"] * 14)
+    assert moving_voxels(places, states, NOWHERE, RULES, gap_m=0.2).tolist() == [
+        *[False] * 72,
+        *[True] * 14,
+    ]
+
+
+def test_without_history_nothing_moves():
+    empty = np.zeros((0, 12), bool)
+    none = History(np.zeros(0), empty, empty, empty, empty.astype(np.float32))
+    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, RULES, gap_m=0.2).any()
