@@ -1,3 +1,5 @@
+from dataclasses import dataclass
+
 import av
 import numpy as np
 import pytest
@@ -8,10 +10,18 @@ from perception.render.video import NoVideo, VideoFile, video_or_none
 PICTURE = np.full((64, 96, 3), (200, 40, 40), np.uint8)
 
 
+@dataclass(frozen=True)
+class Played:
+    frames: list[np.ndarray]
+    rate_hz: float
+    pixel_format: str
+
+
 def read_back(path):
     with av.open(str(path)) as container:
-        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-        return frames, container.streams.video[0]
+        stream = container.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        return Played(frames, float(stream.average_rate), stream.codec_context.pix_fmt)
 
 
 def test_every_picture_is_read_back(tmp_path):
@@ -19,12 +29,12 @@ def test_every_picture_is_read_back(tmp_path):
     with VideoFile(path, rate_hz=10.0) as video:
         for _ in range(12):
             video.add(PICTURE)
-    frames, stream = read_back(path)
-    assert len(frames) == 12
-    assert frames[0].shape == PICTURE.shape
-    assert np.abs(frames[5].astype(int) - PICTURE).max() < 12
-    assert stream.average_rate == 10
-    assert stream.codec_context.pix_fmt == "yuv420p"
+    played = read_back(path)
+    assert len(played.frames) == 12
+    assert played.frames[0].shape == PICTURE.shape
+    assert np.abs(played.frames[5].astype(int) - PICTURE).max() < 12
+    assert played.rate_hz == 10
+    assert played.pixel_format == "yuv420p"
     assert [file.name for file in path.parent.iterdir()] == ["drive.mp4"]
 
 
@@ -35,8 +45,7 @@ def test_a_failed_run_leaves_a_file_that_plays(tmp_path):
             video.add(PICTURE)
         raise RuntimeError("the run broke")
     assert not path.exists()
-    frames, _ = read_back(tmp_path / "drive.partial.mp4")
-    assert len(frames) == 5
+    assert len(read_back(tmp_path / "drive.partial.mp4").frames) == 5
 
 
 def test_a_failed_run_leaves_the_last_good_video_alone(tmp_path):
@@ -52,7 +61,7 @@ def test_another_size_is_refused_and_the_pictures_so_far_are_kept(tmp_path):
     with pytest.raises(ImageError, match="shape"), VideoFile(tmp_path / "drive.mp4") as video:
         video.add(PICTURE)
         video.add(PICTURE[:32])
-    assert len(read_back(tmp_path / "drive.partial.mp4")[0]) == 1
+    assert len(read_back(tmp_path / "drive.partial.mp4").frames) == 1
 
 
 def test_odd_sizes_are_refused_before_a_file_is_made(tmp_path):
