@@ -73,8 +73,16 @@ def _run(command: str, words: list[str]) -> None:
     target: Any = functions or getattr(module, command)
     auto_cli(
         target,
-        args=words,
+        args=[_with_underscores(word) for word in words],
         as_positional=True,
         set_defaults=None,
         prog=f"trifuse {command}",
     )
+
+
+def _with_underscores(word: str) -> str:
+    """Let --on-bad-frame be the same flag as --on_bad_frame."""
+    if not word.startswith("--"):
+        return word
+    flag, equals, value = word.partition("=")
+    return "--" + flag[2:].replace("-", "_") + equals + value

@@ -9,13 +9,18 @@ video.mp4            camera and bird's-eye view
 summary.json         the table that was printed
 """
 
+import dataclasses
 import json
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
 import numpy as np
+import yaml
 
+from data.drive import Drive
+from perception import __version__
 from perception.geometry.grids import LocalArea
 from perception.types import Float64, GroundModel, PointState, Result
 
@@ -32,6 +37,28 @@ def write_whole(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.part")
     temporary.write_bytes(data)
     temporary.replace(path)
+
+
+def new_results_folder(parent: Path) -> Path:
+    """Make results/<time> and let results/latest point to it."""
+    folder = parent / time.strftime("%Y-%m-%d_%H-%M-%S")
+    folder.mkdir(parents=True, exist_ok=True)
+    latest = parent / "latest"
+    if latest.is_symlink() or not latest.exists():
+        latest.unlink(missing_ok=True)
+        latest.symlink_to(folder.name)
+    return folder
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    """Turn paths and numpy numbers into what YAML and JSON know."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else value
 
 
 class ResultsFolder:
@@ -78,6 +105,18 @@ class ResultsFolder:
             ground_height_m=heights_m,
         )
         temporary.replace(path)
+
+    def write_configuration(self, plan: object, drive: Drive) -> None:
+        """Write what this run was made from and with."""
+        content = {
+            "trifuse": __version__,
+            "drive": str(drive.root.resolve()),
+            "name": drive.name,
+            "sensor": drive.sensor.name,
+            "plan": dataclasses.asdict(plan),  # type: ignore[call-overload]
+        }
+        text = yaml.safe_dump(_plain(content), sort_keys=False)
+        write_whole(self.out / "config.yaml", text.encode())
 
     def write_json(self, name: str, content: Any) -> None:  # noqa: ANN401
         """Write one JSON document into the folder."""

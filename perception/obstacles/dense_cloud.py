@@ -35,6 +35,10 @@ class ScanWindow:
         """Add the newest scan; the oldest falls out of a full window."""
         self._scans.append(scan)
 
+    def pop(self) -> None:
+        """Take the newest scan back."""
+        self._scans.pop()
+
     def clear(self) -> None:
         """Forget all scans, as after a gap in the drive."""
         self._scans.clear()

@@ -16,7 +16,7 @@ from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_k
 from perception.sensor import LidarModel
 from perception.types import Bool, Float64, GroundModel, Obstacles, Voxels
 
-MotionMethod = Literal["free_space", "thesis"]
+MotionMethod = Literal["default", "thesis"]
 
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
@@ -103,7 +103,7 @@ class FreeSpaceSegmenter:
 
 
 def motion_segmenter(
-    sensor: LidarModel, area: LocalArea, method: MotionMethod = "free_space"
+    sensor: LidarModel, area: LocalArea, method: MotionMethod = "default"
 ) -> MotionSegmenter:
     """Make the segmenter of a method with its default values."""
     if method == "thesis":

@@ -1,0 +1,200 @@
+"""`trifuse run`: every stage on a drive, its results in a folder, its summary on the screen."""
+
+import logging
+import sys
+import time
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.frames import OnBadFrame, read_frames
+from data.open_drive import open_drive
+from perception.cli.results_folder import ResultsFolder, new_results_folder
+from perception.cli.table import format_table
+from perception.errors import PerceptionError, UsageError
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.render.composition import Composition
+from perception.render.video import video_or_none
+from perception.types import Frame, PointState, Result
+
+log = logging.getLogger(__name__)
+
+
+def run(  # noqa: PLR0913 - flags of a command
+    drive: Path,
+    *,
+    out: Path | None = None,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int | None = None,
+    video: bool = True,
+    on_bad_frame: OnBadFrame = "stop",
+    pipeline: PipelineConfig = PipelineConfig(),  # noqa: B008 - frozen
+) -> None:
+    """Find ground, static and moving obstacles in every frame of a drive.
+
+    Example: trifuse run 2011_09_26/2011_09_26_drive_0005_sync --out results/0005
+
+    Args:
+        drive: a KITTI raw drive, tracking folder, object folder, or synthetic drive.
+        out: folder for the results; else results/<time>, with results/latest pointing to it.
+        sequence: which one, where there are several.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: only so many from the start; else all.
+        video: whether to draw the video.
+        on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
+        pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
+    """
+    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video)
+    plan = RunPlan(frames, video, on_bad_frame, pipeline)
+    summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
+    print(summary.table())
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """How a drive is run.
+
+    Attributes:
+        frames: only so many from the start, or None.
+        video: whether to draw the video.
+        on_bad_frame: stop or skip.
+        pipeline: choices of the pipeline.
+    """
+
+    frames: int | None = None
+    video: bool = True
+    on_bad_frame: OnBadFrame = "stop"
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+
+    def __post_init__(self) -> None:
+        """Refuse a run of no frames."""
+        if self.frames is not None and self.frames < 1:
+            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+
+
+@dataclass
+class RunSummary:
+    """What a run found, added up frame by frame.
+
+    Attributes:
+        drive: its name.
+        out: where the results are.
+        seconds: by stage, one entry a frame.
+        points: by `PointState`, over all frames.
+        moving_voxels: one entry a frame.
+        elapsed_s: wall time with reading, drawing and writing.
+    """
+
+    drive: str
+    out: Path
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+    points: np.ndarray = field(default_factory=lambda: np.zeros(len(PointState), np.int64))
+    moving_voxels: list[int] = field(default_factory=list)
+    elapsed_s: float = 0.0
+
+    def add(self, result: Result) -> None:
+        """Count one frame."""
+        for stage, seconds in result.timings_s.items():
+            self.seconds.setdefault(stage, []).append(seconds)
+        self.points += np.bincount(result.obstacles.point_states, minlength=len(PointState))
+        self.moving_voxels.append(len(result.obstacles.moving))
+
+    @property
+    def frames(self) -> int:
+        """Frames done."""
+        return len(self.moving_voxels)
+
+    def stage_rows(self) -> list[list[str]]:
+        """Return stage, median, 99th percentile and share, all stages together last."""
+        stages = {name: np.array(seconds) for name, seconds in self.seconds.items()}
+        total = np.sum(list(stages.values()), axis=0)
+        return [
+            [
+                name,
+                f"{1e3 * np.median(seconds):.1f}",
+                f"{1e3 * np.percentile(seconds, 99):.1f}",
+                f"{100 * seconds.sum() / total.sum():.0f}",
+            ]
+            for name, seconds in [*stages.items(), ("all stages", total)]
+        ]
+
+    def table(self) -> str:
+        """Return what is printed at the end."""
+        if not self.frames:
+            return f"{self.drive}: no frame was done"
+        stages = format_table(
+            f"{self.drive}: {self.frames} frames",
+            ("stage", "median ms", "99 % ms", "share %"),
+            self.stage_rows(),
+        )
+        median_s = float(np.median(np.sum(list(self.seconds.values()), axis=0)))
+        seen = self.points / self.frames
+        lines = [
+            stages,
+            "",
+            f"a frame: {seen[PointState.GROUND]:.0f} ground, {seen[PointState.STATIC]:.0f} static, "
+            f"{seen[PointState.MOVING]:.0f} moving points; "
+            f"{1 / median_s:.0f} frames/s for the stages, "
+            f"{self.frames / self.elapsed_s:.1f} with reading, drawing and writing",
+            f"results: {self.out}",
+        ]
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, object]:
+        """Return the same figures for summary.json."""
+        return {
+            "drive": self.drive,
+            "frames": self.frames,
+            "elapsed_s": round(self.elapsed_s, 3),
+            "stages_ms": {
+                name: {"median": float(median), "p99": float(p99), "share_percent": float(share)}
+                for name, median, p99, share in (self.stage_rows() if self.frames else [])
+            },
+            "points": {state.name.lower(): int(self.points[state]) for state in PointState},
+        }
+
+
+def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
+    """Run the pipeline over a drive and write its results, whole at every moment.
+
+    Raises:
+        PerceptionError: a frame cannot be used; what was done before it stays in the folder.
+    """
+    area = plan.pipeline.area
+    summary = RunSummary(drive.name, out)
+    composition = Composition(area=area, turn_s=1 / drive.sensor.rate_hz)
+    start = time.perf_counter()
+    with ExitStack() as files:
+        folder = files.enter_context(ResultsFolder(out, area))
+        folder.write_configuration(plan, drive)
+        path = out / "video.mp4" if plan.video else None
+        video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
+        try:
+            for result in _results(drive, plan):
+                folder.write(result)
+                summary.add(result)
+                if plan.video:
+                    video.add(composition.draw(result))
+        except PerceptionError:
+            log.warning("%d frames were done before this; they are in %s", summary.frames, out)
+            raise
+        finally:
+            summary.elapsed_s = time.perf_counter() - start
+            folder.write_json("summary.json", summary.to_json())
+    return summary
+
+
+def _results(drive: Drive, plan: RunPlan) -> Iterable[Result]:
+    pipeline = Pipeline(drive.sensor, plan.pipeline)
+    frames: Iterable[Frame] = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=plan.frames)
+    total = len(drive) if plan.frames is None else min(plan.frames, len(drive))
+    for frame in tqdm(frames, drive.name, total, unit="frame", file=sys.stderr):
+        if not drive.is_sequence:
+            pipeline.reset()
+        yield pipeline.step(frame)

@@ -1,0 +1,132 @@
+"""One frame through every stage, in real time and in bounded memory."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.geometry.grids import LocalArea
+from perception.geometry.mounting import check_mounting
+from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
+from perception.obstacles.ground_planes import PlaneGround
+from perception.obstacles.motion import motion_segmenter
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Frame, GroundModel, Result
+
+Method = Literal["default", "thesis"]
+
+
+@dataclass(frozen=True)
+class PipelineConfig:
+    """Every choice of the pipeline, with its default.
+
+    Attributes:
+        method: our default for every stage, or the thesis' own.
+        previous_scans: m, how many scans before the newest are merged (Table 7.1).
+        area: where ground and obstacles are wanted (thesis 7.1.1).
+        registration: how scans are registered.
+        seed: of the thesis' RANSAC.
+    """
+
+    method: Method = "default"
+    previous_scans: int = 6
+    area: LocalArea = field(default_factory=LocalArea)
+    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse a window without history."""
+        if self.previous_scans < 1:
+            raise UsageError(
+                "previous_scans", expected="at least 1", found=str(self.previous_scans)
+            )
+
+
+class GroundEstimator(Protocol):
+    """Finds the ground under the newest scan of a window."""
+
+    def update(self, window: ScanWindow) -> GroundModel:
+        """Return the ground in the newest scan's frame; a window of one scan begins anew."""
+        ...
+
+
+class Pipeline:
+    """Follows one drive, a frame at a time: `step` for a robot, a loop over frames for files."""
+
+    def __init__(self, sensor: LidarModel = HDL_64E, config: PipelineConfig | None = None) -> None:
+        self.sensor = sensor
+        self.config = config or PipelineConfig()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the drive so far, as between frames that do not follow each other."""
+        self._localizer = Localizer(self.config.registration)
+        self._window = ScanWindow(self.config.previous_scans)
+        self._ground = _ground_estimator(self.sensor, self.config)
+        self._motion = motion_segmenter(self.sensor, self.config.area, self.config.method)
+
+    def step(self, frame: Frame) -> Result:
+        """Say where the ground of this frame is, what stands on it, and what of that moves.
+
+        Raises:
+            PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
+        """
+        clock = _StageClock()
+        if not len(self._window):
+            check_mounting(frame.points_velo, self.sensor, frame.source)
+        with clock.stage("registration"):
+            window = self._localize(frame)
+        with clock.stage("ground"):
+            ground = self._ground.update(window)
+        with clock.stage("static and moving"):
+            obstacles = self._motion.update(window, ground)
+        return Result(frame, window.newest.world_SE3_velo, ground, obstacles, clock.seconds)
+
+    def _localize(self, frame: Frame) -> ScanWindow:
+        """Put the frame's scan into the window, with its pose."""
+        if self.config.method == "thesis" and frame.world_SE3_velo is not None:
+            self._window.push(PosedScan(frame.points_velo, frame.world_SE3_velo))
+            return register_window(self._window)
+        localization = self._localizer.update(
+            frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
+        )
+        if localization.is_reset:
+            self._window.clear()
+        # A scan that is given twice is no second witness.
+        if localization.origin is PoseOrigin.REPEATED:
+            self._window.pop()
+        self._window.push(PosedScan(frame.points_velo, localization.world_SE3_velo))
+        return self._window
+
+
+class _PlanesOfWindow:
+    """The thesis' planes through the merged cloud (Algorithm 3 on (5.1))."""
+
+    def __init__(self, sensor: LidarModel, area: LocalArea, seed: int) -> None:
+        self._planes = PlaneGround(sensor, area)
+        self._area, self._random = area, np.random.default_rng(seed)
+
+    def update(self, window: ScanWindow) -> GroundModel:
+        return self._planes.estimate(merge(window, self._area).points_velo, self._random)
+
+
+def _ground_estimator(sensor: LidarModel, config: PipelineConfig) -> GroundEstimator:
+    return _PlanesOfWindow(sensor, config.area, config.seed)
+
+
+class _StageClock:
+    """Takes the time of one stage after another."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
