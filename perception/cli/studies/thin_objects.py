@@ -39,6 +39,7 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     is_seen = columns.scans >= int(cloud.age.max()) + 1
     is_pole = is_seen & (columns.levels >= _LEAST_LEVELS) & (inner >= _LEAST_POINTS)
     is_pole &= inner >= _LEAST_SHARE * outer
+    is_pole &= _is_whole(is_pole.shape)
     if not is_pole.any():
         raise DriveError(
             "study dense-cloud",
@@ -50,6 +51,13 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     score = np.where(is_pole, np.round(1 - inner / np.maximum(outer, 1), 2) - 1e-6 * inner, np.inf)
     cell = np.array(np.unravel_index(np.argmin(score), score.shape))
     return np.asarray((cell + 0.5) * _CELL_M - (area.behind_m, area.side_m))
+
+
+def _is_whole(across: tuple[int, ...]) -> Bool:
+    """Tell which cells are so far within the area that nothing around them was cropped."""
+    whole = np.zeros(across, bool)
+    whole[_OUTER_CELLS:-_OUTER_CELLS, _OUTER_CELLS:-_OUTER_CELLS] = True
+    return whole
 
 
 def _columns(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> _Columns:
