@@ -136,7 +136,7 @@ class Camera:
         light = colours * (facing[:, None] * daylight.sun_rgb + ambient[:, None] * daylight.sky_rgb)
         light = self._gloss(light, view, facing)
         distance = view.hits.distance_m[view.seen]
-        haze = (1 - np.exp(-distance / 900))[:, None]
+        haze = (1 - np.exp(-distance / 2500))[:, None]
         return np.asarray(light + haze * (rgb(0.70, 0.76, 0.84) - light), np.float32)
 
     def _sunlit(self, view: _View, pinhole: PinholeCamera, moving: list[Moving]) -> Float32:
@@ -149,7 +149,10 @@ class Camera:
         sun = self._daylight.sun.astype(np.float32)
         faces = view.normals[asked] @ sun > 0
         asked_facing = asked[faces]
-        origins = view.points[asked_facing] + 0.02 * view.normals[asked_facing] + 0.01 * sun
+        # Rounded things are made of flat triangles, which would shade themselves at the rim.
+        lift = np.where(_IS_ROUNDED[view.slots[asked_facing]], np.float32(0.07), np.float32(0.02))
+        shift = lift[:, None] * view.normals[asked_facing]
+        origins = np.asarray(view.points[asked_facing] + shift, np.float32)
         directions = np.broadcast_to(sun, origins.shape).copy()
         rays = Rays(
             origins, directions, np.zeros(len(origins), np.float32), near_any(origins, directions)
@@ -254,7 +257,8 @@ def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UIn
     exposed = np.maximum(blurred * vignette[..., None], 0)
     # A shoulder keeps highlights from clipping at once; then the display's gamma by a table.
     shoulder = exposed / (1 + 0.35 * exposed) * 1.35 * 0.72
-    table = (255 * np.linspace(0, 1, 4096) ** (1 / 2.2)).astype(np.float32)
+    tone = np.linspace(0, 1, 4096) ** (1 / 2.2)
+    table = (255 * (0.5 * tone + 0.5 * tone**2 * (3 - 2 * tone))).astype(np.float32)
     levels = np.take(table, np.minimum(shoulder * 4095, 4095).astype(np.int32))
     noise = rng.standard_normal((height, width), np.float32) * np.float32(exposure.noise)
     speckled = levels + noise[..., None] + (noise[:, ::-1, None] * rgb(0.5, -0.2, 0.6))

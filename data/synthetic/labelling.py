@@ -1,7 +1,7 @@
 """Labels by KITTI's rules, from exact geometry: what a careful annotator would draw."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from perception.geometry import se3
 from perception.types import Bool, Boxes3D, Calibration, Float32, Float64, Int
 
 _SAMPLES = 26  # along each side of a box, at most, to tell what is visible
+_EDGE_SAMPLES = 80  # the same where the image cuts an object off, to find its outline
 _LATTICE = np.stack(
     np.meshgrid(np.linspace(-0.45, 0.45, 9), np.linspace(-0.4, 0.4, 5), np.linspace(0.1, 0.9, 5)),
     -1,
@@ -85,6 +86,7 @@ def label(
     """
     camera = PinholeCamera(calibration, world_SE3_velo)
     sights = _sights(world, camera, time_s, rules)
+    sights = [_cut_at_image(world, camera, sight) for sight in sights]
     alone, seen, area = _visibility(world, camera, sights, time_s)
     share = seen / np.maximum(alone, 1)
     seen_px = share * area
@@ -142,13 +144,28 @@ def _sight(actor: Actor, state: Moving, outline: Float32, camera: PinholeCamera)
     return _Sight(actor, state, np.concatenate([low, high]), float(1 - is_in.mean()), middle)
 
 
+def _cut_at_image(world: World, camera: PinholeCamera, sight: _Sight) -> _Sight:
+    """Draw the box of an object that leaves the image around the part that stays in it."""
+    if sight.truncation == 0:
+        return sight
+    pixels, _ = _sample_pixels([sight], _EDGE_SAMPLES)
+    rays = camera.rays(pixels)
+    inside = pixels[_covers(world, rays, np.arange(len(pixels)), sight.state)]
+    if len(inside) == 0:
+        return sight
+    half_step = (sight.box_px[2:] - sight.box_px[:2]) / _EDGE_SAMPLES / 2
+    low = np.maximum(inside.min(axis=0) - half_step, sight.box_px[:2])
+    high = np.minimum(inside.max(axis=0) + half_step, sight.box_px[2:])
+    return replace(sight, box_px=np.concatenate([low, high]))
+
+
 def _visibility(
     world: World, camera: PinholeCamera, sights: Sequence[_Sight], time_s: float
 ) -> tuple[Int, Int, Float64]:
     """Return, by object, samples that it covers alone, those it is seen in, and its area in pixels."""
     if not sights:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    pixels, owner = _sample_pixels(sights)
+    pixels, owner = _sample_pixels(sights, _SAMPLES)
     rays = camera.rays(pixels)
     covers = np.concatenate(
         [_covers(world, rays, np.flatnonzero(owner == n), s.state) for n, s in enumerate(sights)]
@@ -166,13 +183,13 @@ def _visibility(
     return alone, seen, size * alone / np.bincount(owner, minlength=len(sights))
 
 
-def _sample_pixels(sights: Sequence[_Sight]) -> tuple[Float64, Int]:
+def _sample_pixels(sights: Sequence[_Sight], most: int) -> tuple[Float64, Int]:
     """Lay an even lattice of pixels over every box."""
     lattices, owners = [], []
     for number, sight in enumerate(sights):
         x0, y0, x1, y1 = sight.box_px
-        columns = min(_SAMPLES, max(2, int(x1 - x0)))
-        rows = min(_SAMPLES, max(2, int(y1 - y0)))
+        columns = min(most, max(2, int(x1 - x0)))
+        rows = min(most, max(2, int(y1 - y0)))
         x = x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0)
         y = y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)
         lattices.append(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))

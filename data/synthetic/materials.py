@@ -170,8 +170,9 @@ def random_paint(rng: np.random.Generator) -> tuple[float, float, float, float]:
     """Draw a car's colour and reflectance as common as on a German street."""
     weights = np.array([weight for _, weight in CAR_PAINTS])
     row = np.array(CAR_PAINTS[rng.choice(len(CAR_PAINTS), p=weights / weights.sum())][0])
-    row *= rng.uniform(0.85, 1.15, 4)
-    return tuple(np.clip(row, 0.005, 0.9))
+    row *= rng.uniform(0.85, 1.15) * rng.uniform(0.97, 1.03, 4)
+    red, green, blue, reflectance = np.clip(row, 0.005, 0.9).tolist()
+    return red, green, blue, reflectance
 
 
 # Linear colours of clothes, common ones first.

@@ -93,7 +93,9 @@ def drive_lane(
                 if time - block.from_s < STEP_S:
                     # Who can no longer stop in comfort drives through.
                     ignored[row] = to_block < speed**2 / (2 * 3.0)
-                is_nearer = (to_block < gap) & ~ignored[row] & (to_block > -1.0)
+                # Who would arrive only once it is open again need not brake.
+                in_time = to_block < speed * (block.until_s - time) + 3.0
+                is_nearer = (to_block < gap) & ~ignored[row] & (to_block > -1.0) & in_time
                 gap = np.where(is_nearer, to_block + 1.5, gap)
                 leader = np.where(is_nearer, 0.0, leader)
         speed, place = _advance(speed, place, desired, gap, leader)

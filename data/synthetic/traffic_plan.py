@@ -101,9 +101,11 @@ class TrafficPlan:
         own: list[Block] = []
         oncoming: list[Block] = []
         for start in starts:
-            place = float(np.interp(start + 1.5, self.times_s, ego_place_m)) + 27.0
             from_side, pace = float(rng.choice([-1, 1])), float(rng.uniform(1.8, 2.4))
             edge = from_side * (shape.half_width_m + 1.2)
+            # The ego vehicle would get there as its lane is left: it has to slow down, not to wait.
+            lane_left_s = start + (abs(edge) + max(0.0, from_side) * shape.lane_m) / pace
+            place = float(np.interp(lane_left_s + 1.6, self.times_s, ego_place_m))
             l_m = edge - from_side * np.clip((self.times_s - start) * pace, 0, 2 * abs(edge))
             s_m = np.full_like(l_m, place)
             self._crossers.append(Path(self.times_s, s_m, l_m))

@@ -26,6 +26,7 @@ from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
+from data.whole_file import write_whole
 from perception.sensor import sensor_to_json
 from perception.types import Float64, UInt8
 
@@ -166,14 +167,6 @@ def write_objects(
         write_whole(folder / "label_2" / f"{stem}.txt", text.encode())
         done()
     return folder
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under another name and rename it, so that it is there whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    part.write_bytes(data)
-    part.replace(path)
 
 
 def semantic_words(truth: PointTruth) -> np.ndarray:
