@@ -166,6 +166,7 @@ def plot_curves(
         axes.plot(curve.x, curve.y, marker="o", markersize=size, linewidth=width, label=curve.name)
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xticks(curves[0].x)
     axes.grid(which="both", alpha=0.25)
     axes.set(xlabel=axis_names[0], ylabel=axis_names[1])
