@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from perception.cli.table import format_table
+from perception.cli.table import Cell, format_table
 from perception.evaluation.confusion import Confusion
 
 
 def confusion_table(title: str, counts: Mapping[str, Confusion]) -> str:
     """Return one row of ratios for each name; the true points are those that were to be found."""
-    rows = [
+    rows: list[list[Cell]] = [
         [name, c.precision, c.recall, c.f1, c.iou, c.true_positives + c.false_negatives]
         for name, c in counts.items()
     ]

@@ -130,7 +130,7 @@ class ObstacleReport:
     points: PointMotion | None
     has_motion: bool
 
-    def counts(self, observed: ObjectObservations | None = None, **changes: float) -> ObjectCounts:
+    def counts(self, observed: ObjectObservations | None = None, **changes: Any) -> ObjectCounts:  # noqa: ANN401
         """Count objects under the protocol's rule, or one that is changed in places."""
         rows = self.observed if observed is None else observed
         if rows is None:

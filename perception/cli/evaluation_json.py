@@ -1,36 +1,11 @@
 """What `evaluate --json` writes: the figures, and all that one needs to get them again."""
 
 import dataclasses
-import json
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from perception import __version__
-from perception.cli.results_folder import write_whole
-
-
-def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_plain` takes
-    """Write a document whole or not at all, making its folder; NaN becomes null."""
-    text = json.dumps(to_plain(document), indent=1, allow_nan=False)
-    write_whole(path, f"{text}\n".encode())
-
-
-def to_plain(value: Any) -> Any:  # noqa: ANN401 - walks whatever configurations and figures hold
-    """Turn dataclasses, arrays and paths into what JSON knows."""
-    if dataclasses.is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(key): to_plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [to_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return str(value) if isinstance(value, Path) else value
+from perception.cli.documents import write_json
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,18 +9,19 @@ video.mp4            camera and bird's-eye view
 summary.json         the table that was printed
 """
 
-import dataclasses
 import json
 import time
+from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
 import numpy as np
-import yaml
 
 from data.drive import Drive
+from data.whole_file import write_whole
 from perception import __version__
+from perception.cli.documents import write_json, write_yaml
 from perception.geometry.grids import LocalArea
 from perception.types import Float64, GroundModel, PointState, Result
 
@@ -29,14 +30,6 @@ SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
 SEMANTIC_KITTI[PointState.GROUND] = 40
 SEMANTIC_KITTI[PointState.STATIC] = 9
 SEMANTIC_KITTI[PointState.MOVING] = 251
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that it is whole or absent."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_bytes(data)
-    temporary.replace(path)
 
 
 def new_results_folder(parent: Path) -> Path:
@@ -48,17 +41,6 @@ def new_results_folder(parent: Path) -> Path:
         latest.unlink(missing_ok=True)
         latest.symlink_to(folder.name)
     return folder
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401
-    """Turn paths and numpy numbers into what YAML and JSON know."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value) if isinstance(value, Path) else value
 
 
 class ResultsFolder:
@@ -94,9 +76,9 @@ class ResultsFolder:
 
     def _write_obstacles(self, path: Path, result: Result) -> None:
         xy_m, heights_m = sample_ground(result.ground, self._area)
-        temporary = path.with_name(f".{path.stem}.part.npz")
+        content = BytesIO()
         np.savez(
-            temporary,
+            content,
             static_centers_m=result.obstacles.static.centers_m,
             static_counts=result.obstacles.static.counts,
             moving_centers_m=result.obstacles.moving.centers_m,
@@ -104,23 +86,22 @@ class ResultsFolder:
             ground_xy_m=xy_m,
             ground_height_m=heights_m,
         )
-        temporary.replace(path)
+        write_whole(path, content.getvalue())
 
-    def write_configuration(self, plan: object, drive: Drive) -> None:
+    def write_configuration(self, drive: Drive, plan: object) -> None:
         """Write what this run was made from and with."""
-        content = {
+        document = {
             "trifuse": __version__,
-            "drive": str(drive.root.resolve()),
+            "drive": drive.root.resolve(),
             "name": drive.name,
             "sensor": drive.sensor.name,
-            "plan": dataclasses.asdict(plan),  # type: ignore[call-overload]
+            "plan": plan,
         }
-        text = yaml.safe_dump(_plain(content), sort_keys=False)
-        write_whole(self.out / "config.yaml", text.encode())
+        write_yaml(self.out / "config.yaml", document)
 
-    def write_json(self, name: str, content: Any) -> None:  # noqa: ANN401
-        """Write one JSON document into the folder."""
-        write_whole(self.out / name, (json.dumps(content, indent=1) + "\n").encode())
+    def write_summary(self, summary: object) -> None:
+        """Write the figures of the whole run."""
+        write_json(self.out / "summary.json", summary)
 
 
 def sample_ground(ground: GroundModel, area: LocalArea) -> tuple[Float64, Float64]:

@@ -11,12 +11,17 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from data.drive import Drive
+from data.drive import Drive, PointTruth
 from data.frames import OnBadFrame, read_frames
 from data.open_drive import open_drive
+from perception.cli.confusion_figures import confusion_table, with_ratios
 from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.table import format_table
 from perception.errors import PerceptionError, UsageError
+from perception.evaluation.confusion import Confusion
+from perception.evaluation.ground import PointClasses, ground_confusion
+from perception.evaluation.obstacles import PointMotion, point_motion
+from perception.geometry.grids import LocalArea
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render.composition import Composition
 from perception.render.video import video_or_none
@@ -88,6 +93,8 @@ class RunSummary:
         seconds: by stage, one entry a frame.
         points: by `PointState`, over all frames.
         moving_voxels: one entry a frame.
+        ground: points called ground against exact truth, where the drive has it.
+        motion: points called static or moving against exact truth, where the drive has it.
         elapsed_s: wall time with reading, drawing and writing.
     """
 
@@ -96,14 +103,21 @@ class RunSummary:
     seconds: dict[str, list[float]] = field(default_factory=dict)
     points: np.ndarray = field(default_factory=lambda: np.zeros(len(PointState), np.int64))
     moving_voxels: list[int] = field(default_factory=list)
+    ground: Confusion = field(default_factory=Confusion)
+    motion: PointMotion = field(default_factory=PointMotion)
     elapsed_s: float = 0.0
 
-    def add(self, result: Result) -> None:
+    def add(self, result: Result, truth: PointTruth | None, area: LocalArea) -> None:
         """Count one frame."""
         for stage, seconds in result.timings_s.items():
             self.seconds.setdefault(stage, []).append(seconds)
         self.points += np.bincount(result.obstacles.point_states, minlength=len(PointState))
         self.moving_voxels.append(len(result.obstacles.moving))
+        if truth is not None:
+            states = result.obstacles.point_states
+            scan = PointClasses(result.frame.points_velo, states, truth.classes)
+            self.ground = sum(ground_confusion(scan, area), self.ground)
+            self.motion += point_motion(states, truth.classes, truth.is_moving)
 
     @property
     def frames(self) -> int:
@@ -144,7 +158,16 @@ class RunSummary:
             f"{self.frames / self.elapsed_s:.1f} with reading, drawing and writing",
             f"results: {self.out}",
         ]
+        if self.ground.true_positives:
+            lines.insert(1, f"\n{self._truth_table()}")
         return "\n".join(lines)
+
+    def _truth_table(self) -> str:
+        """Return how the points compare with the exact truth of a synthetic drive."""
+        return confusion_table(
+            "points against the exact truth of this synthetic drive",
+            {"ground": self.ground, "static": self.motion.static, "moving": self.motion.moving},
+        )
 
     def to_json(self) -> dict[str, object]:
         """Return the same figures for summary.json."""
@@ -156,6 +179,13 @@ class RunSummary:
                 name: {"median": float(median), "p99": float(p99), "share_percent": float(share)}
                 for name, median, p99, share in (self.stage_rows() if self.frames else [])
             },
+            "points_against_truth": {
+                "ground": with_ratios(self.ground),
+                "static": with_ratios(self.motion.static),
+                "moving": with_ratios(self.motion.moving),
+            }
+            if self.ground.true_positives
+            else None,
             "points": {state.name.lower(): int(self.points[state]) for state in PointState},
         }
 
@@ -172,13 +202,13 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     start = time.perf_counter()
     with ExitStack() as files:
         folder = files.enter_context(ResultsFolder(out, area))
-        folder.write_configuration(plan, drive)
+        folder.write_configuration(drive, plan)
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         try:
             for result in _results(drive, plan):
                 folder.write(result)
-                summary.add(result)
+                summary.add(result, drive.point_truth(result.frame.index), area)
                 if plan.video:
                     video.add(composition.draw(result))
         except PerceptionError:
@@ -186,7 +216,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
             raise
         finally:
             summary.elapsed_s = time.perf_counter() - start
-            folder.write_json("summary.json", summary.to_json())
+            folder.write_summary(summary.to_json())
     return summary
 
 

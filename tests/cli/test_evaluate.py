@@ -10,9 +10,10 @@ from data.drive import Drive, PointTruth
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import evaluate
+from perception.cli.documents import to_plain
 from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
 from perception.cli.evaluate_obstacles import ObstacleProtocol, measure_obstacles
-from perception.cli.evaluation_json import DataUsed, Figures, to_plain, write_evaluation
+from perception.cli.evaluation_json import DataUsed, Figures, write_evaluation
 from perception.cli.main import main
 from perception.cli.obstacle_figures import obstacle_results, obstacle_tables
 from perception.errors import UsageError

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from perception import __version__
-from perception.cli.evaluation_json import write_json
+from perception.cli.documents import write_json
 
 
 @dataclass(frozen=True)
