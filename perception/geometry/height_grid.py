@@ -1,0 +1,194 @@
+"""A smooth surface over a grid of heights, and the fit of one to scattered samples.
+
+y ^   n3 ---- n4         Heights live at the nodes, numbered along y first. Between them the
+  |   |   .   |          surface is bilinear: z = a + b u + c v + d u v with u, v in 0..1 across
+  |   n1 ---- n2         the cell.
+  +-------------> x
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import solveh_banded
+
+from perception.types import Float, Float64, Int
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Scattered heights.
+
+    Attributes:
+        points: (N, 3).
+        weights: (N,) 1 for a height that is known as well as any.
+    """
+
+    points: Float64
+    weights: Float64
+
+    def __len__(self) -> int:
+        """Return N."""
+        return len(self.points)
+
+
+@dataclass(frozen=True)
+class Bilinear:
+    """Where N points lie between the nodes.
+
+    Attributes:
+        nodes: (4, N) the four nodes around each.
+        weights: (4, N) their shares of the height.
+    """
+
+    nodes: Int
+    weights: Float64
+
+    def interpolate(self, heights_m: Float64) -> Float64:
+        """Return (N,) heights of the surface."""
+        return np.asarray((heights_m[self.nodes] * self.weights).sum(axis=0))
+
+
+@dataclass(frozen=True)
+class HeightGrid:
+    """Where the nodes are.
+
+    Attributes:
+        x0_m: of the first node.
+        y0_m: of the first node.
+        cell_m: between nodes.
+        nodes_x: number of nodes along x.
+        nodes_y: number of nodes along y.
+    """
+
+    x0_m: float
+    y0_m: float
+    cell_m: float
+    nodes_x: int
+    nodes_y: int
+
+    @classmethod
+    def covering(
+        cls, low_m: tuple[float, float], high_m: tuple[float, float], cell_m: float
+    ) -> "HeightGrid":
+        """Lay nodes from a low corner (x, y) to at least a high one."""
+        cells = [int(np.ceil((high_m[k] - low_m[k]) / cell_m - 1e-9)) for k in (0, 1)]
+        return cls(low_m[0], low_m[1], cell_m, cells[0] + 1, cells[1] + 1)
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return self.nodes_x * self.nodes_y
+
+    @cached_property
+    def nodes_xy_m(self) -> Float64:
+        """(size, 2) positions of the nodes."""
+        x = self.x0_m + self.cell_m * np.arange(self.nodes_x)
+        y = self.y0_m + self.cell_m * np.arange(self.nodes_y)
+        return np.column_stack([np.repeat(x, self.nodes_y), np.tile(y, self.nodes_x)])
+
+    def bilinear(self, xy_m: Float64) -> Bilinear:
+        """Return the nodes around (N, 2+) positions; outside, the outermost cell goes on."""
+        u = (xy_m[:, 0] - self.x0_m) / self.cell_m
+        v = (xy_m[:, 1] - self.y0_m) / self.cell_m
+        i = np.clip(np.floor(u).astype(np.int64), 0, self.nodes_x - 2)
+        j = np.clip(np.floor(v).astype(np.int64), 0, self.nodes_y - 2)
+        first = i * self.nodes_y + j
+        u, v = u - i, v - j
+        return Bilinear(
+            nodes=first + np.array([[0], [1], [self.nodes_y], [self.nodes_y + 1]]),
+            weights=np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v]),
+        )
+
+    @cached_property
+    def roughness(self) -> Float64:
+        """The matrix of the sum of squared second differences, in LAPACK's upper banded form."""
+        along_x, along_y = sparse.identity(self.nodes_x), sparse.identity(self.nodes_y)
+        differences = sparse.vstack(
+            [
+                sparse.kron(_differences(self.nodes_x, 2), along_y),
+                sparse.kron(along_x, _differences(self.nodes_y, 2)),
+                np.sqrt(2)
+                * sparse.kron(_differences(self.nodes_x, 1), _differences(self.nodes_y, 1)),
+            ]
+        )
+        product = sparse.triu(differences.T @ differences).tocoo()
+        banded = np.zeros((self._bandwidth + 1, self.size))
+        banded[self._bandwidth + product.row - product.col, product.col] = product.data
+        return banded
+
+    @property
+    def _bandwidth(self) -> int:
+        return 2 * self.nodes_y
+
+    def fit(self, samples: Samples, place: Bilinear, stiffness: float, prior_m: Float64) -> Float64:
+        """Return (size,) heights that minimise squared misfits + stiffness x roughness.
+
+        Args:
+            samples: what the surface should pass through.
+            place: where they lie, from `bilinear`.
+            stiffness: weight of the squared second differences between nodes.
+            prior_m: (size,) heights that fill in, with next to no weight, what nothing else decides.
+        """
+        banded = stiffness * self.roughness
+        banded[-1] += _PRIOR_WEIGHT
+        right = _PRIOR_WEIGHT * prior_m
+        weighted = samples.weights * place.weights
+        offsets = (0, 1, self.nodes_y, self.nodes_y + 1)
+        for a in range(4):
+            right += np.bincount(place.nodes[a], weighted[a] * samples.points[:, 2], self.size)
+            for b in range(a, 4):
+                shares = np.bincount(place.nodes[b], weighted[a] * place.weights[b], self.size)
+                banded[self._bandwidth - offsets[b] + offsets[a]] += shares
+        return np.asarray(
+            solveh_banded(banded, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+        )
+
+
+@dataclass(frozen=True)
+class HeightSurface:
+    """A bilinear surface: the `GroundModel` of the default ground.
+
+    Attributes:
+        grid: where the nodes are.
+        heights_m: (grid.size,) z at the nodes.
+    """
+
+    grid: HeightGrid
+    heights_m: Float64
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the z of the ground at (N, 2) positions."""
+        return self.grid.bilinear(np.asarray(xy_m, np.float64)).interpolate(self.heights_m)
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) signed distances of (N, 3+) points from the surface, along its cell's normal."""
+        grid, dtype = self.grid, points_velo.dtype
+        u = (points_velo[:, 0] - dtype.type(grid.x0_m)) * dtype.type(1 / grid.cell_m)
+        v = (points_velo[:, 1] - dtype.type(grid.y0_m)) * dtype.type(1 / grid.cell_m)
+        # Truncation instead of the floor: what it takes for cell 0 beyond the edge is clipped to it.
+        i = np.clip(u.astype(np.int32), 0, grid.nodes_x - 2)
+        j = np.clip(v.astype(np.int32), 0, grid.nodes_y - 2)
+        a, b, c, d, normal_z = self._cells.astype(dtype)[:, i * (grid.nodes_y - 1) + j]
+        u, v = u - i.astype(dtype), v - j.astype(dtype)
+        return np.asarray((points_velo[:, 2] - (a + b * u + (c + d * u) * v)) * normal_z)
+
+    @cached_property
+    def _cells(self) -> Float64:
+        """(5, cells) a, b, c, d of each cell and the z of its unit normal."""
+        nodes = self.heights_m.reshape(self.grid.nodes_x, self.grid.nodes_y)
+        a = nodes[:-1, :-1]
+        b, c = nodes[1:, :-1] - a, nodes[:-1, 1:] - a
+        d = nodes[1:, 1:] - a - b - c
+        slopes = (b + d / 2) / self.grid.cell_m, (c + d / 2) / self.grid.cell_m
+        normal_z = 1 / np.sqrt(1 + slopes[0] ** 2 + slopes[1] ** 2)
+        return np.stack([a, b, c, d, normal_z]).reshape(5, -1)
+
+
+_PRIOR_WEIGHT = 1e-3  # against the 1 of a sample
+
+
+def _differences(nodes: int, order: int) -> sparse.spmatrix:
+    stencil = {1: [-1.0, 1.0], 2: [1.0, -2.0, 1.0]}[order]
+    return sparse.diags(stencil, range(order + 1), shape=(nodes - order, nodes))

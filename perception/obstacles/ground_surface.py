@@ -1,0 +1,287 @@
+"""The default ground: one smooth surface of heights, fitted robustly, coarse to fine.
+
+1. The lowest points of small cells are candidates; a plane is fitted to them, then a stiff surface
+   that bends with the road but not around a car.
+2. All points near the stiff surface are averaged by small cells, and a flexible surface is fitted to
+   the averages: it follows camber, crests and kerbs.
+3. Averages of earlier scans stand in where the newest scan saw nothing: behind what hides the ground,
+   close to the vehicle, and between the beams of a sparse sensor.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.geometry.grids import LocalArea
+from perception.geometry.height_grid import HeightGrid, HeightSurface, Samples
+from perception.geometry.se3 import inverse
+from perception.obstacles.dense_cloud import PosedScan
+from perception.sensor import LidarModel
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class GroundSurfaceConfig:
+    """How the surface is found. All values measured on real drives unless noted.
+
+    Attributes:
+        margin_m: how far the surface reaches beyond the local area.
+        cell_m: between nodes.
+        sample_m: edge of the cells that points are averaged in.
+        max_points: of a scan; more are thinned evenly, for speed.
+        max_slope: steepest mean slope of the ground seen from the sensor; steeper streets are rare.
+        max_step_m: farthest that the ground beneath the sensor may be from the sensor's height.
+        stiffness: of the first surface, between nodes twice as far apart (25 there is 100 here).
+        flexibility_stiffness: of the second surface.
+        stiff_scales_m: misfit at which a sample loses most of its say, round by round, first surface.
+        scales_m: the same, second surface.
+        low_scale_ratio: how much larger the scale is below the surface: what lies low is ground rather
+            than obstacle.
+        band_m: distance from the first surface up to which points may be ground (thesis: d_min).
+        full_count: points at which an average weighs 1.
+        obstacle_band_m: heights at which a point makes a cell's average unfit for memory.
+        remembered_scans: how many earlier scans stand in.
+        remember_every: scans from one remembered to the next.
+        memory_weight: of their averages, against 1.
+    """
+
+    margin_m: float = 3.0
+    cell_m: float = 1.0
+    sample_m: float = 0.5
+    max_points: int = 65_000
+    max_slope: float = 0.15
+    max_step_m: float = 0.5
+    stiffness: float = 25.0
+    flexibility_stiffness: float = 0.3
+    stiff_scales_m: tuple[float, ...] = (0.3, 0.15, 0.1)
+    scales_m: tuple[float, ...] = (0.15, 0.15)
+    low_scale_ratio: float = 2.0
+    band_m: float = 0.20
+    full_count: int = 5
+    obstacle_band_m: tuple[float, float] = (0.3, 1.5)
+    remembered_scans: int = 4
+    remember_every: int = 3
+    memory_weight: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that make no grid."""
+        sizes = (self.cell_m, self.sample_m, self.max_points, self.band_m, self.full_count)
+        if min(sizes) <= 0 or self.remembered_scans < 0 or self.remember_every < 1:
+            raise UsageError(
+                "ground surface", expected="positive sizes and counts", found=str(self)
+            )
+
+
+@dataclass(frozen=True)
+class _CellPoints:
+    """The points of one scan that may be ground, or stand on it, and the small cell of each.
+
+    Attributes:
+        x, y, z: (N,) metres.
+        cells: (N,) number of the cell.
+    """
+
+    x: Float64
+    y: Float64
+    z: Float64
+    cells: Int
+
+    def __getitem__(self, rows: Bool | Int) -> "_CellPoints":
+        return _CellPoints(self.x[rows], self.y[rows], self.z[rows], self.cells[rows])
+
+    @property
+    def xyz(self) -> Float64:
+        return np.column_stack([self.x, self.y, self.z])
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """The averages of one earlier scan, and where it was taken."""
+
+    samples: Samples
+    world_SE3_velo: Float64
+
+
+class SurfaceGround:
+    """Estimates the ground of each scan of a drive in turn, remembering a few scans.
+
+    A single scan is a drive of one: a new estimator, one `update`.
+    """
+
+    def __init__(
+        self,
+        sensor: LidarModel,
+        area: LocalArea | None = None,
+        config: GroundSurfaceConfig | None = None,
+    ) -> None:
+        self._height_m = sensor.height_m
+        self._config = config or GroundSurfaceConfig()
+        area, margin_m = area or LocalArea(), self._config.margin_m
+        low_m = (-area.behind_m - margin_m, -area.side_m - margin_m)
+        high_m = (area.ahead_m + margin_m, area.side_m + margin_m)
+        self._stiff = HeightGrid.covering(low_m, high_m, 2 * self._config.cell_m)
+        self._fine = HeightGrid.covering(low_m, high_m, self._config.cell_m)
+        self._samples = HeightGrid.covering(low_m, high_m, self._config.sample_m)
+        self._memories: deque[_Memory] = deque(maxlen=self._config.remembered_scans)
+        self._updates = 0
+
+    def reset(self) -> None:
+        """Forget the scans so far, as after a gap in the drive."""
+        self._memories.clear()
+        self._updates = 0
+
+    def update(self, scan: PosedScan) -> HeightSurface:
+        """Return the ground in the frame of the scan.
+
+        Where neither this scan nor the memory saw ground, the surface goes on smoothly; with nothing
+        at all it is level at the sensor's height.
+        """
+        config = self._config
+        points = self._points_over_grid(scan)
+        memory = self._recall(scan.world_SE3_velo)
+        stiff = self._stiff_surface(_joined(self._lowest(points), memory))
+        averages, is_clean = self._averages(points, stiff)
+        samples = _joined(averages, self._gaps(memory, averages))
+        coarse_m = self._stiff.bilinear(self._fine.nodes_xy_m).interpolate(stiff)
+        fine = self._robust_fit(
+            self._fine, samples, coarse_m, config.scales_m, config.flexibility_stiffness
+        )
+        self._remember(Samples(averages.points[is_clean], averages.weights[is_clean]), scan)
+        return HeightSurface(self._fine, fine)
+
+    def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
+        """Return the points over the grid, up to where obstacles matter."""
+        stride = -(-len(scan.points_velo) // self._config.max_points)
+        x, y, z = scan.points_velo[::stride, :3].T.astype(np.float64, order="C")
+        grid = self._samples
+        i = np.floor((x - grid.x0_m) / grid.cell_m)
+        j = np.floor((y - grid.y0_m) / grid.cell_m)
+        inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
+        rows = np.flatnonzero(inside)
+        cells = (i[rows] * grid.nodes_y + j[rows]).astype(np.int64)
+        return _CellPoints(x[rows], y[rows], z[rows], cells)
+
+    def _lowest(self, points: _CellPoints) -> Samples:
+        """Return the lowest point of each small cell, as far as its height can be ground."""
+        off_level_m = np.abs(points.z + self._height_m)
+        reach_m = np.hypot(points.x, points.y)
+        points = points[off_level_m < self._config.max_step_m + self._config.max_slope * reach_m]
+        lowest_m = np.full(self._samples.size, np.inf)
+        np.minimum.at(lowest_m, points.cells, points.z)
+        lowest = points[points.z == lowest_m[points.cells]]
+        return Samples(lowest.xyz, np.ones(len(lowest.z)))
+
+    def _stiff_surface(self, samples: Samples) -> Float64:
+        config = self._config
+        plane = _robust_plane(samples.points, self._height_m)
+        plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
+        return self._robust_fit(
+            self._stiff, samples, plane_m, config.stiff_scales_m, config.stiffness
+        )
+
+    def _robust_fit(
+        self,
+        grid: HeightGrid,
+        samples: Samples,
+        start_m: Float64,
+        scales_m: tuple[float, ...],
+        stiffness: float,
+    ) -> Float64:
+        """Fit again and again, each sample weighing less the worse it fitted (Geman-McClure)."""
+        place, heights_m = grid.bilinear(samples.points), start_m
+        for scale_m in scales_m:
+            misfit_m = samples.points[:, 2] - place.interpolate(heights_m)
+            scale = np.where(misfit_m < 0, scale_m * self._config.low_scale_ratio, scale_m)
+            weights = samples.weights / (1 + (misfit_m / scale) ** 2) ** 2
+            weighted = Samples(samples.points, weights)
+            heights_m = grid.fit(weighted, place, stiffness, heights_m)
+        return heights_m
+
+    def _averages(self, points: _CellPoints, stiff_m: Float64) -> tuple[Samples, Bool]:
+        """Average the points near the first surface by small cells.
+
+        Returns:
+            The averages, and which are clean: from a cell on whose ground nothing stands.
+        """
+        config, size = self._config, self._samples.size
+        centers = self._samples.nodes_xy_m + self._samples.cell_m / 2
+        ground_m = self._stiff.bilinear(centers).interpolate(stiff_m)
+        above_m = points.z - ground_m[points.cells]
+        low_m, high_m = config.obstacle_band_m
+        stands = points.cells[(above_m > low_m) & (above_m < high_m)]
+        near = points[np.abs(above_m) < config.band_m]
+        counts = np.bincount(near.cells, minlength=size)
+        seen = np.flatnonzero(counts)
+        sums = [np.bincount(near.cells, values, size)[seen] for values in (near.x, near.y, near.z)]
+        means = np.column_stack(sums) / counts[seen, None]
+        weights = np.minimum(counts[seen], config.full_count) / config.full_count
+        return Samples(means, weights), np.bincount(stands, minlength=size)[seen] == 0
+
+    def _recall(self, world_SE3_velo: Float64) -> Samples:
+        """Return the remembered averages in the frame of the newest scan, inside the grid."""
+        velo_SE3_world = inverse(world_SE3_velo)
+        recalled = Samples(np.zeros((0, 3)), np.zeros(0))
+        for memory in self._memories:
+            moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
+            recalled = _joined(recalled, Samples(moved, memory.samples.weights))
+        inside = self._cells_of(recalled.points) >= 0
+        weights = self._config.memory_weight * recalled.weights
+        return Samples(recalled.points[inside], weights[inside])
+
+    def _gaps(self, memory: Samples, newest: Samples) -> Samples:
+        """Return what is remembered of the cells that the newest scan did not see."""
+        is_seen = np.zeros(self._fine.size, bool)
+        is_seen[self._cells_of(newest.points)] = True
+        rows = ~is_seen[self._cells_of(memory.points)]
+        return Samples(memory.points[rows], memory.weights[rows])
+
+    def _cells_of(self, points: Float64) -> Int:
+        """Return the cell of the surface's grid that each point lies in, -1 outside."""
+        grid = self._fine
+        i = np.floor((points[:, 0] - grid.x0_m) / grid.cell_m).astype(np.int64)
+        j = np.floor((points[:, 1] - grid.y0_m) / grid.cell_m).astype(np.int64)
+        inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
+        return np.where(inside, i * grid.nodes_y + j, -1)
+
+    def _remember(self, clean: Samples, scan: PosedScan) -> None:
+        if self._updates % self._config.remember_every == 0:
+            self._memories.append(_Memory(clean, scan.world_SE3_velo))
+        self._updates += 1
+
+
+_PLANE_ROUNDS = 12
+_PLANE_PRIOR = np.array([30.0, 30.0, 1.0])  # level ground at the sensor's height, as if seen once
+
+
+def _robust_plane(points: Float64, height_m: float) -> Float64:
+    """Fit z = p x + q y + r to (N, 3) low points, beginning with level ground, as (p, q, r).
+
+    What is believed grows with range at first, as slopes do, and tightens round by round.
+    """
+    basis = np.column_stack([points[:, :2], np.ones(len(points))])
+    range_m = np.hypot(points[:, 0], points[:, 1])
+    level = np.array([0.0, 0.0, -height_m])
+    plane = level
+    for number in range(_PLANE_ROUNDS):
+        scale_m = np.maximum(0.08, (0.25 + 0.06 * range_m) * 0.7**number)
+        misfit_m = points[:, 2] - basis @ plane
+        scale_m = np.where(misfit_m < 0, 2 * scale_m, scale_m)
+        weighted = basis / (1 + (misfit_m / scale_m) ** 2)[:, None] ** 2
+        plane = np.linalg.solve(
+            weighted.T @ basis + np.diag(_PLANE_PRIOR),
+            weighted.T @ points[:, 2] + _PLANE_PRIOR * level,
+        )
+    return plane
+
+
+def _joined(first: Samples, second: Samples) -> Samples:
+    return Samples(
+        np.concatenate([first.points, second.points]),
+        np.concatenate([first.weights, second.weights]),
+    )
+
+
+def _moved(points: Float64, dst_SE3_src: Float64) -> Float64:
+    return points @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
