@@ -2,11 +2,13 @@
 
 import resource
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from perception.cli.table import Cell, format_table
 
 
 @dataclass(frozen=True)
@@ -39,17 +41,27 @@ class Timing:
     ratio: float
 
 
-def take_turns(contenders: Sequence[Contender], inputs: int, warm_up: int = 1) -> list[Timing]:
-    """Run every contender on every input, one after the other, so that drift hits all alike."""
+def take_turns(
+    contenders: Sequence[Contender],
+    inputs: int,
+    observe: Callable[[str, int, Any], None] = lambda name, i, output: None,
+) -> list[Timing]:
+    """Run every contender on every input, one after the other, so that drift hits all alike.
+
+    Args:
+        contenders: the first is what the others are compared with.
+        inputs: how many; the first is run once more before, unmeasured.
+        observe: given name, input and output of each run, outside the clock.
+    """
     for contender in contenders:
-        for _ in range(warm_up):
-            contender.run(0)
+        contender.run(0)
     seconds = np.empty((inputs, len(contenders)))
     for i in range(inputs):
         for column, contender in enumerate(contenders):
             start = time.perf_counter()
-            contender.run(i)
+            output = contender.run(i)
             seconds[i, column] = time.perf_counter() - start
+            observe(contender.name, i, output)
     return [
         Timing(
             contender.name,
@@ -59,6 +71,22 @@ def take_turns(contenders: Sequence[Contender], inputs: int, warm_up: int = 1) -
         )
         for column, contender in enumerate(contenders)
     ]
+
+
+def timing_table(title: str, timings: Sequence[Timing], **columns: Mapping[str, Cell]) -> str:
+    """Return a table of timings, with further columns that map a contender's name to a figure."""
+    names = [name.replace("_", " ") for name in columns]
+    rows: list[list[Cell]] = [
+        [
+            t.name,
+            f"{t.median_ms:.1f}",
+            f"{t.p99_ms:.1f}",
+            f"{t.ratio:.1f}x",
+            *(column.get(t.name) for column in columns.values()),
+        ]
+        for t in timings
+    ]
+    return format_table(title, ("", "median ms", "99 % ms", "ours = 1", *names), rows)
 
 
 def resident_mib() -> float:

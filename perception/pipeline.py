@@ -3,20 +3,20 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
 
 from perception.errors import UsageError
-from perception.geometry.grids import LocalArea
+from perception.geometry.grids import LocalArea, VehicleBody
 from perception.geometry.mounting import check_mounting
 from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PlaneGround
 from perception.obstacles.motion import motion_segmenter
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Frame, GroundModel, Result
+from perception.types import Float32, Frame, GroundModel, PointState, Result
 
 Method = Literal["default", "thesis"]
 
@@ -29,6 +29,7 @@ class PipelineConfig:
         method: our default for every stage, or the thesis' own.
         previous_scans: m, how many scans before the newest are merged (Table 7.1).
         area: where ground and obstacles are wanted (thesis 7.1.1).
+        body: the vehicle's own outline; its returns are left out of every stage.
         registration: how scans are registered.
         seed: of the thesis' RANSAC.
     """
@@ -36,6 +37,7 @@ class PipelineConfig:
     method: Method = "default"
     previous_scans: int = 6
     area: LocalArea = field(default_factory=LocalArea)
+    body: VehicleBody = field(default_factory=VehicleBody)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     seed: int = 0
 
@@ -67,7 +69,7 @@ class Pipeline:
         """Forget the drive so far, as between frames that do not follow each other."""
         self._localizer = Localizer(self.config.registration)
         self._window = ScanWindow(self.config.previous_scans)
-        self._ground = _ground_estimator(self.sensor, self.config)
+        self._ground = ground_estimator(self.sensor, self.config, self.config.method)
         self._motion = motion_segmenter(self.sensor, self.config.area, self.config.method)
 
     def step(self, frame: Frame) -> Result:
@@ -80,27 +82,32 @@ class Pipeline:
         if not len(self._window):
             check_mounting(frame.points_velo, self.sensor, frame.source)
         with clock.stage("registration"):
-            window = self._localize(frame)
+            # The vehicle's own returns move with it and would be obstacles wherever it is.
+            around = np.flatnonzero(~self.config.body.contains_xy(frame.points_velo))
+            window = self._localize(frame, frame.points_velo.take(around, axis=0))
         with clock.stage("ground"):
             ground = self._ground.update(window)
         with clock.stage("static and moving"):
             obstacles = self._motion.update(window, ground)
+        point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
+        point_states[around] = obstacles.point_states
+        obstacles = replace(obstacles, point_states=point_states)
         return Result(frame, window.newest.world_SE3_velo, ground, obstacles, clock.seconds)
 
-    def _localize(self, frame: Frame) -> ScanWindow:
-        """Put the frame's scan into the window, with its pose."""
+    def _localize(self, frame: Frame, points_velo: Float32) -> ScanWindow:
+        """Put the frame's scan, without the vehicle, into the window, with its pose."""
         if self.config.method == "thesis" and frame.world_SE3_velo is not None:
-            self._window.push(PosedScan(frame.points_velo, frame.world_SE3_velo))
+            self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
             return register_window(self._window)
         localization = self._localizer.update(
-            frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
+            points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         )
         if localization.is_reset:
             self._window.clear()
         # A scan that is given twice is no second witness.
         if localization.origin is PoseOrigin.REPEATED:
             self._window.pop()
-        self._window.push(PosedScan(frame.points_velo, localization.world_SE3_velo))
+        self._window.push(PosedScan(points_velo, localization.world_SE3_velo))
         return self._window
 
 
@@ -115,7 +122,8 @@ class _PlanesOfWindow:
         return self._planes.estimate(merge(window, self._area).points_velo, self._random)
 
 
-def _ground_estimator(sensor: LidarModel, config: PipelineConfig) -> GroundEstimator:
+def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method) -> GroundEstimator:
+    """Make the ground estimator of a method."""
     return _PlanesOfWindow(sensor, config.area, config.seed)
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
+import cv2
 import numpy as np
 
 from data.drive import Drive
@@ -23,7 +24,7 @@ from data.whole_file import write_whole
 from perception import __version__
 from perception.cli.documents import write_json, write_yaml
 from perception.geometry.grids import LocalArea
-from perception.types import Float64, GroundModel, PointState, Result
+from perception.types import Float64, GroundModel, PointState, Result, UInt8
 
 # SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
@@ -98,6 +99,11 @@ class ResultsFolder:
             "plan": plan,
         }
         write_yaml(self.out / "config.yaml", document)
+
+    def write_picture(self, picture: UInt8) -> None:
+        """Write one (H, W, 3) RGB picture of the video."""
+        _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 88))
+        write_whole(self.out / "picture.jpg", encoded.tobytes())
 
     def write_summary(self, summary: object) -> None:
         """Write the figures of the whole run."""

@@ -210,7 +210,10 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
                 if plan.video:
-                    video.add(composition.draw(result))
+                    picture = composition.draw(result)
+                    video.add(picture)
+                    if summary.frames == 1 + _count(drive, plan) // 2:
+                        folder.write_picture(picture)
         except PerceptionError:
             log.warning("%d frames were done before this; they are in %s", summary.frames, out)
             raise
@@ -223,8 +226,12 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
 def _results(drive: Drive, plan: RunPlan) -> Iterable[Result]:
     pipeline = Pipeline(drive.sensor, plan.pipeline)
     frames: Iterable[Frame] = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=plan.frames)
-    total = len(drive) if plan.frames is None else min(plan.frames, len(drive))
-    for frame in tqdm(frames, drive.name, total, unit="frame", file=sys.stderr):
+    count = _count(drive, plan)
+    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
         if not drive.is_sequence:
             pipeline.reset()
         yield pipeline.step(frame)
+
+
+def _count(drive: Drive, plan: RunPlan) -> int:
+    return len(drive) if plan.frames is None else min(plan.frames, len(drive))

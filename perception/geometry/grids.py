@@ -39,3 +39,25 @@ class LocalArea:
             & (x < self.ahead_m + margin_m)
             & (np.abs(y) < self.side_m + margin_m)
         )
+
+
+@dataclass(frozen=True)
+class VehicleBody:
+    """The outline of the vehicle around its LiDAR: what returns from inside it is the vehicle itself.
+
+    The defaults hold a large car with a LiDAR over its middle, and an arm's length on each side.
+
+    Attributes:
+        front_m: reach along +x.
+        rear_m: reach along -x.
+        side_m: reach along +y and -y.
+    """
+
+    front_m: float = 3.0
+    rear_m: float = 2.5
+    side_m: float = 1.4
+
+    def contains_xy(self, points_velo: Float) -> Bool:
+        """Tell which (N, 2+) points lie over the vehicle."""
+        x, y = points_velo[:, 0], points_velo[:, 1]
+        return np.asarray((x > -self.rear_m) & (x < self.front_m) & (np.abs(y) < self.side_m))

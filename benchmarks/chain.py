@@ -1,0 +1,68 @@
+"""The whole chain, frame after frame: speed, its worst frames, and memory."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.measure import resident_mib
+from data.drive import Drive
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Frame
+
+
+@dataclass(frozen=True)
+class ChainFigures:
+    """What one run of the chain took.
+
+    Attributes:
+        frames: measured, after the window was full.
+        frames_per_s: by the mean time of all stages; reading is left out.
+        median_ms: of all stages.
+        p99_ms: 99th percentile.
+        stages_ms: median by stage.
+        memory_start_mib: after the first fifth of the frames.
+        memory_end_mib: after the last.
+    """
+
+    frames: int
+    frames_per_s: float
+    median_ms: float
+    p99_ms: float
+    stages_ms: dict[str, float]
+    memory_start_mib: float
+    memory_end_mib: float
+
+
+def there_and_back(drive: Drive, frames: int) -> Iterator[Frame]:
+    """Yield so many frames by driving to the end, back in reverse, and so on, time going forward."""
+    last = len(drive) - 1
+    for number in range(frames):
+        phase = number % (2 * last) if last else 0
+        index = phase if phase <= last else 2 * last - phase
+        yield replace(drive[index], index=number, stamp_s=number / drive.sensor.rate_hz)
+
+
+def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainFigures:
+    """Run the chain over so many frames of a drive."""
+    pipeline = Pipeline(drive.sensor, config)
+    times: list[dict[str, float]] = []
+    memory_start = resident_mib()
+    for number, frame in enumerate(there_and_back(drive, frames)):
+        times.append(pipeline.step(frame).timings_s)
+        if number == frames // 5:
+            memory_start = resident_mib()
+    measured = times[min(config.previous_scans, frames - 1) :]
+    total = np.array([sum(stages.values()) for stages in measured])
+    return ChainFigures(
+        frames=len(measured),
+        frames_per_s=float(1 / total.mean()),
+        median_ms=1e3 * float(np.median(total)),
+        p99_ms=1e3 * float(np.percentile(total, 99)),
+        stages_ms={
+            name: 1e3 * float(np.median([stages[name] for stages in measured]))
+            for name in measured[0]
+        },
+        memory_start_mib=memory_start,
+        memory_end_mib=resident_mib(),
+    )

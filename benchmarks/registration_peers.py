@@ -1,0 +1,53 @@
+"""Registration by other people's hands, and the plain calls of the library that we build upon."""
+
+from collections.abc import Callable
+
+import numpy as np
+import small_gicp
+
+from perception.errors import MissingDependencyError
+from perception.types import Float32, Float64
+
+# (target points, source points, first guess of target_SE3_source) to target_SE3_source.
+Register = Callable[[Float32, Float32, Float64], Float64]
+
+
+def plain_small_gicp(target: Float32, source: Float32, guess: Float64) -> Float64:
+    """Align two scans by small_gicp's one-line call with its defaults on two threads."""
+    result = small_gicp.align(
+        target[:, :3].astype(np.float64),
+        source[:, :3].astype(np.float64),
+        init_T_target_source=guess,
+        num_threads=2,
+    )
+    return np.asarray(result.T_target_source)
+
+
+def open3d_point_to_plane(box_m: float = 0.5, reach_m: float = 1.0) -> Register:
+    """Return point-to-plane ICP by Open3D on scans thinned to one point a box."""
+    try:
+        import open3d
+    except ImportError as error:
+        raise MissingDependencyError(
+            "open3d", needed_for="the Open3D registration peer", extra="bench", reason=error
+        ) from error
+    registration = open3d.pipelines.registration
+
+    def thin(points: Float32) -> object:
+        cloud = open3d.geometry.PointCloud()
+        cloud.points = open3d.utility.Vector3dVector(points[:, :3].astype(np.float64))
+        return cloud.voxel_down_sample(box_m)
+
+    def register(target: Float32, source: Float32, guess: Float64) -> Float64:
+        fixed, moving = thin(target), thin(source)
+        fixed.estimate_normals()  # type: ignore[attr-defined]
+        found = registration.registration_icp(
+            moving,
+            fixed,
+            reach_m,
+            guess,
+            registration.TransformationEstimationPointToPlane(),
+        )
+        return np.asarray(found.transformation)
+
+    return register

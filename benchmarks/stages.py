@@ -1,0 +1,197 @@
+"""Each stage beside its plain form, the thesis' form, and the best library for it."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.ground_peers import PatchworkGround, RansacPlane
+from benchmarks.measure import Contender, Timing, take_turns, timing_table
+from benchmarks.naive_voxels import count_voxels_by_unique_rows
+from benchmarks.registration_peers import open3d_point_to_plane, plain_small_gicp
+from data.drive import Drive
+from perception.cli.table import Cell
+from perception.errors import DriveError, MissingDependencyError
+from perception.evaluation.ground import FootErrors, foot_errors, mean_displacement
+from perception.geometry.registration import Localizer
+from perception.geometry.se3 import inverse
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
+from perception.obstacles.motion import motion_segmenter
+from perception.obstacles.voxels import count_voxels
+from perception.pipeline import PipelineConfig, ground_estimator
+from perception.types import Frame, GroundModel
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The timings of one stage, and what else its contenders are judged by.
+
+    Attributes:
+        stage: its name.
+        timings: ours first.
+        figures: by their name with unit, contender to value.
+    """
+
+    stage: str
+    timings: list[Timing]
+    figures: dict[str, dict[str, Cell]]
+
+    def table(self) -> str:
+        """Return it as text."""
+        return timing_table(self.stage, self.timings, **self.figures)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A stretch of a drive in memory, registered once, for all stages alike.
+
+    Attributes:
+        drive: where it is from.
+        frames: in order.
+        windows: of each frame, with refined poses.
+        config: of the pipeline.
+    """
+
+    drive: Drive
+    frames: list[Frame]
+    windows: list[ScanWindow]
+    config: PipelineConfig
+
+
+def prepare(drive: Drive, frames: int, config: PipelineConfig) -> Prepared:
+    """Read and register so many frames from the start of a drive."""
+    localizer, scans, read = Localizer(config.registration), [], []
+    for index in range(min(frames, len(drive))):
+        frame = drive[index]
+        pose = localizer.update(
+            frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
+        ).world_SE3_velo
+        read.append(frame)
+        scans.append(PosedScan(frame.points_velo, pose))
+    if len(scans) < 2:
+        raise DriveError(drive.root, expected="at least two frames", found=str(len(scans)))
+    windows = []
+    for newest in range(len(scans)):
+        window = ScanWindow(config.previous_scans)
+        for scan in scans[max(0, newest - config.previous_scans) : newest + 1]:
+            window.push(scan)
+        windows.append(window)
+    return Prepared(drive, read, windows, config)
+
+
+def compare_registration(prepared: Prepared) -> Comparison:
+    """Ours, scan by scan, beside library calls from scan to scan and the thesis' whole window."""
+    frames, localizer = prepared.frames, Localizer(prepared.config.registration)
+
+    def ours(i: int) -> object:
+        frame = frames[i]
+        return localizer.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
+
+    def scan_to_scan(register: Callable[..., object]) -> Callable[[int], object]:
+        def run(i: int) -> object:
+            before, now = frames[max(i - 1, 0)], frames[i]
+            guess = np.eye(4)
+            if before.world_SE3_velo is not None and now.world_SE3_velo is not None:
+                guess = inverse(before.world_SE3_velo) @ now.world_SE3_velo
+            return register(before.points_velo, now.points_velo, guess)
+
+        return run
+
+    contenders = [
+        Contender("ours", ours),
+        Contender("small_gicp, one plain call", scan_to_scan(plain_small_gicp)),
+        Contender(
+            "thesis: the window anew (Algorithm 2)",
+            lambda i: register_window(prepared.windows[i]),
+        ),
+    ]
+    _add_peer(
+        contenders,
+        lambda: Contender("Open3D, point to plane", scan_to_scan(open3d_point_to_plane())),
+    )
+    return Comparison("registration", take_turns(contenders, len(frames)), {})
+
+
+def compare_ground(prepared: Prepared) -> Comparison:
+    """Ours and the thesis' planes on merged scans; one plane and Patchwork++ on the newest scan."""
+    sensor, config = prepared.drive.sensor, prepared.config
+    default = ground_estimator(sensor, config, "default")
+    thesis = ground_estimator(sensor, config, "thesis")
+
+    def newest(i: int) -> Any:  # noqa: ANN401 - a float32 array
+        return prepared.frames[i].points_velo
+
+    contenders = [
+        Contender("ours", lambda i: default.update(prepared.windows[i])),
+        Contender("thesis: piecewise planes", lambda i: thesis.update(prepared.windows[i])),
+    ]
+
+    def plane() -> Contender:
+        peer = RansacPlane()
+        return Contender(
+            "one RANSAC plane (Open3D)",
+            lambda i: peer.estimate(newest(i)[config.area.contains_xy(newest(i))]),
+        )
+
+    def patchwork() -> Contender:
+        peer = PatchworkGround(sensor)
+        return Contender("Patchwork++", lambda i: peer.estimate(newest(i)))
+
+    _add_peer(contenders, plane)
+    _add_peer(contenders, patchwork)
+    feet: dict[str, list[FootErrors]] = {contender.name: [] for contender in contenders}
+
+    def judge(name: str, i: int, ground: GroundModel) -> None:
+        if prepared.drive.has_labels:
+            bottoms = prepared.drive.labels(i).boxes_velo.bottom_m
+            feet[name].append(foot_errors(i, ground, bottoms, config.area))
+
+    timings = take_turns(contenders, len(prepared.frames), judge)
+    errors: dict[str, Cell] = {
+        name: f"{1e3 * mean_displacement(FootErrors.concatenate(rows)).mde_m:.1f}"
+        for name, rows in feet.items()
+        if rows
+    }
+    return Comparison("ground", timings, {"mDE mm": errors} if errors else {})
+
+
+def compare_voxels(prepared: Prepared) -> Comparison:
+    """Count the voxels of whole scans, beside numpy's unique rows."""
+    size_m = 0.1
+    contenders = [
+        Contender("ours", lambda i: count_voxels(prepared.frames[i].points_velo, size_m)),
+        Contender(
+            "np.unique over rows",
+            lambda i: count_voxels_by_unique_rows(prepared.frames[i].points_velo, size_m),
+        ),
+    ]
+    return Comparison("voxel counting", take_turns(contenders, len(prepared.frames)), {})
+
+
+def compare_motion(prepared: Prepared) -> Comparison:
+    """Free space beside the thesis' counters, on the same ground."""
+    sensor, config = prepared.drive.sensor, prepared.config
+    estimator = ground_estimator(sensor, config, "default")
+    grounds = [estimator.update(window) for window in prepared.windows]
+    free_space = motion_segmenter(sensor, config.area, "default")
+    counters = motion_segmenter(sensor, config.area, "thesis")
+    contenders = [
+        Contender("ours", lambda i: free_space.update(prepared.windows[i], grounds[i])),
+        Contender(
+            "thesis: counters (Fig. 5.6)",
+            lambda i: counters.update(prepared.windows[i], grounds[i]),
+        ),
+    ]
+    return Comparison("static and moving", take_turns(contenders, len(prepared.frames)), {})
+
+
+def _add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
+    """Add a peer, or say why it is left out."""
+    try:
+        contenders.append(make())
+    except MissingDependencyError as error:
+        log.warning("left out: %s", error)

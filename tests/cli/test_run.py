@@ -1,0 +1,141 @@
+"""What a run leaves behind, whole runs and broken ones."""
+
+import json
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import yaml
+
+from data.open_drive import open_drive
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.main import main
+
+FRAMES = 4
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(street, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("results")
+    assert main(["run", str(street), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture
+def damaged(street, tmp_path) -> Path:
+    """Return a drive whose third scan is cut off."""
+    copy = tmp_path / street.parent.name / street.name
+    copy.parent.mkdir()
+    for source in street.parent.rglob("*"):
+        if source.is_file():
+            target = copy.parent / source.relative_to(street.parent)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(source.read_bytes())
+    scan = copy / "velodyne_points/data/0000000002.bin"
+    scan.write_bytes(scan.read_bytes()[:1001])
+    return copy
+
+
+def frames_of(video: Path) -> int:
+    with av.open(str(video)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def test_every_file_of_a_run_is_there(results):
+    names = {path.name for path in results.iterdir()}
+    assert names == {
+        "config.yaml", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
+        "summary.json", "video.mp4",
+    }  # fmt: skip
+    assert frames_of(results / "video.mp4") == FRAMES
+
+
+def test_labels_say_what_the_frame_lines_count(results, street):
+    lines = [json.loads(line) for line in (results / "frames.jsonl").read_text().splitlines()]
+    assert [line["frame"] for line in lines] == list(range(FRAMES))
+    drive = open_drive(street, images=False)
+    for line in lines:
+        labels = np.fromfile(results / f"labels/{line['frame']:06d}.label", np.uint32)
+        assert len(labels) == len(drive[line["frame"]].points_velo)
+        assert np.count_nonzero(labels == 40) == line["points"]["ground"] > 30_000
+        assert np.count_nonzero(labels == 251) == line["points"]["moving"]
+
+
+def test_poses_are_where_the_drive_was(results, street):
+    poses = np.loadtxt(results / "poses.txt").reshape(-1, 3, 4)
+    truth = np.loadtxt(street / "truth_poses.txt").reshape(-1, 3, 4)
+    travelled = poses[-1, :, 3] - poses[0, :, 3]
+    assert np.linalg.norm(travelled - (truth[-1, :, 3] - truth[0, :, 3])) < 0.1
+
+
+def test_the_written_configuration_is_the_effective_one(results, street):
+    config = yaml.safe_load((results / "config.yaml").read_text())
+    assert config["sensor"] == "HDL-64E"
+    assert config["plan"]["pipeline"]["previous_scans"] == 6
+    assert config["plan"]["pipeline"]["area"]["ahead_m"] == 25.0
+
+
+def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(damaged), "--out", str(out)]) == 2
+    sentence = capsys.readouterr().err
+    assert "0000000002.bin" in sentence
+    assert "1001 bytes" in sentence
+    assert len((out / "frames.jsonl").read_text().splitlines()) == 2
+    assert json.loads((out / "summary.json").read_text())["frames"] == 2
+    assert frames_of(out / "video.partial.mp4") == 2
+
+
+def test_a_damaged_scan_can_be_skipped(damaged, tmp_path):
+    out = tmp_path / "out"
+    words = ["run", str(damaged), "--out", str(out), "--video", "false", "--on-bad-frame", "skip"]
+    assert main(words) == 0
+    frames = [json.loads(line)["frame"] for line in (out / "frames.jsonl").read_text().splitlines()]
+    assert frames == [0, 1, 3]
+
+
+@pytest.mark.parametrize("missing", ["oxts", "image_02"])
+def test_a_drive_without_ins_or_camera_runs(street, missing, tmp_path):
+    copy = tmp_path / street.parent.name / street.name
+    copy.parent.mkdir()
+    for path in street.parent.glob("calib_*.txt"):
+        (copy.parent / path.name).write_bytes(path.read_bytes())
+    copy.mkdir()
+    for entry in street.iterdir():
+        if entry.name != missing:
+            (copy / entry.name).symlink_to(entry)
+    out = tmp_path / "out"
+    assert main(["run", str(copy), "--out", str(out), "--frames", "2"]) == 0
+    assert frames_of(out / "video.mp4") == 2
+
+
+def test_the_thesis_method_runs(street, tmp_path):
+    words = ["run", str(street), "--out", str(tmp_path), "--video", "false", "--frames", "2"]
+    assert main([*words, "--pipeline.method", "thesis"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "nowhere"], "no such folder"),
+        (["fly"], "no command 'fly'"),
+    ],
+)
+def test_what_cannot_be_is_answered_with_a_sentence_and_2(words, said, capsys):
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_demo_leaves_a_video_and_a_table(tmp_path, capsys):
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--frames", "3"]) == 0
+    printed = capsys.readouterr().out
+    assert "all stages" in printed
+    assert "exact truth" in printed
+    assert frames_of(tmp_path / "demo/video.mp4") == 3

@@ -1,0 +1,103 @@
+"""The pipeline on a short synthetic drive: what it says against exact truth, and what it forgets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.synthetic.drive import SyntheticDrive
+from perception.errors import MountingError, PoseError, UsageError
+from perception.evaluation.ground import GROUND_CLASSES
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.sensor import HDL_32E, HDL_64E, VLP_16
+from perception.types import PointState
+
+FRAMES = 6
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return SyntheticDrive(FRAMES, images=False)
+
+
+@pytest.fixture(scope="module")
+def frames(drive):
+    return list(drive)
+
+
+def iou(said, true):
+    return np.count_nonzero(said & true) / np.count_nonzero(said | true)
+
+
+@pytest.mark.parametrize("sensor", [HDL_64E, HDL_32E, VLP_16], ids=lambda s: s.name)
+def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor):
+    drive = SyntheticDrive(FRAMES, sensor=sensor, images=False)
+    pipeline = Pipeline(sensor)
+    results = [pipeline.step(frame) for frame in drive]
+    truth = drive.point_truth(FRAMES - 1)
+    states = results[-1].obstacles.point_states
+    inside = states != PointState.OUTSIDE
+    on_ground = np.isin(truth.classes, GROUND_CLASSES)
+    assert iou((states == PointState.GROUND)[inside], on_ground[inside]) > 0.93
+    assert iou((states == PointState.MOVING)[inside], truth.is_moving[inside]) > 0.5
+
+
+def test_the_same_drive_gives_the_same_answer(frames):
+    answers = []
+    for _ in range(2):
+        pipeline = Pipeline()
+        result = [pipeline.step(frame) for frame in frames][-1]
+        answers.append((result.obstacles.point_states, result.world_SE3_velo))
+    assert np.array_equal(answers[0][0], answers[1][0])
+    assert np.array_equal(answers[0][1], answers[1][1])
+
+
+def test_reset_forgets_the_drive(frames):
+    pipeline = Pipeline()
+    first = pipeline.step(frames[0]).obstacles.point_states
+    pipeline.step(frames[1])
+    pipeline.reset()
+    assert np.array_equal(pipeline.step(frames[0]).obstacles.point_states, first)
+
+
+def test_without_ins_registration_carries_the_pose(drive, frames):
+    pipeline = Pipeline()
+    results = [pipeline.step(replace(frame, world_SE3_velo=None)) for frame in frames]
+    travelled = results[-1].world_SE3_velo[:3, 3]
+    truth = np.linalg.inv(drive.true_world_SE3_velo(0)) @ drive.true_world_SE3_velo(FRAMES - 1)
+    assert np.linalg.norm(travelled - truth[:3, 3]) < 0.1
+
+
+def test_the_vehicle_itself_is_no_obstacle(frames):
+    own = np.array([[-1.0, 1.3, -0.5, 0.2]], np.float32)
+    frame = replace(frames[0], points_velo=np.concatenate([frames[0].points_velo, own]))
+    assert Pipeline().step(frame).obstacles.point_states[-1] == PointState.OUTSIDE
+
+
+def test_a_frame_given_twice_changes_nothing(frames):
+    pipeline = Pipeline()
+    for frame in frames[:3]:
+        before = pipeline.step(frame)
+    again = pipeline.step(frames[2])
+    assert np.array_equal(again.world_SE3_velo, before.world_SE3_velo)
+
+
+def test_an_ins_jump_of_metres_is_an_error_that_names_the_frame(frames):
+    jumped = frames[2].world_SE3_velo.copy()
+    jumped[:2, 3] += 8.0
+    pipeline = Pipeline()
+    pipeline.step(frames[0])
+    pipeline.step(frames[1])
+    with pytest.raises(PoseError, match=r"frame.*jump of"):
+        pipeline.step(replace(frames[2], world_SE3_velo=jumped, source="frame 2"))
+
+
+def test_an_upside_down_lidar_is_an_error(frames):
+    points = frames[0].points_velo * np.array([1, -1, -1, 1], np.float32)
+    with pytest.raises(MountingError, match="upside down"):
+        Pipeline().step(replace(frames[0], points_velo=points))
+
+
+def test_a_window_without_history_is_refused():
+    with pytest.raises(UsageError, match="previous_scans"):
+        PipelineConfig(previous_scans=0)
