@@ -116,14 +116,23 @@ def _sights(world: World, camera: PinholeCamera, time_s: float, rules: LabelRule
     """Find the objects of which some part falls into the image."""
     found = []
     for actor in world.actors:
+        if not world.is_near(actor, time_s, 1.4 * rules.max_distance_m):
+            continue
         state = world.state(actor, time_s)
-        offset = state.world_SE3_thing[:3, 3] - camera.centre_m
-        if np.linalg.norm(offset) > 1.4 * rules.max_distance_m:
+        if not _may_be_seen(actor, state, camera):
             continue
         sight = _sight(actor, state, actor.body.poses[actor.phase(time_s)].vertices_m, camera)
         if sight is not None:
             found.append(sight)
     return found
+
+
+def _may_be_seen(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
+    """Tell whether the sphere around an object reaches into the camera's field of view."""
+    x, _, z = camera.camera_R_world @ (state.world_SE3_thing[:3, 3] - camera.centre_m)
+    radius = float(np.linalg.norm(actor.body.size_m))
+    # Both sides of the image lie within 45 degrees of its axis.
+    return bool(z > -radius and abs(x) < z + 1.5 * radius)
 
 
 def _sight(actor: Actor, state: Moving, outline: Float32, camera: PinholeCamera) -> _Sight | None:

@@ -150,6 +150,9 @@ def _returns(
     signal = albedo * cosine / share**2
     # Half of the returns is lost at the limit, nearly none at thrice and nearly all at a third of it.
     kept_share = (1 - column("drop")[slots]) / (1 + (_LOST_SIGNAL / np.maximum(signal, 1e-6)) ** 2)
+    # Dark glossy paint mirrors slanting shots away instead of scattering them back.
+    is_mirror = column("gloss")[slots] > 0.05
+    kept_share -= is_mirror * 0.6 * np.clip(1 - albedo / 0.15, 0, 1) * (1 - cosine)
     kept = rng.random(len(slots), np.float32) < kept_share
     kept &= (hits.distance_m > sensor.min_range_m) & (hits.distance_m < sensor.max_range_m)
     speckle = rng.normal(0, 0.035, len(slots)).astype(np.float32)

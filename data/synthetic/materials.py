@@ -98,7 +98,7 @@ class Material(NamedTuple):
 
 
 MATERIALS = {
-    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.45, SemanticClass.ROAD),
+    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.52, SemanticClass.ROAD),
     Slot.KERB: Material((0.42, 0.41, 0.39), 0.38, SemanticClass.SIDEWALK),
     Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.34, SemanticClass.SIDEWALK),
     Slot.GRASS: Material((0.13, 0.20, 0.06), 0.42, SemanticClass.TERRAIN, drop=0.04),
@@ -117,14 +117,14 @@ MATERIALS = {
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
     Slot.SIGN_BACK: Material((0.35, 0.36, 0.37), 0.40, SemanticClass.TRAFFIC_SIGN),
     Slot.PAINT: Material((0.30, 0.30, 0.32), 0.30, gloss=0.06, drop=0.03),
-    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.07, drop=0.75, transmission=0.55),
+    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.07, drop=0.85, transmission=0.45),
     Slot.TRIM: Material((0.025, 0.025, 0.027), 0.08, gloss=0.02, drop=0.06),
     Slot.TYRE: Material((0.03, 0.03, 0.03), 0.10, drop=0.05),
     Slot.RIM: Material((0.42, 0.43, 0.45), 0.45, gloss=0.12, drop=0.03),
     Slot.HEADLIGHT: Material((0.70, 0.72, 0.75), 0.65, gloss=0.20, drop=0.10),
     Slot.TAILLIGHT: Material((0.40, 0.02, 0.02), 0.85, gloss=0.08, drop=0.03),
     Slot.PLATE: Material((0.78, 0.78, 0.74), 0.97),
-    Slot.INTERIOR: Material((0.04, 0.04, 0.045), 0.20, drop=0.3),
+    Slot.INTERIOR: Material((0.04, 0.04, 0.045), 0.20, drop=0.6),
     Slot.SKIN: Material((0.55, 0.36, 0.27), 0.45),
     Slot.HAIR: Material((0.06, 0.04, 0.03), 0.15, drop=0.05),
     Slot.SHIRT: Material((0.30, 0.30, 0.35), 0.35),

@@ -24,7 +24,7 @@ class Path:
     l_m: Float64
     facing: int = 1
 
-    def at(self, times_s: Float64) -> tuple[Float64, Float64]:
+    def at(self, times_s: Float64 | float) -> tuple[Float64, Float64]:
         """Return s and l at some times."""
         return (
             np.asarray(np.interp(times_s, self.times_s, self.s_m)),

@@ -117,13 +117,14 @@ class Painter:
         tone = 1 + 0.05 * patches + 0.16 * fade * grain(s * 60, side * 60)
         tracks = np.cos(2 * np.pi * (np.abs(side) - 0.9) / 1.6) * (np.abs(side) < self._road.lane_m)
         tone -= 0.05 * tracks
-        seam = np.abs(side + 0.25 + 0.03 * smooth_noise(s * 8, 0 * s)) < 0.025
+        seam = np.abs(side + 0.25 + 0.05 * np.sin(s * 0.9) * np.sin(s * 0.37)) < 0.025
         crack = np.abs(smooth_noise(s * 5 + 99, side * 5)) < 0.012 * fade
         tone = np.where(seam | crack, 0.55 * tone, tone)
-        painted = is_marking(self._road, s, side)
-        wear = 0.85 + 0.10 * smooth_noise(s * 25, side * 25)
-        paint = np.clip(0.62 * wear, 0.2, 0.75)
-        return np.where(painted[:, None], paint[:, None], colours * tone[:, None])
+        toned = np.asarray(colours * tone[:, None], np.float32)
+        painted = np.flatnonzero(is_marking(self._road, s, side))
+        wear = 0.85 + 0.10 * smooth_noise(s[painted] * 25, side[painted] * 25)
+        toned[painted] = np.clip(0.62 * wear, 0.2, 0.75)[:, None]
+        return toned
 
 
 def _paving(place: Float32, colours: Float32, fade: Float32) -> Float32:

@@ -67,16 +67,19 @@ class World:
 
     def moving_at(self, time_s: float, within_m: float) -> tuple[list[Actor], list[Moving]]:
         """Return the actors with a way of their own around the ego vehicle, and their states."""
-        here = self.world_SE3_body(np.array([time_s]))[0, :3, 3]
-        near, states = [], []
-        for actor in self.actors:
-            if actor.path is None:
-                continue
-            state = self.state(actor, time_s)
-            if np.linalg.norm(state.world_SE3_thing[:3, 3] - here) < within_m:
-                near.append(actor)
-                states.append(state)
-        return near, states
+        near = [
+            actor
+            for actor in self.actors
+            if actor.path is not None and self.is_near(actor, time_s, within_m)
+        ]
+        return near, [self.state(actor, time_s) for actor in near]
+
+    def is_near(self, actor: Actor, time_s: float, within_m: float) -> bool:
+        """Tell whether an actor is within a distance of the ego vehicle, measured along the road."""
+        if actor.path is None:
+            offset = actor.world_SE3_parked[:2, 3] - self.road.place(*self.ego.at(time_s))[:2]
+            return bool(offset @ offset < within_m**2)
+        return bool(abs(actor.path.at(time_s)[0] - self.ego.at(time_s)[0]) < within_m)
 
     def footprints(
         self, moving: Sequence[Moving], centre_m: Float64, within_m: float
