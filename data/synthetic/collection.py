@@ -1,7 +1,7 @@
 """Several synthetic drives at once, each of another world."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ class Recipe:
         images: whether to write images.
         config: the street of every drive; else the first is the demonstration street and each next
             one another kind.
+        ego_m_s: speed that the ego vehicle wishes for; else that of the street.
     """
 
     layout: Layout = "raw"
@@ -42,6 +43,7 @@ class Recipe:
     noise: InsNoise = field(default_factory=InsNoise)
     images: bool = True
     config: WorldConfig | None = None
+    ego_m_s: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse to write nothing, or an unknown layout."""
@@ -80,8 +82,12 @@ def draw_drive(recipe: Recipe, number: int, frames: int) -> SyntheticDrive:
     """Draw one of the drives of a recipe."""
     seed = recipe.seed + number
     config = recipe.config
-    if config is None and (number > 0 or recipe.layout == "object"):
-        config = draw_config(np.random.default_rng([seed, 0xC0]))
+    if config is None:
+        is_demonstration = number == 0 and recipe.layout != "object"
+        rng = np.random.default_rng([seed, 0xC0])
+        config = WorldConfig() if is_demonstration else draw_config(rng)
+    if recipe.ego_m_s is not None:
+        config = replace(config, ego_m_s=recipe.ego_m_s)
     return SyntheticDrive(
         frames, seed=seed, sensor=recipe.sensor, config=config, noise=recipe.noise,
         images=recipe.images,

@@ -21,6 +21,7 @@ def synth(  # noqa: PLR0913 - flags of a command
     ins_noise_m: float = 0.02,
     ins_noise_deg: float = 0.1,
     images: bool = True,
+    speed: float | None = None,
 ) -> None:
     """Write synthetic drives in KITTI's layouts, with exact truth of every point.
 
@@ -38,6 +39,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         ins_noise_m: standard deviation of the INS position along each axis, metres.
         ins_noise_deg: standard deviation of the INS roll, pitch and yaw, degrees.
         images: whether to write images of the colour camera.
+        speed: that the ego vehicle wishes for, metres a second; else as the street is drawn.
     """
     recipe = Recipe(
         layout=layout,
@@ -47,6 +49,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         seed=seed,
         noise=InsNoise(ins_noise_m, ins_noise_deg),
         images=images,
+        ego_m_s=speed,
     )
     with tqdm(total=recipe.total_frames, desc="synth", unit="frame") as bar:
         folders = write_drives(out, recipe, bar.update)

@@ -11,6 +11,11 @@ def test_a_drive_is_written_and_named(tmp_path, capsys):
     assert (tmp_path / named / "velodyne_points" / "data" / "0000000000.bin").is_file()
 
 
+def test_an_impossible_speed_is_one_sentence(tmp_path, capsys):
+    assert main(["synth", str(tmp_path), "--speed", "90"]) == 2
+    assert "ego_m_s up to 20" in capsys.readouterr().err
+
+
 def test_an_unknown_sensor_is_one_sentence(tmp_path, capsys):
     assert main(["synth", str(tmp_path), "--sensor", "HDL-128"]) == 2
     assert "HDL-64E, HDL-32E, VLP-16 or a .json file" in capsys.readouterr().err
