@@ -4,9 +4,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Literal, Protocol
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea, VehicleBody
@@ -14,6 +16,7 @@ from perception.geometry.mounting import check_mounting
 from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PlaneGround
+from perception.obstacles.ground_surface import SurfaceGround
 from perception.obstacles.motion import motion_segmenter
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Float32, Frame, GroundModel, PointState, Result
@@ -78,6 +81,10 @@ class Pipeline:
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
+        with one_blas_thread():
+            return self._step(frame)
+
+    def _step(self, frame: Frame) -> Result:
         clock = _StageClock()
         if not len(self._window):
             check_mounting(frame.points_velo, self.sensor, frame.source)
@@ -124,7 +131,21 @@ class _PlanesOfWindow:
 
 def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method) -> GroundEstimator:
     """Make the ground estimator of a method."""
-    return _PlanesOfWindow(sensor, config.area, config.seed)
+    if method == "thesis":
+        return _PlanesOfWindow(sensor, config.area, config.seed)
+    return SurfaceGround(sensor, config.area)
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep BLAS to one thread: on small arrays more of them only fight the registration's for cores."""
+    with _thread_pools().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 class _StageClock:

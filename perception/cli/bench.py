@@ -1,0 +1,121 @@
+"""`trifuse bench`: every stage beside its plain form and the best library for it."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
+from perception.cli.documents import write_json
+from perception.cli.machine import describe_machine
+from perception.cli.table import format_table
+from perception.errors import PerceptionError
+from perception.pipeline import PipelineConfig, one_blas_thread
+from perception.sensor import HDL_64E, sensor_named
+
+if TYPE_CHECKING:
+    from benchmarks.chain import ChainFigures
+
+Part = Literal["all", "chain", "registration", "ground", "voxels", "motion"]
+
+
+def bench(  # noqa: PLR0913 - flags of a command
+    drive: Path | None = None,
+    *,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    part: Part = "all",
+    frames: int = 30,
+    chain_frames: int = 150,
+    json: Path | None = None,
+) -> None:
+    """Time every stage beside its plain form, the thesis' form and the best library, in one run.
+
+    Contenders take turns on the same frames, so that their ratio holds on any machine.
+
+    Example: trifuse bench --drive kitti/tracking --sequence 0000 --part ground --frames 154
+
+    Args:
+        drive: what to run on; else a synthetic street.
+        sequence: which one, where there are several.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        part: one stage, the chain, or all.
+        frames: for each stage.
+        chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
+        json: gets the same figures.
+    """
+    chain, stages = _benchmarks()
+    model = sensor_named(sensor) if sensor else HDL_64E
+    opened: Drive = (
+        SyntheticDrive(frames, sensor=model, images=False)
+        if drive is None
+        else open_drive(drive, sequence=sequence, sensor=sensor, images=False)
+    )
+    config = PipelineConfig()
+    machine = describe_machine()
+    print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
+    document: dict[str, object] = {"drive": opened.name, "machine": machine, "config": config}
+    if part in ("all", "chain"):
+        figures = {
+            "default": chain.measure_chain(opened, chain_frames, config),
+            # The thesis' form is some thirty times slower: a tenth of the frames shows it.
+            "thesis": chain.measure_chain(
+                opened, max(chain_frames // 10, 10), PipelineConfig(method="thesis")
+            ),
+        }
+        print(f"{_chain_table(figures)}\n", flush=True)
+        document["chain"] = figures
+    comparisons: dict[str, Callable[..., Any]] = {
+        "registration": stages.compare_registration,
+        "ground": stages.compare_ground,
+        "voxels": stages.compare_voxels,
+        "motion": stages.compare_motion,
+    }
+    chosen = [name for name in comparisons if part in ("all", name)]
+    prepared = stages.prepare(opened, frames, config) if chosen else None
+    for name in tqdm(chosen, "stages", file=sys.stderr):
+        with one_blas_thread():
+            comparison = comparisons[name](prepared)
+        tqdm.write(f"{comparison.table()}\n")
+        document[name] = comparison
+    if json is not None:
+        write_json(json, document)
+
+
+def _benchmarks() -> tuple[ModuleType, ModuleType]:
+    """Return the benchmark modules, which only the source tree holds."""
+    try:
+        from benchmarks import chain, stages
+    except ImportError as error:
+        raise PerceptionError(
+            "trifuse bench",
+            expected="the benchmarks/ folder of the source tree",
+            found=str(error),
+            advice="clone the project and install it with: pip install --editable .",
+        ) from error
+    return chain, stages
+
+
+def _chain_table(figures: dict[str, "ChainFigures"]) -> str:
+    """Return speed, worst frames and memory of the whole chain, ours and the thesis'."""
+    ours = figures["default"]
+    rows = [
+        [
+            method,
+            str(f.frames),
+            f"{f.frames_per_s:.1f}",
+            f"{f.median_ms:.1f}",
+            f"{f.p99_ms:.1f}",
+            f"{f.median_ms / ours.median_ms:.1f}x",
+            ", ".join(f"{name} {ms:.1f}" for name, ms in f.stages_ms.items()),
+            f"{f.memory_start_mib:.0f} to {f.memory_end_mib:.0f}",
+        ]
+        for method, f in figures.items()
+    ]
+    header = ("", "frames", "frames/s", "median ms", "99 % ms", "ours = 1", "stages ms", "MiB")
+    return format_table("whole chain (the thesis reports 0.3 frames/s)", header, rows)
