@@ -86,10 +86,10 @@ class PiecewisePlanes:
 
     def distance_m(self, points_velo: Float) -> Float:
         """Return (N,) signed distances of (N, 3+) points from the plane of their slice."""
-        planes: Float = self.planes.astype(points_velo.dtype)
-        planes = planes[self.slice_of(points_velo[:, 0])]
-        along_normal = (points_velo[:, :3] * planes[:, :3]).sum(axis=1)
-        return np.asarray(along_normal + planes[:, 3], points_velo.dtype)
+        points = np.asarray(points_velo[:, :3], np.float64)
+        planes: Float64 = self.planes[self.slice_of(points[:, 0])]
+        along_normal: Float64 = (points * planes[:, :3]).sum(axis=1)
+        return along_normal + planes[:, 3]
 
 
 def slice_edges_m(

@@ -17,9 +17,9 @@ from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSurface, Samples
 from perception.geometry.se3 import inverse
-from perception.obstacles.dense_cloud import PosedScan
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.sensor import LidarModel
-from perception.types import Bool, Float64, Int
+from perception.types import Bool, Float32, Float64, Int
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ class _CellPoints:
         cells: (N,) number of the cell.
     """
 
-    x: Float64
-    y: Float64
-    z: Float64
+    x: Float32
+    y: Float32
+    z: Float32
     cells: Int
 
     def __getitem__(self, rows: Bool | Int) -> "_CellPoints":
@@ -93,7 +93,7 @@ class _CellPoints:
 
     @property
     def xyz(self) -> Float64:
-        return np.column_stack([self.x, self.y, self.z])
+        return np.column_stack([self.x, self.y, self.z]).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class _Memory:
 class SurfaceGround:
     """Estimates the ground of each scan of a drive in turn, remembering a few scans.
 
-    A single scan is a drive of one: a new estimator, one `update`.
+    A single scan is a window of one.
     """
 
     def __init__(
@@ -124,21 +124,21 @@ class SurfaceGround:
         self._stiff = HeightGrid.covering(low_m, high_m, 2 * self._config.cell_m)
         self._fine = HeightGrid.covering(low_m, high_m, self._config.cell_m)
         self._samples = HeightGrid.covering(low_m, high_m, self._config.sample_m)
+        self._footing = _footing(sensor.height_m)
         self._memories: deque[_Memory] = deque(maxlen=self._config.remembered_scans)
         self._updates = 0
 
-    def reset(self) -> None:
-        """Forget the scans so far, as after a gap in the drive."""
-        self._memories.clear()
-        self._updates = 0
+    def update(self, window: ScanWindow) -> HeightSurface:
+        """Return the ground in the frame of the window's newest scan.
 
-    def update(self, scan: PosedScan) -> HeightSurface:
-        """Return the ground in the frame of the scan.
-
-        Where neither this scan nor the memory saw ground, the surface goes on smoothly; with nothing
-        at all it is level at the sensor's height.
+        Only the newest scan is read: what the earlier ones showed is remembered from their own turn.
+        A window of one scan begins a new drive. Where neither this scan nor the memory saw ground, the
+        surface goes on smoothly; with nothing at all it is level at the sensor's height.
         """
-        config = self._config
+        if len(window) == 1:
+            self._memories.clear()
+            self._updates = 0
+        scan, config = window.newest, self._config
         points = self._points_over_grid(scan)
         memory = self._recall(scan.world_SE3_velo)
         stiff = self._stiff_surface(_joined(self._lowest(points), memory))
@@ -154,13 +154,13 @@ class SurfaceGround:
     def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
         """Return the points over the grid, up to where obstacles matter."""
         stride = -(-len(scan.points_velo) // self._config.max_points)
-        x, y, z = scan.points_velo[::stride, :3].T.astype(np.float64, order="C")
+        x, y, z = scan.points_velo[::stride, :3].T.copy()
         grid = self._samples
-        i = np.floor((x - grid.x0_m) / grid.cell_m)
-        j = np.floor((y - grid.y0_m) / grid.cell_m)
+        per_m = np.float32(1 / grid.cell_m)
+        i, j = (x - np.float32(grid.x0_m)) * per_m, (y - np.float32(grid.y0_m)) * per_m
         inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
         rows = np.flatnonzero(inside)
-        cells = (i[rows] * grid.nodes_y + j[rows]).astype(np.int64)
+        cells = i[rows].astype(np.int64) * grid.nodes_y + j[rows].astype(np.int64)
         return _CellPoints(x[rows], y[rows], z[rows], cells)
 
     def _lowest(self, points: _CellPoints) -> Samples:
@@ -168,7 +168,7 @@ class SurfaceGround:
         off_level_m = np.abs(points.z + self._height_m)
         reach_m = np.hypot(points.x, points.y)
         points = points[off_level_m < self._config.max_step_m + self._config.max_slope * reach_m]
-        lowest_m = np.full(self._samples.size, np.inf)
+        lowest_m = np.full(self._samples.size, np.inf, np.float32)
         np.minimum.at(lowest_m, points.cells, points.z)
         lowest = points[points.z == lowest_m[points.cells]]
         return Samples(lowest.xyz, np.ones(len(lowest.z)))
@@ -207,7 +207,7 @@ class SurfaceGround:
         """
         config, size = self._config, self._samples.size
         centers = self._samples.nodes_xy_m + self._samples.cell_m / 2
-        ground_m = self._stiff.bilinear(centers).interpolate(stiff_m)
+        ground_m = self._stiff.bilinear(centers).interpolate(stiff_m).astype(np.float32)
         above_m = points.z - ground_m[points.cells]
         low_m, high_m = config.obstacle_band_m
         stands = points.cells[(above_m > low_m) & (above_m < high_m)]
@@ -220,9 +220,12 @@ class SurfaceGround:
         return Samples(means, weights), np.bincount(stands, minlength=size)[seen] == 0
 
     def _recall(self, world_SE3_velo: Float64) -> Samples:
-        """Return the remembered averages in the frame of the newest scan, inside the grid."""
+        """Return what is known before the newest scan, in its frame, inside the grid.
+
+        That is the remembered averages, and that the vehicle stands on the ground.
+        """
         velo_SE3_world = inverse(world_SE3_velo)
-        recalled = Samples(np.zeros((0, 3)), np.zeros(0))
+        recalled = self._footing
         for memory in self._memories:
             moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
             recalled = _joined(recalled, Samples(moved, memory.samples.weights))
@@ -252,6 +255,7 @@ class SurfaceGround:
 
 
 _PLANE_ROUNDS = 12
+_PLANE_SAMPLE = 1200  # points are plenty for three numbers
 _PLANE_PRIOR = np.array([30.0, 30.0, 1.0])  # level ground at the sensor's height, as if seen once
 
 
@@ -260,6 +264,7 @@ def _robust_plane(points: Float64, height_m: float) -> Float64:
 
     What is believed grows with range at first, as slopes do, and tightens round by round.
     """
+    points = points[:: max(1, len(points) // _PLANE_SAMPLE)]
     basis = np.column_stack([points[:, :2], np.ones(len(points))])
     range_m = np.hypot(points[:, 0], points[:, 1])
     level = np.array([0.0, 0.0, -height_m])
@@ -274,6 +279,13 @@ def _robust_plane(points: Float64, height_m: float) -> Float64:
             weighted.T @ points[:, 2] + _PLANE_PRIOR * level,
         )
     return plane
+
+
+def _footing(height_m: float) -> Samples:
+    """Return the ground between the wheels of a car, which its sensor's height tells."""
+    x, y = np.meshgrid([-1.5, 0.0, 1.5], [-0.75, 0.0, 0.75])
+    z = np.full(x.size, -height_m)
+    return Samples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))
 
 
 def _joined(first: Samples, second: Samples) -> Samples:
