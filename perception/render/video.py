@@ -15,7 +15,7 @@ from perception.types import UInt8
 _LOG = logging.getLogger(__name__)
 # Best first. The last is in every build of FFmpeg, but browsers do not play it.
 _ENCODERS = ("libx264", "libopenh264", "mpeg4")
-_X264_OPTIONS = {"preset": "veryfast", "crf": "23"}
+_X264_OPTIONS = {"preset": "veryfast", "crf": "23", "threads": "1"}
 _MPEG4_BITS_PER_PIXEL = 2
 # From this libavformat on, a file can be read at any moment while it is written.
 _HYBRID_SINCE = (61, 7)
