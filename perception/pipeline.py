@@ -4,16 +4,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Literal, Protocol
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea, VehicleBody
 from perception.geometry.mounting import check_mounting
 from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
+from perception.geometry.threads import one_blas_thread
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PlaneGround
 from perception.obstacles.ground_surface import SurfaceGround
@@ -134,18 +133,6 @@ def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method)
     if method == "thesis":
         return _PlanesOfWindow(sensor, config.area, config.seed)
     return SurfaceGround(sensor, config.area)
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Keep BLAS to one thread: on small arrays more of them only fight the registration's for cores."""
-    with _thread_pools().limit(limits=1, user_api="blas"):
-        yield
-
-
-@cache
-def _thread_pools() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 class _StageClock:

@@ -12,6 +12,7 @@ from data.synthetic.ins import InsNoise
 from data.synthetic.world_config import WorldConfig, draw_config
 from data.synthetic.writer import Layout
 from perception.errors import UsageError
+from perception.geometry.threads import one_blas_thread
 from perception.sensor import HDL_64E, LidarModel
 
 _FRAMES_A_WORLD = 5  # of the object layout
@@ -69,13 +70,14 @@ def write_drives(
         recipe: what.
         done: called after each frame.
     """
-    if recipe.layout == "object":
-        return [_write_object_frames(out, recipe, done)]
-    write = writer.write_raw if recipe.layout == "raw" else writer.write_tracking
-    return [
-        write(draw_drive(recipe, number, recipe.frames), out, number, done)
-        for number in range(recipe.drives)
-    ]
+    with one_blas_thread():  # frames are written side by side already
+        if recipe.layout == "object":
+            return [_write_object_frames(out, recipe, done)]
+        write = writer.write_raw if recipe.layout == "raw" else writer.write_tracking
+        return [
+            write(draw_drive(recipe, number, recipe.frames), out, number, done)
+            for number in range(recipe.drives)
+        ]
 
 
 def draw_drive(recipe: Recipe, number: int, frames: int) -> SyntheticDrive:

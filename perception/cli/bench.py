@@ -15,7 +15,8 @@ from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.table import format_table
 from perception.errors import PerceptionError
-from perception.pipeline import PipelineConfig, one_blas_thread
+from perception.geometry.threads import one_blas_thread
+from perception.pipeline import PipelineConfig
 from perception.sensor import HDL_64E, sensor_named
 
 if TYPE_CHECKING:

@@ -1,7 +1,5 @@
 """Rigid transforms, the camera, boxes, grids and registration."""
 
-import os
+from perception.geometry.threads import let_waiting_threads_sleep
 
-# small_gicp's OpenMP threads would spin while they wait, on cores that reader and video need too:
-# measured 22 ms a registration instead of 70 beside a busy process. Read once, when it is loaded.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+let_waiting_threads_sleep()
