@@ -37,7 +37,7 @@ class FreeSpaceSegmenter:
         sensor: LidarModel,
         area: LocalArea,
         voxel_size_m: float = 0.1,
-        clearance_m: float = 0.2,
+        clearance_m: float = 0.15,
         horizon_s: float = 1.5,
         rules: MotionRules | None = None,
     ) -> None:
@@ -47,7 +47,8 @@ class FreeSpaceSegmenter:
             sensor: whose scans will come.
             area: in which obstacles are wanted.
             voxel_size_m: edge of a voxel, υ of the thesis.
-            clearance_m: least distance of an obstacle point from the ground, d_min of the thesis.
+            clearance_m: least distance of an obstacle point from the ground. The thesis' d_min is 20 cm;
+                on a surface good to 5 cm, 15 cm still clear kerbs and three range noises.
             horizon_s: how long ago the oldest scan asked is; a walker at 0.5 m/s needs 1.5 s to leave
                 his own place.
             rules: when a thing counts as moving.
