@@ -14,7 +14,6 @@ README = (ROOT / "README.md").read_text()
 SHORT = {
     "run": ["--frames", "3"],
     "evaluate": ["--frames", "3"],
-    "study": ["--frames", "8"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
     "synth": ["--frames", "3"],
 }
