@@ -14,6 +14,11 @@ log = logging.getLogger(__name__)
 OnBadFrame = Literal["stop", "skip"]
 
 
+def frame_count(drive: Drive, limit: int | None) -> int:
+    """Return how many frames a drive has, or the limit where that is less."""
+    return len(drive) if limit is None else min(limit, len(drive))
+
+
 def read_frames(
     drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None
 ) -> Iterator[Frame]:
@@ -27,7 +32,7 @@ def read_frames(
     Raises:
         PerceptionError: a frame cannot be read and `on_bad_frame` is "stop".
     """
-    count = len(drive) if limit is None else min(limit, len(drive))
+    count = frame_count(drive, limit)
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="reader") as reader:
         ahead = reader.submit(drive.__getitem__, 0) if count else None
         for index in range(count):

@@ -1,15 +1,13 @@
 """`trifuse evaluate`: the ground and the obstacles against labels or exact truth."""
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm import tqdm
-
 from data.drive import Drive
-from data.frames import OnBadFrame, read_frames
+from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
+from perception.cli.drive_results import drive_results
 from perception.cli.evaluate_ground import PROTOCOL as GROUND_PROTOCOL
 from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
 from perception.cli.evaluate_obstacles import PROTOCOL_WORDS, ObstacleProtocol, measure_obstacles
@@ -17,7 +15,7 @@ from perception.cli.evaluation_json import DataUsed, Figures, write_evaluation
 from perception.cli.obstacle_figures import obstacle_results, obstacle_tables
 from perception.errors import DriveError, UsageError
 from perception.evaluation.obstacles import ObjectRule
-from perception.pipeline import Method, Pipeline, PipelineConfig
+from perception.pipeline import Method, PipelineConfig
 from perception.types import Result
 
 
@@ -114,18 +112,11 @@ class _Run:
     limit: int | None
     on_bad_frame: OnBadFrame
 
-    @property
-    def _frames(self) -> int:
-        return len(self.drive) if self.limit is None else min(self.limit, len(self.drive))
-
     def results(self) -> Iterator[Result]:
-        """Yield what the pipeline makes of each frame; frames of no sequence know nothing of each other."""
-        pipeline = Pipeline(self.drive.sensor, self.config)
-        frames = read_frames(self.drive, on_bad_frame=self.on_bad_frame, limit=self.limit)
-        for frame in tqdm(frames, self.drive.name, self._frames, unit="frame", file=sys.stderr):
-            if not self.drive.is_sequence:
-                pipeline.reset()
-            yield pipeline.step(frame)
+        """Yield what the pipeline makes of each frame."""
+        return drive_results(
+            self.drive, self.config, limit=self.limit, on_bad_frame=self.on_bad_frame
+        )
 
     def describe(self, evaluated: int) -> str:
         """Name what was evaluated."""
@@ -141,7 +132,7 @@ class _Run:
             drive=self.drive.name,
             sensor=self.drive.sensor.name,
             frames=len(self.drive),
-            first_frames=self._frames,
+            first_frames=frame_count(self.drive, self.limit),
             frames_evaluated=evaluated,
         )
         write_evaluation(path, data, self.config, figures)

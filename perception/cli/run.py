@@ -1,20 +1,18 @@
 """`trifuse run`: every stage on a drive, its results in a folder, its summary on the screen."""
 
 import logging
-import sys
 import time
-from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from data.drive import Drive, PointTruth
-from data.frames import OnBadFrame, read_frames
+from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.drive_results import drive_results
 from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.table import format_table
 from perception.errors import PerceptionError, UsageError
@@ -22,10 +20,10 @@ from perception.evaluation.confusion import Confusion
 from perception.evaluation.ground import PointClasses, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
 from perception.render.composition import Composition
 from perception.render.video import video_or_none
-from perception.types import Frame, PointState, Result
+from perception.types import PointState, Result
 
 log = logging.getLogger(__name__)
 
@@ -199,6 +197,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     area = plan.pipeline.area
     summary = RunSummary(drive.name, out)
     composition = Composition(area=area, turn_s=1 / drive.sensor.rate_hz)
+    results = drive_results(drive, plan.pipeline, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
         folder = files.enter_context(ResultsFolder(out, area))
@@ -206,13 +205,13 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         try:
-            for result in _results(drive, plan):
+            for result in results:
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
                 if plan.video:
                     picture = composition.draw(result)
                     video.add(picture)
-                    if summary.frames == 1 + _count(drive, plan) // 2:
+                    if summary.frames == 1 + frame_count(drive, plan.frames) // 2:
                         folder.write_picture(picture)
         except PerceptionError:
             log.warning("%d frames were done before this; they are in %s", summary.frames, out)
@@ -221,17 +220,3 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
             summary.elapsed_s = time.perf_counter() - start
             folder.write_summary(summary.to_json())
     return summary
-
-
-def _results(drive: Drive, plan: RunPlan) -> Iterable[Result]:
-    pipeline = Pipeline(drive.sensor, plan.pipeline)
-    frames: Iterable[Frame] = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=plan.frames)
-    count = _count(drive, plan)
-    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
-        if not drive.is_sequence:
-            pipeline.reset()
-        yield pipeline.step(frame)
-
-
-def _count(drive: Drive, plan: RunPlan) -> int:
-    return len(drive) if plan.frames is None else min(plan.frames, len(drive))

@@ -9,7 +9,7 @@ import pytest
 from data.drive import Drive, PointTruth
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
-from perception.cli import evaluate
+from perception.cli import drive_results
 from perception.cli.documents import to_plain
 from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
 from perception.cli.evaluate_obstacles import ObstacleProtocol, measure_obstacles
@@ -178,7 +178,7 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
 def test_the_command_prints_a_table_and_writes_the_same_as_json(
     kitti_root: Path, tmp_path: Path, monkeypatch, capsys, measure: str
 ):
-    monkeypatch.setattr(evaluate, "Pipeline", LevelPipeline)
+    monkeypatch.setattr(drive_results, "Pipeline", LevelPipeline)
     out = tmp_path / "made" / "figures.json"
     words = [measure, str(kitti_root / "tracking"), "--sequence", "0000", "--frames", "3"]
     assert main(["evaluate", *words, "--json", str(out)]) == 0

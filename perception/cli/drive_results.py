@@ -1,0 +1,34 @@
+"""A drive through the pipeline, frame by frame, with a progress bar."""
+
+import sys
+from collections.abc import Iterator
+
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.frames import OnBadFrame, frame_count, read_frames
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Result
+
+
+def drive_results(
+    drive: Drive, config: PipelineConfig, *, limit: int | None, on_bad_frame: OnBadFrame
+) -> Iterator[Result]:
+    """Yield what the pipeline makes of each frame; frames of no sequence know nothing of each other.
+
+    Args:
+        drive: what is read.
+        config: of the pipeline.
+        limit: only so many frames from the start, or None.
+        on_bad_frame: stop or skip.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    pipeline = Pipeline(drive.sensor, config)
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    count = frame_count(drive, limit)
+    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
+        if not drive.is_sequence:
+            pipeline.reset()
+        yield pipeline.step(frame)
