@@ -98,7 +98,9 @@ class Pipeline:
         point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
         point_states[around] = obstacles.point_states
         obstacles = replace(obstacles, point_states=point_states)
-        return Result(frame, window.newest.world_SE3_velo, ground, obstacles, clock.seconds)
+        return Result(
+            frame, window.newest.world_SE3_velo, ground, obstacles, timings_s=clock.seconds
+        )
 
     def _localize(self, frame: Frame, points_velo: Float32) -> ScanWindow:
         """Put the frame's scan, without the vehicle, into the window, with its pose."""

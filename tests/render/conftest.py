@@ -49,4 +49,4 @@ def scene():
         np.array([1, 2, 3, 0], np.uint8), voxels_at((10, -1, 0)), voxels_at((12, 1, 0))
     )
     timings_s = {"registration": 0.012, "ground": 0.006, "obstacles": 0.010}
-    return Result(frame, np.eye(4), FlatGround(), obstacles, timings_s)
+    return Result(frame, np.eye(4), FlatGround(), obstacles, timings_s=timings_s)

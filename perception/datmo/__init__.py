@@ -1,0 +1,1 @@
+"""Detection and tracking of moving objects: from a segmented scan to things that move."""

@@ -1,0 +1,1 @@
+"""How well many objects are tracked: HOTA, CLEAR and identity, arrays in, named results out."""

@@ -1,0 +1,65 @@
+"""Which detection belongs to which track."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class Association:
+    """Pairs of T tracks and D detections, and what is left of both.
+
+    Attributes:
+        tracks: (P,) row of the track of each pair.
+        detections: (P,) row of the detection of each pair.
+        unmatched_tracks: rows of tracks without a detection.
+        unmatched_detections: rows of detections without a track.
+    """
+
+    tracks: Int
+    detections: Int
+    unmatched_tracks: Int
+    unmatched_detections: Int
+
+
+def assign_optimally(costs: Float64, is_allowed: Bool) -> Association:
+    """Match as many allowed pairs of (T, D) as there can be, at the least sum of costs.
+
+    Args:
+        costs: (T, D) of each pair, 0 or more.
+        is_allowed: (T, D) which pairs passed the gate.
+    """
+    # One forbidden pair costs more than all allowed ones together.
+    forbidden = 1.0 + 2.0 * min(costs.shape) * float(costs[is_allowed].max(initial=0.0))
+    tracks, detections = linear_sum_assignment(np.where(is_allowed, costs, forbidden))
+    kept = is_allowed[tracks, detections]
+    return _association(tracks[kept], detections[kept], costs.shape)
+
+
+def assign_nearest_in_turn(distances: Float64, is_allowed: Bool) -> Association:
+    """Let each track, in order, take the nearest detection in its gate that no track before it took.
+
+    Gating and nearest neighbour of the thesis (5.2.2, Data Association).
+    """
+    is_free = np.ones(distances.shape[1], bool)
+    pairs: list[tuple[int, int]] = []
+    for track, row in enumerate(distances):
+        candidates = np.flatnonzero(is_allowed[track] & is_free)
+        if len(candidates):
+            taken = int(candidates[np.argmin(row[candidates])])
+            is_free[taken] = False
+            pairs.append((track, taken))
+    tracks, detections = np.array(pairs, np.int64).reshape(-1, 2).T
+    return _association(tracks, detections, distances.shape)
+
+
+def _association(tracks: Int, detections: Int, shape: tuple[int, ...]) -> Association:
+    return Association(
+        tracks,
+        detections,
+        np.setdiff1d(np.arange(shape[0]), tracks),
+        np.setdiff1d(np.arange(shape[1]), detections),
+    )
