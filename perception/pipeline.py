@@ -4,10 +4,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal, Protocol, Self
 
 import numpy as np
 
+from perception.datmo.detector import SegmentedScan
+from perception.datmo.stage import DatmoMethod, datmo_stage
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea, VehicleBody
 from perception.geometry.mounting import check_mounting
@@ -23,22 +25,30 @@ from perception.types import Float32, Frame, GroundModel, PointState, Result
 Method = Literal["default", "thesis"]
 
 
+def _both_areas() -> LocalArea:
+    """Return what holds the thesis' area of obstacles (7.1.1) and that of moving objects (5.2.2)."""
+    return LocalArea(ahead_m=30.0, behind_m=10.0)
+
+
 @dataclass(frozen=True)
 class PipelineConfig:
     """Every choice of the pipeline, with its default.
 
     Attributes:
-        method: our default for every stage, or the thesis' own.
+        method: our default for ground and obstacles, or the thesis' own.
+        datmo: how moving objects are found and followed: our default, the thesis' grids with the values
+            of its Table 7.4 or with those of the author's code, or not at all.
         previous_scans: m, how many scans before the newest are merged (Table 7.1).
-        area: where ground and obstacles are wanted (thesis 7.1.1).
+        area: where ground, obstacles and moving objects are wanted.
         body: the vehicle's own outline; its returns are left out of every stage.
         registration: how scans are registered.
         seed: of the thesis' RANSAC.
     """
 
     method: Method = "default"
+    datmo: DatmoMethod = "default"
     previous_scans: int = 6
-    area: LocalArea = field(default_factory=LocalArea)
+    area: LocalArea = field(default_factory=_both_areas)
     body: VehicleBody = field(default_factory=VehicleBody)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     seed: int = 0
@@ -49,6 +59,11 @@ class PipelineConfig:
             raise UsageError(
                 "previous_scans", expected="at least 1", found=str(self.previous_scans)
             )
+
+    @classmethod
+    def for_obstacles(cls, method: Method = "default", previous_scans: int = 6) -> Self:
+        """Return the choices of the thesis' study of obstacles (7.1.1): its area, and no objects."""
+        return cls(method, "none", previous_scans, LocalArea())
 
 
 class GroundEstimator(Protocol):
@@ -73,40 +88,64 @@ class Pipeline:
         self._window = ScanWindow(self.config.previous_scans)
         self._ground = ground_estimator(self.sensor, self.config, self.config.method)
         self._motion = motion_segmenter(self.sensor, self.config.area, self.config.method)
+        self._datmo = datmo_stage(self.config.datmo, self.sensor, self.config.area)
 
     def step(self, frame: Frame) -> Result:
-        """Say where the ground of this frame is, what stands on it, and what of that moves.
+        """Say where the ground of this frame is, what stands on it, what moves, and where to.
 
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
-        with one_blas_thread():
-            return self._step(frame)
-
-    def _step(self, frame: Frame) -> Result:
         clock = _StageClock()
+        with one_blas_thread():
+            result, scan = self._segment(frame, clock)
+            if self._datmo is None:
+                return result
+            with clock.stage("moving objects"):
+                tracks = self._datmo.update(scan)
+        return replace(result, tracks=tracks, timings_s=clock.seconds)
+
+    def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
+        """Do all that comes before moving objects: for whoever compares ways to find and follow them.
+
+        Raises:
+            PerceptionError: as for `step`.
+        """
+        with one_blas_thread():
+            return self._segment(frame, _StageClock())
+
+    def _segment(self, frame: Frame, clock: "_StageClock") -> tuple[Result, SegmentedScan]:
         if not len(self._window):
             check_mounting(frame.points_velo, self.sensor, frame.source)
         with clock.stage("registration"):
             # The vehicle's own returns move with it and would be obstacles wherever it is.
             around = np.flatnonzero(~self.config.body.contains_xy(frame.points_velo))
-            window = self._localize(frame, frame.points_velo.take(around, axis=0))
+            points_velo = frame.points_velo.take(around, axis=0)
+            window, is_reset = self._localize(frame, points_velo)
         with clock.stage("ground"):
             ground = self._ground.update(window)
         with clock.stage("static and moving"):
             obstacles = self._motion.update(window, ground)
+        pose = window.newest.world_SE3_velo
+        scan = SegmentedScan(
+            stamp_s=frame.stamp_s,
+            points_velo=points_velo,
+            point_states=obstacles.point_states,
+            ground=ground,
+            world_SE3_velo=pose,
+            ins_world_SE3_velo=pose if frame.world_SE3_velo is None else frame.world_SE3_velo,
+            is_reset=is_reset,
+        )
         point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
         point_states[around] = obstacles.point_states
         obstacles = replace(obstacles, point_states=point_states)
-        return Result(
-            frame, window.newest.world_SE3_velo, ground, obstacles, timings_s=clock.seconds
-        )
+        return Result(frame, pose, ground, obstacles, timings_s=clock.seconds), scan
 
-    def _localize(self, frame: Frame, points_velo: Float32) -> ScanWindow:
-        """Put the frame's scan, without the vehicle, into the window, with its pose."""
+    def _localize(self, frame: Frame, points_velo: Float32) -> tuple[ScanWindow, bool]:
+        """Put the frame's scan into the window, with its pose; tell whether poses begin anew."""
         if self.config.method == "thesis" and frame.world_SE3_velo is not None:
             self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
-            return register_window(self._window)
+            return register_window(self._window), False
         localization = self._localizer.update(
             points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         )
@@ -116,7 +155,7 @@ class Pipeline:
         if localization.origin is PoseOrigin.REPEATED:
             self._window.pop()
         self._window.push(PosedScan(points_velo, localization.world_SE3_velo))
-        return self._window
+        return self._window, localization.is_reset
 
 
 class _PlanesOfWindow:

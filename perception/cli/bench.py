@@ -66,7 +66,7 @@ def bench(  # noqa: PLR0913 - flags of a command
             "default": chain.measure_chain(opened, chain_frames, config),
             # The thesis' form is some thirty times slower: a tenth of the frames shows it.
             "thesis": chain.measure_chain(
-                opened, max(chain_frames // 10, 10), PipelineConfig(method="thesis")
+                opened, max(chain_frames // 10, 10), PipelineConfig("thesis", "thesis")
             ),
         }
         print(f"{_chain_table(figures)}\n", flush=True)
@@ -78,7 +78,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         "motion": stages.compare_motion,
     }
     chosen = [name for name in comparisons if part in ("all", name)]
-    prepared = stages.prepare(opened, frames, config) if chosen else None
+    prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
     for name in tqdm(chosen, "stages", file=sys.stderr):
         with one_blas_thread():
             comparison = comparisons[name](prepared)

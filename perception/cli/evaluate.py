@@ -45,7 +45,7 @@ def ground(  # noqa: PLR0913 - flags of a command
         json: gets the same figures with protocol, data and configuration.
     """
     drive = _open(root, sequence, sensor, frames)
-    run = _Run(drive, PipelineConfig(method=method), frames, on_bad_frame)
+    run = _Run(drive, PipelineConfig.for_obstacles(method), frames, on_bad_frame)
     report = measure_ground(run.drive, run.results(), run.config.area)
     print(f"{run.describe(report.frames)}\n\n{ground_tables(report)}")
     if json is not None:
@@ -88,7 +88,7 @@ def obstacles(  # noqa: PLR0913 - flags of a command
     rule = ObjectRule(min_points=min_points, moving_share=moving_share)
     protocol = ObstacleProtocol(objects=rule, warm_up=warm_up)
     drive = _open(root, sequence, sensor, frames)
-    run = _Run(drive, PipelineConfig(method=method), frames, on_bad_frame)
+    run = _Run(drive, PipelineConfig.for_obstacles(method), frames, on_bad_frame)
     report = measure_obstacles(run.drive, run.results(), run.config.area, protocol)
     print(f"{run.describe(report.frames)}\n\n{obstacle_tables(report)}")
     if json is not None:

@@ -1,8 +1,14 @@
 """The DATMO stage: a detector of moving objects, and a tracker behind it."""
 
+from typing import Literal
+
 from perception.datmo.detector import ObjectDetector, SegmentedScan
+from perception.geometry.grids import LocalArea
+from perception.sensor import LidarModel
 from perception.tracking.tracker import MultiObjectTracker
 from perception.types import Tracks
+
+DatmoMethod = Literal["default", "thesis", "author", "none"]
 
 
 class Datmo:
@@ -17,3 +23,8 @@ class Datmo:
             self._tracker.end_all()
         found = self._detector.detect(scan)
         return self._tracker.update(scan.stamp_s, scan.world_SE3_velo, found.moving, found.standing)
+
+
+def datmo_stage(method: DatmoMethod, sensor: LidarModel, area: LocalArea) -> Datmo | None:
+    """Make the stage of a method with its default values, or none."""
+    return None

@@ -79,7 +79,7 @@ def test_the_written_configuration_is_the_effective_one(results, street):
     config = yaml.safe_load((results / "config.yaml").read_text())
     assert config["sensor"] == "HDL-64E"
     assert config["plan"]["pipeline"]["previous_scans"] == 6
-    assert config["plan"]["pipeline"]["area"]["ahead_m"] == 25.0
+    assert config["plan"]["pipeline"]["area"]["ahead_m"] == 30.0
 
 
 def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path, capsys):

@@ -125,7 +125,7 @@ def time_default(
 ) -> list[Times]:
     """Return the seconds by stage of each measured frame of the default pipeline."""
     _require_frames(drive, frames, warm_up)
-    pipeline = Pipeline(drive.sensor, PipelineConfig(previous_scans=previous_scans))
+    pipeline = Pipeline(drive.sensor, PipelineConfig.for_obstacles(previous_scans=previous_scans))
     results = (pipeline.step(f) for f in progress(read_frames(drive, limit=warm_up + frames)))
     return [result.timings_s for result in results][warm_up:]
 
