@@ -1,0 +1,79 @@
+"""How alike upright boxes are on the ground plane: by the area they share, or by how near they stand."""
+
+import numpy as np
+
+from perception.types import Boxes3D, Float64
+
+_FLAT_M = 1e-9  # an edge that rises less across the other box is level
+
+
+def iou_ground(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (A, B) shared area over joint area of the boxes' outlines; 0 where a box has no area."""
+    shared_m2 = shared_areas_m2(a, b)
+    joint_m2 = _areas_m2(a)[:, None] + _areas_m2(b)[None] - shared_m2
+    return np.divide(shared_m2, joint_m2, out=np.zeros_like(shared_m2), where=joint_m2 > 0)
+
+
+def shared_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (A, B) the area that lies under both boxes.
+
+    In the frame of box b, seen along its width, box a is a heap of slices: what a slice shares with b
+    is its upper end less its lower one, each clamped to b's sides. The edges of a are these ends, so
+    the area is the sum, over the edges, of the integral of a clamped straight line; each has a closed
+    form, and no polygon has to be cut.
+    """
+    corners = _corners_in(a, b)
+    half_length, half_width = b.size_m[None, :, :1] / 2, b.size_m[None, :, 1:2] / 2
+    (x0, y0), (x1, y1) = np.moveaxis(corners, -1, 0), np.moveaxis(np.roll(corners, -1, 2), -1, 0)
+    across = x1 - x0
+    slope = np.divide(y1 - y0, across, out=np.zeros_like(across), where=np.abs(across) > _FLAT_M)
+    left, right = np.clip(x0, -half_length, half_length), np.clip(x1, -half_length, half_length)
+    mean_m = _mean_clamped(y0 + (left - x0) * slope, y0 + (right - x0) * slope, half_width)
+    # Corners run counter-clockwise: the upper ends are met from right to left.
+    shared_m2 = ((left - right) * mean_m).sum(axis=2)
+    return np.asarray(np.maximum(shared_m2, 0.0))
+
+
+def center_distances_m(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (A, B) distances between the centres over the ground plane."""
+    apart = a.bottom_m[:, None, :2] - b.bottom_m[None, :, :2]
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
+
+
+def distance_likeness(distances_m: Float64, reach_m: float) -> Float64:
+    """Turn distances into a likeness: 1 at no distance, falling evenly to 0 at the reach and beyond."""
+    return np.asarray(np.maximum(0.0, 1.0 - distances_m / reach_m))
+
+
+def _areas_m2(boxes: Boxes3D) -> Float64:
+    return np.asarray(boxes.size_m[:, 0] * boxes.size_m[:, 1])
+
+
+def _corners_in(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (A, B, 4, 2) corners of each box a, counter-clockwise, along heading and left of each box b."""
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
+    center = _turned(a.bottom_m[:, None, :2] - b.bottom_m[None, :, :2], -b.yaw_rad[None])
+    reach = signs * a.size_m[:, None, None, :2]
+    turn_rad = a.yaw_rad[:, None] - b.yaw_rad[None]
+    return center[:, :, None] + _turned(reach, turn_rad[..., None])
+
+
+def _turned(xy: Float64, angle_rad: Float64) -> Float64:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = xy[..., 0], xy[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
+def _mean_clamped(start: Float64, end: Float64, limit: Float64) -> Float64:
+    """Return the mean of clamp(y, -limit, limit) for y from start to end."""
+    rise = end - start
+    is_level = np.abs(rise) <= _FLAT_M
+    level = np.clip((start + end) / 2, -limit, limit)
+    area = _clamped_integral(end, limit) - _clamped_integral(start, limit)
+    return np.where(is_level, level, area / np.where(is_level, 1.0, rise))
+
+
+def _clamped_integral(y: Float64, limit: Float64) -> Float64:
+    """Return the integral of clamp(y, -limit, limit) from 0 to y."""
+    inside = np.minimum(np.abs(y), limit)
+    return np.asarray(inside**2 / 2 + limit * (np.abs(y) - inside))
