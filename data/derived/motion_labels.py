@@ -97,14 +97,20 @@ class MotionLabels:
     Attributes:
         frames: (R,) frame numbers.
         track_ids: (R,).
-        speeds_mps: (R,) over the ground; NaN where a track has one box in the window.
+        velocities_m_s: (R, 2) over the ground, along x and y of the world; NaN where a track has one
+            box in the window.
         motions: (R,) one `Motion` each.
     """
 
     frames: Int
     track_ids: Int
-    speeds_mps: Float64
+    velocities_m_s: Float64
     motions: Int
+
+    @property
+    def speeds_mps(self) -> Float64:
+        """(R,) lengths of the velocities."""
+        return np.asarray(np.linalg.norm(self.velocities_m_s, axis=1))
 
     def of(self, frame: int, track_ids: Int) -> Int:
         """Return (M,) the motions of these tracks in that frame, unknown where they have no box."""
@@ -112,6 +118,16 @@ class MotionLabels:
         motion_of = dict(zip(self.track_ids[rows].tolist(), self.motions[rows], strict=True))
         motions = [motion_of.get(track_id, Motion.UNKNOWN) for track_id in track_ids.tolist()]
         return np.array(motions, np.int64)
+
+    def velocities_of(self, frame: int, track_ids: Int) -> Float64:
+        """Return (M, 2) the velocities of these tracks in that frame, NaN where they have no box."""
+        rows = self.frames == frame
+        velocity_of = dict(
+            zip(self.track_ids[rows].tolist(), self.velocities_m_s[rows], strict=True)
+        )
+        nowhere = np.full(2, np.nan)
+        velocities = [velocity_of.get(track_id, nowhere) for track_id in track_ids.tolist()]
+        return np.array(velocities, np.float64).reshape(-1, 2)
 
     def moving_tracks(self) -> list[int]:
         """Return the tracks that move at some time, in rising order."""
@@ -129,11 +145,12 @@ def label_drive_motion(
         DriveError: the drive has no labels.
         LabelError: the labels cannot be read.
     """
-    posed = [_posed_labels(drive, index) for index in range(len(drive))]
+    posed = [posed_labels(drive, index) for index in range(len(drive))]
     return label_motion(gather_tracks([frame for frame in posed if frame is not None]), thresholds)
 
 
-def _posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
+def posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
+    """Read the labels of one frame and its pose, or None where there is no pose."""
     labels = drive.labels(index)
     try:
         world_SE3_velo = drive.world_SE3_velo(index)
@@ -165,20 +182,21 @@ def label_motion(
 ) -> MotionLabels:
     """Say of every box whether its object stands or moves at that moment."""
     limits = thresholds or MotionThresholds()
-    speeds_mps = np.full(len(tracks.frames), np.nan)
+    velocities_m_s = np.full((len(tracks.frames), 2), np.nan)
     motions = np.full(len(tracks.frames), Motion.UNKNOWN, np.int64)
     for track_id in np.unique(tracks.track_ids):
         rows = np.flatnonzero(tracks.track_ids == track_id)
         rows = rows[np.argsort(tracks.stamps_s[rows], kind="stable")]
         stamps_s = tracks.stamps_s[rows]
         windows = _windows(stamps_s, limits.window_s)
-        speeds_mps[rows] = [
-            _speed_mps(stamps_s[window], tracks.positions_world[rows[window], :2])
+        velocities_m_s[rows] = [
+            _velocity_m_s(stamps_s[window], tracks.positions_world[rows[window], :2])
             for window in windows
         ]
         spans_s = np.array([np.ptp(stamps_s[window]) for window in windows])
-        motions[rows] = _with_memory(speeds_mps[rows], spans_s, limits)
-    return MotionLabels(tracks.frames, tracks.track_ids, speeds_mps, motions)
+        speeds_mps = np.linalg.norm(velocities_m_s[rows], axis=1)
+        motions[rows] = _with_memory(speeds_mps, spans_s, limits)
+    return MotionLabels(tracks.frames, tracks.track_ids, velocities_m_s, motions)
 
 
 def _windows(stamps_s: Float64, window_s: float) -> list[slice]:
@@ -190,14 +208,14 @@ def _windows(stamps_s: Float64, window_s: float) -> list[slice]:
     return [slice(a, b) for a, b in zip(first.tolist(), last.tolist(), strict=True)]
 
 
-def _speed_mps(stamps_s: Float64, positions_m: Float64) -> float:
-    """Return the length of the median velocity over all pairs of positions (Theil-Sen)."""
+def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
+    """Return (2,) the median velocity over all pairs of positions (Theil-Sen)."""
     earlier, later = np.triu_indices(len(stamps_s), k=1)
     if len(earlier) == 0:
-        return float("nan")
+        return np.full(2, np.nan)
     elapsed_s = stamps_s[later] - stamps_s[earlier]
     velocities = (positions_m[later] - positions_m[earlier]) / elapsed_s[:, None]
-    return float(np.linalg.norm(np.median(velocities, axis=0)))
+    return np.asarray(np.median(velocities, axis=0))
 
 
 def _with_memory(speeds_mps: Float64, spans_s: Float64, limits: MotionThresholds) -> Int:

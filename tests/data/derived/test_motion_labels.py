@@ -101,6 +101,18 @@ def test_speed_is_that_of_the_object_over_the_ground():
     np.testing.assert_allclose(speeds, 3.0, rtol=1e-9)
 
 
+def test_velocities_have_the_world_s_axes():
+    track = one_track(np.zeros(12))
+    track.positions_world[:, 0] = 2.0 * track.stamps_s
+    track.positions_world[:, 1] = -1.5 * track.stamps_s
+    motion = label_motion(track)
+    np.testing.assert_allclose(motion.velocities_m_s, np.tile([2.0, -1.5], (12, 1)), rtol=1e-9)
+    np.testing.assert_allclose(motion.speeds_mps, 2.5, rtol=1e-9)
+    assert motion.velocities_of(4, np.array([7, 8])).tolist()[0] == pytest.approx([2.0, -1.5])
+    assert np.isnan(motion.velocities_of(4, np.array([7, 8]))[1]).all()
+    assert motion.velocities_of(4, np.zeros(0, np.int64)).shape == (0, 2)
+
+
 def test_the_order_of_the_rows_does_not_matter():
     track = one_track(drive_then([(5.0, 2.0), (0.0, 2.0)]))
     order = np.random.default_rng(0).permutation(len(track.frames))
