@@ -1,0 +1,186 @@
+"""HOTA: detection, association and localisation in one figure, over all thresholds of likeness.
+
+J. Luiten et al., "HOTA: A Higher Order Metric for Evaluating Multi-Object Tracking", IJCV 2021.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.evaluation.multi_object.matching import heaviest_matching
+from perception.evaluation.multi_object.pairs import Couples, PairedSequence, couples_of, pair_up
+from perception.evaluation.multi_object.sequence import TrackedSequence
+from perception.types import Float64, Int
+
+ALPHAS: Float64 = np.arange(1, 20) / 20
+_ROUNDING = np.finfo(np.float64).eps
+
+
+def _no_counts() -> Int:
+    return np.zeros(len(ALPHAS), np.int64)
+
+
+def _no_sums() -> Float64:
+    return np.zeros(len(ALPHAS))
+
+
+@dataclass(frozen=True)
+class Hota:
+    """Counts and sums at the 19 thresholds `alphas`; add them up over sequences.
+
+    Ratios of nothing are 0, but the localisation of nothing is 1. What is called `..._by_alpha` is an
+    array (19,), what has the same name without it is its mean.
+
+    Attributes:
+        true_positives: (19,) matched boxes.
+        false_negatives: (19,) true boxes without an answer.
+        false_positives: (19,) answered boxes without a truth.
+        association_sum: (19,) over the true positives, the IoU in time of their object and track.
+        association_recall_sum: (19,) the same by the length of the object.
+        association_precision_sum: (19,) the same by the length of the track.
+        similarity_sum: (19,) over the true positives.
+    """
+
+    true_positives: Int = field(default_factory=_no_counts)
+    false_negatives: Int = field(default_factory=_no_counts)
+    false_positives: Int = field(default_factory=_no_counts)
+    association_sum: Float64 = field(default_factory=_no_sums)
+    association_recall_sum: Float64 = field(default_factory=_no_sums)
+    association_precision_sum: Float64 = field(default_factory=_no_sums)
+    similarity_sum: Float64 = field(default_factory=_no_sums)
+
+    def __add__(self, other: "Hota") -> "Hota":
+        """Return the figures of both, as of one longer sequence whose ids never meet."""
+        return Hota(
+            self.true_positives + other.true_positives,
+            self.false_negatives + other.false_negatives,
+            self.false_positives + other.false_positives,
+            self.association_sum + other.association_sum,
+            self.association_recall_sum + other.association_recall_sum,
+            self.association_precision_sum + other.association_precision_sum,
+            self.similarity_sum + other.similarity_sum,
+        )
+
+    @property
+    def alphas(self) -> Float64:
+        """(19,) thresholds of likeness, 0.05 to 0.95."""
+        return ALPHAS
+
+    @property
+    def hota_by_alpha(self) -> Float64:
+        """Geometric mean of detection and association accuracy."""
+        return np.sqrt(self.det_a_by_alpha * self.ass_a_by_alpha)
+
+    @property
+    def det_a_by_alpha(self) -> Float64:
+        """Detection accuracy: IoU of the true and the answered boxes as sets."""
+        wrong = self.false_negatives + self.false_positives
+        return _ratio(self.true_positives, self.true_positives + wrong)
+
+    @property
+    def det_re_by_alpha(self) -> Float64:
+        """Detection recall."""
+        return _ratio(self.true_positives, self.true_positives + self.false_negatives)
+
+    @property
+    def det_pr_by_alpha(self) -> Float64:
+        """Detection precision."""
+        return _ratio(self.true_positives, self.true_positives + self.false_positives)
+
+    @property
+    def ass_a_by_alpha(self) -> Float64:
+        """Association accuracy: mean IoU in time of an object and its track."""
+        return _ratio(self.association_sum, self.true_positives)
+
+    @property
+    def ass_re_by_alpha(self) -> Float64:
+        """Association recall."""
+        return _ratio(self.association_recall_sum, self.true_positives)
+
+    @property
+    def ass_pr_by_alpha(self) -> Float64:
+        """Association precision."""
+        return _ratio(self.association_precision_sum, self.true_positives)
+
+    @property
+    def loc_a_by_alpha(self) -> Float64:
+        """Localisation accuracy: mean similarity of the true positives, 1 without any."""
+        mean = _ratio(self.similarity_sum, self.true_positives)
+        return np.where(self.true_positives > 0, mean, 1.0)
+
+    @property
+    def hota(self) -> float:
+        """Mean over the thresholds: not the root of the mean accuracies."""
+        return float(self.hota_by_alpha.mean())
+
+    @property
+    def det_a(self) -> float:
+        """Mean detection accuracy."""
+        return float(self.det_a_by_alpha.mean())
+
+    @property
+    def det_re(self) -> float:
+        """Mean detection recall."""
+        return float(self.det_re_by_alpha.mean())
+
+    @property
+    def det_pr(self) -> float:
+        """Mean detection precision."""
+        return float(self.det_pr_by_alpha.mean())
+
+    @property
+    def ass_a(self) -> float:
+        """Mean association accuracy."""
+        return float(self.ass_a_by_alpha.mean())
+
+    @property
+    def ass_re(self) -> float:
+        """Mean association recall."""
+        return float(self.ass_re_by_alpha.mean())
+
+    @property
+    def ass_pr(self) -> float:
+        """Mean association precision."""
+        return float(self.ass_pr_by_alpha.mean())
+
+    @property
+    def loc_a(self) -> float:
+        """Mean localisation accuracy."""
+        return float(self.loc_a_by_alpha.mean())
+
+
+def hota(sequence: TrackedSequence) -> Hota:
+    """Measure one sequence; several are combined by adding their results."""
+    paired = pair_up(sequence)
+    pairs, couples = paired.pairs, couples_of(paired.pairs)
+    weights = pairs.similarity * _alignment(paired, couples)[couples.of_pairs]
+    # One matching serves all thresholds: those who belong together over time, then those who are alike.
+    is_matched = heaviest_matching(pairs.truth_boxes, pairs.track_boxes, weights)
+    is_positive = is_matched & (pairs.similarity >= ALPHAS[:, None] - _ROUNDING)
+    true_positives = is_positive.sum(axis=1)
+    together = np.stack([couples.sums(row) for row in is_positive])
+    truth_lengths = paired.truth_lengths[couples.truths]
+    track_lengths = paired.track_lengths[couples.tracks]
+    return Hota(
+        true_positives=true_positives,
+        false_negatives=paired.truth_lengths.sum() - true_positives,
+        false_positives=paired.track_lengths.sum() - true_positives,
+        association_sum=(together**2 / (truth_lengths + track_lengths - together)).sum(axis=1),
+        association_recall_sum=(together**2 / truth_lengths).sum(axis=1),
+        association_precision_sum=(together**2 / track_lengths).sum(axis=1),
+        similarity_sum=is_positive @ pairs.similarity,
+    )
+
+
+def _alignment(paired: PairedSequence, couples: Couples) -> Float64:
+    """Return (K,) how well each couple fits over the whole sequence, were no box to choose one partner."""
+    pairs = paired.pairs
+    by_truth = np.bincount(pairs.truth_boxes, pairs.similarity)[pairs.truth_boxes]
+    by_track = np.bincount(pairs.track_boxes, pairs.similarity)[pairs.track_boxes]
+    together = couples.sums(pairs.similarity / (by_truth + by_track - pairs.similarity))
+    lengths = paired.truth_lengths[couples.truths] + paired.track_lengths[couples.tracks]
+    return np.asarray(together / (lengths - together))
+
+
+def _ratio(part: Int | Float64, whole: Int) -> Float64:
+    return np.asarray(part / np.maximum(whole, 1))
