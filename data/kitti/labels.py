@@ -17,7 +17,7 @@ from data.drive import Labels
 from perception.errors import LabelError
 from perception.types import Boxes3D, Calibration, Float64
 
-_DONT_CARE = "DontCare"
+DONT_CARE = "DontCare"
 _NUMBERS = 14  # after the type
 
 
@@ -28,7 +28,7 @@ def read_tracking_labels(path: Path, calibration: Calibration) -> dict[int, Labe
         LabelError: the file or one of its rows cannot be read.
     """
     rows_of_frame: dict[int, list[tuple[str, int, Float64]]] = defaultdict(list)
-    for number, line in enumerate(_read_lines(path), start=1):
+    for number, line in enumerate(read_label_lines(path), start=1):
         where = f"{path} row {number}"
         frame, track_id, *rest = line.split() if len(line.split()) > 2 else ("?", "?", "")
         if not (frame.isdigit() and track_id.lstrip("-").isdigit()):
@@ -47,7 +47,7 @@ def read_object_labels(path: Path, calibration: Calibration) -> Labels:
         LabelError: the file or one of its rows cannot be read.
     """
     rows = []
-    for number, line in enumerate(_read_lines(path), start=1):
+    for number, line in enumerate(read_label_lines(path), start=1):
         kind, values = _parse_row(line.split(), f"{path} row {number}")
         rows.append((kind, -1, values))
     return _to_labels(rows, calibration)
@@ -67,7 +67,12 @@ def no_labels() -> Labels:
     )
 
 
-def _read_lines(path: Path) -> list[str]:
+def read_label_lines(path: Path) -> list[str]:
+    """Return the rows of a label file that are not blank.
+
+    Raises:
+        LabelError: the file cannot be read.
+    """
     try:
         return [line for line in path.read_text().splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
@@ -96,7 +101,7 @@ def _to_labels(rows: list[tuple[str, int, Float64]], calibration: Calibration) -
     types = np.array([kind for kind, _, _ in rows], np.str_)
     values = np.array([numbers for _, _, numbers in rows]).reshape(-1, _NUMBERS)
     track_ids = np.array([track_id for _, track_id, _ in rows], np.int64)
-    cared = types != _DONT_CARE
+    cared = types != DONT_CARE
     objects = values[cared]
     return Labels(
         boxes_velo=_boxes_from_cam(objects[:, 7:14], calibration),
@@ -160,4 +165,4 @@ def _format_rows(labels: Labels, calibration: Calibration, *, is_tracking: bool)
     ]
     nowhere = "-1000 -1000 -1000 -10 -1 -1 -1" if is_tracking else "-1 -1 -1 -1000 -1000 -1000 -10"
     regions = [" ".join(f"{edge:.6f}" for edge in region) for region in labels.dont_care_px]
-    return rows + [f"{_DONT_CARE} -1 -1 -10 {region} {nowhere}" for region in regions]
+    return rows + [f"{DONT_CARE} -1 -1 -10 {region} {nowhere}" for region in regions]

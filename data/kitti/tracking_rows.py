@@ -1,0 +1,222 @@
+"""Rows of KITTI's tracking benchmark as plain numbers, read and written; they need no calibration.
+
+Labels have 17 columns, results of a tracker an 18th:
+
+    frame id type truncation occlusion alpha  x1 y1 x2 y2  height width length  x y z  ry  [score]
+
+    0 2 Pedestrian 0 0 -2.523309 1106.137292 166.576807 1204.470628 323.876144 1.71 0.55 1.09 ...
+    0 7 Car -1 -1 -10 296.74 161.75 455.22 292.37 -1 -1 -1 -1000 -1000 -1000 -10 0.93
+
+Frames count from 0. What a tracker does not say is -1 (truncation, occlusion, size), -1000 (place) or
+-10 (angle). A row whose id is below 0 belongs to no track; regions without labels are of type DontCare.
+All is as in the file: pixels, metres and radians, x y z the centre of the bottom face in the rectified
+camera, ry the heading about its y axis.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data.kitti.labels import read_label_lines
+from perception.errors import LabelError, PerceptionError
+from perception.evaluation.rows import Rows
+from perception.types import Bool, Float64, Int
+
+TYPES = (
+    *("Car", "Van", "Truck", "Tram", "Misc", "Cyclist"),
+    *("Pedestrian", "Person", "Person_sitting", "DontCare"),
+)
+_LABEL_COLUMNS, _RESULT_COLUMNS = 17, 18
+
+
+@dataclass(frozen=True)
+class TrackingRows(Rows):
+    """N rows of one sequence.
+
+    Attributes:
+        frames: (N,) from 0.
+        ids: (N,) of the object or track, below 0 where there is none.
+        types: (N,) one of `TYPES`, in any case.
+        truncation: (N,) levels 0, 1, 2; -1 unknown.
+        occlusion: (N,) levels 0, 1, 2, 3; -1 unknown.
+        alphas_rad: (N,) heading as seen from the camera; -10 unknown.
+        boxes_px: (N, 4) x1 y1 x2 y2.
+        sizes_hwl_m: (N, 3) height, width, length; -1 unknown.
+        bottoms_cam_m: (N, 3) x right, y down, z forward; -1000 unknown.
+        headings_rad: (N,) ry; -10 unknown.
+        scores: (N,) NaN in labels, which have none.
+    """
+
+    frames: Int
+    ids: Int
+    types: np.ndarray
+    truncation: Int
+    occlusion: Int
+    alphas_rad: Float64
+    boxes_px: Float64
+    sizes_hwl_m: Float64
+    bottoms_cam_m: Float64
+    headings_rad: Float64
+    scores: Float64
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        widths = {"boxes_px": 4, "sizes_hwl_m": 3, "bottoms_cam_m": 3}
+        for name, array in vars(self).items():
+            shape = (len(self.frames), widths[name]) if name in widths else (len(self.frames),)
+            if array.shape != shape:
+                raise PerceptionError(
+                    f"TrackingRows.{name}", expected=f"shape {shape}", found=f"{array.shape}"
+                )
+
+
+def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
+    """Read the labels of a sequence.
+
+    Args:
+        path: a file of label_02.
+        frame_count: of the sequence, where it is known: no row may lie beyond.
+
+    Raises:
+        LabelError: the file or one of its rows cannot be read, a type or a number is none that the
+            benchmark knows, or an id of one type is twice in a frame.
+    """
+    table = _read_table(path, _LABEL_COLUMNS)
+    return _checked(_to_rows(table, np.full(len(table.numbers), np.nan)), path, frame_count)
+
+
+def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
+    """Read what a tracker answered for a sequence; an empty file means that it found nothing.
+
+    Raises:
+        LabelError: as `read_label_rows`.
+    """
+    table = _read_table(path, _RESULT_COLUMNS)
+    return _checked(_to_rows(table, table.numbers[:, -1]), path, frame_count)
+
+
+def format_label_rows(rows: TrackingRows) -> str:
+    """Return rows of 17 columns, each with its line end."""
+    return "".join(f"{line}\n" for line in _format_lines(rows))
+
+
+def format_result_rows(rows: TrackingRows) -> str:
+    """Return rows of 18 columns, the last the score, each with its line end."""
+    lines = zip(_format_lines(rows), rows.scores.tolist(), strict=True)
+    return "".join(f"{line} {score:.6f}\n" for line, score in lines)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The columns of a file: frame and id, type, and the numbers after it."""
+
+    integers: Int
+    types: np.ndarray
+    numbers: Float64
+
+
+def _read_table(path: Path, columns: int) -> _Table:
+    words = [line.split() for line in read_label_lines(path)]
+    for number, row in enumerate(words, start=1):
+        if len(row) != columns:
+            raise LabelError(
+                f"{path} row {number}", expected=f"{columns} columns", found=f"{len(row)}"
+            )
+    table = np.array(words, np.str_).reshape(-1, columns)
+    return _Table(
+        integers=_parse_integers(table[:, :2], path),
+        types=table[:, 2],
+        numbers=_parse_numbers(table[:, 3:], path),
+    )
+
+
+def _parse_integers(words: np.ndarray, path: Path) -> Int:
+    try:
+        return words.astype(np.int64)
+    except ValueError as error:
+        is_bad = ~np.char.isdigit(np.char.lstrip(words, "-"))
+        raise _row_error(path, is_bad, "a frame number and an id", words) from error
+
+
+def _parse_numbers(words: np.ndarray, path: Path) -> Float64:
+    try:
+        numbers = words.astype(np.float64)
+    except ValueError as error:
+        is_bad = np.array([not _is_number(word) for word in words.flat]).reshape(words.shape)
+        raise _row_error(path, is_bad, "numbers after the type", words) from error
+    if not np.isfinite(numbers).all():
+        raise _row_error(path, ~np.isfinite(numbers), "finite numbers after the type", words)
+    return numbers
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _to_rows(table: _Table, scores: Float64) -> TrackingRows:
+    return TrackingRows(
+        frames=table.integers[:, 0],
+        ids=table.integers[:, 1],
+        types=table.types,
+        truncation=table.numbers[:, 0].astype(np.int64),
+        occlusion=table.numbers[:, 1].astype(np.int64),
+        alphas_rad=table.numbers[:, 2],
+        boxes_px=table.numbers[:, 3:7],
+        sizes_hwl_m=table.numbers[:, 7:10],
+        bottoms_cam_m=table.numbers[:, 10:13],
+        headings_rad=table.numbers[:, 13],
+        scores=scores,
+    )
+
+
+def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> TrackingRows:
+    """Return the rows if the benchmark could mean them."""
+    types = np.char.lower(rows.types)
+    is_unknown = ~np.isin(types, [name.lower() for name in TYPES])
+    if is_unknown.any():
+        raise _row_error(path, is_unknown, f"one of {', '.join(TYPES)}", rows.types)
+    is_beyond = rows.frames < 0
+    if frame_count is not None:
+        is_beyond |= rows.frames >= frame_count
+    if is_beyond.any():
+        last = "" if frame_count is None else f" to {frame_count - 1}"
+        raise _row_error(path, is_beyond, f"frames from 0{last}", rows.frames)
+    is_repeated = _is_repeated(rows.frames, rows.ids, types)
+    if is_repeated.any():
+        where = int(is_repeated.argmax())
+        found = f"id {rows.ids[where]} again in frame {rows.frames[where]}"
+        expected = f"every {rows.types[where]} once in a frame"
+        raise LabelError(f"{path} row {where + 1}", expected=expected, found=found)
+    return rows
+
+
+def _is_repeated(frames: Int, ids: Int, types: np.ndarray) -> Bool:
+    """Return (N,) which rows have the frame, type and id of an earlier row."""
+    kinds = np.unique(types, return_inverse=True)[1]
+    keys = np.column_stack([frames, kinds, ids])
+    is_first = np.zeros(len(keys), bool)
+    is_first[np.unique(keys, axis=0, return_index=True)[1]] = True
+    return np.asarray(~is_first & (ids >= 0))
+
+
+def _row_error(path: Path, is_bad: Bool, expected: str, values: np.ndarray) -> LabelError:
+    """Name the first row in which anything is bad, and what that is."""
+    row, *column = np.argwhere(is_bad)[0].tolist()
+    found = repr(str(values[(row, *column)]))
+    return LabelError(f"{path} row {row + 1}", expected=expected, found=found)
+
+
+def _format_lines(rows: TrackingRows) -> list[str]:
+    heads = zip(rows.frames, rows.ids, rows.types, rows.truncation, rows.occlusion, strict=True)
+    numbers = np.column_stack(
+        [rows.alphas_rad, rows.boxes_px, rows.sizes_hwl_m, rows.bottoms_cam_m, rows.headings_rad]
+    )
+    return [
+        f"{' '.join(map(str, head))} {' '.join(f'{value:.6f}' for value in row)}"
+        for head, row in zip(heads, numbers.tolist(), strict=True)
+    ]
