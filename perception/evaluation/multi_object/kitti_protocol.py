@@ -1,0 +1,163 @@
+"""KITTI's 2D tracking protocol: which boxes of a class are judged, frame by frame.
+
+Neither right nor wrong are true boxes that are cut off or hidden, those of a neighbour class that looks
+much the same, and the answers given to them; nor unmatched answers that are too low, or that lie in a
+region without labels.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from perception.errors import PerceptionError
+from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
+from perception.types import Bool, Float64, Int
+
+# Class: those that may be taken for it, all in lower case.
+NEIGHBOURS = {"car": ("van",), "pedestrian": ("person", "person_sitting"), "cyclist": ()}
+_DONT_CARE = "dontcare"
+_ROUNDING = np.finfo(np.float64).eps
+
+
+@dataclass(frozen=True)
+class KittiRules:
+    """The values of the benchmark.
+
+    Attributes:
+        min_iou: from which on an answer is matched to a true box.
+        max_truncation: of a true box that is judged.
+        max_occlusion: of a true box that is judged.
+        min_height_px: an unmatched answer must be higher to be wrong.
+        max_dont_care: an unmatched answer must have no more of its area in one region without labels.
+    """
+
+    min_iou: float = 0.5
+    max_truncation: int = 0
+    max_occlusion: int = 2
+    min_height_px: float = 25.0
+    max_dont_care: float = 0.5
+
+
+class BoxRows(Protocol):
+    """N labelled or answered boxes of a sequence, in any order: parallel arrays."""
+
+    @property
+    def frames(self) -> Int:
+        """(N,) from 0."""
+        ...
+
+    @property
+    def ids(self) -> Int:
+        """(N,) below 0 where a row is of no track."""
+        ...
+
+    @property
+    def types(self) -> np.ndarray:
+        """(N,) names of classes, in any case."""
+        ...
+
+    @property
+    def truncation(self) -> Int:
+        """(N,) levels; not read of answers."""
+        ...
+
+    @property
+    def occlusion(self) -> Int:
+        """(N,) levels; not read of answers."""
+        ...
+
+    @property
+    def boxes_px(self) -> Float64:
+        """(N, 4) x1 y1 x2 y2."""
+        ...
+
+
+def kitti_frames(
+    truth: BoxRows,
+    answers: BoxRows,
+    class_name: str,
+    frame_count: int,
+    rules: KittiRules = KittiRules(),
+) -> list[TrackedFrame]:
+    """Return what is judged of each frame, its similarity the IoU in the image.
+
+    Args:
+        truth: labels of all classes, with regions of type DontCare.
+        answers: of a tracker.
+        class_name: car, pedestrian or cyclist.
+        frame_count: of the sequence.
+        rules: of the benchmark.
+    """
+    if class_name not in NEIGHBOURS:
+        known = ", ".join(NEIGHBOURS)
+        raise PerceptionError("class", expected=f"one of {known}", found=repr(class_name))
+    true_types, answered_types = np.char.lower(truth.types), np.char.lower(answers.types)
+    near = np.isin(true_types, (class_name, *NEIGHBOURS[class_name])) & (truth.ids >= 0)
+    answered = (answered_types == class_name) & (answers.ids >= 0)
+    is_judged = (
+        (true_types == class_name)
+        & (truth.truncation <= rules.max_truncation)
+        & (truth.occlusion <= rules.max_occlusion)
+    )
+    slices = zip(
+        _by_frame(truth.frames, near, frame_count),
+        _by_frame(truth.frames, true_types == _DONT_CARE, frame_count),
+        _by_frame(answers.frames, answered, frame_count),
+        strict=True,
+    )
+    return [
+        _judge(
+            _TrueBoxes(truth.ids[true], truth.boxes_px[true], is_judged[true]),
+            truth.boxes_px[regions],
+            answers.ids[given],
+            answers.boxes_px[given],
+            rules,
+        )
+        for true, regions, given in slices
+    ]
+
+
+def _by_frame(frames: Int, wanted: Bool, frame_count: int) -> Iterator[Int]:
+    """Yield the wanted rows of each frame."""
+    rows = np.flatnonzero(wanted)
+    if len(rows) and not 0 <= frames[rows].min() <= frames[rows].max() < frame_count:
+        raise PerceptionError(
+            "frames of boxes",
+            expected=f"0 to {frame_count - 1}",
+            found=f"{frames[rows].min()} to {frames[rows].max()}",
+        )
+    rows = rows[np.argsort(frames[rows], kind="stable")]
+    ends = np.searchsorted(frames[rows], np.arange(frame_count + 1))
+    return (rows[start:end] for start, end in pairwise(ends))
+
+
+@dataclass(frozen=True)
+class _TrueBoxes:
+    """The true boxes of a class and its neighbours in one frame."""
+
+    ids: Int
+    boxes_px: Float64
+    is_judged: Bool
+
+
+def _judge(
+    true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, rules: KittiRules
+) -> TrackedFrame:
+    """Leave out what is neither right nor wrong."""
+    iou = iou_px(true.boxes_px, boxes_px)
+    is_near = iou >= rules.min_iou - _ROUNDING
+    rows, columns = linear_sum_assignment(np.where(is_near, iou, 0), maximize=True)
+    is_pair = is_near[rows, columns]
+    rows, columns = rows[is_pair], columns[is_pair]
+    is_low = boxes_px[:, 3] - boxes_px[:, 1] <= rules.min_height_px
+    share = intersection_over_area_px(boxes_px, regions_px)
+    is_wrong_at_worst = ~is_low & ~(share > rules.max_dont_care + _ROUNDING).any(axis=1)
+    # A matched answer is judged if its true box is, whatever its height and place.
+    is_judged = is_wrong_at_worst
+    is_judged[columns] = true.is_judged[rows]
+    return TrackedFrame(true.ids[true.is_judged], ids[is_judged], iou[true.is_judged][:, is_judged])
