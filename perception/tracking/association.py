@@ -44,15 +44,18 @@ def assign_nearest_in_turn(distances: Float64, is_allowed: Bool) -> Association:
 
     Gating and nearest neighbour of the thesis (5.2.2, Data Association).
     """
-    is_free = np.ones(distances.shape[1], bool)
-    pairs: list[tuple[int, int]] = []
-    for track, row in enumerate(distances):
-        candidates = np.flatnonzero(is_allowed[track] & is_free)
-        if len(candidates):
-            taken = int(candidates[np.argmin(row[candidates])])
-            is_free[taken] = False
-            pairs.append((track, taken))
-    tracks, detections = np.array(pairs, np.int64).reshape(-1, 2).T
+    rows, columns = np.nonzero(is_allowed)
+    nearest_first = np.lexsort((distances[rows, columns], rows))
+    # What one track takes bears on all later ones: only this walk over the allowed pairs is in turn.
+    taken: dict[int, int] = {}
+    is_matched: set[int] = set()
+    for track, detection in zip(
+        rows[nearest_first].tolist(), columns[nearest_first].tolist(), strict=True
+    ):
+        if track not in is_matched and detection not in taken:
+            taken[detection] = track
+            is_matched.add(track)
+    detections, tracks = np.array(list(taken.items()), np.int64).reshape(-1, 2).T
     return _association(tracks, detections, distances.shape)
 
 

@@ -1,0 +1,208 @@
+"""The plain forms of the tracking of many objects, as oracle and as baseline: one filter a track, in loops.
+
+They say what the batched forms must say, line by line as the thesis puts it (5.2.2, Tracking Module).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.measure import Contender, Timing, take_turns
+from perception.geometry.footprints import Footprints, footprints_of
+from perception.geometry.se3 import inverse
+from perception.tracking.point_tracker import THESIS, PointTracker, PointTrackerRules
+from perception.types import Boxes3D, Float64, Tracks
+
+
+@dataclass
+class PlainKalmanFilter:
+    """The Kalman filter of one object.
+
+    Attributes:
+        mean: (n,) state.
+        covariance: (n, n).
+    """
+
+    mean: Float64
+    covariance: Float64
+
+    def predict(self, transition: Float64, process_noise: Float64) -> None:
+        """Move the state one step ahead."""
+        self.mean = transition @ self.mean
+        self.covariance = transition @ self.covariance @ transition.T + process_noise
+
+    def update(self, measured: Float64, observation: Float64, measurement_noise: Float64) -> None:
+        """Correct the state by the textbook's form, with an inverse."""
+        seen = observation @ self.covariance @ observation.T + measurement_noise
+        gain = self.covariance @ observation.T @ np.linalg.inv(seen)
+        self.mean = self.mean + gain @ (measured - observation @ self.mean)
+        self.covariance = (np.eye(len(self.mean)) - gain @ observation) @ self.covariance
+
+    def mahalanobis_squared(
+        self, measured: Float64, observation: Float64, measurement_noise: Float64
+    ) -> float:
+        """Return how far a measurement is from the expected one."""
+        away = measured - observation @ self.mean
+        seen = observation @ self.covariance @ observation.T + measurement_noise
+        return float(away @ np.linalg.inv(seen) @ away)
+
+
+def nearest_in_turn_by_loop(distances: Float64, gate: float) -> dict[int, int]:
+    """Return the detection of each track that has one: gating, then the nearest still free."""
+    taken: dict[int, int] = {}
+    for track in range(distances.shape[0]):
+        best = None
+        for detection in range(distances.shape[1]):
+            is_candidate = distances[track, detection] <= gate and detection not in taken.values()
+            nearer = best is None or distances[track, detection] < distances[track, best]
+            if is_candidate and nearer:
+                best = detection
+        if best is not None:
+            taken[track] = best
+    return taken
+
+
+@dataclass
+class _PlainTrack:
+    id: int
+    filter: PlainKalmanFilter
+    size_m: Float64
+    low_world_m: float
+    is_confirmed: bool = False
+    is_seen: bool = True
+
+    def bottom_velo_m(self, world_SE3_velo: Float64) -> Float64:
+        bottom_world = np.array([*self.filter.mean[:2], self.low_world_m, 1.0])
+        return np.asarray((inverse(world_SE3_velo) @ bottom_world)[:3])
+
+
+class PlainPointTracker:
+    """`PointTracker` with a loop over tracks in every place; implements `MultiObjectTracker`."""
+
+    def __init__(self, rules: PointTrackerRules = THESIS) -> None:
+        self.rules = rules
+        self._next_id = 0
+        self.end_all()
+
+    def end_all(self) -> None:
+        """End all tracks."""
+        self._tracks: list[_PlainTrack] = []
+        self._stamp_s: float | None = None
+
+    def update(
+        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, standing: Footprints
+    ) -> Tracks:
+        """Take in what one scan shows."""
+        elapsed_s = 0.1 if self._stamp_s is None else stamp_s - self._stamp_s
+        if elapsed_s > 0:
+            self._step(self.rules.step_s or elapsed_s, world_SE3_velo, moving)
+            self._stamp_s = stamp_s
+        return self._answer(world_SE3_velo)
+
+    def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
+        candidates = self._candidates(world_SE3_velo, moving)
+        last_m = [track.filter.mean[:2].copy() for track in self._tracks]
+        for track in self._tracks:
+            transition = np.eye(4) + step_s * np.eye(4, k=2)
+            noise = self.rules.process_variance * step_s / 0.1 * np.eye(4)
+            track.filter.predict(transition, noise)
+        expected_m = (
+            last_m
+            if self.rules.gate_around == "last estimate"
+            else [track.filter.mean[:2] for track in self._tracks]
+        )
+        distances = np.empty((len(self._tracks), len(candidates)))
+        for row, place_m in enumerate(expected_m):
+            for column, candidate in enumerate(candidates):
+                distances[row, column] = np.linalg.norm(place_m - candidate.filter.mean[:2])
+        pairs = nearest_in_turn_by_loop(distances, self.rules.gate_m)
+        for row, track in enumerate(self._tracks):
+            self._correct(track, last_m[row], candidates[pairs[row]] if row in pairs else None)
+        self._manage(candidates, set(pairs.values()), world_SE3_velo)
+
+    def _candidates(self, world_SE3_velo: Float64, moving: Footprints) -> list[_PlainTrack]:
+        found = []
+        for number in range(len(moving)):
+            thing = moving[np.array([number])]
+            moved = thing.moved(world_SE3_velo)
+            extent_m = thing.vertices_m.max(axis=0) - thing.vertices_m.min(axis=0)
+            size_m = np.array([*extent_m, float(thing.high_m[0] - thing.low_m[0])])
+            mean = np.array([*moved.centroids_m[0], 0.0, 0.0])
+            state = PlainKalmanFilter(mean, self.rules.initial_variance * np.eye(4))
+            found.append(_PlainTrack(-1, state, size_m, float(moved.low_m[0])))
+        return found
+
+    def _correct(self, track: _PlainTrack, last_m: Float64, seen: _PlainTrack | None) -> None:
+        noise = self.rules.measurement_variance_m2 * np.eye(2)
+        track.is_seen = seen is not None
+        track.is_confirmed |= track.is_seen or not self.rules.confirms
+        if seen is not None:
+            track.filter.update(seen.filter.mean[:2], np.eye(2, 4), noise)
+            track.size_m, track.low_world_m = seen.size_m, seen.low_world_m
+        elif self.rules.on_miss == "hold":
+            track.filter.update(last_m, np.eye(2, 4), noise)
+
+    def _manage(
+        self, candidates: list[_PlainTrack], claimed: set[int], world_SE3_velo: Float64
+    ) -> None:
+        kept = [track for track in self._tracks if track.is_confirmed]
+        kept += [track for number, track in enumerate(candidates) if number not in claimed]
+        margin_m = self.rules.kept_beyond_area_m
+        self._tracks = [t for t in kept if self._is_within(t, world_SE3_velo, margin_m)]
+        for track in self._tracks:
+            if track.id < 0:
+                track.id = self._next_id
+                self._next_id += 1
+
+    def _is_within(self, track: _PlainTrack, world_SE3_velo: Float64, margin_m: float) -> bool:
+        bottom_m = track.bottom_velo_m(world_SE3_velo)
+        return bool(self.rules.area.contains_xy(bottom_m[None], margin_m)[0])
+
+    def _answer(self, world_SE3_velo: Float64) -> Tracks:
+        shown = [
+            track
+            for track in self._tracks
+            if track.is_confirmed and self._is_within(track, world_SE3_velo, 0.0)
+        ]
+        if not shown:
+            return Tracks.empty()
+        velocities = [
+            world_SE3_velo[:3, :3].T @ np.array([*track.filter.mean[2:], 0.0]) for track in shown
+        ]
+        return Tracks(
+            ids=np.array([track.id for track in shown]),
+            boxes=Boxes3D(
+                np.array([track.bottom_velo_m(world_SE3_velo) for track in shown]),
+                np.array([track.size_m for track in shown]),
+                np.zeros(len(shown)),
+            ),
+            velocities_m_s=np.array(velocities)[:, :2],
+            is_seen=np.array([track.is_seen for track in shown]),
+        )
+
+
+def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
+    """Simulate things of five points each that drive straight through the local grid, a scan a frame."""
+    rng = np.random.default_rng(seed)
+    start_m = rng.uniform([-8, -9], [20, 9], (count, 2))
+    velocity_m_s = rng.uniform([-2, -1], [4, 1], (count, 2))
+    square = np.array([[1, 1, 0.2], [1, -1, 0.2], [-1, -1, 1.5], [-1, 1, 1.5], [0, 0, 1]])
+    thing_of = np.repeat(np.arange(count), len(square))
+    scans = []
+    for frame in range(frames):
+        center_m = start_m + 0.1 * frame * velocity_m_s + rng.normal(0, 0.1, (count, 2))
+        points_m = np.tile(square, (count, 1))
+        points_m[:, :2] += np.repeat(center_m, len(square), axis=0)
+        scans.append(footprints_of(points_m, thing_of, count))
+    return scans
+
+
+def time_trackers(objects: int, frames: int = 50) -> list[Timing]:
+    """Time a frame of the batched tracker and of the plain one on the same objects, side by side."""
+    scans, pose, nothing = moving_squares(objects, frames), np.eye(4), Footprints.empty()
+    ours, plain = PointTracker(), PlainPointTracker()
+    contenders = [
+        Contender("ours", lambda i: ours.update(0.1 * i, pose, scans[i], nothing)),
+        Contender("one filter a track", lambda i: plain.update(0.1 * i, pose, scans[i], nothing)),
+    ]
+    return take_turns(contenders, frames)

@@ -1,0 +1,259 @@
+"""The thesis' tracker (5.2.2, Tracking Module): each object a point with a Kalman filter of its own.
+
+A detection that no track claims begins a track; the next frame confirms it or drops it. A track that
+finds no detection is predicted. Nothing but leaving the local grid ends a confirmed one.
+
+The author's released program does several of these otherwise. Each difference is a rule, so that either
+can be had, and `THESIS` and `AUTHOR` name the two whole.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.geometry.footprints import Footprints
+from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import inverse
+from perception.tracking.association import Association, assign_nearest_in_turn
+from perception.tracking.kalman import Gaussians, predict, update
+from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+
+# What the filters know of an object, in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
+_OBSERVATION = np.eye(2, 4)
+_NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, which the released noise belongs to
+
+
+@dataclass(frozen=True)
+class PointTrackerRules:
+    """What the tracker does where the thesis and the released program differ or the thesis is silent.
+
+    Attributes:
+        step_s: time from frame to frame that the filters assume; None takes it from the stamps. The
+            released program assumes 0.1 s.
+        process_variance: Q = this times I, added every 0.1 s, in m² and (m/s)² (released program; the
+            thesis gives none).
+        measurement_variance_m2: R = this times I (released program; the thesis gives none).
+        initial_variance: P0 = this times I, with a speed of 0 (released program; the thesis gives none).
+        gate_m: a detection farther than this is not a track's (released program; the thesis gives none).
+        gate_around: what the distance is measured from: where the track should be now, as a filter "used
+            for the prediction of each object's location in the next frames" implies, or where it was
+            last (released program).
+        on_miss: without a detection take the prediction (thesis), or correct it with the last position,
+            which brakes the track to a halt (released program).
+        confirms: whether a new track is dropped when the next frame does not detect it (thesis).
+        area: the local grid, in the LiDAR frame (5.2.2: 10 m behind, 30 m ahead, 10 m to each side). No
+            track outside is shown.
+        kept_beyond_area_m: how far outside a track ends.
+    """
+
+    step_s: float | None = None
+    process_variance: float = 5.0
+    measurement_variance_m2: float = 0.5
+    initial_variance: float = 5.0
+    gate_m: float = 4.0
+    gate_around: Literal["prediction", "last estimate"] = "prediction"
+    on_miss: Literal["predict", "hold"] = "predict"
+    confirms: bool = True
+    area: LocalArea = field(default_factory=lambda: LocalArea(ahead_m=30.0, behind_m=10.0))
+    kept_beyond_area_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what no filter and no gate could work with."""
+        positive = (self.process_variance, self.measurement_variance_m2, self.initial_variance)
+        if min(*positive, self.gate_m, 1.0 if self.step_s is None else self.step_s) <= 0:
+            raise UsageError(
+                "point tracker", expected="a step, variances and a gate above 0", found=str(self)
+            )
+
+
+THESIS = PointTrackerRules()
+# The released program ends no track, so its cost grows with the drive. A detection lies in the local
+# grid, and so nothing beyond the gate around it can matter unless the vehicle comes back; 40 m, as much
+# as the grid is long, lets it turn round and still find its tracks.
+AUTHOR = PointTrackerRules(
+    step_s=0.1,
+    gate_around="last estimate",
+    on_miss="hold",
+    confirms=False,
+    kept_beyond_area_m=40.0,
+)
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """T objects between two frames.
+
+    Attributes:
+        ids: (T,) rising.
+        states: (T) in the world.
+        low_world_m: (T,) z of the lowest point when last seen.
+        size_m: (T, 3) along x, y and z of the LiDAR frame when last seen.
+        is_confirmed: (T,) not in its first frame any more, and not dropped.
+        is_seen: (T,) measured in the last frame.
+    """
+
+    ids: Int
+    states: Gaussians
+    low_world_m: Float64
+    size_m: Float64
+    is_confirmed: Bool
+    is_seen: Bool
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, rows: Bool | Int) -> Self:
+        return type(self)(
+            self.ids[rows],
+            self.states[rows],
+            self.low_world_m[rows],
+            self.size_m[rows],
+            self.is_confirmed[rows],
+            self.is_seen[rows],
+        )
+
+    def joined(self, others: Self) -> Self:
+        """Return these objects and others after them."""
+        return type(self)(
+            np.concatenate([self.ids, others.ids]),
+            self.states.joined(others.states),
+            np.concatenate([self.low_world_m, others.low_world_m]),
+            np.concatenate([self.size_m, others.size_m]),
+            np.concatenate([self.is_confirmed, others.is_confirmed]),
+            np.concatenate([self.is_seen, others.is_seen]),
+        )
+
+
+class PointTracker:
+    """Follows objects as points, all filters of a frame in one computation."""
+
+    def __init__(self, rules: PointTrackerRules = THESIS) -> None:
+        self.rules = rules
+        self._next_id = 0
+        self.end_all()
+
+    def end_all(self) -> None:
+        """End all tracks, as where poses before and after no longer fit; ids are not used again."""
+        self._followed = self._begin(Footprints.empty(), np.eye(4))
+        self._stamp_s: float | None = None
+
+    def update(
+        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, standing: Footprints
+    ) -> Tracks:
+        """Take in what one scan shows; things that stand say nothing to this tracker.
+
+        Args:
+            stamp_s: time of the scan; one not later than the last repeats the last answer's moment.
+            world_SE3_velo: (4, 4) pose of the scan.
+            moving: things that move, in the LiDAR frame of the scan.
+            standing: not used.
+        """
+        elapsed_s = _NOMINAL_STEP_S if self._stamp_s is None else stamp_s - self._stamp_s
+        if elapsed_s > 0:
+            self._step(elapsed_s, world_SE3_velo, moving)
+            self._stamp_s = stamp_s
+        return self._answer(world_SE3_velo)
+
+    def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
+        """Move all tracks to the next frame."""
+        before, candidates = self._followed, self._begin(moving, world_SE3_velo)
+        measured_m = candidates.states.mean[:, :2]
+
+        # Prediction, then gating and nearest neighbour.
+        predicted = self._predict(before.states, self.rules.step_s or step_s)
+        looks_back = self.rules.gate_around == "last estimate"
+        expected = before.states if looks_back else predicted
+        pairs = self._associate(expected.mean[:, :2], measured_m)
+
+        # Correction, and the shape of what was seen.
+        states = self._correct(before.states, predicted, measured_m, pairs)
+        after = self._see(replace(before, states=states), candidates, pairs)
+
+        # Track management: initialisation, confirmation, removal.
+        after = after[after.is_confirmed]
+        born = candidates[pairs.unmatched_detections]
+        after, born = (f[self._is_near(f, world_SE3_velo)] for f in (after, born))
+        self._followed = after.joined(replace(born, ids=self._next_id + np.arange(len(born))))
+        self._next_id += len(born)
+
+    def _begin(self, moving: Footprints, world_SE3_velo: Float64) -> _Followed:
+        """Return each detection as the track that it would begin, still without an id."""
+        count, moved = len(moving), moving.moved(world_SE3_velo)
+        least_m, greatest_m = moving.extents_m(np.zeros(count))
+        covariance = self.rules.initial_variance * np.eye(4)
+        return _Followed(
+            ids=np.full(count, -1),
+            states=Gaussians(
+                np.column_stack([moved.centroids_m, np.zeros((count, 2))]),
+                np.tile(covariance, (count, 1, 1)),
+            ),
+            low_world_m=moved.low_m,
+            size_m=np.column_stack([greatest_m - least_m, moving.high_m - moving.low_m]),
+            is_confirmed=np.zeros(count, bool),
+            is_seen=np.ones(count, bool),
+        )
+
+    def _predict(self, states: Gaussians, step_s: float) -> Gaussians:
+        transition = np.eye(4) + step_s * np.eye(4, k=2)
+        grown = self.rules.process_variance * step_s / _NOMINAL_STEP_S
+        return predict(states, transition, grown * np.eye(4))
+
+    def _associate(self, expected_m: Float64, measured_m: Float64) -> Association:
+        distances_m = np.linalg.norm(expected_m[:, None] - measured_m[None], axis=2)
+        return assign_nearest_in_turn(distances_m, distances_m <= self.rules.gate_m)
+
+    def _correct(
+        self, before: Gaussians, predicted: Gaussians, measured_m: Float64, pairs: Association
+    ) -> Gaussians:
+        """Correct the tracks that were seen, and by their last position the others, if so ruled."""
+        noise = self.rules.measurement_variance_m2 * np.eye(2)
+        if self.rules.on_miss == "hold":
+            every_m = before.mean[:, :2].copy()
+            every_m[pairs.tracks] = measured_m[pairs.detections]
+            return update(predicted, every_m, _OBSERVATION, noise)
+        seen = update(predicted[pairs.tracks], measured_m[pairs.detections], _OBSERVATION, noise)
+        return predicted.replaced(pairs.tracks, seen)
+
+    def _see(self, followed: _Followed, candidates: _Followed, pairs: Association) -> _Followed:
+        """Note which tracks were seen, and how large and high each of these was."""
+        low_world_m, size_m = followed.low_world_m.copy(), followed.size_m.copy()
+        low_world_m[pairs.tracks] = candidates.low_world_m[pairs.detections]
+        size_m[pairs.tracks] = candidates.size_m[pairs.detections]
+        is_seen = np.zeros(len(followed), bool)
+        is_seen[pairs.tracks] = True
+        is_confirmed = followed.is_confirmed | is_seen | (not self.rules.confirms)
+        return replace(
+            followed,
+            low_world_m=low_world_m,
+            size_m=size_m,
+            is_seen=is_seen,
+            is_confirmed=is_confirmed,
+        )
+
+    def _is_near(self, followed: _Followed, world_SE3_velo: Float64) -> Bool:
+        """Tell which objects have not left the area for good."""
+        bottom_m = _bottoms_in_velo(followed, world_SE3_velo)
+        return self.rules.area.contains_xy(bottom_m, self.rules.kept_beyond_area_m)
+
+    def _answer(self, world_SE3_velo: Float64) -> Tracks:
+        """Return the confirmed tracks inside the area, in the LiDAR frame of a pose."""
+        bottom_m = _bottoms_in_velo(self._followed, world_SE3_velo)
+        shown = self._followed.is_confirmed & self.rules.area.contains_xy(bottom_m)
+        followed = self._followed[shown]
+        velocity_world_m_s = followed.states.mean[:, 2:]
+        return Tracks(
+            ids=followed.ids,
+            # The thesis' boxes ignore the orientation: they lie along the vehicle's axes.
+            boxes=Boxes3D(bottom_m[shown], followed.size_m, np.zeros(len(followed))),
+            velocities_m_s=velocity_world_m_s @ world_SE3_velo[:2, :2],
+            is_seen=followed.is_seen,
+        )
+
+
+def _bottoms_in_velo(followed: _Followed, world_SE3_velo: Float64) -> Float64:
+    """Return (T, 3) the bottom centres in the LiDAR frame of a pose."""
+    bottom_world_m = np.column_stack([followed.states.mean[:, :2], followed.low_world_m])
+    velo_SE3_world = inverse(world_SE3_velo)
+    return np.asarray(bottom_world_m @ velo_SE3_world[:3, :3].T + velo_SE3_world[:3, 3])

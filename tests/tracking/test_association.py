@@ -1,0 +1,102 @@
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_tracking import nearest_in_turn_by_loop
+from perception.tracking.association import (
+    Association,
+    assign_nearest_in_turn,
+    assign_optimally,
+)
+
+BOTH = pytest.mark.parametrize("assign", [assign_optimally, assign_nearest_in_turn])
+
+
+def pairs(association: Association) -> dict[int, int]:
+    return dict(zip(association.tracks.tolist(), association.detections.tolist(), strict=True))
+
+
+def best_by_trial(costs: np.ndarray, is_allowed: np.ndarray) -> tuple[int, float]:
+    """Return how many pairs the best of all assignments has, and its cost."""
+    tracks, detections = costs.shape
+    # Each order of detections, padded by as many "none" as there are tracks, is an assignment.
+    columns = [*range(detections), *[-1] * tracks]
+    found = []
+    for chosen in set(permutations(columns, tracks)):
+        kept = [(t, d) for t, d in enumerate(chosen) if d >= 0]
+        if all(is_allowed[pair] for pair in kept):
+            found.append((-len(kept), sum(costs[pair] for pair in kept)))
+    count, cost = min(found)
+    return -count, cost
+
+
+@BOTH
+def test_every_row_is_in_a_pair_or_left_over(assign):
+    distances = np.random.default_rng(0).uniform(0, 2, (6, 5))
+    found = assign(distances, distances < 1)
+    assert sorted([*found.tracks, *found.unmatched_tracks]) == list(range(6))
+    assert sorted([*found.detections, *found.unmatched_detections]) == list(range(5))
+    assert (distances[found.tracks, found.detections] < 1).all()
+
+
+@BOTH
+@pytest.mark.parametrize("shape", [(0, 0), (0, 3), (3, 0)])
+def test_nothing_to_pair(assign, shape):
+    found = assign(np.zeros(shape), np.zeros(shape, bool))
+    assert pairs(found) == {}
+    assert found.unmatched_tracks.tolist() == list(range(shape[0]))
+    assert found.unmatched_detections.tolist() == list(range(shape[1]))
+
+
+@BOTH
+def test_a_track_with_no_allowed_pair_takes_none_from_others(assign):
+    distances = np.array([[0.1, 0.2], [0.3, 0.4], [0.6, 0.5]])
+    is_allowed = np.array([[False, False], [True, False], [False, True]])
+    found = assign(distances, is_allowed)
+    assert pairs(found) == {1: 0, 2: 1}
+    assert found.unmatched_tracks.tolist() == [0]
+
+
+@BOTH
+def test_nothing_is_allowed(assign):
+    assert pairs(assign(np.ones((2, 3)), np.zeros((2, 3), bool))) == {}
+
+
+@BOTH
+def test_ties_go_to_the_first(assign):
+    assert pairs(assign(np.ones((2, 2)), np.ones((2, 2), bool))) == {0: 0, 1: 1}
+
+
+@BOTH
+def test_what_is_not_allowed_may_be_infinite(assign):
+    distances = np.array([[np.inf, 1.0], [np.inf, np.inf]])
+    assert pairs(assign(distances, np.isfinite(distances))) == {0: 1}
+
+
+def test_the_first_track_takes_the_nearest_even_where_it_hurts_the_next():
+    distances = np.array([[1.0, 2.0], [1.1, 9.0]])
+    assert pairs(assign_nearest_in_turn(distances, distances < 4)) == {0: 0}
+    assert pairs(assign_optimally(distances, distances < 4)) == {0: 1, 1: 0}
+
+
+def test_more_pairs_come_before_cheaper_ones():
+    costs = np.array([[0.0, 9.0], [9.0, 9.0]])
+    is_allowed = np.array([[True, True], [True, False]])
+    assert pairs(assign_optimally(costs, is_allowed)) == {0: 1, 1: 0}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nearest_in_turn_is_the_plain_loop(seed):
+    distances = np.random.default_rng(seed).uniform(0, 3, (12, 9)).round(1)  # with ties
+    found = assign_nearest_in_turn(distances, distances <= 0.8)
+    assert pairs(found) == nearest_in_turn_by_loop(distances, 0.8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_optimal_is_the_best_of_all_trials(seed):
+    rng = np.random.default_rng(seed)
+    costs, is_allowed = rng.uniform(0, 1, (4, 3)), rng.uniform(size=(4, 3)) < 0.5
+    found = assign_optimally(costs, is_allowed)
+    cost = costs[found.tracks, found.detections].sum()
+    assert (len(found.tracks), pytest.approx(cost)) == best_by_trial(costs, is_allowed)

@@ -1,0 +1,262 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_tracking import PlainPointTracker
+from perception.errors import UsageError
+from perception.geometry.footprints import Footprints, footprints_of
+from perception.geometry.se3 import from_euler, inverse, transform_points
+from perception.tracking.point_tracker import AUTHOR, THESIS, PointTracker
+from perception.types import Tracks
+
+PRESETS = pytest.mark.parametrize("rules", [THESIS, AUTHOR], ids=["thesis", "author"])
+HERE = np.eye(4)
+NOTHING = Footprints.empty()
+# Five points of a thing 2 m long, 1 m wide, from 1.5 m below the LiDAR to its height.
+THING = np.array([[1, 0.5, -1.5], [1, -0.5, 0], [-1, -0.5, 0], [-1, 0.5, -1.5], [0, 0, -0.75]])
+
+
+def things(*places_m: tuple[float, float]) -> Footprints:
+    if not places_m:
+        return NOTHING
+    points_m = np.concatenate([THING + np.array([x, y, 0.0]) for x, y in places_m])
+    return footprints_of(points_m, np.repeat(np.arange(len(places_m)), len(THING)), len(places_m))
+
+
+class Drive:
+    """A tracker, and scans for it every 0.1 s."""
+
+    def __init__(self, tracker: PointTracker) -> None:
+        self.tracker, self.stamp_s = tracker, 100.0
+
+    def scan(self, *places_m: tuple[float, float], after_s: float = 0.1, pose=HERE) -> Tracks:
+        self.stamp_s += after_s
+        return self.tracker.update(self.stamp_s, pose, things(*places_m), NOTHING)
+
+
+@PRESETS
+def test_a_thing_is_a_track_from_its_second_frame_on(rules):
+    drive = Drive(PointTracker(rules))
+    assert len(drive.scan((10, 0))) == 0
+    tracks = drive.scan((10, 0))
+    assert tracks.ids.tolist() == [0]
+    assert tracks.is_seen.tolist() == [True]
+    np.testing.assert_allclose(tracks.boxes.bottom_m, [[10, 0, -1.5]], atol=1e-9)
+    np.testing.assert_allclose(tracks.boxes.size_m, [[2, 1, 1.5]])
+    np.testing.assert_allclose(tracks.boxes.yaw_rad, [0])
+    np.testing.assert_allclose(tracks.velocities_m_s, [[0, 0]], atol=1e-9)
+
+
+def test_the_thesis_drops_what_the_next_frame_does_not_confirm():
+    drive = Drive(PointTracker(THESIS))
+    drive.scan((10, 0))
+    assert len(drive.scan()) == 0
+    drive.scan((10, 0))
+    assert drive.scan((10, 0)).ids.tolist() == [1]
+
+
+def test_the_author_shows_a_leftover_from_the_next_frame_on_seen_or_not():
+    drive = Drive(PointTracker(AUTHOR))
+    drive.scan((10, 0))
+    tracks = drive.scan()
+    assert tracks.ids.tolist() == [0]
+    assert tracks.is_seen.tolist() == [False]
+
+
+def test_the_thesis_predicts_through_misses():
+    drive = Drive(PointTracker(THESIS))
+    for frame in range(80):
+        tracks = drive.scan((frame * 0.3, 2.0))
+    np.testing.assert_allclose(tracks.velocities_m_s, [[3, 0]], atol=0.05)
+    for miss in range(1, 6):
+        tracks = drive.scan()
+        assert tracks.is_seen.tolist() == [False]
+        np.testing.assert_allclose(tracks.boxes.bottom_m[0, 0], 23.7 + 0.3 * miss, atol=0.1)
+    np.testing.assert_allclose(tracks.velocities_m_s, [[3, 0]], atol=0.05)
+    assert drive.scan((25.5, 2.0)).is_seen.tolist() == [True]
+
+
+def test_the_author_brakes_through_misses():
+    drive = Drive(PointTracker(AUTHOR))
+    for frame in range(20):
+        drive.scan((frame * 0.5, 2.0))
+    for _ in range(80):
+        tracks = drive.scan()
+    assert tracks.ids.tolist() == [0]
+    assert tracks.boxes.bottom_m[0, 0] < 11.5
+    np.testing.assert_allclose(tracks.velocities_m_s, [[0, 0]], atol=0.05)
+
+
+def test_the_gate_is_around_where_the_rules_say():
+    # Thing and vehicle drive at 30 m/s: 3 m a frame, by which the two rules' centres differ.
+    poses = [from_euler(0, 0, 0, np.array([3.0 * frame, 0, 0])) for frame in range(120)]
+    for rules, center_m in ((THESIS, 10.0), (AUTHOR, 7.0)):
+        for away_m, expected in ((3.9, [True]), (4.1, [False]), (-3.9, [True]), (-4.1, [False])):
+            drive = Drive(PointTracker(rules))
+            for pose in poses[:-1]:
+                drive.scan((10, 0), pose=pose)
+            tracks = drive.scan((center_m + away_m, 0.0), pose=poses[-1])
+            assert tracks.ids.tolist() == [0]
+            assert tracks.is_seen.tolist() == expected
+
+
+@PRESETS
+def test_leaving_the_grid_takes_a_track_out_of_view(rules):
+    drive = Drive(PointTracker(rules))
+    for frame in range(6):
+        tracks = drive.scan((27 + 0.5 * frame, 0))
+    assert tracks.ids.tolist() == [0]
+    assert len(drive.scan((30.4, 0))) == 0
+
+
+def test_the_thesis_forgets_who_left_and_the_author_does_not():
+    for rules, expected in ((THESIS, [1]), (AUTHOR, [0])):
+        drive = Drive(PointTracker(rules))
+        for x in (29.0, 29.0, 30.6, 30.6, 30.6, 29.0, 29.0):
+            tracks = drive.scan((x, 0))
+        assert tracks.ids.tolist() == expected
+
+
+def test_the_author_keeps_no_more_than_lies_around():
+    drive = Drive(PointTracker(AUTHOR))
+    for frame in range(400):
+        pose = from_euler(0, 0, 0, np.array([10.0 * frame, 0, 0]))
+        drive.scan((15, 5), (10, -5), (20, 0), pose=pose)
+    assert drive.tracker._next_id == 1200
+    assert len(drive.tracker._followed) < 40
+
+
+def test_positions_and_velocities_are_in_the_axes_of_the_scan():
+    # The vehicle drives along the world's +y and turns; the thing drives along the world's +x.
+    drive = Drive(PointTracker(THESIS))
+    for frame in range(80):
+        pose = from_euler(0.01, -0.02, 1.0 - 0.005 * frame, np.array([50, 30 + 0.1 * frame, 2]))
+        thing_world = np.array([[52.0 + 0.1 * frame, 42.0, 2.0]], np.float32)
+        thing_velo = transform_points(inverse(pose), thing_world)
+        tracks = drive.scan(tuple(thing_velo[0, :2]), pose=pose)
+    np.testing.assert_allclose(tracks.boxes.bottom_m[0, :2], thing_velo[0, :2], atol=0.1)
+    np.testing.assert_allclose(tracks.velocities_m_s[0], inverse(pose)[:2, 0], atol=0.05)
+    assert tracks.ids.tolist() == [0]
+
+
+@PRESETS
+def test_it_is_the_plain_tracker(rules):
+    rng = np.random.default_rng(11)
+    fast, plain = Drive(PointTracker(rules)), Drive(PlainPointTracker(rules))
+    places_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
+    shown = 0
+    for frame in range(60):
+        is_found = rng.uniform(size=12) < 0.7
+        found = (places_m + 0.1 * frame * velocity_m_s)[is_found]
+        pose = from_euler(0, 0.02, 0.02 * frame, np.array([0.5 * frame, 0, 0]))
+        step_s = rng.choice([0.1, 0.1, 0.0, 0.3])
+        ours, theirs = (d.scan(*found, after_s=step_s, pose=pose) for d in (fast, plain))
+        shown += len(ours)
+        assert ours.ids.tolist() == theirs.ids.tolist()
+        assert ours.is_seen.tolist() == theirs.is_seen.tolist()
+        np.testing.assert_allclose(ours.boxes.bottom_m, theirs.boxes.bottom_m, atol=1e-8)
+        np.testing.assert_allclose(ours.boxes.size_m, theirs.boxes.size_m, atol=1e-8)
+        np.testing.assert_allclose(ours.velocities_m_s, theirs.velocities_m_s, atol=1e-8)
+    assert shown > 100
+
+
+@PRESETS
+def test_a_repeated_frame_changes_nothing(rules):
+    drive = Drive(PointTracker(rules))
+    drive.scan((10, 0))
+    assert len(drive.scan((10, 0), after_s=0.0)) == 0  # not its own confirmation
+    first = drive.scan((10.2, 0))
+    for earlier_s in (0.0, -0.3):
+        again = drive.scan((13.0, 0), (5, 5), after_s=earlier_s)
+        drive.stamp_s -= earlier_s
+        assert again.ids.tolist() == first.ids.tolist()
+        np.testing.assert_array_equal(again.boxes.bottom_m, first.boxes.bottom_m)
+        np.testing.assert_array_equal(again.velocities_m_s, first.velocities_m_s)
+    assert drive.scan((10.4, 0)).ids.tolist() == [0]
+
+
+def test_the_thesis_follows_over_a_gap_in_time():
+    drive = Drive(PointTracker(THESIS))
+    for frame in range(20):
+        drive.scan((frame * 0.5 - 5, 2.0))
+    tracks = drive.scan((14.5, 2.0), after_s=2.0)
+    assert tracks.ids.tolist() == [0]
+    assert tracks.is_seen.tolist() == [True]
+
+
+def test_the_author_loses_the_thing_in_a_gap():
+    drive = Drive(PointTracker(AUTHOR))
+    for frame in range(20):
+        drive.scan((frame * 0.5 - 5, 2.0))
+    drive.scan((14.5, 2.0), after_s=2.0)
+    assert drive.scan((15.0, 2.0)).ids.tolist() == [0, 1]
+
+
+@PRESETS
+def test_an_hour_without_frames_or_without_detections_does_no_harm(rules):
+    drive = Drive(PointTracker(rules))
+    for frame in range(5):
+        drive.scan((frame * 0.5, 2.0), (10, -3))
+    drive.scan(after_s=3600.0)
+    for _ in range(300):
+        tracks = drive.scan()
+    assert np.isfinite(tracks.boxes.bottom_m).all()
+    drive.scan((5, 5))
+    tracks = drive.scan((5, 5))
+    assert np.isfinite(tracks.boxes.bottom_m).all()
+    assert tracks.is_seen.sum() == 1
+
+
+@PRESETS
+def test_no_detections_at_all(rules):
+    drive = Drive(PointTracker(rules))
+    assert [len(drive.scan()) for _ in range(3)] == [0, 0, 0]
+
+
+@PRESETS
+def test_ending_all_begins_anew_with_new_ids(rules):
+    drive = Drive(PointTracker(rules))
+    for _ in range(3):
+        drive.scan((10, 0), (5, 5))
+    drive.tracker.end_all()
+    assert len(drive.scan((10, 0), (5, 5), after_s=-90.0)) == 0  # also on an earlier clock
+    assert drive.scan((10, 0), (5, 5)).ids.tolist() == [2, 3]
+    drive.tracker.end_all()
+    drive.tracker.end_all()
+    assert len(drive.scan()) == 0
+
+
+@PRESETS
+def test_ids_rise_and_are_never_given_twice(rules):
+    rng, drive = np.random.default_rng(2), Drive(PointTracker(rules))
+    ended: set[int] = set()
+    before: set[int] = set()
+    for _ in range(150):
+        places = rng.uniform([-9, -9], [29, 9], (rng.integers(0, 6), 2))
+        ids = drive.scan(*places).ids.tolist()
+        assert ids == sorted(set(ids))
+        assert not ended & set(ids)
+        if rules is THESIS:  # the author's tracks are hidden outside, not ended
+            ended |= before - set(ids)
+        before = set(ids)
+
+
+def test_trackers_do_not_share_ids():
+    first, second = Drive(PointTracker(THESIS)), Drive(PointTracker(THESIS))
+    for drive in (first, second):
+        drive.scan((10, 0))
+        assert drive.scan((10, 0)).ids.tolist() == [0]
+
+
+def test_detections_outside_the_grid_begin_nothing():
+    drive = Drive(PointTracker(THESIS))
+    for _ in range(3):
+        tracks = drive.scan((35, 0), (0, 12), (10, 0))
+    assert len(tracks) == 1
+
+
+@pytest.mark.parametrize("change", [{"gate_m": 0.0}, {"step_s": 0.0}, {"initial_variance": -1.0}])
+def test_rules_that_cannot_work_are_refused(change):
+    with pytest.raises(UsageError, match="point tracker"):
+        replace(THESIS, **change)
