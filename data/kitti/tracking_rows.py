@@ -51,8 +51,8 @@ class TrackingRows(Rows):
     frames: Int
     ids: Int
     types: np.ndarray
-    truncation: Int
-    occlusion: Int
+    truncation: Float64
+    occlusion: Float64
     alphas_rad: Float64
     boxes_px: Float64
     sizes_hwl_m: Float64
@@ -117,45 +117,36 @@ class _Table:
 
 
 def _read_table(path: Path, columns: int) -> _Table:
-    words = [line.split() for line in read_label_lines(path)]
-    for number, row in enumerate(words, start=1):
+    rows = [line.split() for line in read_label_lines(path)]
+    for number, row in enumerate(rows, start=1):
         if len(row) != columns:
             raise LabelError(
                 f"{path} row {number}", expected=f"{columns} columns", found=f"{len(row)}"
             )
-    table = np.array(words, np.str_).reshape(-1, columns)
+    integers = _parse([row[:2] for row in rows], np.int64, path, "a frame number and an id")
+    values = _parse([row[3:] for row in rows], float, path, "numbers after the type")
+    numbers = np.array(values, np.float64).reshape(-1, columns - 3)
+    if not np.isfinite(numbers).all():
+        raise _row_error(path, ~np.isfinite(numbers), "finite numbers after the type", numbers)
     return _Table(
-        integers=_parse_integers(table[:, :2], path),
-        types=table[:, 2],
-        numbers=_parse_numbers(table[:, 3:], path),
+        integers=np.array(integers, np.int64).reshape(-1, 2),
+        types=np.array([row[2] for row in rows], np.str_),
+        numbers=numbers,
     )
 
 
-def _parse_integers(words: np.ndarray, path: Path) -> Int:
-    try:
-        return words.astype(np.int64)
-    except ValueError as error:
-        is_bad = ~np.char.isdigit(np.char.lstrip(words, "-"))
-        raise _row_error(path, is_bad, "a frame number and an id", words) from error
-
-
-def _parse_numbers(words: np.ndarray, path: Path) -> Float64:
-    try:
-        numbers = words.astype(np.float64)
-    except ValueError as error:
-        is_bad = np.array([not _is_number(word) for word in words.flat]).reshape(words.shape)
-        raise _row_error(path, is_bad, "numbers after the type", words) from error
-    if not np.isfinite(numbers).all():
-        raise _row_error(path, ~np.isfinite(numbers), "finite numbers after the type", words)
-    return numbers
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _parse(
+    rows: list[list[str]], kind: type[np.int64] | type[float], path: Path, expected: str
+) -> list[list[float]]:
+    values: list[list[float]] = []
+    for number, words in enumerate(rows, start=1):
+        try:
+            values.append(list(map(kind, words)))
+        except (ValueError, OverflowError) as error:
+            raise LabelError(
+                f"{path} row {number}", expected=expected, found=repr(" ".join(words))
+            ) from error
+    return values
 
 
 def _to_rows(table: _Table, scores: Float64) -> TrackingRows:
@@ -163,8 +154,8 @@ def _to_rows(table: _Table, scores: Float64) -> TrackingRows:
         frames=table.integers[:, 0],
         ids=table.integers[:, 1],
         types=table.types,
-        truncation=table.numbers[:, 0].astype(np.int64),
-        occlusion=table.numbers[:, 1].astype(np.int64),
+        truncation=table.numbers[:, 0],
+        occlusion=table.numbers[:, 1],
         alphas_rad=table.numbers[:, 2],
         boxes_px=table.numbers[:, 3:7],
         sizes_hwl_m=table.numbers[:, 7:10],
@@ -186,7 +177,7 @@ def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> Trackin
     if is_beyond.any():
         last = "" if frame_count is None else f" to {frame_count - 1}"
         raise _row_error(path, is_beyond, f"frames from 0{last}", rows.frames)
-    is_repeated = _is_repeated(rows.frames, rows.ids, types)
+    is_repeated = _is_repeated(rows, types)
     if is_repeated.any():
         where = int(is_repeated.argmax())
         found = f"id {rows.ids[where]} again in frame {rows.frames[where]}"
@@ -195,13 +186,14 @@ def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> Trackin
     return rows
 
 
-def _is_repeated(frames: Int, ids: Int, types: np.ndarray) -> Bool:
+def _is_repeated(rows: TrackingRows, types: np.ndarray) -> Bool:
     """Return (N,) which rows have the frame, type and id of an earlier row."""
-    kinds = np.unique(types, return_inverse=True)[1]
-    keys = np.column_stack([frames, kinds, ids])
+    # The last row of each kind is what a dictionary keeps: walked backwards, that is the first.
+    keys = list(zip(rows.frames.tolist(), types.tolist(), rows.ids.tolist(), strict=True))
+    first = {key: row for row, key in reversed(list(enumerate(keys)))}
     is_first = np.zeros(len(keys), bool)
-    is_first[np.unique(keys, axis=0, return_index=True)[1]] = True
-    return np.asarray(~is_first & (ids >= 0))
+    is_first[list(first.values())] = True
+    return np.asarray(~is_first & (rows.ids >= 0))
 
 
 def _row_error(path: Path, is_bad: Bool, expected: str, values: np.ndarray) -> LabelError:
@@ -217,6 +209,7 @@ def _format_lines(rows: TrackingRows) -> list[str]:
         [rows.alphas_rad, rows.boxes_px, rows.sizes_hwl_m, rows.bottoms_cam_m, rows.headings_rad]
     )
     return [
-        f"{' '.join(map(str, head))} {' '.join(f'{value:.6f}' for value in row)}"
-        for head, row in zip(heads, numbers.tolist(), strict=True)
+        f"{frame} {track} {name} {truncation:g} {occlusion:g} "
+        f"{' '.join(f'{value:.6f}' for value in row)}"
+        for (frame, track, name, truncation, occlusion), row in zip(heads, numbers, strict=True)
     ]

@@ -62,12 +62,12 @@ class BoxRows(Protocol):
         ...
 
     @property
-    def truncation(self) -> Int:
+    def truncation(self) -> Float64:
         """(N,) levels; not read of answers."""
         ...
 
     @property
-    def occlusion(self) -> Int:
+    def occlusion(self) -> Float64:
         """(N,) levels; not read of answers."""
         ...
 
