@@ -1,0 +1,123 @@
+"""The local elevation grid: the height of what stands in each cell, without the ground (5.6)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from perception.datmo.cell_grid import CellGrid
+from perception.types import Bool, Float, Float32, Float64, GroundModel, Int
+
+# Which height of a cell is held against the threshold: the thesis writes the mean (5.6), the author's
+# code compares the highest point.
+HeightStatistic = Literal["mean", "max"]
+
+
+@dataclass(frozen=True)
+class ElevationRules:
+    """Which points count, and when a cell is ground.
+
+    Attributes:
+        ground_variance_m2: T_σ; a cell of ground varies less than this ...
+        ground_height_m: T_μ; ... and is lower than this.
+        ground_statistic: which height of the cell that is.
+        low_m: points lower than this over the ground are left out.
+        high_m: points higher than this over the ground are left out.
+        nearest_m: points within this distance of the LiDAR, seen from above, are left out.
+    """
+
+    ground_variance_m2: float
+    ground_height_m: float
+    ground_statistic: HeightStatistic
+    low_m: float
+    high_m: float
+    nearest_m: float
+
+
+@dataclass(frozen=True)
+class ElevationGrid:
+    """What one scan saw in each cell.
+
+    Attributes:
+        height_m: (X, Y) mean height of the points of a cell; 0 where it is ground or was not seen.
+        points: (X, Y) how many points fell into it.
+    """
+
+    height_m: Float32
+    points: Int
+
+    @property
+    def is_seen(self) -> Bool:
+        """(X, Y) whether any point fell into the cell; the ground counts, with height 0."""
+        return np.asarray(self.points > 0)
+
+
+@dataclass(frozen=True)
+class LevelPlane:
+    """The road as the thesis' grids assume it: level, and below the LiDAR by its mounting height.
+
+    Attributes:
+        z_m: of the plane in the LiDAR frame.
+    """
+
+    z_m: float
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the same z for all (N, 2) positions."""
+        return np.full(len(xy_m), self.z_m)
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) heights of (N, 3+) points over the plane."""
+        return np.asarray(points_velo[:, 2] - points_velo.dtype.type(self.z_m))
+
+
+def elevation_grid(
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, rules: ElevationRules
+) -> ElevationGrid:
+    """Build the elevation grid of a scan, heights measured over the given ground (5.6)."""
+    points = _over_cells(points_velo, cells)
+    height_m = ground.distance_m(points)
+    counts = np.flatnonzero(
+        (points[:, 0] ** 2 + points[:, 1] ** 2 > rules.nearest_m**2)
+        & (height_m > rules.low_m)
+        & (height_m < rules.high_m)
+    )
+    height_m = height_m.take(counts)
+    cell_of = _cell_of(points.take(counts, axis=0), cells)
+
+    size = cells.shape[0] * cells.shape[1]
+    seen = np.bincount(cell_of, minlength=size)
+    mean_m = np.bincount(cell_of, height_m, size) / np.maximum(seen, 1)
+    mean_square = np.bincount(cell_of, height_m**2, size) / np.maximum(seen, 1)
+    # The sample variance; that of a single point is taken as 0.
+    variance_m2 = (mean_square - mean_m**2) * seen / np.maximum(seen - 1, 1)
+    if rules.ground_statistic == "mean":
+        is_low = mean_m < rules.ground_height_m
+    else:
+        # The highest point lies lower than the threshold: none reaches it.
+        is_low = np.bincount(cell_of[height_m >= rules.ground_height_m], minlength=size) == 0
+    is_ground = (variance_m2 < rules.ground_variance_m2) & is_low
+    height_of_cell_m = np.where(is_ground, 0, mean_m).astype(np.float32)
+    return ElevationGrid(height_of_cell_m.reshape(cells.shape), seen.reshape(cells.shape))
+
+
+def _over_cells(points_velo: Float32, cells: CellGrid) -> Float32:
+    """Return the points over the cells."""
+    if len(points_velo) == 0:
+        return points_velo
+    # One pass over all columns, five times as fast as a comparison for each side.
+    anything = float(np.finfo(np.float32).max)
+    low, high = (*cells.low_m, -anything, -anything), (*cells.high_m, anything, anything)
+    is_over = cv2.inRange(np.ascontiguousarray(points_velo)[None], low, high)
+    return points_velo.take(np.flatnonzero(is_over), axis=0)
+
+
+def _cell_of(points: Float32, cells: CellGrid) -> Int:
+    """Return (N,) the flat number of each point's cell; the far edges belong to the last cells."""
+    columns = []
+    for axis in (0, 1):
+        offset = points[:, axis] - np.float32(cells.low_m[axis])
+        index = (offset * np.float32(1 / cells.cell_m)).astype(np.intp)
+        columns.append(np.clip(index, 0, cells.shape[axis] - 1))
+    return np.asarray(columns[0] * cells.shape[1] + columns[1])

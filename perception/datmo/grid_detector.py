@@ -1,0 +1,122 @@
+"""The thesis' detector of moving objects: 2.5D grids instead of voxels and registration (5.2)."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from perception.datmo.cell_grid import CellGrid
+from perception.datmo.detector import DetectedObjects, SegmentedScan
+from perception.datmo.elevation import ElevationGrid, LevelPlane, elevation_grid
+from perception.datmo.grid_objects import LabelledCells, find_objects
+from perception.datmo.grid_rules import THESIS, GridRules
+from perception.datmo.motion_grid import motion_grid
+from perception.datmo.short_term_map import ShortTermMap
+from perception.geometry.footprints import Footprints, footprints_of
+from perception.sensor import LidarModel
+from perception.types import Float32, GroundModel
+
+
+@dataclass(frozen=True)
+class MotionGrids:
+    """Every grid of one scan.
+
+    Attributes:
+        rules: by which they were made.
+        work_cells: where the cells of E and S lie.
+        cells: where the cells of the others lie: those over the area in which objects are wanted.
+        elevation: E, over the work area.
+        background_m: S, the short-term map over the work area.
+        motion_m: M, after false detections were suppressed.
+        found: the things in it.
+    """
+
+    rules: GridRules
+    work_cells: CellGrid
+    cells: CellGrid
+    elevation: ElevationGrid
+    background_m: Float32
+    motion_m: Float32
+    found: LabelledCells
+
+    @cached_property
+    def subtracted_m(self) -> Float32:
+        """M before suppression: each cell is compared with its own place in the map alone."""
+        return moving_in_area(self.elevation, self.background_m, self.rules, radius_cells=0)
+
+
+def moving_in_area(
+    elevation: ElevationGrid, background_m: Float32, rules: GridRules, radius_cells: int
+) -> Float32:
+    """Return M over the area in which objects are wanted, by a map that reaches farther."""
+    part = CellGrid.covering(rules.work_area, rules.cell_m).part(rules.area)
+    height_m = elevation.height_m[part]
+    asked_m = np.zeros_like(elevation.height_m)
+    asked_m[part] = np.where(height_m < rules.motion.highest_m, height_m, 0)
+    return motion_grid(asked_m, background_m, rules.motion.alpha, radius_cells)[part]
+
+
+class GridDetector:
+    """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
+
+    def __init__(self, sensor: LidarModel, rules: GridRules = THESIS) -> None:
+        """Begin without a scan.
+
+        Args:
+            sensor: whose scans will come.
+            rules: `THESIS`, `AUTHOR`, or values of your own.
+        """
+        self._rules = rules
+        self._plane = LevelPlane(-sensor.height_m)
+        # Over a longer gap, every stored scan would have left the queue.
+        self._longest_gap_s = rules.background.scans / sensor.rate_hz
+        self._work_cells = CellGrid.covering(rules.work_area, rules.cell_m)
+        self._cells = CellGrid.covering(rules.area, rules.cell_m)
+        self._map = ShortTermMap(self._work_cells, rules.background)
+        self._stamp_s: float | None = None
+        self._objects = DetectedObjects(Footprints.empty(), Footprints.empty())
+        self._grids: MotionGrids | None = None
+
+    @property
+    def grids(self) -> MotionGrids | None:
+        """Every grid of the last scan, for pictures; None before the first."""
+        return self._grids
+
+    def detect(self, scan: SegmentedScan) -> DetectedObjects:
+        """Find what moves; what stands, the grids do not cut into things.
+
+        The map rests on the poses of the INS: the method is meant to bear their errors.
+        """
+        since_s = None if self._stamp_s is None else scan.stamp_s - self._stamp_s
+        self._stamp_s = scan.stamp_s
+        if since_s is not None:
+            if scan.is_reset or not 0 <= since_s <= self._longest_gap_s:
+                self._map.clear()
+            elif since_s == 0:  # a repeated scan: counted once
+                return self._objects
+
+        rules = self._rules
+        ground = scan.ground if rules.height_reference == "ground" else self._plane
+        elevation = elevation_grid(scan.points_velo, ground, self._work_cells, rules.elevation)
+        background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
+        motion_m = moving_in_area(elevation, background_m, rules, rules.motion.radius_cells)
+        found = find_objects(motion_m, rules.cell_m, rules.objects)
+        self._grids = MotionGrids(
+            rules, self._work_cells, self._cells, elevation, background_m, motion_m, found
+        )
+        self._objects = DetectedObjects(_outline(self._grids, scan.ground), Footprints.empty())
+        return self._objects
+
+
+def _outline(grids: MotionGrids, ground: GroundModel) -> Footprints:
+    """Fit what stands for each thing: its cells from above, from the ground to its highest motion."""
+    found = grids.found
+    rows, columns = np.nonzero(found.labels)
+    thing_of = found.labels[rows, columns] - 1
+    motion_m = grids.motion_m[rows, columns]
+    centers_m = np.column_stack([grids.cells.centers_m(rows, columns), motion_m])
+    things = footprints_of(centers_m, thing_of, found.count)
+    low_m = np.asarray(ground.height_m(things.centroids_m), np.float64)
+    points = grids.elevation.points[grids.work_cells.part(grids.rules.area)][rows, columns]
+    of_thing = np.bincount(thing_of, points * (motion_m > 0), found.count).astype(np.int64)
+    return replace(things, low_m=low_m, high_m=low_m + things.high_m, points=of_thing)

@@ -1,0 +1,125 @@
+"""The local short-term map: what the last few scans say stands around the vehicle (Algorithm 4).
+
+The thesis turns every stored grid into the vehicle's frame anew at each scan. Here each grid is put
+once into cells that are fixed to the earth, and only the finished map is turned, so the length of
+the queue costs memory and no time.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.datmo.cell_grid import CellGrid
+from perception.datmo.cell_history import CellHistory
+from perception.datmo.elevation import ElevationGrid
+from perception.errors import UsageError
+from perception.geometry.se3 import inverse
+from perception.types import Float32, Float64, Int
+
+
+@dataclass(frozen=True)
+class MapRules:
+    """What the map remembers.
+
+    Attributes:
+        scans: n, the length of the queue of elevation grids.
+        averaged: m, how many of a cell's observations are averaged, the latest.
+        least: k, with fewer observations a cell's value is 0.
+        holds_newest: whether the newest grid is in the queue before the mean is taken, as Algorithm 4
+            and the author's code have it, or joins only after.
+    """
+
+    scans: int
+    averaged: int
+    least: int
+    holds_newest: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a queue that could never fill a cell."""
+        if not 1 <= self.least <= min(self.averaged, self.scans):
+            raise UsageError(
+                "short-term map",
+                expected="1 <= least <= averaged and least <= scans",
+                found=f"least {self.least}, averaged {self.averaged}, scans {self.scans}",
+            )
+
+
+class ShortTermMap:
+    """Follows the vehicle with a map of the static world, in the frame of each newest scan."""
+
+    def __init__(self, cells: CellGrid, rules: MapRules) -> None:
+        self._cells, self._rules = cells, rules
+        # Holds the grid at any heading, from its middle to its corners.
+        self._half_cells = int(np.ceil(np.hypot(*cells.shape) / 2)) + 1
+        self._history = CellHistory(2 * self._half_cells, rules.scans, rules.averaged)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything; the plane's cells will be those of the next scan's grid."""
+        self._history.clear()
+        self._plane_T_cells = np.eye(3)
+        self._world_SE3_before: Float64 | None = None
+
+    def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
+        """Take in a scan's grid and return the (X, Y) map around the vehicle (Algorithm 4)."""
+        self._follow(world_SE3_velo)
+        low = np.floor(self._plane_T_cells @ (*np.array(self._cells.shape) / 2, 1))[:2]
+        low = low.astype(np.int64) - self._half_cells
+        self._history.move_to(low)
+        window_T_cells = _shift(-low) @ self._plane_T_cells
+        if self._rules.holds_newest:
+            self._observe(elevation, window_T_cells)
+        background_m = _resample(
+            self._history.mean_m(self._rules.least), window_T_cells, self._cells.shape, 0.0
+        )
+        if not self._rules.holds_newest:
+            self._observe(elevation, window_T_cells)
+        return background_m
+
+    def _follow(self, world_SE3_velo: Float64) -> None:
+        """Add the vehicle's last motion, as it is in the vehicle's own plane, whatever the slope."""
+        if self._world_SE3_before is not None:
+            before_SE3_velo = inverse(self._world_SE3_before) @ world_SE3_velo
+            cells_T_velo = self._cells.cells_T_velo
+            motion = cells_T_velo @ planar(before_SE3_velo) @ np.linalg.inv(cells_T_velo)
+            self._plane_T_cells = self._plane_T_cells @ motion
+        self._world_SE3_before = world_SE3_velo
+
+    def _observe(self, elevation: ElevationGrid, window_T_cells: Float64) -> None:
+        seen_m = np.where(elevation.is_seen, elevation.height_m, np.float32(np.nan))
+        cells_T_window = np.asarray(np.linalg.inv(window_T_cells), np.float64)
+        shape = (self._history.size, self._history.size)
+        self._history.observe(_resample(seen_m, cells_T_window, shape, np.nan))
+
+
+def planar(dst_SE3_src: Float64) -> Float64:
+    """Return the (3, 3) turn and shift within the plane of x and y."""
+    yaw_rad = np.arctan2(dst_SE3_src[1, 0], dst_SE3_src[0, 0])
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    x_m, y_m = dst_SE3_src[:2, 3]
+    return np.array([[cos, -sin, x_m], [sin, cos, y_m], [0, 0, 1]], np.float64)
+
+
+def _shift(cells: Float64 | Int) -> Float64:
+    shift = np.eye(3)
+    shift[:2, 2] = cells
+    return shift
+
+
+def _resample(
+    grid: Float32, source_T_target: Float64, shape: tuple[int, int], outside: float
+) -> Float32:
+    """Return a grid of another shape: each cell takes the value of the cell that its middle lies in."""
+    # From cell coordinates to OpenCV's: column before row, and whole numbers in the middles.
+    pixels = (_shift(np.full(2, -0.5)) @ source_T_target @ _shift(np.full(2, 0.5)))[[1, 0]]
+    return np.asarray(
+        cv2.warpAffine(
+            grid,
+            pixels[:, [1, 0, 2]],
+            shape[::-1],
+            flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=outside,
+        )
+    )
