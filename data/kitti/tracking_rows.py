@@ -13,6 +13,7 @@ All is as in the file: pixels, metres and radians, x y z the centre of the botto
 camera, ry the heading about its y axis.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -136,9 +137,9 @@ def _read_table(path: Path, columns: int) -> _Table:
 
 
 def _parse(
-    rows: list[list[str]], kind: type[np.int64] | type[float], path: Path, expected: str
-) -> list[list[float]]:
-    values: list[list[float]] = []
+    rows: list[list[str]], kind: Callable[[str], object], path: Path, expected: str
+) -> list[list[object]]:
+    values: list[list[object]] = []
     for number, words in enumerate(rows, start=1):
         try:
             values.append(list(map(kind, words)))
