@@ -142,6 +142,11 @@ class SyntheticDrive:
             self.stamp_s(index), is_tracking=is_tracking,
         )  # fmt: skip
 
+    def labels_around(self, index: int) -> Labels:
+        """Label everyone around in one frame, exactly, whether the camera sees them or not."""
+        index = range(self._frames)[index]
+        return labelling.label_around(self.world, self._poses[index], self.stamp_s(index))
+
     def point_truth(self, index: int) -> PointTruth:
         """Return the exact truth of every point of one frame."""
         return self.scan(index).truth

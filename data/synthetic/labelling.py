@@ -102,7 +102,7 @@ def label(
     levels = np.digitize(truncation, [0.04, 0.5]).astype(float)
     kept = [sight for sight, keep in zip(sights, labelled, strict=True) if keep]
     return Labels(
-        boxes_velo=_boxes_velo(kept, world_SE3_velo),
+        boxes_velo=_boxes_velo([s.actor for s in kept], [s.state for s in kept], world_SE3_velo),
         boxes_px=boxes_px[labelled],
         types=np.array([s.actor.body.kind for s in kept], np.str_),
         track_ids=np.array([s.actor.track_id for s in kept], np.int64),
@@ -212,14 +212,33 @@ def _covers(world: World, rays: Rays, index: Int, state: Moving) -> Bool:
     return world.scene.meets(state.shape, origins, directions)
 
 
-def _boxes_velo(sights: Sequence[_Sight], world_SE3_velo: Float64) -> Boxes3D:
+def label_around(
+    world: World, world_SE3_velo: Float64, time_s: float, within_m: float = 80.0
+) -> Labels:
+    """Label everyone around the ego vehicle, seen by a camera or not, with 3D boxes only."""
+    actors = [actor for actor in world.actors if world.is_near(actor, time_s, within_m)]
+    states = [world.state(actor, time_s) for actor in actors]
+    return Labels(
+        boxes_velo=_boxes_velo(actors, states, world_SE3_velo),
+        boxes_px=np.full((len(actors), 4), np.nan),
+        types=np.array([actor.body.kind for actor in actors], np.str_),
+        track_ids=np.array([actor.track_id for actor in actors], np.int64),
+        truncation=np.zeros(len(actors)),
+        occlusion=np.full(len(actors), 3, np.int64),
+        dont_care_px=np.zeros((0, 4)),
+    )
+
+
+def _boxes_velo(
+    actors: Sequence[Actor], states: Sequence[Moving], world_SE3_velo: Float64
+) -> Boxes3D:
     """Return upright boxes in the LiDAR's frame."""
-    if not sights:
+    if not actors:
         return Boxes3D.empty()
     velo_SE3_world = se3.inverse(world_SE3_velo)
-    poses = np.stack([velo_SE3_world @ sight.state.world_SE3_thing for sight in sights])
+    poses = np.stack([velo_SE3_world @ state.world_SE3_thing for state in states])
     return Boxes3D(
         poses[:, :3, 3],
-        np.array([sight.actor.body.size_m for sight in sights], float),
+        np.array([actor.body.size_m for actor in actors], float),
         np.arctan2(poses[:, 1, 0], poses[:, 0, 0]),
     )

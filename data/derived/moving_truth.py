@@ -1,0 +1,161 @@
+"""What moves in a drive, frame by frame: by labels and INS poses, or by the exact truth of a synthetic drive."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from data.derived.motion_labels import (
+    MotionLabels,
+    MotionThresholds,
+    PosedLabels,
+    gather_tracks,
+    label_motion,
+    posed_labels,
+)
+from data.drive import Drive
+from data.kitti.sequence import KittiSequence
+from data.synthetic.drive import SyntheticDrive
+from perception.errors import CalibrationError, DriveError
+from perception.evaluation.multi_object.moving_scene import (
+    LabelledView,
+    MovingScene,
+    points_above_feet,
+)
+from perception.evaluation.objects import LabelledObjects
+from perception.types import Bool, Float64, Frame, Int
+
+View = Literal["camera", "all"]
+
+
+@dataclass(frozen=True)
+class MovingTruth:
+    """Every labelled object of a drive, and how it moves.
+
+    Attributes:
+        posed: labels and pose of each frame, None where there is no pose.
+        motion: of all labelled boxes.
+        view: what to judge: what the camera sees, or everything around.
+    """
+
+    posed: Sequence[PosedLabels | None]
+    motion: MotionLabels
+    view: View
+
+    def scene(self, frame: Frame, clearance_m: float) -> MovingScene | None:
+        """Return what was there in a frame, or None where its labels have no pose.
+
+        Args:
+            frame: with the scan, whose points in each box are counted.
+            clearance_m: over a box's bottom, below which points are taken for ground.
+
+        Raises:
+            CalibrationError: the camera's view is judged, and nobody knows how large its image is.
+        """
+        posed = self.posed[frame.index]
+        if posed is None:
+            return None
+        labels = posed.labels
+        ids, boxes = labels.track_ids, labels.boxes_velo
+        velocities_world = self.motion.velocities_of(frame.index, ids)
+        return MovingScene(
+            objects=LabelledObjects(boxes, self.motion.of(frame.index, ids), ids),
+            # Row vectors: times the world's axes in the LiDAR frame.
+            velocities_m_s=velocities_world @ posed.world_SE3_velo[:2, :2],
+            moves_sometime=self._moves_sometime(ids),
+            points=points_above_feet(boxes, frame.points_velo, clearance_m),
+            view=_view(frame, labels.dont_care_px) if self.view == "camera" else None,
+        )
+
+    def types(self) -> dict[int, str]:
+        """Return the class name of every object."""
+        frames = [posed.labels for posed in self.posed if posed is not None]
+        return {
+            track_id: str(kind)
+            for labels in frames
+            for track_id, kind in zip(labels.track_ids.tolist(), labels.types, strict=True)
+        }
+
+    def _moves_sometime(self, track_ids: Int) -> Bool:
+        return np.isin(track_ids, self._moving_tracks)
+
+    @cached_property
+    def _moving_tracks(self) -> list[int]:
+        return self.motion.moving_tracks()
+
+
+def moving_truth(
+    drive: Drive, view: View = "camera", thresholds: MotionThresholds | None = None
+) -> MovingTruth:
+    """Find out what moves in a drive, and how.
+
+    The labels of a recorded drive are put into the world by its INS. A synthetic drive knows the exact
+    place and velocity of everything around.
+
+    Args:
+        drive: with labels and poses.
+        view: what will be judged: what the camera sees, or everything around, which takes exact truth.
+        thresholds: of motion.
+
+    Raises:
+        DriveError: the drive cannot say what moves, or not all around.
+    """
+    if isinstance(drive, SyntheticDrive):
+        return _exact_truth(drive, view, thresholds)
+    if not (isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses):
+        raise DriveError(
+            drive.root,
+            expected="labels with tracks, and INS poses, to tell what moves",
+            found="a drive without",
+            advice="name the same drive in the tracking layout",
+        )
+    if view == "all":
+        raise DriveError(
+            drive.root,
+            expected="exact truth of everything around, as synthetic drives in memory have it",
+            found="labels of what the camera sees",
+            advice="judge with --view camera",
+        )
+    posed = [posed_labels(drive, index) for index in range(len(drive))]
+    motion = label_motion(
+        gather_tracks([frame for frame in posed if frame is not None]), thresholds
+    )
+    return MovingTruth(posed, motion, view)
+
+
+def _exact_truth(
+    drive: SyntheticDrive, view: View, thresholds: MotionThresholds | None
+) -> MovingTruth:
+    """Say what moves by the same thresholds, but how fast it is exactly."""
+    posed = [
+        PosedLabels(
+            index,
+            drive.stamp_s(index),
+            drive.true_world_SE3_velo(index),
+            drive.labels_around(index),
+        )
+        for index in range(len(drive))
+    ]
+    motion = label_motion(gather_tracks(posed), thresholds)
+    return MovingTruth(posed, replace(motion, velocities_m_s=_velocities(drive, motion)), view)
+
+
+def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
+    velocities = [
+        drive.world.actors[track_id].velocity_m_s(drive.world.road, drive.stamp_s(frame))[:2]
+        for frame, track_id in zip(motion.frames.tolist(), motion.track_ids.tolist(), strict=True)
+    ]
+    return np.array(velocities, np.float64).reshape(-1, 2)
+
+
+def _view(frame: Frame, dont_care_px: Float64) -> LabelledView:
+    calibration = frame.calibration
+    if calibration is None or calibration.image_size_px is None:
+        raise CalibrationError(
+            frame.source,
+            expected="a camera whose image size is known, to tell what was labelled",
+            found="none",
+        )
+    return LabelledView(calibration, calibration.image_size_px, dont_care_px)

@@ -1,0 +1,286 @@
+"""`trifuse evaluate datmo`, below the flags: tracks of moving objects against labels or exact truth."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from data.derived.motion_labels import MotionThresholds
+from data.derived.moving_truth import MovingTruth, View, moving_truth
+from data.drive import Drive
+from perception.evaluation.multi_object.clear import Clear, clear
+from perception.evaluation.multi_object.followed import (
+    FollowedObjects,
+    ObjectSummary,
+    TrackErrors,
+    follow,
+    summarise_objects,
+    track_errors,
+)
+from perception.evaluation.multi_object.hota import Hota, hota
+from perception.evaluation.multi_object.identity import Identity, identity
+from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
+from perception.evaluation.multi_object.moving_scene import MovingObjectRule, MovingScene
+from perception.evaluation.multi_object.sequence import TrackedSequence
+from perception.types import Float64, Frame, Int, Result, Tracks
+
+PROTOCOL_WORDS = {
+    "objects": (
+        "an object must be tracked in every frame in which it moves, its box's bottom centre is in the "
+        "area, the middle of its box is in the camera's view and its box holds min_points points from "
+        "clearance_m above its bottom, from the first such frame on: frames in which a tracker makes "
+        "sure are misses"
+    ),
+    "motion": (
+        "an object moves while its box travels over the ground, by label boxes and INS poses or by exact "
+        "positions of a synthetic drive, with hysteresis; its velocity is the median of those between "
+        "all pairs of its positions within window_s, or exact"
+    ),
+    "pairs": (
+        "tracks and objects are paired for the greatest sum of likeness: 1 less the distance of the "
+        "centres over reach_m, or the overlap (IoU) of the outlines, whichever is more"
+    ),
+    "excused": (
+        "a track is neither right nor wrong where it follows, better than its own object, one that "
+        "moves in some frame of the drive but need not be tracked in this one, or one of unknown motion; "
+        "parked objects excuse nobody"
+    ),
+    "left_out": (
+        "tracks without an object outside the area, outside the view, or with half of their box in the "
+        "image in one DontCare region"
+    ),
+    "measures": (
+        "HOTA, CLEAR and identity on the ground plane, twice: by distance (likeness 1 less the distance of "
+        "the centres over reach_m) and by overlap (IoU of the outlines); CLEAR and identity at the "
+        "thresholds given"
+    ),
+    "errors": "of the pairs; heading of tracks faster than 1 m/s; extent as mean size of the error",
+    "false_tracks": (
+        "ids that are judged in some frame and in their whole life have neither followed an object that "
+        "must be tracked nor been excused; on_parked are those of them that lie on a parked object"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class DatmoProtocol:
+    """How tracks of moving objects are judged.
+
+    Attributes:
+        rule: which objects must be tracked.
+        motion: which objects move, by the labels.
+        view: judge what the camera sees, or everything around, which takes exact truth.
+        distance_threshold: likeness by distance from which on CLEAR and identity take a track for right;
+            0.5 is half of the rule's reach.
+        overlap_thresholds: the same of the overlap; the first is that of the identity too.
+    """
+
+    rule: MovingObjectRule = field(default_factory=MovingObjectRule)
+    motion: MotionThresholds = field(default_factory=MotionThresholds)
+    view: View = "camera"
+    distance_threshold: float = 0.5
+    overlap_thresholds: tuple[float, ...] = (0.5, 0.3)
+
+
+@dataclass(frozen=True)
+class DatmoStep:
+    """What some methods answered at one frame.
+
+    Attributes:
+        frame: what they were given.
+        tracks: by method, in the LiDAR frame of the scan.
+        seconds: by method, what its detection and tracking took.
+    """
+
+    frame: Frame
+    tracks: Mapping[str, Tracks]
+    seconds: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class TrackingScores:
+    """The measures by one likeness.
+
+    Attributes:
+        hota: over all thresholds.
+        clear: by threshold.
+        identity: at the first of these thresholds.
+    """
+
+    hota: Hota
+    clear: dict[float, Clear]
+    identity: Identity
+
+
+@dataclass(frozen=True)
+class FalseTracks:
+    """Tracks of nothing that moves.
+
+    Attributes:
+        ids: of the tracks.
+        on_parked: of these, those that lie on a parked object.
+        per_minute: tracks over the time evaluated.
+    """
+
+    ids: Int
+    on_parked: Int
+    per_minute: float
+
+
+@dataclass(frozen=True)
+class DatmoReport:
+    """Everything measured of the tracks of one method on one drive.
+
+    Attributes:
+        protocol: how it was measured.
+        frames: evaluated.
+        duration_s: of these frames.
+        by_distance: the measures by how near the centres are.
+        by_overlap: the measures by the overlap of the outlines.
+        errors: of the tracks that follow an object.
+        objects: one summary for each object that must be tracked.
+        types: class name of each labelled object.
+        false_tracks: tracks of nothing that moves.
+        seconds: (frames evaluated) that detection and tracking took.
+    """
+
+    protocol: DatmoProtocol
+    frames: int
+    duration_s: float
+    by_distance: TrackingScores
+    by_overlap: TrackingScores
+    errors: TrackErrors
+    objects: Sequence[ObjectSummary]
+    types: Mapping[int, str]
+    false_tracks: FalseTracks
+    seconds: Float64
+
+    @property
+    def lost_objects(self) -> list[int]:
+        """Objects that no track ever followed."""
+        return [summary.object_id for summary in self.objects if summary.is_lost]
+
+
+def measure_datmo(
+    drive: Drive, results: Iterable[Result], protocol: DatmoProtocol | None = None
+) -> DatmoReport:
+    """Compare the tracks of each result with what moves in its drive.
+
+    Args:
+        drive: whose labels or exact truth are the measure; a `SyntheticDrive` in memory has exact truth.
+        results: of the pipeline, or of whoever fills in `frame`, `tracks` and `timings_s`, in order.
+        protocol: how tracks are judged.
+
+    Raises:
+        DriveError: the drive cannot say what moves.
+    """
+    steps = (
+        DatmoStep(
+            result.frame,
+            {"tracks": result.tracks},
+            {"tracks": result.timings_s.get("moving objects", np.nan)},
+        )
+        for result in results
+    )
+    return compare_datmo(drive, steps, ["tracks"], protocol)["tracks"]
+
+
+def compare_datmo(
+    drive: Drive,
+    steps: Iterable[DatmoStep],
+    methods: Sequence[str],
+    protocol: DatmoProtocol | None = None,
+) -> dict[str, DatmoReport]:
+    """Compare the tracks of several methods, made from the same frames, with what moves in their drive.
+
+    Args:
+        drive: whose labels or exact truth are the measure.
+        steps: one a frame, in order.
+        methods: names of the methods that every step holds.
+        protocol: how tracks are judged.
+
+    Raises:
+        DriveError: the drive cannot say what moves.
+    """
+    protocol = protocol or DatmoProtocol()
+    truth = moving_truth(drive, protocol.view, protocol.motion)
+    judges = {method: _Judge(protocol) for method in methods}
+    for step in steps:
+        scene = truth.scene(step.frame, protocol.rule.clearance_m)
+        if scene is None:
+            continue
+        for method, judge_ in judges.items():
+            judge_.see(step.frame, scene, step.tracks[method], step.seconds[method])
+    return {method: judge_.report(truth) for method, judge_ in judges.items()}
+
+
+class _Judge:
+    """Gathers what the tracks of one method are worth."""
+
+    def __init__(self, protocol: DatmoProtocol) -> None:
+        self._protocol = protocol
+        self._stamps_s: list[float] = []
+        self._seconds: list[float] = []
+        self._judged: list[JudgedTwice] = []
+        self._followed: list[FollowedObjects] = []
+        self._judged_ids: list[Int] = []
+        self._known_ids: list[Int] = []
+        self._parked_ids: list[Int] = []
+
+    def see(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
+        """Judge the tracks of the next frame."""
+        rule = self._protocol.rule
+        judgement = judge(scene, tracks, rule)
+        self._stamps_s.append(frame.stamp_s)
+        self._seconds.append(seconds)
+        self._judged.append(likeness_frames(scene, tracks, judgement, rule))
+        self._followed.append(follow(frame.stamp_s, scene, tracks, judgement))
+        self._judged_ids.append(tracks.ids[judgement.judged])
+        self._known_ids += [tracks.ids[judgement.pair_tracks], tracks.ids[judgement.excused]]
+        self._parked_ids.append(tracks.ids[judgement.on_parked])
+
+    def report(self, truth: MovingTruth) -> DatmoReport:
+        """Sum up all frames."""
+        protocol, followed = self._protocol, FollowedObjects.concatenate(self._followed)
+        duration_s = _duration_s(self._stamps_s)
+        by_distance = [judged.by_distance for judged in self._judged]
+        by_overlap = [judged.by_overlap for judged in self._judged]
+        return DatmoReport(
+            protocol=protocol,
+            frames=len(self._judged),
+            duration_s=duration_s,
+            by_distance=_scores(by_distance, (protocol.distance_threshold,)),
+            by_overlap=_scores(by_overlap, protocol.overlap_thresholds),
+            errors=track_errors(followed),
+            objects=summarise_objects(followed),
+            types=truth.types(),
+            false_tracks=self._false_tracks(duration_s),
+            seconds=np.array(self._seconds, np.float64),
+        )
+
+    def _false_tracks(self, duration_s: float) -> FalseTracks:
+        false = np.setdiff1d(_joined(self._judged_ids), _joined(self._known_ids))
+        return FalseTracks(
+            ids=false,
+            on_parked=np.intersect1d(false, _joined(self._parked_ids)),
+            per_minute=60 * len(false) / duration_s if duration_s else float("nan"),
+        )
+
+
+def _scores(sequence: TrackedSequence, thresholds: Sequence[float]) -> TrackingScores:
+    return TrackingScores(
+        hota=hota(sequence),
+        clear={threshold: clear(sequence, threshold) for threshold in thresholds},
+        identity=identity(sequence, thresholds[0]),
+    )
+
+
+def _duration_s(stamps_s: Sequence[float]) -> float:
+    """Return the time that frames last, the last as long as the others on average."""
+    if len(stamps_s) < 2:
+        return 0.0
+    return (stamps_s[-1] - stamps_s[0]) * len(stamps_s) / (len(stamps_s) - 1)
+
+
+def _joined(parts: Sequence[Int]) -> Int:
+    return np.concatenate([np.zeros(0, np.int64), *parts])

@@ -1,0 +1,135 @@
+"""The protocol for tracks of moving objects on the ground plane: who must be tracked, and what a track may be.
+
+- An object must be tracked in every frame in which the labels say that it moves, the bottom centre of
+  its box is in the area, the middle of its box is in the camera's view, and its box holds `min_points`
+  points of the scan from `clearance_m` above its bottom. It must be from the first such frame, so the
+  frames that a tracker takes to be sure are misses.
+- A track and an object fit as well as their centres are near, from 1 at no distance to 0 at `reach_m`,
+  or as their outlines overlap (IoU), whichever is more. Objects that must be tracked and tracks are
+  paired for the greatest sum.
+- A track is neither right nor wrong, and leaves, where it follows an object that may but need not be
+  tracked, better than its own one: one that moves but does not count in this frame, one that has
+  stopped or not yet started, one of unknown motion. It follows it where they fit by half or where half
+  of the track lies on it. Parked objects, which move in no frame, excuse nobody.
+- A track without an object leaves where nothing was labelled: outside the area, outside the view, or
+  with half of its box in the image in one DontCare region.
+- What is left is judged twice: by distance and by overlap.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from perception.evaluation.multi_object.moving_scene import (
+    MovingObjectRule,
+    MovingScene,
+    is_labelled_there,
+    must_be_tracked,
+)
+from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.evaluation.objects import Motion
+from perception.geometry.box_overlap_ground import (
+    center_distances_m,
+    distance_likeness,
+    iou_ground,
+    shared_areas_m2,
+)
+from perception.types import Boxes3D, Float64, Int, Tracks
+
+_HALF = 0.5  # of a likeness, or of a track's outline, from which on a track follows an object
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Which objects and tracks of one frame count, and which belong together.
+
+    Attributes:
+        must: (G,) rows of the objects that must be tracked.
+        judged: (T,) rows of the tracks that are right or wrong.
+        pair_objects: (P,) rows of objects that are tracked.
+        pair_tracks: (P,) rows of the tracks that follow them.
+        excused: (E,) rows of tracks that follow an object which need not be tracked.
+        on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
+    """
+
+    must: Int
+    judged: Int
+    pair_objects: Int
+    pair_tracks: Int
+    excused: Int
+    on_parked: Int
+
+
+def judge(scene: MovingScene, tracks: Tracks, rule: MovingObjectRule) -> Judgement:
+    """Apply the protocol of this file to the tracks of one frame."""
+    boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, rule)
+    likeness = _likeness(boxes, tracks.boxes, rule)
+    must_rows = np.flatnonzero(must)
+    pairs = _best_pairs(likeness[must_rows])
+    own = np.zeros(len(tracks))
+    own[pairs[1]] = likeness[must_rows][pairs]
+
+    is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
+    may = ~must & ~is_parked
+    follows = (likeness >= _HALF) | (_covered_shares(boxes, tracks.boxes) >= _HALF)
+    rival = np.where(follows[may], likeness[may], 0.0).max(axis=0, initial=0.0)
+    excused = rival > own
+    left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, rule)
+    judged = ~excused & ~left_out
+    kept = ~excused[pairs[1]]
+    return Judgement(
+        must=must_rows,
+        judged=np.flatnonzero(judged),
+        pair_objects=must_rows[pairs[0][kept]],
+        pair_tracks=pairs[1][kept],
+        excused=np.flatnonzero(excused),
+        on_parked=np.flatnonzero(judged & (own == 0) & follows[is_parked].any(axis=0)),
+    )
+
+
+@dataclass(frozen=True)
+class JudgedTwice:
+    """One frame as the tracking measures take it.
+
+    Attributes:
+        by_distance: likeness by how near the centres are.
+        by_overlap: IoU of the outlines.
+    """
+
+    by_distance: TrackedFrame
+    by_overlap: TrackedFrame
+
+
+def likeness_frames(
+    scene: MovingScene, tracks: Tracks, judgement: Judgement, rule: MovingObjectRule
+) -> JudgedTwice:
+    """Return what is to be judged of one frame, by distance and by overlap."""
+    truth = scene.objects.boxes_velo[judgement.must]
+    answered = tracks[judgement.judged]
+    ids = scene.objects.track_ids[judgement.must], answered.ids
+    near = distance_likeness(center_distances_m(truth, answered.boxes), rule.reach_m)
+    return JudgedTwice(
+        by_distance=TrackedFrame(*ids, near),
+        by_overlap=TrackedFrame(*ids, iou_ground(truth, answered.boxes)),
+    )
+
+
+def _likeness(boxes: Boxes3D, tracks: Boxes3D, rule: MovingObjectRule) -> Float64:
+    """Return (M, T) how well tracks and objects fit: by distance or overlap, whichever is more."""
+    near = distance_likeness(center_distances_m(boxes, tracks), rule.reach_m)
+    return np.maximum(near, iou_ground(boxes, tracks))
+
+
+def _best_pairs(likeness: Float64) -> tuple[Int, Int]:
+    """Return rows and columns of the pairs with the greatest sum; none of them without likeness."""
+    rows, columns = linear_sum_assignment(likeness, maximize=True)
+    kept = likeness[rows, columns] > 0
+    return rows[kept], columns[kept]
+
+
+def _covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
+    """Return (M, T) the share of each track's outline that lies on each object."""
+    shared_m2 = shared_areas_m2(boxes, tracks)
+    areas_m2 = tracks.size_m[:, 0] * tracks.size_m[:, 1]
+    return np.divide(shared_m2, areas_m2, out=np.zeros_like(shared_m2), where=areas_m2 > 0)

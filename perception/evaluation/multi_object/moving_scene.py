@@ -1,0 +1,134 @@
+"""What was there in a frame, for the measures of moving objects: which objects must be tracked, and where."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.objects import LabelledObjects, Motion
+from perception.geometry.boxes import corners, points_inside
+from perception.geometry.camera import is_in_view, project
+from perception.geometry.grids import LocalArea
+from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
+
+_DONT_CARE_SHARE = 0.5  # of a box in the image, from which on it is in a DontCare region
+
+
+def grid_area() -> LocalArea:
+    """Return the area of the thesis' elevation grid (5.2.2)."""
+    return LocalArea(ahead_m=30.0, behind_m=10.0, side_m=10.0)
+
+
+@dataclass(frozen=True)
+class MovingObjectRule:
+    """Which objects must be tracked, and how near a track must be.
+
+    Attributes:
+        area: outside of which nothing is judged.
+        min_points: that an object's box must hold.
+        clearance_m: over the box's bottom, below which points are taken for ground.
+        reach_m: between centres, at which a track is no longer like an object.
+    """
+
+    area: LocalArea = field(default_factory=grid_area)
+    min_points: int = 20
+    clearance_m: float = 0.2
+    reach_m: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse objects without a point, and a reach of nothing."""
+        if self.min_points < 1 or self.reach_m <= 0:
+            raise UsageError(
+                "moving objects",
+                expected="min_points of at least 1 and a reach_m over 0",
+                found=f"min_points {self.min_points} and reach_m {self.reach_m:g}",
+            )
+
+
+@dataclass(frozen=True)
+class LabelledView:
+    """The image in which objects were labelled.
+
+    Attributes:
+        calibration: of the camera.
+        image_size_px: (width, height).
+        dont_care_px: (D, 4) regions in which nothing was labelled.
+    """
+
+    calibration: Calibration
+    image_size_px: tuple[int, int]
+    dont_care_px: Float64
+
+
+@dataclass(frozen=True)
+class MovingScene:
+    """What was there in one frame.
+
+    Attributes:
+        objects: M labelled objects in the LiDAR frame, those that stand too.
+        velocities_m_s: (M, 2) over the ground, along x and y of the LiDAR frame; NaN where unknown.
+        moves_sometime: (M,) whether the object moves in any frame of the drive.
+        points: (M,) points of the scan that each box holds above its feet.
+        view: what was labelled; None where everything around was.
+    """
+
+    objects: LabelledObjects
+    velocities_m_s: Float64
+    moves_sometime: Bool
+    points: Int
+    view: LabelledView | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        columns = (self.objects, self.velocities_m_s, self.moves_sometime, self.points)
+        lengths = {len(column) for column in columns}
+        if len(lengths) > 1:
+            raise PerceptionError(
+                "MovingScene", expected="arrays of one length", found=f"lengths {sorted(lengths)}"
+            )
+
+
+def points_above_feet(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
+    """Return (M,) how many points each box holds, less what lies near its bottom."""
+    lift_m = np.array([0.0, 0.0, clearance_m])
+    raised = Boxes3D(boxes_velo.bottom_m + lift_m, boxes_velo.size_m - lift_m, boxes_velo.yaw_rad)
+    return np.asarray(np.count_nonzero(points_inside(raised, points_velo), axis=1), np.int64)
+
+
+def must_be_tracked(scene: MovingScene, rule: MovingObjectRule) -> Bool:
+    """Tell (M,) which objects of a scene must be tracked."""
+    boxes = scene.objects.boxes_velo
+    moves = (scene.objects.motions == Motion.MOVING) & (scene.objects.track_ids >= 0)
+    is_seen = scene.points >= rule.min_points
+    return np.asarray(moves & is_seen & _is_watched(boxes, scene, rule))
+
+
+def _is_watched(boxes: Boxes3D, scene: MovingScene, rule: MovingObjectRule) -> Bool:
+    """Tell which boxes are in the area and in the labelled view."""
+    is_near = rule.area.contains_xy(boxes.bottom_m)
+    if scene.view is None:
+        return is_near
+    middle = boxes.bottom_m + boxes.size_m * (0, 0, 0.5)
+    return is_near & is_in_view(scene.view.calibration, middle, scene.view.image_size_px)
+
+
+def is_labelled_there(boxes: Boxes3D, scene: MovingScene, rule: MovingObjectRule) -> Bool:
+    """Tell where an object would have been labelled: in area and view, and in no DontCare region."""
+    is_watched = _is_watched(boxes, scene, rule)
+    if scene.view is None or len(boxes) == 0:
+        return is_watched
+    return is_watched & ~_is_in_dont_care(boxes, scene.view)
+
+
+def _is_in_dont_care(boxes: Boxes3D, view: LabelledView) -> Bool:
+    """Tell which boxes have half of their outline in the image in one DontCare region."""
+    pixels, _ = project(view.calibration.image_P_velo, corners(boxes).reshape(-1, 3))
+    pixels = np.clip(pixels.reshape(-1, 8, 2), 0, view.image_size_px)
+    # What lies behind the camera is NaN, and left out by fmin and fmax.
+    low, high = np.fmin.reduce(pixels, axis=1), np.fmax.reduce(pixels, axis=1)
+    regions = view.dont_care_px
+    reach = np.minimum(high[:, None], regions[:, 2:]) - np.maximum(low[:, None], regions[:, :2])
+    shared = np.maximum(reach, 0).prod(axis=2)
+    needed = _DONT_CARE_SHARE * (high - low).prod(axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((shared >= needed[:, None]).any(axis=1))
