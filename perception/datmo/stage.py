@@ -2,9 +2,12 @@
 
 from typing import Literal
 
+from perception.datmo import grid_rules
 from perception.datmo.detector import ObjectDetector, SegmentedScan
-from perception.geometry.grids import LocalArea
+from perception.datmo.grid_detector import GridDetector
 from perception.sensor import LidarModel
+from perception.tracking import point_tracker
+from perception.tracking.point_tracker import PointTracker
 from perception.tracking.tracker import MultiObjectTracker
 from perception.types import Tracks
 
@@ -14,17 +17,36 @@ DatmoMethod = Literal["default", "thesis", "author", "none"]
 class Datmo:
     """Detects and tracks moving objects, scan after scan."""
 
-    def __init__(self, detector: ObjectDetector, tracker: MultiObjectTracker) -> None:
-        self._detector, self._tracker = detector, tracker
+    def __init__(
+        self, detector: ObjectDetector, tracker: MultiObjectTracker, *, by_ins: bool = False
+    ) -> None:
+        """Begin without a scan.
+
+        Args:
+            detector: finds what moves in a scan.
+            tracker: follows it.
+            by_ins: whether tracks lie in the world of the INS, as in the thesis, or of refined poses.
+        """
+        self._detector, self._tracker, self._by_ins = detector, tracker, by_ins
 
     def update(self, scan: SegmentedScan) -> Tracks:
         """Return every confirmed track at the moment of the scan."""
         if scan.is_reset:
             self._tracker.end_all()
         found = self._detector.detect(scan)
-        return self._tracker.update(scan.stamp_s, scan.world_SE3_velo, found.moving, found.standing)
+        pose = scan.ins_world_SE3_velo if self._by_ins else scan.world_SE3_velo
+        return self._tracker.update(scan.stamp_s, pose, found.moving, found.standing)
 
 
-def datmo_stage(method: DatmoMethod, sensor: LidarModel, area: LocalArea) -> Datmo | None:
-    """Make the stage of a method with its default values, or none."""
+def datmo_stage(method: DatmoMethod, sensor: LidarModel) -> Datmo | None:
+    """Make the stage of a method with its default values; `none` is no stage.
+
+    `thesis` is 5.2 with the values of Table 7.4, `author` the same with those of the released program.
+    """
+    if method == "thesis":
+        detector = GridDetector(sensor, grid_rules.THESIS)
+        return Datmo(detector, PointTracker(point_tracker.THESIS), by_ins=True)
+    if method == "author":
+        detector = GridDetector(sensor, grid_rules.AUTHOR)
+        return Datmo(detector, PointTracker(point_tracker.AUTHOR), by_ins=True)
     return None
