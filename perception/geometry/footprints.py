@@ -7,8 +7,8 @@ its heading later can fit the box then.
 from dataclasses import dataclass
 from typing import Self
 
+import cv2
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from perception.errors import PerceptionError
 from perception.types import Bool, Float, Float64, Int
@@ -138,10 +138,6 @@ def _starts(counts: Int) -> Int:
 
 
 def _outline(points_m: Float64) -> Float64:
-    """Return the corners of the convex hull of (P, 2) points; all of them where it has no area."""
-    if len(points_m) < 3:
-        return points_m
-    try:
-        return np.asarray(points_m[ConvexHull(points_m).vertices])
-    except QhullError:  # all on one line
-        return points_m
+    """Return the corners of the convex hull of (P, 2) points."""
+    rows = cv2.convexHull(points_m.astype(np.float32), returnPoints=False)
+    return np.asarray(points_m[rows[:, 0]])

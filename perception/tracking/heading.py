@@ -1,0 +1,118 @@
+"""Where a tracked thing points: along its way once it is fast enough, before that along its shape."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry.footprints import Footprints
+from perception.tracking.track_table import TrackTable
+from perception.tracking.visible_sides import reaches
+from perception.types import Bool, Float64
+
+UNKNOWN_VARIANCE = np.pi**2 / 3  # of an angle that may be any
+
+
+@dataclass(frozen=True)
+class HeadingRules:
+    """What tells a heading.
+
+    Attributes:
+        turn_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
+        least_speed_m_s: slower, the velocity's direction is mostly noise.
+        most_deviation_rad: of a velocity's direction that is still worth hearing.
+        way_deviation_rad: of a heading from the direction of a well-known velocity.
+        shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
+        shape_length_m: the longer side of an outline that has a direction.
+        unsettled_variance: above it, a heading is replaced rather than corrected.
+        reverse_speed_m_s: slower vehicles may drive backwards; nothing goes faster that way.
+        vehicle_length_m: what is shorter does not drive backwards.
+    """
+
+    turn_rad_s: float = 0.4
+    least_speed_m_s: float = 0.7
+    most_deviation_rad: float = 0.5
+    way_deviation_rad: float = 0.1
+    shape_deviation_rad: float = 0.15
+    shape_length_m: float = 1.5
+    unsettled_variance: float = 0.3
+    reverse_speed_m_s: float = 3.0
+    vehicle_length_m: float = 2.4
+
+
+@dataclass(frozen=True)
+class Headings:
+    """T headings.
+
+    Attributes:
+        yaw_rad: (T,).
+        variance: (T,).
+    """
+
+    yaw_rad: Float64
+    variance: Float64
+
+
+def wrap(angle_rad: Float64, period_rad: float = 2 * np.pi) -> Float64:
+    """Return the same angle within half a period of 0."""
+    return np.asarray((angle_rad + period_rad / 2) % period_rad - period_rad / 2)
+
+
+def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:
+    """Return (F,) along which heading, 0 to pi, the longer side of each outline's smallest rectangle lies."""
+    if len(things) == 0:
+        return np.zeros(0)
+    yaws_rad = np.arange(steps) * np.pi / 2 / steps
+    sizes_m = reaches(things, yaws_rad, np.zeros(2)).sizes_m + 0.02  # a line has an area, too
+    best = np.argmin(sizes_m.prod(axis=2), axis=0)
+    length_m, width_m = sizes_m[best, np.arange(len(things))].T
+    return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
+
+
+def follow_way(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Headings:
+    """Turn every heading towards the way that its track takes."""
+    variance = tracks.yaw_variance + (rules.turn_rad_s * elapsed_s) ** 2
+    way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
+    way_variance = _way_variance(tracks, way_rad)
+    is_heard = (tracks.speeds_m_s >= rules.least_speed_m_s) & (
+        way_variance <= rules.most_deviation_rad**2
+    )
+    off_rad = wrap(way_rad - tracks.yaw_rad)
+    is_backwards = (np.abs(off_rad) > np.pi / 2) & _may_reverse(tracks, rules)
+    off_rad = np.where(is_backwards, wrap(off_rad + np.pi), off_rad)
+    is_new = (tracks.yaw_variance > rules.unsettled_variance) | (np.abs(off_rad) > np.pi / 2)
+    noise = way_variance + rules.way_deviation_rad**2
+    gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_heard
+    left = np.where(is_new & is_heard, noise, variance * (1 - gain))
+    return Headings(wrap(tracks.yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
+
+
+def _way_variance(tracks: TrackTable, way_rad: Float64) -> Float64:
+    """Return (T,) the variance of the direction of each velocity, to first order."""
+    across = np.stack([-np.sin(way_rad), np.cos(way_rad)], axis=-1)
+    spread = np.einsum("ti,tij,tj->t", across, tracks.covariance[:, 2:, 2:], across)
+    return np.asarray(spread / np.maximum(tracks.speeds_m_s, 1e-3) ** 2)
+
+
+def _may_reverse(tracks: TrackTable, rules: HeadingRules) -> Bool:
+    is_vehicle = tracks.sizes_m[:, 0] >= rules.vehicle_length_m
+    is_slow = tracks.speeds_m_s < rules.reverse_speed_m_s
+    return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= rules.unsettled_variance))
+
+
+def follow_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) -> Headings:
+    """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
+
+    A rectangle does not tell its front: its four headings are one, and none turns a track by more
+    than an eighth of a turn. A heading that nothing else has told takes the longer side.
+    """
+    shape_rad = yaws_of_shape(things)
+    low_m, high_m = things.extents_m(shape_rad)
+    has_shape = (high_m - low_m)[:, 0] >= rules.shape_length_m
+    is_new = has_shape & (tracks.yaw_variance >= UNKNOWN_VARIANCE * 0.99)
+    off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
+    gain = has_shape * (tracks.yaw_variance / (tracks.yaw_variance + rules.shape_deviation_rad**2))
+    yaw_rad = np.where(is_new, shape_rad, tracks.yaw_rad + gain * off_rad)
+    # Which of the four it is stays unknown until the thing moves.
+    is_settled = tracks.yaw_variance <= rules.unsettled_variance
+    variance = np.where(is_settled, tracks.yaw_variance * (1 - gain), tracks.yaw_variance)
+    return Headings(wrap(yaw_rad), variance)

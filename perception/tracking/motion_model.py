@@ -1,0 +1,80 @@
+"""How tracked things move over the ground, and how far what is seen may lie from what was expected.
+
+state      x  y  vx  vy      (world that stands still)
+measured   x  y              centre of the box
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.tracking import kalman
+from perception.tracking.kalman import Gaussians
+from perception.types import Bool, Float64, Int
+
+OBSERVE_PLACE = np.eye(2, 4)
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """How things move, and how well their sides are seen.
+
+    Attributes:
+        acceleration_m_s2: standard deviation; a car brakes with 3.
+        first_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
+        side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
+        sampling: share of a thing's size by which an end may be missed between two of its points.
+        gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
+    """
+
+    acceleration_m_s2: float = 3.0
+    first_speed_m_s: float = 6.0
+    side_noise_m: float = 0.08
+    sampling: float = 0.5
+    gate: float = 9.21
+
+
+def predict(states: Gaussians, elapsed_s: float, model: MotionModel) -> Gaussians:
+    """Let everything go on as it went, but for an unknown acceleration that stays the same meanwhile."""
+    transition = np.eye(4)
+    transition[:2, 2:] = elapsed_s * np.eye(2)
+    push = np.vstack([elapsed_s**2 / 2 * np.eye(2), elapsed_s * np.eye(2)])
+    return kalman.predict(states, transition, model.acceleration_m_s2**2 * push @ push.T)
+
+
+def begin(places_m: Float64, noise: Float64, model: MotionModel) -> Gaussians:
+    """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise."""
+    count = len(places_m)
+    covariance = np.zeros((count, 4, 4))
+    covariance[:, :2, :2] = noise
+    covariance[:, 2:, 2:] = model.first_speed_m_s**2 * np.eye(2)
+    return Gaussians(np.hstack([places_m, np.zeros((count, 2))]), covariance)
+
+
+def place_noise(sizes_m: Float64, points: Int, yaw_rad: Float64, model: MotionModel) -> Float64:
+    """Return (..., 2, 2) the noise of centres: a side is known as well as its points lie close.
+
+    Args:
+        sizes_m: (..., 2) length and width of what was seen.
+        points: (...) how many.
+        yaw_rad: (...) along which heading.
+        model: how well sides are seen.
+    """
+    missed_m = model.sampling * sizes_m / np.sqrt(points)[..., None]
+    variances = model.side_noise_m**2 + missed_m**2
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))
+
+
+def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> Float64:
+    """Return (T, F) squared Mahalanobis distances of centres (T, F, 2) with noise (T, F, 2, 2)."""
+    away = centers_m - states.mean[:, None, :2]
+    seen = states.covariance[:, None, :2, :2] + noise
+    weighted = np.linalg.solve(seen, away[..., None])[..., 0]
+    return np.asarray((away * weighted).sum(axis=-1))
+
+
+def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
+    """Take in one centre (T, 2) with its noise (T, 2, 2) for each state."""
+    return kalman.update(states, centers_m, OBSERVE_PLACE, noise)

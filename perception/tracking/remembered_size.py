@@ -1,0 +1,76 @@
+"""How long, wide and high a tracked thing is: what was seen of it so far, and what that suggests."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.tracking.track_table import TrackTable
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class SizeRules:
+    """What is believed of a thing's size.
+
+    Attributes:
+        settling_sights: before so many, the size is what was seen last, since the heading is not known yet.
+        complete_sights: seen from end to end so often, a length or width is known.
+        complete_angle_rad: a face that is slanted more to the line of sight does not show its far end.
+        vehicle_width_m: what is so wide has the length of a vehicle; narrower are two-wheelers.
+        vehicle_length_m: what is so long has the width of a vehicle; shorter are two-wheelers.
+        length_per_width: of vehicles; 2.4 for the mean car and 2.7 for the mean van of KITTI's labels.
+        prior_length_m: range of the lengths that a width suggests, a small car to a van.
+        prior_width_m: of a vehicle whose side alone was seen; 1.6 to 1.9 m in KITTI's labels.
+        least_length_m: of anything that moves on its own.
+        least_width_m: of anything that moves on its own.
+        largest_m: length and width of a city bus: what is larger is several things.
+    """
+
+    settling_sights: int = 4
+    complete_sights: int = 3
+    complete_angle_rad: float = float(np.radians(8.0))
+    vehicle_width_m: float = 1.3
+    vehicle_length_m: float = 2.4
+    length_per_width: float = 2.4
+    prior_length_m: tuple[float, float] = (3.6, 5.2)
+    prior_width_m: float = 1.7
+    least_length_m: float = 0.6
+    least_width_m: float = 0.5
+    largest_m: tuple[float, float] = (12.0, 3.0)
+
+
+def likely_sizes_m(tracks: TrackTable, rules: SizeRules) -> Float64:
+    """Return (T, 2) length and width: as seen where seen whole, else at least what is common."""
+    least = np.array([rules.least_length_m, rules.least_width_m])
+    length_m, width_m = np.maximum(tracks.sizes_m, least).T
+    is_known = tracks.complete_seen >= rules.complete_sights
+    common_m = np.clip(rules.length_per_width * width_m, *rules.prior_length_m)
+    is_wide = (width_m >= rules.vehicle_width_m) & ~is_known[:, 0]
+    is_long = (length_m >= rules.vehicle_length_m) & ~is_known[:, 1]
+    return np.column_stack(
+        [
+            np.where(is_wide, np.maximum(length_m, common_m), length_m),
+            np.where(is_long, np.maximum(width_m, rules.prior_width_m), width_m),
+        ]
+    )
+
+
+def remember(
+    tracks: TrackTable, seen_m: Float64, is_complete: Bool, rules: SizeRules
+) -> tuple[Float64, Float64, Int]:
+    """Return the new sizes, recent sizes and complete counts after each track was seen once more.
+
+    A size grows to what two of the last three sights reached, and never shrinks once it has settled.
+
+    Args:
+        tracks: T.
+        seen_m: (T, 2) length and width of what was seen now.
+        is_complete: (T, 2) whether from end to end.
+        rules: what is believed.
+    """
+    limited_m = np.minimum(seen_m, rules.largest_m)
+    recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
+    usual_m = np.median(recent_m, axis=1)
+    is_settled = tracks.sights >= rules.settling_sights
+    sizes_m = np.where(is_settled[:, None], np.maximum(tracks.sizes_m, usual_m), usual_m)
+    return sizes_m, recent_m, tracks.complete_seen + is_complete

@@ -1,0 +1,50 @@
+"""When a track is believed, when it is told of, and when it ends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.tracking.track_table import TrackTable
+from perception.types import Bool
+
+
+@dataclass(frozen=True)
+class LifeRules:
+    """When a track is believed, and when it ends.
+
+    Attributes:
+        confirming_sights: M, how often a thing must be seen moving before it is told of.
+        confirming_s: how long that may take; three scans at 10 Hz are N.
+        coasting_s: how long a confirmed track lives unseen.
+        telling_s: how long a confirmed track is told of unseen.
+        standing_s: how long a track lives on sights of something that stands.
+    """
+
+    confirming_sights: int = 2
+    confirming_s: float = 0.25
+    coasting_s: float = 1.2
+    telling_s: float = 0.5
+    standing_s: float = 3.0
+
+
+def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
+    """Tell which tracks have been seen often enough; once believed, always believed."""
+    return np.asarray(tracks.is_confirmed | (tracks.sights >= rules.confirming_sights))
+
+
+def is_alive(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+    """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
+    limit_s = np.where(tracks.is_confirmed, rules.coasting_s, rules.confirming_s)
+    is_lost = stamp_s - tracks.seen_s > limit_s + _ROUNDING_S
+    stands = stamp_s - tracks.moved_s > rules.standing_s + _ROUNDING_S
+    return np.asarray(~is_lost & ~stands)
+
+
+def is_told(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+    """Tell which tracks are worth reporting."""
+    return np.asarray(
+        tracks.is_confirmed & (stamp_s - tracks.seen_s <= rules.telling_s + _ROUNDING_S)
+    )
+
+
+_ROUNDING_S = 1e-3

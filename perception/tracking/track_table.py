@@ -1,0 +1,111 @@
+"""All tracks of a tracker as columns of one table, so that a scan costs a few array operations."""
+
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from perception.tracking.kalman import Gaussians
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class TrackTable:
+    """T tracks over the ground plane of a world that stands still.
+
+    Attributes:
+        ids: (T,) rising.
+        mean: (T, 4) x and y of the box's centre and its velocity.
+        covariance: (T, 4, 4) of these.
+        yaw_rad: (T,) heading.
+        yaw_variance: (T,) of the heading.
+        sizes_m: (T, 2) remembered length and width.
+        recent_sizes_m: (T, 3, 2) length and width as seen the last three times, the newest first.
+        complete_seen: (T, 2) how often length and width were seen from end to end.
+        heights_m: (T,) remembered.
+        low_world_m: (T,) z of the ground under it.
+        begun_s: (T,) stamp of the first sight.
+        begun_world_m: (T, 2) place of the first sight.
+        seen_s: (T,) stamp of the last sight.
+        moved_s: (T,) stamp of the last sight as something that moves.
+        sights: (T,) how often it was seen moving.
+        is_confirmed: (T,)
+    """
+
+    ids: Int
+    mean: Float64
+    covariance: Float64
+    yaw_rad: Float64
+    yaw_variance: Float64
+    sizes_m: Float64
+    recent_sizes_m: Float64
+    complete_seen: Int
+    heights_m: Float64
+    low_world_m: Float64
+    begun_s: Float64
+    begun_world_m: Float64
+    seen_s: Float64
+    moved_s: Float64
+    sights: Int
+    is_confirmed: Bool
+
+    def __len__(self) -> int:
+        """Return T."""
+        return len(self.ids)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the tracks of a mask, of indices, or of a slice."""
+        return type(self)(
+            **{column.name: getattr(self, column.name)[rows] for column in fields(self)}
+        )
+
+    def joined(self, others: Self) -> Self:
+        """Return these tracks and others after them."""
+        return type(self)(
+            **{
+                column.name: np.concatenate(
+                    [getattr(self, column.name), getattr(others, column.name)]
+                )
+                for column in fields(self)
+            }
+        )
+
+    def replaced(self, rows: Int, others: Self) -> Self:
+        """Return these tracks with others in the place of some rows."""
+        columns = {column.name: getattr(self, column.name).copy() for column in fields(self)}
+        for name, column in columns.items():
+            column[rows] = getattr(others, name)
+        return type(self)(**columns)
+
+    @property
+    def states(self) -> Gaussians:
+        """The Kalman filters."""
+        return Gaussians(self.mean, self.covariance)
+
+    @property
+    def speeds_m_s(self) -> Float64:
+        """(T,) over the ground."""
+        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return no tracks."""
+        none, whole = np.zeros(0), np.zeros(0, np.int64)
+        return cls(
+            ids=whole,
+            mean=np.zeros((0, 4)),
+            covariance=np.zeros((0, 4, 4)),
+            yaw_rad=none,
+            yaw_variance=none,
+            sizes_m=np.zeros((0, 2)),
+            recent_sizes_m=np.zeros((0, 3, 2)),
+            complete_seen=np.zeros((0, 2), np.int64),
+            heights_m=none,
+            low_world_m=none,
+            begun_s=none,
+            begun_world_m=np.zeros((0, 2)),
+            seen_s=none,
+            moved_s=none,
+            sights=whole,
+            is_confirmed=np.zeros(0, bool),
+        )
