@@ -17,16 +17,32 @@ def intersection_over_area_px(a: Float64, b: Float64) -> Float64:
     return _share(intersection_px(a, b), area_px(a)[:, None])
 
 
+def paired_iou_px(a: Float64, b: Float64) -> Float64:
+    """Return (N,) intersection over union of each of (N, 4) boxes with the one in the same row of b."""
+    intersection = _intersection(a, b)
+    return _share(intersection, area_px(a) + area_px(b) - intersection)
+
+
+def paired_intersection_over_area_px(a: Float64, b: Float64) -> Float64:
+    """Return (N,) which share of each of (N, 4) boxes lies in the one in the same row of b."""
+    return _share(_intersection(a, b), area_px(a))
+
+
 def intersection_px(a: Float64, b: Float64) -> Float64:
     """Return (A, B) areas that (A, 4) and (B, 4) boxes x1 y1 x2 y2 have in common."""
-    from_xy = np.maximum(a[:, None, :2], b[None, :, :2])
-    to_xy = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    return np.asarray(np.clip(to_xy - from_xy, 0, None).prod(axis=2))
+    return _intersection(a[:, None], b[None])
 
 
 def area_px(boxes_px: Float64) -> Float64:
     """Return (M,) areas of (M, 4) boxes x1 y1 x2 y2."""
     return np.asarray((boxes_px[:, 2:] - boxes_px[:, :2]).prod(axis=1))
+
+
+def _intersection(a: Float64, b: Float64) -> Float64:
+    """Return (...) areas that (..., 4) boxes have in common, where one is given for many or for one."""
+    from_xy = np.maximum(a[..., :2], b[..., :2])
+    to_xy = np.minimum(a[..., 2:], b[..., 2:])
+    return np.asarray(np.clip(to_xy - from_xy, 0, None).prod(axis=-1))
 
 
 def _share(part: Float64, whole: Float64) -> Float64:
