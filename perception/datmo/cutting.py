@@ -28,6 +28,7 @@ class CutRules:
         most_depth_gap_m: along the line of sight, at most: less than from one car to the next.
         rise: slope of the flattest surface that is bridged between two beams.
         standing_cell_m: edge of the cells whose eight neighbours are joined among standing points.
+        standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
     """
 
     cell_m: float = 0.15
@@ -36,6 +37,7 @@ class CutRules:
     most_depth_gap_m: float = 1.5
     rise: float = 1 / 3
     standing_cell_m: float = 0.2
+    standing_length_m: float = 12.0
 
 
 def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -> Int:
@@ -62,15 +64,22 @@ def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -
 
 
 def cut_standing(points_velo: Float, rules: CutRules) -> Int:
-    """Return (N,) the number of each point's thing, from 0; cells with a common corner are one."""
+    """Return (N,) the number of each point's thing, from 0; -1 where it is too long to be one.
+
+    Cells with a common corner are one.
+    """
     if len(points_velo) == 0:
         return np.zeros(0, np.int64)
-    cells = np.floor(points_velo[:, :2] / rules.standing_cell_m).astype(np.int64)
+    cells = np.floor(points_velo[:, :2] / rules.standing_cell_m).astype(np.int32)
     cells -= cells.min(axis=0)
     picture = np.zeros(cells.max(axis=0) + 1, np.uint8)
     picture[cells[:, 0], cells[:, 1]] = 1
-    _, labels = cv2.connectedComponents(picture, connectivity=8)
-    return np.asarray(labels[cells[:, 0], cells[:, 1]], np.int64) - 1
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(picture, connectivity=8)
+    longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    is_thing = longest * rules.standing_cell_m <= rules.standing_length_m
+    is_thing[0] = False  # the space between
+    number = np.where(is_thing, np.cumsum(is_thing) - 1, -1)
+    return np.asarray(number[labels[cells[:, 0], cells[:, 1]]], np.int64)
 
 
 def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:

@@ -8,7 +8,7 @@ from perception.datmo.cutting import CutRules, cut_moving, cut_standing
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, GroundModel, Int, PointState
+from perception.types import Float32, GroundModel, Int, PointState
 
 
 @dataclass(frozen=True)
@@ -18,12 +18,10 @@ class ThingRules:
     Attributes:
         least_points: fewer are no thing.
         standing_least_points: of a thing that stands, of which there are many and most do not matter.
-        standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
     """
 
     least_points: int = 3
     standing_least_points: int = 5
-    standing_length_m: float = 12.0
 
 
 class PointDetector:
@@ -55,7 +53,6 @@ class PointDetector:
 
     def _standing_things(self, points_velo: Float32, ground: GroundModel) -> Footprints:
         thing_of = cut_standing(points_velo, self._cutting)
-        thing_of = _drop_long(points_velo, thing_of, self._rules.standing_length_m)
         return _outline(points_velo, thing_of, self._rules.standing_least_points, ground)
 
 
@@ -89,18 +86,3 @@ def _on_ground(things: Footprints, ground: GroundModel) -> Footprints:
         things.high_m,
         things.points,
     )
-
-
-def _drop_long(points_velo: Float32, thing_of: Int, length_m: float) -> Int:
-    """Return the things' numbers with -1 where a thing is longer than that along x or y."""
-    if len(thing_of) == 0:
-        return thing_of
-    things = int(thing_of.max()) + 1
-    is_long: Bool = np.zeros(things, bool)
-    for axis in (0, 1):
-        low = np.full(things, np.inf)
-        high = np.full(things, -np.inf)
-        np.minimum.at(low, thing_of, points_velo[:, axis])
-        np.maximum.at(high, thing_of, points_velo[:, axis])
-        is_long |= high - low > length_m
-    return np.where(is_long[thing_of], -1, thing_of)

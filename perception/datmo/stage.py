@@ -5,8 +5,10 @@ from typing import Literal
 from perception.datmo import grid_rules
 from perception.datmo.detector import ObjectDetector, SegmentedScan
 from perception.datmo.grid_detector import GridDetector
+from perception.datmo.point_detector import PointDetector
 from perception.sensor import LidarModel
 from perception.tracking import point_tracker
+from perception.tracking.box_tracker import BoxTracker
 from perception.tracking.point_tracker import PointTracker
 from perception.tracking.tracker import MultiObjectTracker
 from perception.types import Tracks
@@ -49,4 +51,6 @@ def datmo_stage(method: DatmoMethod, sensor: LidarModel) -> Datmo | None:
     if method == "author":
         detector = GridDetector(sensor, grid_rules.AUTHOR)
         return Datmo(detector, PointTracker(point_tracker.AUTHOR), by_ins=True)
+    if method == "default":
+        return Datmo(PointDetector(sensor), BoxTracker())
     return None

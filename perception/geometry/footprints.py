@@ -140,4 +140,4 @@ def _starts(counts: Int) -> Int:
 def _outline(points_m: Float64) -> Float64:
     """Return the corners of the convex hull of (P, 2) points."""
     rows = cv2.convexHull(points_m.astype(np.float32), returnPoints=False)
-    return np.asarray(points_m[rows[:, 0]])
+    return np.asarray(points_m[np.asarray(rows)[:, 0]])

@@ -29,7 +29,7 @@ from perception.tracking.visible_sides import (
     sensor_along,
     to_world,
 )
-from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+from perception.types import Boxes3D, Float64, Int, Tracks
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.tracking import kalman
 from perception.tracking.kalman import Gaussians
-from perception.types import Bool, Float64, Int
+from perception.types import Float64, Int
 
 OBSERVE_PLACE = np.eye(2, 4)
 

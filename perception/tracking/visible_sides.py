@@ -57,7 +57,7 @@ def reaches(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Reach
     cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
     x, y = things.vertices_m.T
     turned = np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
-    starts = np.cumsum(things.corners) - things.corners
+    starts = np.asarray(np.cumsum(things.corners) - np.asarray(things.corners, np.int64), np.int64)
     return Reaches(
         np.minimum.reduceat(turned, starts, axis=1),
         np.maximum.reduceat(turned, starts, axis=1),
