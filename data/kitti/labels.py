@@ -67,8 +67,8 @@ def no_labels() -> Labels:
     )
 
 
-def read_label_lines(path: Path) -> list[str]:
-    """Return the rows of a label file that are not blank.
+def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
+    """Return the rows of a text file that are not blank.
 
     Raises:
         LabelError: the file cannot be read.
@@ -77,7 +77,7 @@ def read_label_lines(path: Path) -> list[str]:
         return [line for line in path.read_text().splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         found = "no file" if isinstance(error, FileNotFoundError) else str(error)
-        raise LabelError(path, expected="a label text", found=found) from error
+        raise LabelError(path, expected=what, found=found) from error
 
 
 def _parse_row(words: list[str], where: str) -> tuple[str, Float64]:

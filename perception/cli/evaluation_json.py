@@ -34,7 +34,7 @@ class Figures:
     """What was measured, and how.
 
     Attributes:
-        measure: ground or obstacles.
+        measure: ground, obstacles ...
         protocol: in words and values.
         results: named figures.
     """
@@ -44,13 +44,26 @@ class Figures:
     results: dict[str, Any]
 
 
-def write_evaluation(path: Path, data: DataUsed, configuration: object, figures: Figures) -> None:
-    """Write the figures, and all that one needs to get them again."""
+_NO_SPLIT = "none: no frame was trained on, and none left out between the first and the last"
+
+
+def write_evaluation(
+    path: Path, data: object, configuration: object, figures: Figures, split: str = _NO_SPLIT
+) -> None:
+    """Write the figures, and all that one needs to get them again.
+
+    Args:
+        path: of the JSON file.
+        data: which were evaluated: `DataUsed` of a drive.
+        configuration: of what was evaluated.
+        figures: what was measured.
+        split: in words, what was trained on and what left out.
+    """
     document = {
         "measure": figures.measure,
         "program": f"trifuse {__version__}",
         "data": data,
-        "split": "none: no frame was trained on, and none left out between the first and the last",
+        "split": split,
         "protocol": figures.protocol,
         "configuration": configuration,
         "results": figures.results,

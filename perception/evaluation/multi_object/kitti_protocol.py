@@ -8,18 +8,23 @@ region without labels.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from perception.errors import PerceptionError
+from perception.errors import PerceptionError, UsageError
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float64, Int
 
+KittiClass = Literal["car", "pedestrian", "cyclist"]
 # Class: those that may be taken for it, all in lower case.
-NEIGHBOURS = {"car": ("van",), "pedestrian": ("person", "person_sitting"), "cyclist": ()}
+NEIGHBOURS: dict[KittiClass, tuple[str, ...]] = {
+    "car": ("van",),
+    "pedestrian": ("person", "person_sitting"),
+    "cyclist": (),
+}
 _DONT_CARE = "dontcare"
 _ROUNDING = np.finfo(np.float64).eps
 
@@ -80,7 +85,7 @@ class BoxRows(Protocol):
 def kitti_frames(
     truth: BoxRows,
     answers: BoxRows,
-    class_name: str,
+    class_name: KittiClass,
     frame_count: int,
     rules: KittiRules = KittiRules(),
 ) -> list[TrackedFrame]:
@@ -95,7 +100,7 @@ def kitti_frames(
     """
     if class_name not in NEIGHBOURS:
         known = ", ".join(NEIGHBOURS)
-        raise PerceptionError("class", expected=f"one of {known}", found=repr(class_name))
+        raise UsageError("class", expected=f"one of {known}", found=repr(class_name))
     true_types, answered_types = np.char.lower(truth.types), np.char.lower(answers.types)
     near = np.isin(true_types, (class_name, *NEIGHBOURS[class_name])) & (truth.ids >= 0)
     answered = (answered_types == class_name) & (answers.ids >= 0)

@@ -1,0 +1,133 @@
+"""A tracker's results beside the labels of their sequences: a file SSSS.txt each.
+
+Which sequences there are, and how long they are, can be said by a seqmap of the benchmark, a row each:
+
+    0001 empty 000000 000447
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.kitti.labels import read_label_lines
+from data.kitti.tracking_rows import TrackingRows, read_label_rows, read_result_rows
+from perception.errors import DriveError, LabelError
+
+
+@dataclass(frozen=True)
+class TrackedSequenceFiles:
+    """Where the labels and the results of one sequence are.
+
+    Attributes:
+        name: 0000
+        labels: a file of 17 columns.
+        results: a file of 18 columns.
+        frame_count: of the sequence, or None where no seqmap says.
+    """
+
+    name: str
+    labels: Path
+    results: Path
+    frame_count: int | None = None
+
+    def read(self) -> "LabelledResults":
+        """Read both files.
+
+        Raises:
+            LabelError: one of them cannot be used.
+        """
+        labels = read_label_rows(self.labels, self.frame_count)
+        results = read_result_rows(self.results, self.frame_count)
+        last = max(labels.frames.max(initial=-1), results.frames.max(initial=-1))
+        # No frame beyond the last row of either file could change any measure.
+        return LabelledResults(labels, results, self.frame_count or int(last) + 1)
+
+
+@dataclass(frozen=True)
+class LabelledResults:
+    """One sequence.
+
+    Attributes:
+        labels: of all classes.
+        results: of a tracker.
+        frame_count: of the sequence; up to the last row of either where nothing else is known.
+    """
+
+    labels: TrackingRows
+    results: TrackingRows
+    frame_count: int
+
+
+def sequences_in(folder: Path) -> list[str]:
+    """Name the sequences of which a folder holds a file SSSS.txt."""
+    return sorted(file.stem for file in folder.glob("[0-9][0-9][0-9][0-9].txt"))
+
+
+def label_folder(path: Path) -> Path:
+    """Find the folder of SSSS.txt: a path itself, or label_02 in it or in its training/.
+
+    Raises:
+        DriveError: there is none.
+    """
+    for folder in (path, path / "label_02", path / "training" / "label_02"):
+        if sequences_in(folder):
+            return folder
+    raise DriveError(
+        path,
+        expected="labels named SSSS.txt, here, in label_02 or in training/label_02",
+        found="none" if path.is_dir() else "no such folder",
+    )
+
+
+def pair_with_labels(
+    results: Path, labels: Path, seqmap: Path | None = None
+) -> list[TrackedSequenceFiles]:
+    """Find the two files of each sequence: of a seqmap, else of all that have results.
+
+    Args:
+        results: folder of SSSS.txt.
+        labels: folder of SSSS.txt.
+        seqmap: names the sequences and their lengths.
+
+    Raises:
+        DriveError: a file is missing.
+        LabelError: the seqmap cannot be read.
+    """
+    if not results.is_dir():
+        raise DriveError(results, expected="a folder of results SSSS.txt", found="no such folder")
+    lengths: dict[str, int | None] = dict.fromkeys(sequences_in(results))
+    if seqmap is not None:
+        lengths = dict(read_seqmap(seqmap))
+    if not lengths:
+        raise DriveError(results, expected="results named SSSS.txt", found="none")
+    for name in lengths:
+        _require(results, name, "results", "leave an empty file where a tracker found nothing")
+        _require(labels, name, "labels", "take away results that nothing can be said of")
+    return [
+        TrackedSequenceFiles(name, labels / f"{name}.txt", results / f"{name}.txt", length)
+        for name, length in lengths.items()
+    ]
+
+
+def read_seqmap(path: Path) -> dict[str, int]:
+    """Read the lengths of sequences by name.
+
+    Raises:
+        LabelError: the file or one of its rows cannot be read, or names a sequence again.
+    """
+    lengths: dict[str, int] = {}
+    expected = "a sequence that is named once, `empty`, its first frame and its length"
+    for number, line in enumerate(read_label_lines(path, "a seqmap"), start=1):
+        words = line.split()
+        is_row = len(words) == 4 and words[3].isdigit() and int(words[3]) > 0
+        if not is_row or words[0] in lengths:
+            raise LabelError(f"{path} row {number}", expected=expected, found=repr(line))
+        lengths[words[0]] = int(words[3])
+    return lengths
+
+
+def _require(folder: Path, name: str, what: str, advice: str) -> None:
+    file = folder / f"{name}.txt"
+    if not file.is_file():
+        raise DriveError(
+            file, expected=f"the {what} of sequence {name}", found="no file", advice=advice
+        )
