@@ -1,19 +1,27 @@
-"""`trifuse evaluate`: the ground and the obstacles against labels or exact truth."""
+"""`trifuse evaluate`: ground, obstacles and moving objects against labels or exact truth."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from data.derived.moving_truth import View
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
+from perception.cli.datmo_figures import datmo_results, datmo_tables
+from perception.cli.datmo_steps import datmo_steps
 from perception.cli.drive_results import drive_results
+from perception.cli.evaluate_datmo import PROTOCOL_WORDS as DATMO_WORDS
+from perception.cli.evaluate_datmo import DatmoProtocol, compare_datmo
 from perception.cli.evaluate_ground import PROTOCOL as GROUND_PROTOCOL
 from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
 from perception.cli.evaluate_obstacles import PROTOCOL_WORDS, ObstacleProtocol, measure_obstacles
+from perception.cli.evaluate_tracks import tracks
 from perception.cli.evaluation_json import DataUsed, Figures, write_evaluation
 from perception.cli.obstacle_figures import obstacle_results, obstacle_tables
+from perception.datmo.stage import DatmoMethod
 from perception.errors import DriveError, UsageError
+from perception.evaluation.multi_object.moving_scene import MovingObjectRule
 from perception.evaluation.obstacles import ObjectRule
 from perception.pipeline import Method, PipelineConfig
 from perception.types import Result
@@ -96,6 +104,47 @@ def obstacles(  # noqa: PLR0913 - flags of a command
         run.write(json, report.frames, Figures("obstacles", words, obstacle_results(report)))
 
 
+def datmo(  # noqa: PLR0913 - flags of a command
+    root: Path,
+    *,
+    sequence: str | None = None,
+    methods: tuple[DatmoMethod, ...] = ("default", "thesis", "author"),
+    view: View = "camera",
+    sensor: str | None = None,
+    frames: int | None = None,
+    on_bad_frame: OnBadFrame = "stop",
+    min_points: int = 20,
+    json: Path | None = None,
+) -> None:
+    """Measure how well moving objects are tracked on the ground plane, several methods on the same scans.
+
+    HOTA, CLEAR and IDF1 by distance and by overlap, errors of place, velocity and extent, and each object.
+
+    Example: trifuse evaluate datmo kitti/tracking --sequence 0000 --methods [default,thesis]
+
+    Args:
+        root: tracking sequences, or a synthetic drive in raw or tracking layout.
+        sequence: which one, where there are several.
+        methods: of DATMO, as [default,thesis,author]; ground and obstacles are always the default's.
+        view: judge what the camera sees, or all around, which only synthetic drives know.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: only so many from the start; else all.
+        on_bad_frame: stop at a damaged frame, or skip it and say so.
+        min_points: that an object's box must hold to count.
+        json: gets the same figures with protocol, data and configuration.
+    """
+    protocol = DatmoProtocol(rule=MovingObjectRule(min_points=min_points), view=view)
+    drive = _open(root, sequence, sensor, frames)
+    run = _Run(drive, PipelineConfig(datmo="none"), frames, on_bad_frame)
+    steps = datmo_steps(drive, run.config, methods, limit=frames, on_bad_frame=on_bad_frame)
+    reports = compare_datmo(drive, steps, methods, protocol)
+    evaluated = next(iter(reports.values())).frames
+    print(f"{run.describe(evaluated)}, judged: {view}\n\n{datmo_tables(reports)}")
+    if json is not None:
+        words = {**DATMO_WORDS, "values": protocol}
+        run.write(json, evaluated, Figures("datmo", words, datmo_results(reports)))
+
+
 @dataclass(frozen=True)
 class _Run:
     """One drive through the pipeline.
@@ -159,4 +208,4 @@ def _open(
     return drive
 
 
-COMMANDS = {"ground": ground, "obstacles": obstacles}
+COMMANDS = {"ground": ground, "obstacles": obstacles, "datmo": datmo, "tracks": tracks}

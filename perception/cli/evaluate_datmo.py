@@ -8,7 +8,12 @@ import numpy as np
 from data.derived.motion_labels import MotionThresholds
 from data.derived.moving_truth import MovingTruth, View, moving_truth
 from data.drive import Drive
-from perception.evaluation.multi_object.clear import Clear, clear
+from perception.evaluation.multi_object.false_tracks import (
+    FalseTracks,
+    TrackVerdicts,
+    find_false_tracks,
+    verdicts,
+)
 from perception.evaluation.multi_object.followed import (
     FollowedObjects,
     ObjectSummary,
@@ -17,12 +22,10 @@ from perception.evaluation.multi_object.followed import (
     summarise_objects,
     track_errors,
 )
-from perception.evaluation.multi_object.hota import Hota, hota
-from perception.evaluation.multi_object.identity import Identity, identity
 from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
 from perception.evaluation.multi_object.moving_scene import MovingObjectRule, MovingScene
-from perception.evaluation.multi_object.sequence import TrackedSequence
-from perception.types import Float64, Frame, Int, Result, Tracks
+from perception.evaluation.multi_object.tracking_scores import TrackingScores, score_tracks
+from perception.types import Float64, Frame, Result, Tracks
 
 PROTOCOL_WORDS = {
     "objects": (
@@ -56,8 +59,8 @@ PROTOCOL_WORDS = {
     ),
     "errors": "of the pairs; heading of tracks faster than 1 m/s; extent as mean size of the error",
     "false_tracks": (
-        "ids that are judged in some frame and in their whole life have neither followed an object that "
-        "must be tracked nor been excused; on_parked are those of them that lie on a parked object"
+        "ids that follow nobody in more than half of the frames in which they are judged or excused; "
+        "never_right of them follow nobody in any of these frames, on_parked lie on a parked object in one"
     ),
 }
 
@@ -72,14 +75,16 @@ class DatmoProtocol:
         view: judge what the camera sees, or everything around, which takes exact truth.
         distance_threshold: likeness by distance from which on CLEAR and identity take a track for right;
             0.5 is half of the rule's reach.
-        overlap_thresholds: the same of the overlap; the first is that of the identity too.
+        overlap_threshold: the same of the overlap.
+        loose_overlap_threshold: another of the overlap, for boxes that hold what was seen of an object.
     """
 
     rule: MovingObjectRule = field(default_factory=MovingObjectRule)
     motion: MotionThresholds = field(default_factory=MotionThresholds)
     view: View = "camera"
     distance_threshold: float = 0.5
-    overlap_thresholds: tuple[float, ...] = (0.5, 0.3)
+    overlap_threshold: float = 0.5
+    loose_overlap_threshold: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -98,36 +103,6 @@ class DatmoStep:
 
 
 @dataclass(frozen=True)
-class TrackingScores:
-    """The measures by one likeness.
-
-    Attributes:
-        hota: over all thresholds.
-        clear: by threshold.
-        identity: at the first of these thresholds.
-    """
-
-    hota: Hota
-    clear: dict[float, Clear]
-    identity: Identity
-
-
-@dataclass(frozen=True)
-class FalseTracks:
-    """Tracks of nothing that moves.
-
-    Attributes:
-        ids: of the tracks.
-        on_parked: of these, those that lie on a parked object.
-        per_minute: tracks over the time evaluated.
-    """
-
-    ids: Int
-    on_parked: Int
-    per_minute: float
-
-
-@dataclass(frozen=True)
 class DatmoReport:
     """Everything measured of the tracks of one method on one drive.
 
@@ -137,6 +112,7 @@ class DatmoReport:
         duration_s: of these frames.
         by_distance: the measures by how near the centres are.
         by_overlap: the measures by the overlap of the outlines.
+        by_loose_overlap: the same; CLEAR and identity at the loose threshold.
         errors: of the tracks that follow an object.
         objects: one summary for each object that must be tracked.
         types: class name of each labelled object.
@@ -149,6 +125,7 @@ class DatmoReport:
     duration_s: float
     by_distance: TrackingScores
     by_overlap: TrackingScores
+    by_loose_overlap: TrackingScores
     errors: TrackErrors
     objects: Sequence[ObjectSummary]
     types: Mapping[int, str]
@@ -223,9 +200,7 @@ class _Judge:
         self._seconds: list[float] = []
         self._judged: list[JudgedTwice] = []
         self._followed: list[FollowedObjects] = []
-        self._judged_ids: list[Int] = []
-        self._known_ids: list[Int] = []
-        self._parked_ids: list[Int] = []
+        self._verdicts: list[TrackVerdicts] = []
 
     def see(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
         """Judge the tracks of the next frame."""
@@ -235,9 +210,7 @@ class _Judge:
         self._seconds.append(seconds)
         self._judged.append(likeness_frames(scene, tracks, judgement, rule))
         self._followed.append(follow(frame.stamp_s, scene, tracks, judgement))
-        self._judged_ids.append(tracks.ids[judgement.judged])
-        self._known_ids += [tracks.ids[judgement.pair_tracks], tracks.ids[judgement.excused]]
-        self._parked_ids.append(tracks.ids[judgement.on_parked])
+        self._verdicts.append(verdicts(tracks, judgement))
 
     def report(self, truth: MovingTruth) -> DatmoReport:
         """Sum up all frames."""
@@ -249,30 +222,15 @@ class _Judge:
             protocol=protocol,
             frames=len(self._judged),
             duration_s=duration_s,
-            by_distance=_scores(by_distance, (protocol.distance_threshold,)),
-            by_overlap=_scores(by_overlap, protocol.overlap_thresholds),
+            by_distance=score_tracks(by_distance, protocol.distance_threshold),
+            by_overlap=score_tracks(by_overlap, protocol.overlap_threshold),
+            by_loose_overlap=score_tracks(by_overlap, protocol.loose_overlap_threshold),
             errors=track_errors(followed),
             objects=summarise_objects(followed),
             types=truth.types(),
-            false_tracks=self._false_tracks(duration_s),
+            false_tracks=find_false_tracks(TrackVerdicts.concatenate(self._verdicts), duration_s),
             seconds=np.array(self._seconds, np.float64),
         )
-
-    def _false_tracks(self, duration_s: float) -> FalseTracks:
-        false = np.setdiff1d(_joined(self._judged_ids), _joined(self._known_ids))
-        return FalseTracks(
-            ids=false,
-            on_parked=np.intersect1d(false, _joined(self._parked_ids)),
-            per_minute=60 * len(false) / duration_s if duration_s else float("nan"),
-        )
-
-
-def _scores(sequence: TrackedSequence, thresholds: Sequence[float]) -> TrackingScores:
-    return TrackingScores(
-        hota=hota(sequence),
-        clear={threshold: clear(sequence, threshold) for threshold in thresholds},
-        identity=identity(sequence, thresholds[0]),
-    )
 
 
 def _duration_s(stamps_s: Sequence[float]) -> float:
@@ -280,7 +238,3 @@ def _duration_s(stamps_s: Sequence[float]) -> float:
     if len(stamps_s) < 2:
         return 0.0
     return (stamps_s[-1] - stamps_s[0]) * len(stamps_s) / (len(stamps_s) - 1)
-
-
-def _joined(parts: Sequence[Int]) -> Int:
-    return np.concatenate([np.zeros(0, np.int64), *parts])

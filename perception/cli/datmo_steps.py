@@ -1,0 +1,59 @@
+"""A drive through the pipeline once, and from there through several ways to find and follow what moves."""
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.frames import OnBadFrame, frame_count, read_frames
+from perception.cli.evaluate_datmo import DatmoStep
+from perception.datmo.detector import SegmentedScan
+from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
+from perception.geometry.threads import one_blas_thread
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Tracks
+
+
+def datmo_steps(
+    drive: Drive,
+    config: PipelineConfig,
+    methods: Sequence[DatmoMethod],
+    *,
+    limit: int | None,
+    on_bad_frame: OnBadFrame,
+) -> Iterator[DatmoStep]:
+    """Yield what every method makes of the same segmented scans, with a progress bar.
+
+    Args:
+        drive: what is read.
+        config: of the pipeline up to the segmented scan.
+        methods: each once.
+        limit: only so many frames from the start, or None.
+        on_bad_frame: stop or skip.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    pipeline = Pipeline(drive.sensor, config)
+    stages = {method: datmo_stage(method, drive.sensor) for method in methods}
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    count = frame_count(drive, limit)
+    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
+        _, scan = pipeline.segment(frame)
+        tracks: dict[str, Tracks] = {}
+        seconds: dict[str, float] = {}
+        for method, stage in stages.items():
+            tracks[method], seconds[method] = _timed(stage, scan)
+        yield DatmoStep(frame, tracks, seconds)
+
+
+def _timed(stage: Datmo | None, scan: SegmentedScan) -> tuple[Tracks, float]:
+    """Return the tracks of one method, and the seconds that they took."""
+    if stage is None:
+        return Tracks.empty(), 0.0
+    with one_blas_thread():
+        start = time.perf_counter()
+        tracks = stage.update(scan)
+        return tracks, time.perf_counter() - start
