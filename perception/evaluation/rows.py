@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from perception.types import Bool
+from perception.types import Bool, Int
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,8 @@ class Rows:
         """Return the number of rows."""
         return len(getattr(self, fields(self)[0].name))
 
-    def __getitem__(self, rows: Bool) -> Self:
-        """Return the rows of a mask."""
+    def __getitem__(self, rows: Bool | Int) -> Self:
+        """Return the rows of a mask, or those of the numbers given, in their order."""
         return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @classmethod

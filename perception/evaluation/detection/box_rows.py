@@ -1,0 +1,69 @@
+"""What is compared: labelled and detected boxes of many frames, one row a box."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from perception.errors import PerceptionError
+from perception.evaluation.rows import Rows
+from perception.types import Float64, Int
+
+
+@dataclass(frozen=True)
+class _BoxRows(Rows):
+    """Rows of boxes in the order of their frames; within a frame, the order decides between equals.
+
+    Attributes:
+        frames: (M,) number of the frame, from 0, never falling.
+        types: (M,) names, in any case.
+        alphas_rad: (M,) heading as seen from the camera; -10 where it is not told.
+        boxes_px: (M, 4) x1 y1 x2 y2.
+    """
+
+    frames: Int
+    types: np.ndarray
+    alphas_rad: Float64
+    boxes_px: Float64
+
+    def __post_init__(self) -> None:
+        """Refuse columns of different lengths, numbers that are none, and frames out of order."""
+        what = type(self).__name__
+        for name in (field.name for field in fields(self)):
+            column = getattr(self, name)
+            shape = (len(self.frames), 4) if name == "boxes_px" else (len(self.frames),)
+            if column.shape != shape:
+                raise PerceptionError(
+                    f"{what}.{name}", expected=f"shape {shape}", found=f"shape {column.shape}"
+                )
+            if column.dtype.kind == "f" and not np.isfinite(column).all():
+                raise PerceptionError(
+                    f"{what}.{name}", expected="finite numbers", found="NaN or infinity"
+                )
+        if (np.diff(self.frames, prepend=0) < 0).any():
+            raise PerceptionError(
+                f"{what}.frames", expected="frames from 0 that never fall", found="one that does"
+            )
+
+
+@dataclass(frozen=True)
+class TrueBoxes(_BoxRows):
+    """G labelled boxes; regions without labels are of the type DontCare.
+
+    Attributes:
+        truncation: (G,) share outside the image, 0 to 1; -1 for what is no object.
+        occlusion: (G,) levels 0 to 3; -1 for what is no object.
+    """
+
+    truncation: Float64
+    occlusion: Float64
+
+
+@dataclass(frozen=True)
+class DetectedBoxes(_BoxRows):
+    """D detected boxes.
+
+    Attributes:
+        scores: (D,) of any scale, higher is surer.
+    """
+
+    scores: Float64

@@ -1,0 +1,150 @@
+"""All boxes of all frames, and how they overlap: what every class and difficulty is measured on."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import PerceptionError
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.grouping import pairs_in_groups
+from perception.evaluation.detection.protocol import (
+    DONT_CARE,
+    NO_ALPHA_RAD,
+    DetectionClass,
+    Difficulty,
+)
+from perception.evaluation.rows import Rows
+from perception.geometry.box_overlap_px import paired_intersection_over_area_px, paired_iou_px
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class Overlaps(Rows):
+    """P pairs of a labelled and a detected box of one frame that share an area.
+
+    Attributes:
+        truths: (P,) row of the labelled box.
+        detections: (P,) row of the detected box.
+        iou: (P,) above 0.
+    """
+
+    truths: Int
+    detections: Int
+    iou: Float64
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What does not depend on the class that is looked for.
+
+    Attributes:
+        truths: (G) labelled boxes.
+        detections: (D) detected boxes.
+        frames: how many there are, with boxes or without.
+        truth_types: (G,) in lower case.
+        detection_types: (D,) in lower case.
+        overlaps: (P) in the order of the labelled boxes.
+        dont_care_shares: (D,) of each detection's area, the most that lies in a single DontCare box.
+    """
+
+    truths: TrueBoxes
+    detections: DetectedBoxes
+    frames: int
+    truth_types: np.ndarray
+    detection_types: np.ndarray
+    overlaps: Overlaps
+    dont_care_shares: Float64
+
+    @property
+    def has_orientation(self) -> bool:
+        """Whether the heading of every detection, of whatever class, is told."""
+        return not (self.detections.alphas_rad == NO_ALPHA_RAD).any()
+
+    def has_detections_of(self, of_class: DetectionClass) -> bool:
+        """Tell whether there is any detection of a class, as the official tool looks for one."""
+        is_of_class = self.detection_types == of_class.name.lower()
+        return bool((is_of_class & (self.detections.boxes_px[:, 0] >= 0)).any())
+
+
+def lay_out(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> Scene:
+    """Find all overlaps once.
+
+    Raises:
+        PerceptionError: a box is of a frame beyond the last.
+    """
+    last = max(truths.frames.max(initial=0), detections.frames.max(initial=0))
+    if last >= max(frames, 1):
+        raise PerceptionError("frames", expected=f"below {frames}", found=f"frame {last}")
+    truth_types = np.char.lower(truths.types.astype(np.str_))
+    return Scene(
+        truths=truths,
+        detections=detections,
+        frames=frames,
+        truth_types=truth_types,
+        detection_types=np.char.lower(detections.types.astype(np.str_)),
+        overlaps=_find_overlaps(truths, detections),
+        dont_care_shares=_dont_care_shares(truths[truth_types == DONT_CARE], detections),
+    )
+
+
+def _find_overlaps(truths: TrueBoxes, detections: DetectedBoxes) -> Overlaps:
+    of_truths, of_detections = pairs_in_groups(truths.frames, detections.frames)
+    iou = paired_iou_px(truths.boxes_px[of_truths], detections.boxes_px[of_detections])
+    return Overlaps(of_truths, of_detections, iou)[iou > 0]
+
+
+def _dont_care_shares(regions: TrueBoxes, detections: DetectedBoxes) -> Float64:
+    of_regions, of_detections = pairs_in_groups(regions.frames, detections.frames)
+    pairs_px = detections.boxes_px[of_detections], regions.boxes_px[of_regions]
+    shares = np.zeros(len(detections))
+    np.maximum.at(shares, of_detections, paired_intersection_over_area_px(*pairs_px))
+    return shares
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Who counts for one class at one difficulty. Who is wanted but not valid or normal is ignored.
+
+    Attributes:
+        is_wanted_truth: (G,) of the class or a neighbour.
+        is_valid: (G,) must be found.
+        is_wanted_detection: (D,) may be matched.
+        is_normal: (D,) is right if matched to a valid truth.
+        is_wrong_unmatched: (D,) is wrong if matched to nothing: normal, and outside of DontCare.
+    """
+
+    is_wanted_truth: Bool
+    is_valid: Bool
+    is_wanted_detection: Bool
+    is_normal: Bool
+    is_wrong_unmatched: Bool
+
+
+def judge(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Judgement:
+    """Decide who counts."""
+    truths, detections = scene.truths, scene.detections
+    is_of_class = scene.truth_types == of_class.name.lower()
+    is_seen = (
+        (truths.occlusion <= difficulty.max_occlusion)
+        & (truths.truncation <= difficulty.max_truncation)
+        & (_heights_px(truths.boxes_px) > difficulty.min_height_px)
+    )
+    # The height of a detection is asked first, its class only then: what is too low may be of any.
+    is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
+    is_normal = ~is_low & (scene.detection_types == of_class.name.lower())
+    return Judgement(
+        is_wanted_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
+        is_valid=is_of_class & is_seen,
+        is_wanted_detection=is_low | is_normal,
+        is_normal=is_normal,
+        is_wrong_unmatched=is_normal & (scene.dont_care_shares <= of_class.iou),
+    )
+
+
+def _heights_px(boxes_px: Float64) -> Float64:
+    return np.asarray(boxes_px[:, 3] - boxes_px[:, 1])
+
+
+def _is_any_of(types: np.ndarray, names: Iterable[str]) -> Bool:
+    return np.isin(types, [name.lower() for name in names])

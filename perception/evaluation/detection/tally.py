@@ -1,0 +1,120 @@
+"""What one class at one difficulty comes to at any threshold of score, on any choice of frames.
+
+The official tool matches all frames again at each of 41 thresholds. But a threshold changes nothing in a
+group of rival boxes as long as it passes none of their scores. So each group is matched once with its
+surest detection, once with its two surest, and so on; what each step changes is booked on the detection
+that made it. Counts at a threshold are then sums over the detections above it, and to take a frame twice,
+or not at all, is to weigh what is booked on it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.evaluation.detection.matching import rival_groups, serve_in_turn, turns_in_groups
+from perception.evaluation.detection.protocol import DetectionClass, Difficulty
+from perception.evaluation.detection.scene import Judgement, Overlaps, Scene, judge
+from perception.evaluation.detection.steps import count_at_steps, find_rivalry
+from perception.evaluation.rows import Rows
+from perception.types import Float64, Int
+
+
+@dataclass(frozen=True)
+class Matches(Rows):
+    """Valid truths that a normal detection is found for when all detections count.
+
+    Attributes:
+        scores: of the detections, falling.
+        frames: of both.
+    """
+
+    scores: Float64
+    frames: Int
+
+
+@dataclass(frozen=True)
+class Changes(Rows):
+    """By how much each detection changes the counts when the threshold falls to its score.
+
+    Attributes:
+        scores: falling.
+        frames: of the detections.
+        true_positives: valid truths matched by normal detections.
+        false_positives: normal detections that are left over, outside of DontCare.
+        found_truths: valid truths matched by any detection, so that they are not missed.
+        similarity: of the headings, 0 to 1, summed over the true positives.
+    """
+
+    scores: Float64
+    frames: Int
+    true_positives: Int
+    false_positives: Int
+    found_truths: Int
+    similarity: Float64
+
+
+@dataclass(frozen=True)
+class Tally:
+    """One class at one difficulty.
+
+    Attributes:
+        truths_of_frames: (F,) valid truths of each frame.
+        matches: from which the thresholds are chosen.
+        changes: which add up to the counts at a threshold.
+    """
+
+    truths_of_frames: Int
+    matches: Matches
+    changes: Changes
+
+
+def tally(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Tally:
+    """Match the boxes of all frames, so that any threshold and any choice of frames can be counted."""
+    judgement = judge(scene, of_class, difficulty)
+    overlaps = scene.overlaps
+    candidates = overlaps[
+        (overlaps.iou > of_class.iou)
+        & judgement.is_wanted_truth[overlaps.truths]
+        & judgement.is_wanted_detection[overlaps.detections]
+    ]
+    valid_frames = scene.truths.frames[judgement.is_valid]
+    return Tally(
+        truths_of_frames=np.bincount(valid_frames, minlength=scene.frames),
+        matches=_match_by_score(scene, judgement, candidates),
+        changes=_book_changes(scene, judgement, candidates),
+    )
+
+
+def _match_by_score(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Matches:
+    """Let each truth take the surest of all detections, not the one that fits best."""
+    scores = scene.detections.scores[candidates.detections]
+    pairs = candidates[np.lexsort((candidates.detections, -scores, candidates.truths))]
+    turns = turns_in_groups(pairs.truths, rival_groups(pairs.truths, pairs.detections))
+    matched = pairs[serve_in_turn(pairs.truths, pairs.detections, turns)]
+    both = judgement.is_valid[matched.truths] & judgement.is_normal[matched.detections]
+    detections = matched.detections[both]
+    matches = Matches(scene.detections.scores[detections], scene.detections.frames[detections])
+    return matches[np.argsort(-matches.scores)]
+
+
+def _book_changes(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Changes:
+    """Let every detection be wrong for itself, then correct this by what the matching gains."""
+    rivalry = find_rivalry(scene, judgement, candidates)
+    gains = count_at_steps(scene, judgement, rivalry).gains(rivalry.step_groups)
+    detections, count = scene.detections, len(scene.detections)
+    cleared = np.zeros(count, np.int64)
+    true_positives, found_truths = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    similarity = np.zeros(count)
+    true_positives[rivalry.steps] = gains.true_positives
+    found_truths[rivalry.steps] = gains.found_truths
+    cleared[rivalry.steps] = gains.cleared
+    similarity[rivalry.steps] = gains.similarity
+    changes = Changes(
+        scores=detections.scores,
+        frames=detections.frames,
+        true_positives=true_positives,
+        false_positives=judgement.is_wrong_unmatched - cleared,
+        found_truths=found_truths,
+        similarity=similarity,
+    )[judgement.is_wanted_detection]
+    return changes[np.argsort(-changes.scores, kind="stable")]
