@@ -1,0 +1,91 @@
+"""How far the averages would have differed on other frames of the same kind.
+
+B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979: frames are drawn
+with replacement, as many as there are, again and again; the interval holds the middle share of the averages.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.evaluation.detection.average_precision import DetectionTallies
+from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
+from perception.types import Float64
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Between two averages, in percent; NaN where no choice of frames holds an object."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class PrecisionSamples:
+    """Average precision of one class at one difficulty on N choices of frames.
+
+    Attributes:
+        percent: by recall points, (N,) averages; NaN for a choice of frames without an object.
+    """
+
+    percent: dict[RecallPoints, Float64]
+
+    def interval(self, recall_points: RecallPoints = 40, confidence: float = 0.95) -> Interval:
+        """Return the percentiles between which the given share of the averages lies."""
+        values = self.percent[recall_points]
+        values = values[~np.isnan(values)]
+        if len(values) == 0:
+            return Interval(np.nan, np.nan)
+        low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
+        return Interval(float(low), float(high))
+
+
+def resample_precision(
+    tallies: DetectionTallies,
+    resamples: int,
+    generator: np.random.Generator,
+    progress: Progress = iter,
+) -> tuple[dict[str, PrecisionSamples], ...]:
+    """Measure choices of frames, each the same for all classes and difficulties.
+
+    Args:
+        tallies: of all frames.
+        resamples: how many choices.
+        generator: draws them.
+        progress: goes through the numbers of the choices, and may show how far it is.
+
+    Returns:
+        For each class, by name of the difficulty.
+
+    Raises:
+        UsageError: no frame to draw from, or no choice asked for.
+    """
+    if resamples < 1 or tallies.frames < 1:
+        raise UsageError(
+            "bootstrap",
+            expected="at least one choice of at least one frame",
+            found=f"{resamples} choices of {tallies.frames} frames",
+        )
+    figures = []
+    for _ in progress(range(resamples)):
+        drawn = generator.integers(tallies.frames, size=tallies.frames)
+        figures.append(tallies.figures(np.bincount(drawn, minlength=tallies.frames)))
+    return tuple(
+        {name: _samples([one.classes[k].curves[name] for one in figures]) for name in of_class}
+        for k, of_class in enumerate(tallies.tallies)
+    )
+
+
+def _samples(curves: list[PrecisionCurve]) -> PrecisionSamples:
+    points: tuple[RecallPoints, ...] = (11, 40)
+    return PrecisionSamples(
+        {
+            recall_points: np.array([c.ap(recall_points) if c.truths else np.nan for c in curves])
+            for recall_points in points
+        }
+    )
