@@ -1,0 +1,222 @@
+"""Labels and results of KITTI's object benchmark as plain rows: a folder of texts, one a frame.
+
+Labels have 15 columns, results a 16th; neither needs a calibration here:
+
+    type truncation occlusion alpha  x1 y1 x2 y2  height width length  x y z  ry  [score]
+
+    Car 0.00 0 1.85 387.63 181.54 423.81 203.12 1.67 1.87 3.69 -16.53 2.39 58.49 1.57
+    Car -1 -1 -10 296.74 161.75 455.22 292.37 -1 -1 -1 -1000 -1000 -1000 -10 0.93
+
+What a detector does not say is -1 (truncation, occlusion, size), -1000 (place) or -10 (angle).
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data.kitti.labels import read_label_lines
+from data.kitti.sensor_files import NumberedFiles
+from perception.errors import DriveError, LabelError
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.grouping import ranks_in_groups
+from perception.types import Float64, Int
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+_COLUMNS = (
+    *("type", "truncation", "occlusion", "alpha", "x1", "y1", "x2", "y2"),
+    *("height", "width", "length", "x", "y", "z", "ry", "score"),
+)
+_LABEL_COLUMNS, _RESULT_COLUMNS = len(_COLUMNS) - 1, len(_COLUMNS)
+_SUFFIXES = (".txt",)
+
+
+@dataclass(frozen=True)
+class DetectionSet:
+    """What a detector says of F frames, and what is true.
+
+    Attributes:
+        numbers: (F,) of the frames, in order; rows count frames by their place in it.
+        truths: labelled boxes.
+        detections: detected boxes.
+        without_result: numbers of frames without a result file, where nothing was detected.
+        beyond: numbers of result files that are of none of the frames.
+    """
+
+    numbers: tuple[int, ...]
+    truths: TrueBoxes
+    detections: DetectedBoxes
+    without_result: tuple[int, ...]
+    beyond: tuple[int, ...]
+
+
+def read_detection_set(
+    results: Path,
+    labels: Path,
+    numbers: Sequence[int] | None = None,
+    progress: Progress = iter,
+) -> DetectionSet:
+    """Read what a detector wrote beside the labels.
+
+    An empty or missing result file says that nothing was detected in its frame.
+
+    Args:
+        results: folder of 000000.txt, or one that holds them in data/.
+        labels: folder of 000000.txt, or one that holds them in label_2/ or training/label_2/.
+        numbers: of the frames; None for all that have labels.
+        progress: goes through the frames, and may show how far it is.
+
+    Raises:
+        DriveError: a folder holds no such file of any frame.
+        LabelError: a label file is missing, or a row cannot be read.
+    """
+    label_files = _text_files(labels, ("label_2", "training/label_2"))
+    chosen = tuple(label_files.paths if numbers is None else numbers)
+    result_files = _text_files(results, ("data",))
+    if result_files.paths.keys().isdisjoint(chosen):
+        raise DriveError(
+            result_files.folder,
+            expected=f"results of the {len(chosen)} frames, named as their labels are",
+            found=f"{len(result_files)} results of other frames",
+            advice="name the folder of the result files, and the list of the frames that they are of",
+        )
+    return DetectionSet(
+        numbers=chosen,
+        truths=_read_labels(label_files, chosen, progress),
+        detections=_read_results(result_files, chosen, progress),
+        without_result=tuple(n for n in chosen if n not in result_files.paths),
+        beyond=tuple(sorted(result_files.paths.keys() - set(chosen))),
+    )
+
+
+def read_frame_list(path: Path) -> tuple[int, ...]:
+    """Read the numbers of frames, one a row, such as of a split.
+
+    Raises:
+        LabelError: the file cannot be read, or a row is no number or one that was there before.
+    """
+    numbers: dict[int, int] = {}
+    for row, line in enumerate(read_label_lines(path), start=1):
+        word = line.strip()
+        if not word.isdecimal():
+            raise LabelError(f"{path} row {row}", expected="a frame number", found=repr(word))
+        if int(word) in numbers:
+            before = numbers[int(word)]
+            raise LabelError(
+                f"{path} row {row}", expected="each frame once", found=f"{word} as in row {before}"
+            )
+        numbers[int(word)] = row
+    if not numbers:
+        raise LabelError(path, expected="frame numbers, one a row", found="none")
+    return tuple(numbers)
+
+
+def format_result_rows(detections: DetectedBoxes) -> str:
+    """Return the rows of one frame, each with its line end; KITTI's numbers stand for what is unknown."""
+    columns = zip(
+        detections.types.tolist(),
+        detections.alphas_rad.tolist(),
+        detections.boxes_px.tolist(),
+        detections.scores.tolist(),
+        strict=True,
+    )
+    return "".join(
+        f"{kind} -1 -1 {alpha:.6g} {' '.join(f'{edge:.6f}' for edge in box)} "
+        f"-1 -1 -1 -1000 -1000 -1000 -10 {score!r}\n"
+        for kind, alpha, box, score in columns
+    )
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Rows of many files: the place of their frame, their type, and the numbers after it."""
+
+    frames: Int
+    types: np.ndarray
+    numbers: Float64
+
+
+def _text_files(folder: Path, inner: Sequence[str]) -> NumberedFiles:
+    """List the texts of a folder, or of the first inner one that exists."""
+    within = next((folder / name for name in inner if (folder / name).is_dir()), folder)
+    files = NumberedFiles.within(within, _SUFFIXES)
+    if not len(files):
+        found = "no such file" if within.is_dir() else "no folder"
+        raise DriveError(within, expected="texts named 000000.txt", found=found)
+    return files
+
+
+def _read_labels(files: NumberedFiles, chosen: Sequence[int], progress: Progress) -> TrueBoxes:
+    table = _read_table([files.path(number) for number in chosen], _LABEL_COLUMNS, progress)
+    return TrueBoxes(
+        frames=table.frames,
+        types=table.types,
+        truncation=table.numbers[:, 0],
+        occlusion=table.numbers[:, 1],
+        alphas_rad=table.numbers[:, 2],
+        boxes_px=table.numbers[:, 3:7],
+    )
+
+
+def _read_results(files: NumberedFiles, chosen: Sequence[int], progress: Progress) -> DetectedBoxes:
+    table = _read_table([files.paths.get(number) for number in chosen], _RESULT_COLUMNS, progress)
+    return DetectedBoxes(
+        frames=table.frames,
+        types=table.types,
+        alphas_rad=table.numbers[:, 2],
+        boxes_px=table.numbers[:, 3:7],
+        scores=table.numbers[:, 14],
+    )
+
+
+def _read_table(paths: Sequence[Path | None], columns: int, progress: Progress) -> _Table:
+    """Read one file after the other, None as an empty one; words become numbers all at once."""
+    rows, counts = [], []
+    for place in progress(range(len(paths))):
+        path = paths[place]
+        of_file = [] if path is None else _read_rows(path, columns)
+        rows += of_file
+        counts.append(len(of_file))
+    frames = np.repeat(np.arange(len(paths)), counts)
+    numbers = _to_numbers([word for row in rows for word in row[1:columns]], columns - 1)
+    is_bad = ~np.isfinite(numbers)
+    if is_bad.any():
+        row, column = np.argwhere(is_bad)[0].tolist()
+        raise LabelError(
+            f"{paths[frames[row]]} row {ranks_in_groups(frames)[row] + 1}",
+            expected=f"finite numbers after the type, as {_COLUMNS[column + 1]} is",
+            found=repr(rows[row][column + 1]),
+        )
+    return _Table(frames, np.array([row[0] for row in rows], np.str_), numbers)
+
+
+def _read_rows(path: Path, columns: int) -> list[list[str]]:
+    """Split the rows of a file into words; a label may carry a score, which says nothing here."""
+    rows = [line.split() for line in read_label_lines(path)]
+    allowed = {columns, _RESULT_COLUMNS}
+    for number, row in enumerate(rows, start=1):
+        if len(row) not in allowed:
+            raise LabelError(
+                f"{path} row {number}",
+                expected=f"{columns} columns, {_COLUMNS[0]} to {_COLUMNS[columns - 1]}",
+                found=f"{len(row)}",
+            )
+    return rows
+
+
+def _to_numbers(words: list[str], columns: int) -> Float64:
+    """Return (N, columns); NaN where a word is no number."""
+    try:
+        numbers = list(map(float, words))
+    except ValueError:
+        numbers = [_number_or_nan(word) for word in words]
+    return np.array(numbers, np.float64).reshape(-1, columns)
+
+
+def _number_or_nan(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
