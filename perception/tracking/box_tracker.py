@@ -7,6 +7,7 @@ import numpy as np
 from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
+from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
 from perception.tracking.fragments import join_fragments
@@ -19,7 +20,7 @@ from perception.tracking.heading import (
 )
 from perception.tracking.motion_model import MotionModel
 from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
-from perception.tracking.track_life import LifeRules, is_alive, is_confirmed, is_told
+from perception.tracking.track_life import LifeRules, is_alive, is_confirmed, is_told, may_stand
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
     Reaches,
@@ -44,6 +45,7 @@ class BoxTrackerRules:
         height_gain: share of the way to a new height that a track's height goes.
         fragment_margin_m: beyond a track's expected box, within which things are parts of one.
         standing_margin_m: by which a standing thing may be larger than the track that it continues.
+        standing_share: of the size seen last that it must have.
     """
 
     motion: MotionModel = field(default_factory=MotionModel)
@@ -52,14 +54,21 @@ class BoxTrackerRules:
     life: LifeRules = field(default_factory=LifeRules)
     height_gain: float = 0.3
     standing_margin_m: float = 0.5
+    standing_share: float = 0.6
     fragment_margin_m: float = 0.3
 
 
 class BoxTracker:
     """Follows things as boxes, placed by the sides that face the sensor."""
 
-    def __init__(self, rules: BoxTrackerRules | None = None) -> None:
-        """Begin without a track."""
+    def __init__(self, area: LocalArea | None = None, rules: BoxTrackerRules | None = None) -> None:
+        """Begin without a track.
+
+        Args:
+            area: outside of which nothing is seen, so that what leaves it is gone; None for no end.
+            rules: every choice.
+        """
+        self._area = area
         self._rules = rules or BoxTrackerRules()
         self._next_id = 0
         self.end_all()
@@ -81,7 +90,7 @@ class BoxTracker:
             new = self._continue_moving(moving.moved(world_SE3_velo), sensor_m)
             self._continue_standing(standing.moved(world_SE3_velo), sensor_m)
             self._begin(new, sensor_m)
-            self._tracks = self._tracks[is_alive(self._tracks, stamp_s, self._rules.life)]
+            self._end(world_SE3_velo)
         return self._tell(self._stamp_s, world_SE3_velo)
 
     def _predict(self, elapsed_s: float) -> None:
@@ -119,14 +128,16 @@ class BoxTracker:
 
     def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
-        is_left = self._tracks.is_confirmed & (self._tracks.seen_s < self._stamp)
-        rows = np.flatnonzero(is_left)
+        rows = np.flatnonzero(may_stand(self._tracks, self._stamp, self._rules.life))
         if len(things) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
         costs, seen = self._distances(tracks, things, sensor_m)
         room_m = likely_sizes_m(tracks, self._rules.size) + self._rules.standing_margin_m
-        fits = (seen.sizes_m <= room_m[:, None]).all(axis=2)
+        fits = (
+            (seen.sizes_m <= room_m[:, None])
+            & (seen.sizes_m >= self._rules.standing_share * tracks.recent_sizes_m[:, :1])
+        ).all(axis=2)
         pairs = assign_optimally(costs, fits & (costs <= self._rules.motion.gate))
         self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
 
@@ -231,6 +242,17 @@ class BoxTracker:
         tracks = replace(tracks, mean=states.mean, covariance=states.covariance)
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, rules.life))
         self._tracks = self._tracks.joined(tracks)
+
+    def _end(self, world_SE3_velo: Float64) -> None:
+        """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
+        goes_on = is_alive(self._tracks, self._stamp, self._rules.life)
+        if self._area is not None:
+            places_velo = se3.transform_points(
+                se3.inverse(world_SE3_velo),
+                np.column_stack([self._tracks.mean[:, :2], self._tracks.low_world_m]),
+            )
+            goes_on &= self._area.contains_xy(places_velo) | (self._tracks.seen_s == self._stamp)
+        self._tracks = self._tracks[goes_on]
 
     @property
     def _stamp(self) -> float:

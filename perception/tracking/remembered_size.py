@@ -23,6 +23,9 @@ class SizeRules:
         prior_width_m: of a vehicle whose side alone was seen; 1.6 to 1.9 m in KITTI's labels.
         least_length_m: of anything that moves on its own.
         least_width_m: of anything that moves on its own.
+        growth: share of the way to a larger size that one sight makes.
+        shrinkage: share of the way to a smaller one.
+        least_share: of a size that is still that size, measured anew; less is a part of the thing.
         largest_m: length and width of a city bus: what is larger is several things.
     """
 
@@ -36,6 +39,9 @@ class SizeRules:
     prior_width_m: float = 1.7
     least_length_m: float = 0.6
     least_width_m: float = 0.5
+    growth: float = 0.25
+    shrinkage: float = 0.05
+    least_share: float = 0.85
     largest_m: tuple[float, float] = (12.0, 3.0)
 
 
@@ -60,7 +66,8 @@ def remember(
 ) -> tuple[Float64, Float64, Int]:
     """Return the new sizes, recent sizes and complete counts after each track was seen once more.
 
-    A size grows to what two of the last three sights reached, and never shrinks once it has settled.
+    A size grows towards what two of the last three sights reached. Once settled it goes back only from
+    what noise added to it, while the thing is seen from end to end: part of a thing does not shrink it.
 
     Args:
         tracks: T.
@@ -71,6 +78,12 @@ def remember(
     limited_m = np.minimum(seen_m, rules.largest_m)
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
     usual_m = np.median(recent_m, axis=1)
+    is_noise = is_complete & (usual_m >= rules.least_share * tracks.sizes_m)
+    gain = np.where(
+        usual_m > tracks.sizes_m, rules.growth, np.where(is_noise, rules.shrinkage, 0.0)
+    )
     is_settled = tracks.sights >= rules.settling_sights
-    sizes_m = np.where(is_settled[:, None], np.maximum(tracks.sizes_m, usual_m), usual_m)
+    sizes_m = np.where(
+        is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m
+    )
     return sizes_m, recent_m, tracks.complete_seen + is_complete

@@ -22,14 +22,27 @@ class LifeRules:
 
     confirming_sights: int = 2
     confirming_s: float = 0.25
+    travel_m: float = 0.3
+    least_speed_m_s: float = 0.5
     coasting_s: float = 1.2
     telling_s: float = 0.5
+    telling_sights: int = 5
     standing_s: float = 3.0
+    stopping_s: float = 0.35
+    stopping_speed_m_s: float = 3.0
 
 
 def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
     """Tell which tracks have been seen often enough; once believed, always believed."""
-    return np.asarray(tracks.is_confirmed | (tracks.sights >= rules.confirming_sights))
+    age_s = tracks.seen_s - tracks.begun_s
+    travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.begun_world_m, axis=1)
+    way_m = np.linalg.norm(tracks.mean[:, 2:], axis=1) * age_s
+    travels = (
+        (travelled_m >= rules.travel_m)
+        & (travelled_m >= rules.least_speed_m_s * age_s)
+        & (tracks.speeds_m_s >= rules.least_speed_m_s)
+    )
+    return np.asarray(tracks.is_confirmed | ((tracks.sights >= rules.confirming_sights) & travels))
 
 
 def is_alive(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
@@ -40,11 +53,17 @@ def is_alive(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
     return np.asarray(~is_lost & ~stands)
 
 
+def may_stand(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+    """Tell which confirmed tracks, unseen in this scan, may have come to a stand."""
+    is_fresh = stamp_s - tracks.seen_s <= rules.stopping_s + _ROUNDING_S
+    is_slow = tracks.speeds_m_s <= rules.stopping_speed_m_s
+    return np.asarray(tracks.is_confirmed & (tracks.seen_s < stamp_s) & is_fresh & is_slow)
+
+
 def is_told(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
     """Tell which tracks are worth reporting."""
-    return np.asarray(
-        tracks.is_confirmed & (stamp_s - tracks.seen_s <= rules.telling_s + _ROUNDING_S)
-    )
+    limit_s = np.where(tracks.sights >= rules.telling_sights, rules.telling_s, 0.0)
+    return np.asarray(tracks.is_confirmed & (stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S))
 
 
 _ROUNDING_S = 1e-3
