@@ -1,0 +1,38 @@
+"""Sequences for the tracking measures."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from perception.evaluation.multi_object.sequence import TrackedFrame
+
+Frames = list[TrackedFrame]
+
+
+@pytest.fixture
+def frame_of() -> Callable[..., TrackedFrame]:
+    """Return what makes a frame of plain lists: the ids of truths and tracks, and their likeness."""
+
+    def make(truths: list[int], tracks: list[int], similarity: list[list[float]]) -> TrackedFrame:
+        table = np.array(similarity, float).reshape(len(truths), len(tracks))
+        return TrackedFrame(np.array(truths, int), np.array(tracks, int), table)
+
+    return make
+
+
+@pytest.fixture(params=range(6))
+def crowd(request: pytest.FixtureRequest) -> Frames:
+    """Return a sequence of many rivals, with frames in which nobody is there, or nobody answered."""
+    rng = np.random.default_rng(request.param)
+    count = int(rng.integers(3, 12))
+    frames = []
+    for _ in range(40):
+        truths = rng.permutation(count)[: rng.integers(0, count + 1)]
+        tracks = rng.permutation(count)[: rng.integers(0, count + 1)]
+        alike = rng.random((len(truths), len(tracks)))
+        # Of one name, as if followed, most of the time; others are alike by chance.
+        is_own = (truths[:, None] == tracks) & (rng.random(alike.shape) < 0.8)
+        similarity = np.where(is_own, 0.4 + 0.6 * alike, np.clip(1.3 * alike - 0.5, 0, 1))
+        frames.append(TrackedFrame(10 * truths + 7, 3 * tracks + 100, similarity))
+    return frames
