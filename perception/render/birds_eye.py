@@ -49,6 +49,13 @@ class BirdsEyeView:
         return np.column_stack([column, row]).astype(np.float64)
 
     @property
+    def image_P_velo(self) -> Float64:
+        """The same as a (3, 4) projection, from infinitely high: every depth is 1."""
+        column, row = self.vehicle_px
+        scale = self.pixels_per_m
+        return np.array([[0, -scale, 0, column], [-scale, 0, 0, row], [0, 0, 0, 1.0]])
+
+    @property
     def reach_m(self) -> float:
         """The distance from the vehicle to the canvas' farthest corner."""
         column, row = self.vehicle_px

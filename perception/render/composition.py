@@ -1,5 +1,6 @@
 """One picture that explains one frame: camera, scene in 3D, bird's-eye view, legend, stage times."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -11,11 +12,15 @@ from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
 from perception.render.overlay import draw_overlay
-from perception.render.perspective import draw_perspective
+from perception.render.palette import Color
+from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.stage_bar import draw_stage_bar
 from perception.render.surface import Surface, sample_surface
 from perception.render.text import Align, draw_text, text_width_px
-from perception.types import Result, UInt8
+from perception.render.track_figures import TrackFigures, track_figures
+from perception.render.tracks import TrackStyle, draw_tracks
+from perception.render.trails import Trails
+from perception.types import Float64, Result, UInt8
 
 # The parts of the picture, as shares of its width and height.
 _LEFT_SHARE = 0.70
@@ -25,10 +30,13 @@ _BAR_SHARES = (0.27, 0.86)
 _GUTTER_PX = 4
 # The bird's-eye view shows a little more than the area that is searched.
 _SURROUND_M = 1.0
-_LEGEND = (
-    ("ground", palette.GROUND),
-    ("static", palette.STATIC),
-    ("moving", palette.MOVING),
+# What stands in the legend: a word and its colours, of which each thing has one.
+_Entry = tuple[str, tuple[Color, ...]]
+_LEGEND: tuple[_Entry, ...] = (
+    ("ground", (palette.GROUND,)),
+    ("static", (palette.STATIC,)),
+    ("moving", (palette.MOVING,)),
+    ("tracks", palette.TRACKS),
 )
 
 
@@ -56,54 +64,54 @@ class Composition:
                 found=f"{width}x{height}",
             )
 
-    def draw(self, result: Result) -> UInt8:
-        """Return the (height, width, 3) picture of one frame."""
+    def draw(self, result: Result, trails: Trails | None = None) -> UInt8:
+        """Return the (height, width, 3) picture of one frame.
+
+        Args:
+            result: what the pipeline made of it.
+            trails: where its tracks were before, or None where nobody remembers.
+        """
         width, height = self.size_px
-        surface = sample_surface(result.ground, self.area)
+        scene = self._scene(result, trails)
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
         body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
         # Left: what the camera sees, and below it the same in 3D; without a camera, 3D alone.
-        camera = self._camera(result, surface, (left_px, round(body_px * _CAMERA_SHARE)))
-        scene_top_px = len(camera) + _GUTTER_PX if len(camera) else 0
-        scene = draw_perspective((left_px, body_px - scene_top_px), result, surface)
+        camera = _draw_camera(scene, (left_px, round(body_px * _CAMERA_SHARE)))
+        behind_top_px = len(camera) + _GUTTER_PX if len(camera) else 0
+        behind = _draw_from_behind(scene, (left_px, body_px - behind_top_px))
         _place(canvas, camera, (0, 0), "Camera")
-        _place(canvas, scene, (0, scene_top_px), "3D, from behind the vehicle")
+        _place(canvas, behind, (0, behind_top_px), "3D, from behind the vehicle")
         # Right: the same from above.
         right_px = left_px + _GUTTER_PX
-        above = self._from_above(result, surface, (width - right_px, body_px))
+        above = self._draw_from_above(scene, (width - right_px, body_px))
         _place(canvas, above, (right_px, 0), "From above")
         # Below: what the colours mean, and where the time went.
-        self._draw_footer(canvas[body_px:], result)
+        is_tracking = trails is not None or len(result.tracks) > 0
+        self._draw_footer(canvas[body_px:], result, _LEGEND[: None if is_tracking else -1])
         return canvas
 
-    def _camera(self, result: Result, surface: Surface, largest_px: tuple[int, int]) -> UInt8:
-        """Return the overlay at the largest size that fits, centred on a strip; empty without a camera."""
-        image, calibration = result.frame.image, result.frame.calibration
-        if image is None or calibration is None:
-            return np.zeros((0, largest_px[0], 3), np.uint8)
-        overlay = draw_overlay(image, calibration.image_P_velo, surface, result.obstacles)
-        scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
-        width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
-        interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-        strip = blank_canvas((largest_px[0], height), palette.PANEL)
-        left = (largest_px[0] - width) // 2
-        strip[:, left : left + width] = cv2.resize(
-            overlay, (width, height), interpolation=interpolation
-        )
-        return strip
+    def _scene(self, result: Result, trails: Trails | None) -> "_Scene":
+        here = result.tracks.boxes.bottom_m[:, None]
+        paths_velo = list(here) if trails is None else trails.paths_velo(result)
+        surface = sample_surface(result.ground, self.area)
+        figures = track_figures(result.tracks, paths_velo)
+        return _Scene(result, surface, figures, TrackStyle.of_height(self.size_px[1]))
 
-    def _from_above(self, result: Result, surface: Surface, size_px: tuple[int, int]) -> UInt8:
+    def _draw_from_above(self, scene: "_Scene", size_px: tuple[int, int]) -> UInt8:
         shown = LocalArea(
             self.area.ahead_m + _SURROUND_M,
             self.area.behind_m + _SURROUND_M,
             self.area.side_m + _SURROUND_M,
         )
-        return draw_birds_eye(view_of_area(shown, size_px), result, surface)
+        view = view_of_area(shown, size_px)
+        panel = draw_birds_eye(view, scene.result, scene.surface)
+        scene.draw_tracks(panel, view.image_P_velo)
+        return panel
 
-    def _draw_footer(self, canvas: UInt8, result: Result) -> None:
+    def _draw_footer(self, canvas: UInt8, result: Result, legend: Sequence[_Entry]) -> None:
         height, width = canvas.shape[:2]
         text_px = round(0.19 * height)
-        _draw_legend(canvas, text_px)
+        _draw_legend(canvas, legend, text_px)
         start, stop = (round(share * width) for share in _BAR_SHARES)
         draw_stage_bar(canvas[:, start:stop], result.timings_s, self.turn_s, round(0.85 * text_px))
         total_s = sum(result.timings_s.values())
@@ -114,6 +122,59 @@ class Composition:
             at = (width - 1.2 * text_px, height * (0.42 + 0.4 * line))
             color = palette.FAINT_TEXT if line else palette.TEXT
             draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """All that the three views show.
+
+    Attributes:
+        result: of one frame.
+        surface: its ground, sampled.
+        figures: its tracks.
+        style: how large tracks are drawn.
+    """
+
+    result: Result
+    surface: Surface
+    figures: TrackFigures
+    style: TrackStyle
+
+    def draw_tracks(self, panel: UInt8, image_P_velo: Float64) -> None:
+        """Draw the tracks over a view."""
+        draw_tracks(panel, image_P_velo, self.figures, self.style)
+
+
+def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:
+    """Return the overlay at the largest size that fits, centred on a strip; empty without a camera."""
+    image, calibration = scene.result.frame.image, scene.result.frame.calibration
+    if image is None or calibration is None:
+        return np.zeros((0, largest_px[0], 3), np.uint8)
+    image_P_velo = calibration.image_P_velo
+    overlay = draw_overlay(image, image_P_velo, scene.surface, scene.result.obstacles)
+    scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
+    width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
+    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    shown = np.asarray(cv2.resize(overlay, (width, height), interpolation=interpolation), np.uint8)
+    # Lines and letters are drawn at the size at which they are seen.
+    scene.draw_tracks(shown, _scaled(image_P_velo, width / image.shape[1], height / image.shape[0]))
+    strip = blank_canvas((largest_px[0], height), palette.PANEL)
+    left = (largest_px[0] - width) // 2
+    strip[:, left : left + width] = shown
+    return strip
+
+
+def _scaled(image_P_velo: Float64, along_columns: float, along_rows: float) -> Float64:
+    """Return the projection to an image resized by these factors; pixel centres are whole numbers."""
+    resize = np.diag([along_columns, along_rows, 1.0])
+    resize[:2, 2] = (along_columns - 1) / 2, (along_rows - 1) / 2
+    return resize @ image_P_velo
+
+
+def _draw_from_behind(scene: _Scene, size_px: tuple[int, int]) -> UInt8:
+    panel = draw_perspective(size_px, scene.result, scene.surface)
+    scene.draw_tracks(panel, chase_camera(size_px))
+    return panel
 
 
 def _place(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) -> None:
@@ -131,12 +192,13 @@ def _place(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) 
     draw_text(target, title, (margin, 1.5 * text_px + 2), height_px=text_px)
 
 
-def _draw_legend(canvas: UInt8, text_px: int) -> None:
+def _draw_legend(canvas: UInt8, legend: Sequence[_Entry], text_px: int) -> None:
     column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
-    for name, color in _LEGEND:
-        left, top = round(column), round(baseline - 1.25 * text_px)
-        corner = (round(column + swatch_px), round(top + swatch_px))
-        cv2.rectangle(canvas, (left, top), corner, color, -1)
+    for name, colors in legend:
+        top = round(baseline - 1.25 * text_px)
+        edges = np.rint(np.linspace(column, column + swatch_px, len(colors) + 1)).astype(int)
+        for color, left, right in zip(colors, edges[:-1], edges[1:], strict=True):
+            canvas[top : round(top + swatch_px) + 1, left : right + 1] = color
         column += swatch_px + 0.7 * text_px
         draw_text(canvas, name, (column, baseline), height_px=text_px)
         column += text_width_px(name, text_px) + 1.8 * text_px

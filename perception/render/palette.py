@@ -7,6 +7,15 @@ GROUND: Color = (46, 120, 255)
 GROUND_MESH: Color = (150, 200, 255)
 STATIC: Color = (240, 62, 54)
 MOVING: Color = (64, 232, 96)
+# One colour a track, in turn. With normal sight and with each kind of colour blindness they differ from
+# one another and from the three colours above (tests/render/test_palette.py).
+TRACKS: tuple[Color, ...] = (
+    (255, 240, 50),
+    (255, 80, 190),
+    (240, 250, 255),
+    (190, 145, 255),
+    (250, 190, 190),
+)
 
 # The picture around it.
 BACKGROUND: Color = (13, 15, 20)
@@ -31,3 +40,8 @@ STAGES: tuple[Color, ...] = (
     (120, 130, 255),
     (220, 210, 90),
 )
+
+
+def track_color(track_id: int) -> Color:
+    """Return the colour by which a track is known as long as it lives."""
+    return TRACKS[track_id % len(TRACKS)]

@@ -1,6 +1,7 @@
 """Anti-aliased words on a picture."""
 
 from enum import Enum
+from functools import lru_cache
 
 import cv2
 
@@ -28,13 +29,17 @@ def draw_text(
     align: Align = Align.LEFT,
 ) -> None:
     """Write one line of capitals that high onto the canvas, its baseline at (column, row)."""
-    scale = cv2.getFontScaleFromHeight(_FONT, height_px)
-    (width, _), _ = cv2.getTextSize(words, _FONT, scale, 1)
+    width = text_width_px(words, height_px) if align is not Align.LEFT else 0
     origin = (round(position_px[0] - width * align.value), round(position_px[1]))
-    cv2.putText(canvas, words, origin, _FONT, scale, color, 1, cv2.LINE_AA)
+    cv2.putText(canvas, words, origin, _FONT, _scale(height_px), color, 1, cv2.LINE_AA)
 
 
+@lru_cache(maxsize=1024)
 def text_width_px(words: str, height_px: int = 11) -> int:
     """Return the width of one line."""
-    scale = cv2.getFontScaleFromHeight(_FONT, height_px)
-    return int(cv2.getTextSize(words, _FONT, scale, 1)[0][0])
+    return int(cv2.getTextSize(words, _FONT, _scale(height_px), 1)[0][0])
+
+
+@lru_cache
+def _scale(height_px: int) -> float:
+    return float(cv2.getFontScaleFromHeight(_FONT, height_px))

@@ -1,0 +1,72 @@
+"""Straight lines before a camera, cut to what it can see.
+
+The cut is made in homogeneous coordinates, before the division by depth: there a line that passes behind
+the camera is still straight, and what remains of it ends where the view does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.types import Float64, Int
+
+NEAREST_M = 0.3
+
+
+@dataclass(frozen=True)
+class ProjectedSegments:
+    """The K of S segments of which a part is seen.
+
+    Attributes:
+        rows: (K,) which they are, rising.
+        ends_px: (K, 2, 2) columns and rows of both ends of that part, in the segment's direction.
+    """
+
+    rows: Int
+    ends_px: Float64
+
+    def __len__(self) -> int:
+        """Return K."""
+        return len(self.rows)
+
+
+def project_segments(
+    image_P_src: Float64,
+    segments_m: Float64,
+    size_px: tuple[int, int] | None = None,
+    *,
+    margin_px: float = 0.0,
+    nearest_m: float = NEAREST_M,
+) -> ProjectedSegments:
+    """Project (S, 2, 3) segments and cut them where the view ends.
+
+    Args:
+        image_P_src: (3, 4) projection to pixels.
+        segments_m: both ends of each.
+        size_px: (width, height) of the image, or None for one that has no borders.
+        margin_px: how far beyond the borders lines still go on.
+        nearest_m: the depth at which lines that come to the camera, or pass it, end.
+    """
+    ends = segments_m @ image_P_src[:, :3].T + image_P_src[:, 3]
+    # Signed distances of both ends from the planes around the view (Cyrus and Beck): inside is positive.
+    planes = _view_planes(size_px, margin_px)
+    start, stop = np.moveaxis(ends @ planes.T, 1, 0)
+    start[:, 0] -= nearest_m
+    stop[:, 0] -= nearest_m
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = start / (start - stop)
+    enters = np.where((start < 0) & (stop >= 0), crossing, 0.0).max(axis=1)
+    leaves = np.where((stop < 0) & (start >= 0), crossing, 1.0).min(axis=1)
+    is_seen = ~((start < 0) & (stop < 0)).any(axis=1) & (enters <= leaves)
+    shares = np.column_stack([enters, leaves])[is_seen, :, None]
+    cut = ends[is_seen, :1] * (1 - shares) + ends[is_seen, 1:] * shares
+    return ProjectedSegments(np.flatnonzero(is_seen), cut[..., :2] / cut[..., 2:])
+
+
+def _view_planes(size_px: tuple[int, int] | None, margin_px: float) -> Float64:
+    """Return the planes around the view, a row each over (u w, v w, w), the near one first."""
+    planes = [(0.0, 0.0, 1.0)]
+    if size_px is not None:
+        right, bottom = (length - 1 + margin_px for length in size_px)
+        planes += [(1, 0, margin_px), (0, 1, margin_px), (-1, 0, right), (0, -1, bottom)]
+    return np.array(planes)

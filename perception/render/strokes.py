@@ -1,0 +1,114 @@
+"""Lines of a scene drawn onto a picture of it, through any projection: smooth, cut at the view, dashed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+
+from perception.geometry.segments import project_segments
+from perception.render.palette import Color
+from perception.types import Bool, Float64, Int, UInt8
+
+_FIXED_POINT_BITS = 4
+_DASH_PX = 10.0
+_DASH_SHARE = 0.55
+# Lines go on beyond the canvas by this much, so that their ends do not show.
+_MARGIN_PX = 8.0
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """K lines on a canvas.
+
+    Attributes:
+        owners: (K,) number of the thing to which each belongs.
+        ends_px: (K, 2, 2) columns and rows of both ends.
+    """
+
+    owners: Int
+    ends_px: Float64
+
+    def outlines_px(self, count: int) -> Float64:
+        """Return (count, 4) x1 y1 x2 y2 around all lines of each owner; x1 > x2 where it has none."""
+        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+        np.minimum.at(low, self.owners, self.ends_px.min(axis=1))
+        np.maximum.at(high, self.owners, self.ends_px.max(axis=1))
+        return np.hstack([low, high])
+
+    def of_owners(self, is_wanted: Bool) -> Self:
+        """Return the lines of some owners, told by a mask over all owners."""
+        kept = is_wanted[self.owners]
+        return type(self)(self.owners[kept], self.ends_px[kept])
+
+    def dashed(self, is_dashed: Bool) -> Self:
+        """Return the lines with those of some owners, told by a mask over all owners, cut into dashes."""
+        broken = is_dashed[self.owners]
+        length_px = np.hypot(*(self.ends_px[:, 1] - self.ends_px[:, 0]).T)
+        dashes = np.where(broken, np.maximum(np.rint(length_px / _DASH_PX), 1), 1).astype(np.int64)
+        line = np.repeat(np.arange(len(dashes)), dashes)
+        number = np.arange(len(line)) - (np.cumsum(dashes) - dashes)[line]
+        stop = number + np.where(broken, _DASH_SHARE, 1.0)[line]
+        shares = np.column_stack([number, stop]) / dashes[line, None]
+        start, along = self.ends_px[line, :1], np.diff(self.ends_px[line], axis=1)
+        return type(self)(self.owners[line], start + shares[..., None] * along)
+
+
+def project_strokes(
+    image_P_velo: Float64, canvas: UInt8, segments_velo: Float64, owners: Int
+) -> Strokes:
+    """Project (S, 2, 3) segments of (S,) owners onto a canvas."""
+    size_px = (canvas.shape[1], canvas.shape[0])
+    seen = project_segments(image_P_velo, segments_velo, size_px, margin_px=_MARGIN_PX)
+    return Strokes(owners[seen.rows], seen.ends_px)
+
+
+def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], widths_px: Int) -> None:
+    """Draw all lines, smooth, owner after owner, in the owners' colours and widths."""
+    # Thin lines side by side cost half as much as one thick line with its round ends.
+    widths = np.asarray(widths_px[strokes.owners], np.int64)
+    line = np.repeat(np.arange(len(widths)), widths)
+    first = np.cumsum(widths) - widths
+    number = np.arange(len(line)) - first[line]
+    along = strokes.ends_px[:, 1] - strokes.ends_px[:, 0]
+    length_px = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-6)
+    across = (along[:, ::-1] * (-1, 1) / length_px[:, None])[line]
+    offsets = (number - (widths[line] - 1) / 2)[:, None] * across
+    lines = fixed_point(strokes.ends_px[line] + offsets[:, None])
+    owners = strokes.owners[line]
+    order = np.argsort(owners, kind="stable")
+    present, starts = np.unique(owners[order], return_index=True)
+    for owner, part in zip(present.tolist(), np.split(lines[order], starts[1:]), strict=False):
+        cv2.polylines(canvas, list(part), False, colors[owner], 1, cv2.LINE_AA, _FIXED_POINT_BITS)
+
+
+def draw_seam(canvas: UInt8, strokes: Strokes, color: Color, width_px: int) -> None:
+    """Draw all lines with rough edges, for smooth ones to lie on."""
+    if len(strokes.owners):
+        lines = fixed_point(strokes.ends_px)
+        cv2.polylines(canvas, list(lines), False, color, width_px, cv2.LINE_8, _FIXED_POINT_BITS)
+
+
+def fill_polygons(
+    canvas: UInt8, corners_px: Float64, colors: Sequence[Color], opacity: float
+) -> None:
+    """Fill (F, C, 2) convex polygons, each in its colour, so that the canvas shows through."""
+    if not len(corners_px):
+        return
+    # Only the part of the canvas that they touch is blended.
+    height, width = canvas.shape[:2]
+    low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, (width, height)).astype(int)
+    high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, (width, height)).astype(int)
+    touched = canvas[low[1] : high[1], low[0] : high[0]]
+    if not touched.size:
+        return
+    painted = touched.copy()
+    for polygon, color in zip(fixed_point(corners_px - low), colors, strict=True):
+        cv2.fillConvexPoly(painted, polygon, color, cv2.LINE_AA, _FIXED_POINT_BITS)
+    cv2.addWeighted(painted, opacity, touched, 1 - opacity, 0, dst=touched)
+
+
+def fixed_point(pixels: Float64) -> Int:
+    """Return pixels for OpenCV's sub-pixel drawing."""
+    return np.asarray(np.rint(pixels * 2**_FIXED_POINT_BITS), np.int32)

@@ -1,0 +1,112 @@
+"""Tracks drawn through any projection, the camera's or a virtual one.
+
+Each is a box with its front filled, the way it came, an arrow as long as its way in a second, and its
+name. Broken edges: predicted, not seen in this scan.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry.camera import project
+from perception.geometry.segments import NEAREST_M
+from perception.render import palette
+from perception.render.palette import Color
+from perception.render.strokes import draw_seam, draw_strokes, fill_polygons, project_strokes
+from perception.render.track_figures import Part, TrackFigures
+from perception.render.track_labels import draw_track_labels
+from perception.types import Bool, Float64, UInt8
+
+_FRONT_OPACITY = 0.5
+# Brightness of each part: the way fades with its age.
+_LIGHT = {Part.OLD_WAY: 0.4, Part.WAY: 0.7, Part.NEW_WAY: 1.0, Part.BOX: 1.0, Part.ARROW: 1.0}
+# Boxes with a smaller outline than this are drawn with thin lines.
+_SMALL_PX = 40.0
+
+
+@dataclass(frozen=True)
+class TrackStyle:
+    """How large things are drawn.
+
+    Attributes:
+        line_px: width of lines.
+        text_px: height of the labels' capitals.
+    """
+
+    line_px: int = 2
+    text_px: int = 10
+
+    @classmethod
+    def of_height(cls, height_px: int) -> "TrackStyle":
+        """Return what is legible in a picture that high."""
+        return cls(max(round(height_px / 450), 1), max(round(height_px / 90), 7))
+
+
+def draw_tracks(
+    canvas: UInt8, image_P_velo: Float64, figures: TrackFigures, style: TrackStyle
+) -> None:
+    """Draw tracks onto a canvas, each in the colour of its id.
+
+    Args:
+        canvas: what is drawn on.
+        image_P_velo: (3, 4) projection to the canvas.
+        figures: of (T) tracks.
+        style: how large.
+    """
+    count = len(figures.tracks)
+    if not count:
+        return
+    colors = [palette.track_color(track) for track in figures.tracks.ids.tolist()]
+    strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
+    boxes = slice(Part.BOX * count, Part.ARROW * count)
+    outlines_px = strokes.outlines_px(len(Part) * count)[boxes]
+    is_dashed = np.zeros(len(Part) * count, bool)
+    is_dashed[boxes] = ~figures.tracks.is_seen
+    widths_px = np.full(len(Part) * count, style.line_px)
+    widths_px[boxes][_is_small(outlines_px)] = 1
+    _fill_fronts(canvas, image_P_velo, figures, colors)
+    strokes = strokes.dashed(is_dashed)
+    # A dark seam keeps the lines legible on any picture.
+    seamed = strokes.of_owners(np.arange(len(Part) * count) >= Part.BOX * count)
+    draw_seam(canvas, seamed, palette.BACKGROUND, style.line_px + 2)
+    draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
+    draw_track_labels(canvas, outlines_px, figures, style.text_px)
+
+
+def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
+    """Return the colour of every line by its number."""
+    return [
+        (round(light * red), round(light * green), round(light * blue))
+        for light in _LIGHT.values()
+        for red, green, blue in colors
+    ]
+
+
+def _fill_fronts(
+    canvas: UInt8, image_P_velo: Float64, figures: TrackFigures, colors: Sequence[Color]
+) -> None:
+    """Fill the faces that mark the fronts of the boxes, where they are turned to the camera."""
+    pixels, depth_m = project(image_P_velo, figures.faces_m.reshape(-1, 3))
+    polygons = pixels.reshape(-1, 4, 2)
+    shown = (depth_m.reshape(-1, 4) > NEAREST_M).all(axis=1)
+    shown &= _is_near(polygons, canvas) & _is_clockwise(polygons)
+    face_colors = [colors[face % len(colors)] for face in np.flatnonzero(shown).tolist()]
+    fill_polygons(canvas, polygons[shown], face_colors, _FRONT_OPACITY)
+
+
+def _is_near(polygons_px: Float64, canvas: UInt8) -> Bool:
+    """Tell which (F, C, 2) polygons lie on the canvas or not farther off than it is large."""
+    size = np.array([canvas.shape[1], canvas.shape[0]])
+    return np.asarray(((polygons_px > -size) & (polygons_px < 2 * size)).all(axis=(1, 2)))
+
+
+def _is_clockwise(polygons_px: Float64) -> Bool:
+    """Tell which (F, C, 2) polygons run clockwise on the picture and are more than a line."""
+    following = np.roll(polygons_px, -1, axis=1)
+    cross = polygons_px[..., 0] * following[..., 1] - polygons_px[..., 1] * following[..., 0]
+    return np.asarray(cross.sum(axis=1) > 1.0)
+
+
+def _is_small(outlines_px: Float64) -> Bool:
+    return np.asarray((outlines_px[:, 2:] - outlines_px[:, :2]).max(axis=1) < _SMALL_PX)

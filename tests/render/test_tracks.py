@@ -1,0 +1,207 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.geometry.boxes import edges
+from perception.render.birds_eye import BirdsEyeView
+from perception.render.composition import Composition
+from perception.render.palette import TRACKS
+from perception.render.strokes import Strokes, draw_strokes, project_strokes
+from perception.render.track_figures import Part, track_figures
+from perception.render.track_labels import Tag, draw_track_labels
+from perception.render.tracks import TrackStyle, draw_tracks
+from perception.render.trails import Trails
+from perception.types import Boxes3D, Tracks
+from tests.render.conftest import FORWARD_CAMERA
+
+ABOVE = BirdsEyeView(size_px=(200, 300), pixels_per_m=10.0, vehicle_px=(100.0, 250.0))
+FORWARD = FORWARD_CAMERA.image_P_velo
+THIN = TrackStyle(line_px=1, text_px=8)
+SMALL = Composition(size_px=(800, 450))
+
+
+def tracks_at(*bottoms, size=(4.0, 2.0, 1.5), yaw=0.0, velocity=(0.0, 0.0), seen=True, first_id=0):
+    count = len(bottoms)
+    boxes = Boxes3D(
+        np.array(bottoms, float).reshape(-1, 3), np.tile(size, (count, 1)), np.full(count, yaw)
+    )
+    velocities = np.tile(np.array(velocity, float), (count, 1))
+    return Tracks(np.arange(count) + first_id, boxes, velocities, np.full(count, seen))
+
+
+def drawn(tracks, image_P_velo=ABOVE.image_P_velo, size_px=(200, 300), paths=None):
+    canvas = np.zeros((size_px[1], size_px[0], 3), np.uint8)
+    paths = list(tracks.boxes.bottom_m[:, None]) if paths is None else paths
+    draw_tracks(canvas, image_P_velo, track_figures(tracks, paths), THIN)
+    return canvas
+
+
+def is_colored(pixel, color=TRACKS[0]):
+    return bool((pixel.astype(int) > 0.6 * np.array(color)).all())
+
+
+def test_the_projection_from_above_is_the_view_itself():
+    points = np.array([(0, 0, 0), (10, 0, 5), (0, 5, -2), (-2, -3, 1.0)])
+    homogeneous = np.column_stack([points, np.ones(4)]) @ ABOVE.image_P_velo.T
+    np.testing.assert_allclose(homogeneous[:, :2], ABOVE.to_pixels(points))
+    assert (homogeneous[:, 2] == 1).all()
+
+
+def test_from_above_a_box_is_its_outline():
+    # 4 m x 2 m, 10 m ahead: rows 130 to 170, columns 90 to 110.
+    canvas = drawn(tracks_at((10, 0, -1.7)))
+    for column, row in [(90, 150), (110, 150), (100, 130), (100, 170)]:
+        assert is_colored(canvas[row, column])
+    assert not canvas[160, 95].any()
+    # Only the front of it is filled.
+    assert canvas[134, 95].max() > 100
+    assert not canvas[142, 95].any()
+
+
+def test_before_the_camera_its_edges_are_where_they_project():
+    # The rear of the box, 8 m ahead, 2 m wide, 1 m high: columns 87.5 to 112.5, rows 50 to 62.5.
+    tracks = tracks_at((10, 0, -1.0), size=(4, 2, 1), velocity=(5.0, 0.0))
+    canvas = drawn(tracks, FORWARD, (200, 100))
+    for column, row in [(87, 56), (112, 56), (100, 62), (100, 50)]:
+        assert canvas[row - 1 : row + 2, column - 1 : column + 2].max() > 150
+    assert not canvas[90].any()
+
+
+def test_a_front_is_filled_only_where_it_is_seen():
+    away = drawn(tracks_at((5, 0, -1.0), size=(4, 2, 1)), FORWARD, (200, 100))
+    towards = drawn(tracks_at((5, 0, -1.0), size=(4, 2, 1), yaw=np.pi), FORWARD, (200, 100))
+    # Within the near side and out of the line of every edge.
+    assert not away[74, 108].any()
+    np.testing.assert_allclose(towards[74, 108], np.array(TRACKS[0]) / 2, atol=1)
+
+
+def test_a_box_beside_the_camera_draws_no_line_across_the_picture():
+    # It reaches from 5 m behind the camera to 5 m ahead of it, 2 m to the right.
+    tracks = tracks_at((0, -3, -1.0), size=(10, 2, 1.5))
+    strokes = project_strokes(
+        FORWARD, np.zeros((100, 200, 3), np.uint8), edges(tracks.boxes)[0], np.zeros(12, int)
+    )
+    assert len(strokes.owners)
+    assert strokes.ends_px.min() > -9
+    assert (strokes.ends_px.max(axis=(0, 1)) < (209, 109)).all()
+    canvas = drawn(tracks, FORWARD, (200, 100))
+    # Whatever lies right of it ahead of the camera projects into the right half.
+    assert not canvas[:, :110].any()
+    assert canvas[:, 130:].any()
+
+
+def test_a_box_behind_the_camera_is_not_drawn():
+    assert not drawn(tracks_at((-8, 0, -1.0), velocity=(-9.0, 0.0)), FORWARD, (200, 100)).any()
+
+
+def test_the_arrow_is_as_long_as_the_way_of_a_second():
+    figures = track_figures(tracks_at((10, 0, 0), velocity=(0.0, 3.0)), [np.array([(10, 0, 0.0)])])
+    shaft = figures.segments_m[figures.numbers == Part.ARROW][0]
+    # From the left side of a box 2 m wide.
+    np.testing.assert_allclose(shaft, [(10, 1, 0), (10, 4, 0)], atol=1e-9)
+    slow = track_figures(tracks_at((10, 0, 0), velocity=(0.1, 0)), [np.array([(10, 0, 0.0)])])
+    assert not (slow.numbers == Part.ARROW).any()
+
+
+def test_a_way_is_drawn_where_it_went_and_fades():
+    path = np.column_stack([np.linspace(2, 10, 25), np.full(25, 6.0), np.zeros(25)])
+    canvas = drawn(tracks_at((10, 6, 0), size=(0.4, 0.4, 1)), paths=[path])
+    old, new = canvas[225, 40], canvas[165, 40]
+    assert is_colored(new)
+    assert 60 < old.max() < 0.5 * max(TRACKS[0])
+
+
+def test_under_the_vehicle_no_way_is_drawn():
+    path = np.column_stack([np.linspace(-4, 10, 25), np.zeros((25, 2))])
+    canvas = drawn(tracks_at((10, 0, 0), size=(0.4, 0.4, 1)), paths=[path])
+    assert canvas[200, 100].any()
+    assert not canvas[235:265, 100].any()
+
+
+def test_predicted_boxes_are_broken():
+    solid = drawn(tracks_at((10, 0, 0)))[:, 90].max(axis=1)[132:168] > 100
+    broken = drawn(tracks_at((10, 0, 0), seen=False))[:, 90].max(axis=1)[132:168] > 100
+    assert solid.all()
+    assert 0.3 < broken.mean() < 0.9
+
+
+def test_dashes_cover_their_share_of_a_line():
+    line = Strokes(np.array([0, 1]), np.array([[(0.0, 0.0), (100.0, 0.0)]] * 2))
+    dashes = line.dashed(np.array([False, True]))
+    assert dashes.owners.tolist() == [0] + [1] * 10
+    np.testing.assert_allclose(dashes.ends_px[0], [(0, 0), (100, 0)])
+    np.testing.assert_allclose(dashes.ends_px[1:, 0, 0], np.arange(10) * 10)
+    np.testing.assert_allclose(dashes.ends_px[1:, 1, 0], np.arange(10) * 10 + 5.5)
+
+
+@pytest.mark.parametrize(("width_px", "rows"), [(1, [50]), (3, [49, 50, 51])])
+def test_lines_are_as_wide_as_they_were_asked_for(width_px, rows):
+    canvas = np.zeros((100, 100, 3), np.uint8)
+    line = Strokes(np.array([0]), np.array([[(10.0, 50.0), (90.0, 50.0)]]))
+    draw_strokes(canvas, line, [(255, 255, 255)], np.array([width_px]))
+    assert np.flatnonzero(canvas[:, 50, 0] > 128).tolist() == rows
+
+
+def test_the_nearer_of_two_lies_on_top():
+    # Ids 0 and 1 stand one behind the other; where their lines cross, the nearer one's colour is seen.
+    tracks = tracks_at((10, 0, -1), (6, 0, -1), size=(0.1, 2, 2))
+    canvas = drawn(tracks, FORWARD, (200, 100))
+    near, far = drawn(tracks[1:], FORWARD, (200, 100)), drawn(tracks[:1], FORWARD, (200, 100))
+    both = (near == TRACKS[1]).all(axis=2) & far.any(axis=2)
+    assert both.any()
+    assert (canvas[both] == TRACKS[1]).all()
+
+
+def test_labels_never_overlap(monkeypatch):
+    tags: list[Tag] = []
+    monkeypatch.setattr(
+        "perception.render.track_labels._Label.draw", lambda self, canvas, tag: tags.append(tag)
+    )
+    random = np.random.default_rng(2)
+    tracks = tracks_at(*random.uniform((4, -6, -1), (12, 6, 0), (60, 3)), size=(1, 1, 1))
+    corners = random.uniform(20, 150, (60, 2))
+    outlines = np.hstack([corners, corners + 9])
+    canvas = np.zeros((200, 200, 3), np.uint8)
+    draw_track_labels(canvas, outlines, track_figures(tracks, [np.zeros((1, 3))] * 60), 8)
+    assert 10 < len(tags) < 60
+    covered = np.zeros((200, 200), int)
+    for tag in tags:
+        assert tag.is_within(canvas)
+        covered[tag.top : tag.bottom, tag.left : tag.right] += 1
+    assert covered.max() == 1
+
+
+def test_the_label_stands_over_its_box():
+    canvas = drawn(tracks_at((10, 0, 0), first_id=12))
+    assert canvas[112:128].any()
+    assert not canvas[:105].any()
+
+
+def test_no_tracks_draw_nothing():
+    assert not drawn(Tracks.empty(), paths=[]).any()
+
+
+def test_without_tracks_the_picture_is_as_it_was(scene):
+    before = SMALL.draw(scene)
+    followed = SMALL.draw(scene, Trails())
+    # Only the legend says that tracks are looked for.
+    differing = np.nonzero((before != followed).any(axis=2))
+    assert differing[0].min() > 450 * (1 - 0.075) - 1
+    assert differing[1].max() < 0.27 * 800
+
+
+def test_tracks_are_in_every_panel(scene):
+    tracked = replace(scene, tracks=tracks_at((12, 1, -1.7), velocity=(3.0, 0.0)))
+    changed = (SMALL.draw(tracked) != SMALL.draw(scene)).any(axis=2)[: 450 - 34]
+    rows, columns = np.nonzero(changed)
+    is_left, is_top = columns < 560, rows < 190
+    assert (is_left & is_top).any()
+    assert (is_left & ~is_top).any()
+    assert (~is_left).any()
+
+
+def test_tracks_are_drawn_without_a_camera_too(scene):
+    blind = replace(scene, frame=replace(scene.frame, image=None, calibration=None))
+    tracked = replace(blind, tracks=tracks_at((12, 1, -1.7)))
+    assert (SMALL.draw(tracked, Trails()) != SMALL.draw(blind, Trails())).any()
