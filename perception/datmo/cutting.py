@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from perception.types import Bool, Float, Float64, Int
+from perception.types import Bool, Float, Float64, Int, UInt8
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,6 @@ class CutRules:
         depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
         most_depth_gap_m: along the line of sight, at most: less than from one car to the next.
         rise: slope of the flattest surface that is bridged between two beams.
-        standing_cell_m: edge of the cells whose eight neighbours are joined among standing points.
-        standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
     """
 
     cell_m: float = 0.15
@@ -36,8 +34,6 @@ class CutRules:
     depth_gap_m: float = 0.6
     most_depth_gap_m: float = 1.5
     rise: float = 1 / 3
-    standing_cell_m: float = 0.2
-    standing_length_m: float = 12.0
 
 
 def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -> Int:
@@ -63,23 +59,55 @@ def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -
     return np.asarray(thing_of_cell[cell_of], np.int64)
 
 
-def cut_standing(points_velo: Float, rules: CutRules) -> Int:
-    """Return (N,) the number of each point's thing, from 0; -1 where it is too long to be one.
+@dataclass(frozen=True)
+class StandingCells:
+    """Which cells over the ground plane hold standing points.
 
-    Cells with a common corner are one.
+    Attributes:
+        picture: (X, Y) 1 where a standing point is.
+        first: cell of the picture's corner, counted from the sensor.
+        cell_m: edge of a cell.
+        cell_of: (N, 2) cell of each standing point within the picture.
     """
-    if len(points_velo) == 0:
-        return np.zeros(0, np.int64)
-    cells = np.floor(points_velo[:, :2] / rules.standing_cell_m).astype(np.int32)
-    cells -= cells.min(axis=0)
-    picture = np.zeros(cells.max(axis=0) + 1, np.uint8)
-    picture[cells[:, 0], cells[:, 1]] = 1
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(picture, connectivity=8)
-    longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-    is_thing = longest * rules.standing_cell_m <= rules.standing_length_m
-    is_thing[0] = False  # the space between
-    number = np.where(is_thing, np.cumsum(is_thing) - 1, -1)
-    return np.asarray(number[labels[cells[:, 0], cells[:, 1]]], np.int64)
+
+    picture: UInt8
+    first: Int
+    cell_m: float
+    cell_of: Int
+
+    @classmethod
+    def under(cls, points_velo: Float, cell_m: float) -> "StandingCells":
+        """Draw the picture of (N, 2+) points, at least one."""
+        cells = _cell_numbers(points_velo, cell_m)
+        first = cells.min(axis=0) - 1  # a margin of one empty cell on every side
+        cell_of = cells - first
+        picture = np.zeros(cell_of.max(axis=0) + 2, np.uint8)
+        picture[cell_of[:, 0], cell_of[:, 1]] = 1
+        return cls(picture, first, cell_m, cell_of)
+
+    def cut(self, length_m: float) -> Int:
+        """Return (N,) the number of each point's thing, from 0; -1 where it is too long to be one.
+
+        Cells with a common corner are one.
+        """
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(self.picture, connectivity=8)
+        longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        is_thing = longest * self.cell_m <= length_m
+        is_thing[0] = False  # the space between
+        number = np.where(is_thing, np.cumsum(is_thing) - 1, -1)
+        return np.asarray(number[labels[self.cell_of[:, 0], self.cell_of[:, 1]]], np.int64)
+
+    def touches(self, points_velo: Float) -> Bool:
+        """Tell which of (P, 2+) points lie in a cell with a standing point or beside one."""
+        grown = cv2.dilate(self.picture, np.ones((3, 3), np.uint8))
+        cells = _cell_numbers(points_velo, self.cell_m) - self.first
+        is_on = ((cells >= 0) & (cells < grown.shape)).all(axis=1)
+        x, y = np.where(is_on[:, None], cells, 0).T
+        return np.asarray(is_on & (grown[x, y] > 0))
+
+
+def _cell_numbers(points_velo: Float, cell_m: float) -> Int:
+    return np.floor(points_velo[:, :2] * np.float32(1 / cell_m)).astype(np.int32)
 
 
 def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:

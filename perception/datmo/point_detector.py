@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.datmo.cutting import CutRules, cut_moving, cut_standing
+from perception.datmo.cutting import CutRules, StandingCells, cut_moving
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
-from perception.types import Float32, GroundModel, Int, PointState
+from perception.types import Bool, Float32, GroundModel, Int, PointState
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,18 @@ class ThingRules:
     Attributes:
         least_points: fewer are no thing.
         standing_least_points: of a thing that stands, of which there are many and most do not matter.
+        standing_cell_m: edge of the cells in which standing points are joined.
+        standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
+        attached_share: of a thing's points that may touch what stands. What moves keeps clear of it; what
+            comes to light between two beams of a parked car or a hedge does not. In drives with truth
+            one in twenty moving things, and three in four false ones, touch with more than a tenth.
     """
 
     least_points: int = 3
     standing_least_points: int = 5
+    standing_cell_m: float = 0.2
+    standing_length_m: float = 12.0
+    attached_share: float = 0.4
 
 
 class PointDetector:
@@ -42,18 +50,25 @@ class PointDetector:
         """Cut a scan into things; each begins at the ground under it."""
         moving = _points_of(scan, PointState.MOVING)
         standing = _points_of(scan, PointState.STATIC)
+        thing_of = cut_moving(moving, self._sensor.elevation_step_rad, self._cutting)
+        if len(standing) == 0:
+            things = _outline(moving, thing_of, self._rules.least_points, scan.ground)
+            return DetectedObjects(things, Footprints.empty())
+        rules, cells = self._rules, StandingCells.under(standing, self._rules.standing_cell_m)
+        thing_of = _without_attached(thing_of, cells.touches(moving), rules.attached_share)
+        stands_of = cells.cut(rules.standing_length_m)
         return DetectedObjects(
-            moving=self._moving_things(moving, scan.ground),
-            standing=self._standing_things(standing, scan.ground),
+            moving=_outline(moving, thing_of, rules.least_points, scan.ground),
+            standing=_outline(standing, stands_of, rules.standing_least_points, scan.ground),
         )
 
-    def _moving_things(self, points_velo: Float32, ground: GroundModel) -> Footprints:
-        thing_of = cut_moving(points_velo, self._sensor.elevation_step_rad, self._cutting)
-        return _outline(points_velo, thing_of, self._rules.least_points, ground)
 
-    def _standing_things(self, points_velo: Float32, ground: GroundModel) -> Footprints:
-        thing_of = cut_standing(points_velo, self._cutting)
-        return _outline(points_velo, thing_of, self._rules.standing_least_points, ground)
+def _without_attached(thing_of: Int, touches: Bool, most_share: float) -> Int:
+    """Return the things' numbers, -1 where more than a share of a thing touches what stands."""
+    if len(thing_of) == 0:
+        return thing_of
+    is_attached = np.bincount(thing_of, touches) > most_share * np.bincount(thing_of)
+    return np.where(is_attached[thing_of], -1, thing_of)
 
 
 def _points_of(scan: SegmentedScan, state: PointState) -> Float32:

@@ -36,7 +36,6 @@ def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
     """Tell which tracks have been seen often enough; once believed, always believed."""
     age_s = tracks.seen_s - tracks.begun_s
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.begun_world_m, axis=1)
-    way_m = np.linalg.norm(tracks.mean[:, 2:], axis=1) * age_s
     travels = (
         (travelled_m >= rules.travel_m)
         & (travelled_m >= rules.least_speed_m_s * age_s)
