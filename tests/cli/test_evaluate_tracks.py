@@ -1,0 +1,141 @@
+"""`trifuse evaluate tracks`: as the benchmark's own tool, count by count."""
+
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from perception.cli.main import main
+
+_ORACLE = Path(__file__).parents[3] / "shared" / "oracle"
+_COUNTS = ("TP", "FP", "FN", "IDSW", "Frag", "MT", "PT", "ML", "IDTP", "IDFP", "IDFN")
+_RATIOS = (
+    *("HOTA", "DetA", "AssA", "LocA", "DetRe", "DetPr", "AssRe", "AssPr", "HOTA(0)", "LocA(0)"),
+    *("MOTA", "MOTP", "MODA", "sMOTA", "IDF1", "IDP", "IDR"),
+)
+
+
+@pytest.fixture(scope="module")
+def oracle(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return tracks and labels, and what the benchmark's tool says of them."""
+    if not (_ORACLE / "tracking_expected.json").is_file():
+        pytest.skip(f"no figures of the benchmark's tool in {_ORACLE}")
+    folder = tmp_path_factory.mktemp("oracle")
+    with tarfile.open(_ORACLE / "tracking_inputs.tar.xz") as archive:
+        archive.extractall(folder, filter="data")
+    expected = json.loads((_ORACLE / "tracking_expected.json").read_text())
+    return folder / "tracking", expected
+
+
+def evaluate(*words: str | Path) -> int:
+    return main(["evaluate", "tracks", *map(str, words)])
+
+
+@pytest.mark.parametrize("tracker", ["perturbed", "iou_rrc", "corner"])
+def test_every_figure_is_that_of_the_benchmarks_tool(oracle, tmp_path, capsys, tracker):
+    folder, expected = oracle
+    out = tmp_path / "tracks.json"
+    words = ("--labels", folder / "gt", "--seqmap", folder / "seqmap.txt", "--json", out)
+
+    assert evaluate(folder / "trackers" / tracker, *words) == 0
+
+    document = json.loads(out.read_text())
+    assert document["data"]["frames"] == expected["sequences"]
+    assert document["protocol"]["values"]["alphas"] == expected["alphas"]
+    assert list(document["results"]) == [*expected["sequences"], "COMBINED"]
+    for sequence, by_class in expected["trackers"][tracker].items():
+        for name, figures in by_class.items():
+            assert_same(document["results"][sequence][name], figures)
+    printed = capsys.readouterr().out
+    assert "6 of 6 labelled sequences, 1862 frames" in printed
+    for name in ("car", "pedestrian"):
+        combined = expected["trackers"][tracker]["COMBINED"][name]
+        row = combined_row(printed, name)
+        assert row[1] == f"{100 * combined['HOTA']:.3f}"
+        assert row[8:] == [str(combined[count]) for count in _COUNTS[:8]]
+
+
+def assert_same(found: dict[str, Any], expected: dict[str, Any]) -> None:
+    assert set(found) == set(expected) == {*_COUNTS, *_RATIOS, "per_alpha"}
+    assert {name: found[name] for name in _COUNTS} == {name: expected[name] for name in _COUNTS}
+    for name in _RATIOS:
+        assert found[name] == pytest.approx(expected[name], abs=1e-8), name
+    for name, values in expected["per_alpha"].items():
+        tolerance = 0 if name in ("TP", "FP", "FN") else 1e-8
+        np.testing.assert_allclose(found["per_alpha"][name], values, atol=tolerance, rtol=0)
+
+
+def combined_row(printed: str, name: str) -> list[str]:
+    lines = printed[printed.index(f"{name}: KITTI 2D boxes") :].splitlines()
+    return next(line.split() for line in lines if line.startswith("COMBINED"))
+
+
+def test_the_length_of_a_sequence_changes_nothing(oracle, tmp_path):
+    folder, _ = oracle
+    written = []
+    for words in ([], ["--seqmap", folder / "seqmap.txt"]):
+        out = tmp_path / "tracks.json"
+        labels = folder / "gt" / "label_02"
+        assert evaluate(folder / "trackers/iou_rrc", "--labels", labels, *words, "--json", out) == 0
+        written.append(json.loads(out.read_text())["results"])
+    assert written[0] == written[1]
+
+
+LABELS = """0 1 Car 0 0 0 100 100 150 150 1 1 1 0 0 9 0
+0 2 Cyclist 0 0 0 200 100 250 150 1 1 1 0 0 9 0
+1 1 Car 0 0 0 100 100 150 150 1 1 1 0 0 9 0
+"""
+RESULTS = """0 8 Car -1 -1 -10 100 100 150 150 -1 -1 -1 -1000 -1000 -1000 -10 1
+1 9 Car -1 -1 -10 100 100 150 150 -1 -1 -1 -1000 -1000 -1000 -10 1
+1 7 Cyclist -1 -1 -10 200 100 250 150 -1 -1 -1 -1000 -1000 -1000 -10 1
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> tuple[Path, Path]:
+    """Return the folders of results and labels of one short sequence."""
+    for folder, text in (("results", RESULTS), ("label_02", LABELS)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "0000.txt").write_text(text)
+    return tmp_path / "results", tmp_path / "label_02"
+
+
+def test_classes_may_be_chosen(small, capsys):
+    results, labels = small
+    assert evaluate(results, "--labels", labels, "--classes", "cyclist") == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"{results}: 1 of 1 labelled sequences, 2 frames")
+    assert "car:" not in printed
+    # One missed, one false: MOTA is -100 %.
+    assert combined_row(printed, "cyclist")[5] == "-100.000"
+    assert evaluate(results, "--labels", labels, "--classes", "[car,cyclist]") == 0
+    printed = capsys.readouterr().out
+    assert combined_row(printed, "car")[8:12] == ["2", "0", "0", "1"]
+    assert "cyclist:" in printed
+
+
+def test_an_empty_file_is_a_tracker_that_found_nothing(small, capsys):
+    results, labels = small
+    (results / "0000.txt").write_text("")
+    assert evaluate(results, "--labels", labels, "--classes", "car") == 0
+    row = combined_row(capsys.readouterr().out, "car")
+    assert row[1:8] == ["0.000", "0.000", "0.000", "100.000", "0.000", "0.000", "0.000"]
+    assert row[8:] == ["0", "0", "2", "0", "0", "0", "0", "1"]
+
+
+def test_what_is_wrong_is_said_in_one_sentence(small, capsys):
+    results, labels = small
+    (results / "0001.txt").touch()
+    assert evaluate(results, "--labels", labels) == 2
+    assert (
+        "0001.txt: expected the labels of sequence 0001, found no file" in capsys.readouterr().err
+    )
+    (results / "0001.txt").unlink()
+    (results / "0000.txt").write_text(LABELS)
+    assert evaluate(results, "--labels", labels) == 2
+    assert "0000.txt row 1: expected 18 columns, found 17." in capsys.readouterr().err
+    assert evaluate(results, "--labels", labels, "--classes", "[]") == 2
+    assert "--classes: expected at least one class" in capsys.readouterr().err

@@ -1,0 +1,175 @@
+"""Each rule of KITTI's 2D tracking protocol on one or two boxes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.multi_object.kitti_protocol import KittiRules, kitti_frames
+from perception.evaluation.multi_object.sequence import TrackedFrame
+
+BOX = (100.0, 100.0, 150.0, 150.0)
+FAR = (400.0, 100.0, 450.0, 150.0)
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """What the protocol reads; a row is id, type, truncation, occlusion, box."""
+
+    frames: np.ndarray
+    ids: np.ndarray
+    types: np.ndarray
+    truncation: np.ndarray
+    occlusion: np.ndarray
+    boxes_px: np.ndarray
+
+
+def boxes(*rows: tuple, frames: list[int] | None = None) -> Boxes:
+    columns = list(zip(*rows, strict=True)) or [()] * 5
+    return Boxes(
+        np.array(frames if frames is not None else [0] * len(rows), int),
+        np.array(columns[0], int),
+        np.array(columns[1], np.str_),
+        np.array(columns[2], float),
+        np.array(columns[3], float),
+        np.array(columns[4], float).reshape(-1, 4),
+    )
+
+
+def answer(track: int, box: tuple, name: str = "Car") -> tuple:
+    return (track, name, -1, -1, box)
+
+
+def judged(truth: Boxes, answers: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
+    """Return the ids of truths and tracks that are judged in the only frame."""
+    (frame,) = kitti_frames(truth, answers, name, 1)
+    return frame.truth_ids.tolist(), frame.track_ids.tolist()
+
+
+def low(height: float, box: tuple = FAR) -> tuple:
+    return (box[0], box[1], box[2], box[1] + height)
+
+
+@pytest.mark.parametrize(
+    ("label", "answered", "expected"),
+    [
+        ((1, "Car", 0, 0, BOX), BOX, ([1], [7])),
+        ((1, "CAR", 0, 2, BOX), BOX, ([1], [7])),
+        ((1, "Car", 0, 3, BOX), BOX, ([], [])),
+        ((1, "Car", 1, 0, BOX), BOX, ([], [])),
+        ((1, "Car", 1, 0, BOX), FAR, ([], [7])),
+        ((1, "Van", 0, 0, BOX), BOX, ([], [])),
+        ((1, "Van", 0, 0, BOX), FAR, ([], [7])),
+        ((1, "Truck", 0, 0, BOX), BOX, ([], [7])),
+        ((-1, "Car", 0, 0, BOX), BOX, ([], [7])),
+        ((-1, "Van", 0, 0, BOX), BOX, ([], [7])),
+    ],
+    ids=[
+        "the class itself",
+        "without case, largely occluded",
+        "occlusion unknown: neither label nor answer",
+        "truncated: neither label nor answer",
+        "truncated: an answer elsewhere is judged",
+        "neighbour: the answer to it is left out",
+        "neighbour: an answer elsewhere is judged",
+        "another class is not looked at",
+        "a row without an id is dropped",
+        "a neighbour without an id too",
+    ],
+)
+def test_labels(label, answered, expected):
+    assert judged(boxes(label), boxes(answer(7, answered))) == expected
+
+
+@pytest.mark.parametrize("name", ["Person", "Person_sitting"])
+def test_who_sits_is_no_pedestrian(name):
+    truth = boxes((1, name, 0, 0, BOX))
+    assert judged(truth, boxes(answer(7, BOX, "Pedestrian")), "pedestrian") == ([], [])
+    assert judged(truth, boxes(answer(7, BOX)), "car") == ([], [7])
+
+
+def test_answers_of_another_class_or_without_id_do_not_count():
+    answers = boxes(answer(7, BOX, "Van"), answer(-1, BOX), answer(8, BOX, "car"))
+    assert judged(boxes((1, "Car", 0, 0, BOX)), answers) == ([1], [8])
+
+
+@pytest.mark.parametrize(
+    ("height", "is_judged"), [(25.0, False), (25.01, True), (10, False)], ids=str
+)
+def test_unmatched_answers_must_be_higher_than_25_pixels(height, is_judged):
+    tracks = judged(boxes(), boxes(answer(7, low(height))))[1]
+    assert tracks == ([7] if is_judged else [])
+
+
+def test_matched_boxes_may_be_low():
+    truth = boxes((1, "Car", 0, 0, low(10)))
+    assert judged(truth, boxes(answer(7, low(10)))) == ([1], [7])
+    assert judged(truth, boxes()) == ([1], [])
+
+
+@pytest.mark.parametrize(
+    ("regions", "is_judged"),
+    [
+        ([(400, 100, 425, 150)], True),
+        ([(400, 100, 425.1, 150)], False),
+        ([(400, 100, 420, 150), (420, 100, 440, 150)], True),
+        ([(300, 0, 900, 900)], False),
+        ([], True),
+    ],
+    ids=["half of it", "more than half", "two that are half together", "a huge one", "none"],
+)
+def test_unmatched_answers_in_one_region_without_labels_are_left_out(regions, is_judged):
+    truth = boxes(*((-1, "DontCare", -1, -1, region) for region in regions))
+    assert judged(truth, boxes(answer(7, FAR)))[1] == ([7] if is_judged else [])
+
+
+def test_matched_answers_may_lie_in_such_a_region():
+    truth = boxes((1, "Car", 0, 0, BOX), (-1, "DontCare", -1, -1, (0, 0, 900, 900)))
+    assert judged(truth, boxes(answer(7, BOX))) == ([1], [7])
+
+
+def test_the_answer_goes_to_the_label_that_overlaps_most():
+    truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (105.0, 100.0, 155.0, 150.0)))
+    on_car = boxes(answer(7, (101.0, 100.0, 151.0, 150.0)))
+    assert judged(truth, on_car) == ([1], [7])
+    on_van = boxes(answer(7, (104.0, 100.0, 154.0, 150.0)))
+    assert judged(truth, on_van) == ([1], [])
+
+
+def test_two_answers_are_matched_for_the_greatest_sum():
+    # Alone, each would go to the car; together, the second must take the van.
+    truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (120.0, 100.0, 170.0, 150.0)))
+    both = boxes(answer(7, (98.0, 100.0, 148.0, 150.0)), answer(8, (105.0, 100.0, 155.0, 150.0)))
+    assert judged(truth, both) == ([1], [7])
+
+
+def test_half_an_overlap_is_enough_and_less_is_not():
+    wide = boxes((1, "Van", 0, 0, BOX))
+    assert judged(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.0))))[1] == []
+    assert judged(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
+
+
+def test_frames_are_told_apart_and_rows_may_be_in_any_order():
+    truth = boxes((1, "Car", 0, 0, BOX), (1, "Car", 0, 0, FAR), frames=[2, 0])
+    answers = boxes(answer(7, FAR), answer(8, BOX), frames=[0, 2])
+    first, second, third = kitti_frames(truth, answers, "car", 3)
+    assert (first.track_ids.tolist(), third.track_ids.tolist()) == ([7], [8])
+    assert second.similarity.shape == (0, 0)
+    assert first.similarity.tolist() == third.similarity.tolist() == [[1]]
+
+
+def test_other_rules_may_be_set():
+    truth, answers = boxes((1, "Car", 1, 0, BOX)), boxes(answer(7, BOX))
+    rules = KittiRules(max_truncation=1)
+    (frame,) = kitti_frames(truth, answers, "car", 1, rules)
+    assert isinstance(frame, TrackedFrame)
+    assert frame.truth_ids.tolist() == [1]
+
+
+def test_what_cannot_be_judged():
+    with pytest.raises(UsageError, match="one of car, pedestrian, cyclist, found 'tram'"):
+        kitti_frames(boxes(), boxes(), "tram", 1)
+    with pytest.raises(PerceptionError, match="expected 0 to 0, found 0 to 3"):
+        kitti_frames(boxes(), boxes(answer(1, BOX), answer(1, BOX), frames=[0, 3]), "car", 1)
+    assert kitti_frames(boxes(), boxes(), "car", 0) == []
