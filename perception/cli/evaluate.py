@@ -13,6 +13,7 @@ from perception.cli.datmo_steps import datmo_steps
 from perception.cli.drive_results import drive_results
 from perception.cli.evaluate_datmo import PROTOCOL_WORDS as DATMO_WORDS
 from perception.cli.evaluate_datmo import DatmoProtocol, compare_datmo
+from perception.cli.evaluate_detection import detection
 from perception.cli.evaluate_ground import PROTOCOL as GROUND_PROTOCOL
 from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
 from perception.cli.evaluate_obstacles import PROTOCOL_WORDS, ObstacleProtocol, measure_obstacles
@@ -208,4 +209,10 @@ def _open(
     return drive
 
 
-COMMANDS = {"ground": ground, "obstacles": obstacles, "datmo": datmo, "tracks": tracks}
+COMMANDS = {
+    "ground": ground,
+    "obstacles": obstacles,
+    "datmo": datmo,
+    "tracks": tracks,
+    "detection": detection,
+}
