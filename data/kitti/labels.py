@@ -125,12 +125,22 @@ def _boxes_from_cam(columns: Float64, calibration: Calibration) -> Boxes3D:
     )
 
 
-def _boxes_to_cam(boxes_velo: Boxes3D, calibration: Calibration) -> Float64:
+def boxes_to_cam(boxes_velo: Boxes3D, calibration: Calibration) -> Float64:
     """Return (M, 7) h w l x y z ry: the inverse of `_boxes_from_cam`."""
     cam_SE3_velo = calibration.cam_SE3_velo
     bottom_cam = boxes_velo.bottom_m @ cam_SE3_velo[:3, :3].T + cam_SE3_velo[:3, 3]
     heading = _wrap(-boxes_velo.yaw_rad - np.pi / 2)
     return np.column_stack([boxes_velo.size_m[:, ::-1], bottom_cam, heading])
+
+
+def alphas_rad(boxes_velo: Boxes3D, headings_rad: Float64) -> Float64:
+    """Return (M,) alpha: the heading ry less the direction in which the object stands.
+
+    In the official labels that is the direction from the LiDAR, not from the camera (0.008 against 0.09 rad
+    at most, measured).
+    """
+    bottom_m = boxes_velo.bottom_m
+    return _wrap(headings_rad + np.arctan2(bottom_m[:, 1], bottom_m[:, 0]))
 
 
 def _wrap(angle_rad: Float64) -> Float64:
@@ -150,11 +160,8 @@ def format_object_labels(labels: Labels, calibration: Calibration) -> str:
 
 
 def _format_rows(labels: Labels, calibration: Calibration, *, is_tracking: bool) -> list[str]:
-    columns = _boxes_to_cam(labels.boxes_velo, calibration)
-    # alpha: the heading less the direction in which the object stands. In the official labels that
-    # is the direction from the LiDAR, not from the camera (0.008 against 0.09 rad at most, measured).
-    bottom_m = labels.boxes_velo.bottom_m
-    alphas = _wrap(columns[:, 6] + np.arctan2(bottom_m[:, 1], bottom_m[:, 0]))
+    columns = boxes_to_cam(labels.boxes_velo, calibration)
+    alphas = alphas_rad(labels.boxes_velo, columns[:, 6])
     numbers = np.column_stack([alphas, labels.boxes_px, columns])
     truncations = [f"{t:.0f}" if is_tracking else f"{t:.2f}" for t in labels.truncation]
     rows = [

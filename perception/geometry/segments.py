@@ -63,6 +63,14 @@ def project_segments(
     return ProjectedSegments(np.flatnonzero(is_seen), cut[..., :2] / cut[..., 2:])
 
 
+def outlines_px(ends_px: Float64, owners: Int, count: int) -> Float64:
+    """Return (count, 4) x1 y1 x2 y2 around the (K, 2, 2) segments of each owner; x1 > x2 where it has none."""
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, owners, ends_px.min(axis=1))
+    np.maximum.at(high, owners, ends_px.max(axis=1))
+    return np.hstack([low, high])
+
+
 def _view_planes(size_px: tuple[int, int] | None, margin_px: float) -> Float64:
     """Return the planes around the view, a row each over (u w, v w, w), the near one first."""
     planes = [(0.0, 0.0, 1.0)]

@@ -30,13 +30,6 @@ class Strokes:
     owners: Int
     ends_px: Float64
 
-    def outlines_px(self, count: int) -> Float64:
-        """Return (count, 4) x1 y1 x2 y2 around all lines of each owner; x1 > x2 where it has none."""
-        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-        np.minimum.at(low, self.owners, self.ends_px.min(axis=1))
-        np.maximum.at(high, self.owners, self.ends_px.max(axis=1))
-        return np.hstack([low, high])
-
     def of_owners(self, is_wanted: Bool) -> Self:
         """Return the lines of some owners, told by a mask over all owners."""
         kept = is_wanted[self.owners]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.camera import project
-from perception.geometry.segments import NEAREST_M
+from perception.geometry.segments import NEAREST_M, outlines_px
 from perception.render import palette
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fill_polygons, project_strokes
@@ -60,18 +60,18 @@ def draw_tracks(
     colors = [palette.track_color(track) for track in figures.tracks.ids.tolist()]
     strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
     boxes = slice(Part.BOX * count, Part.ARROW * count)
-    outlines_px = strokes.outlines_px(len(Part) * count)[boxes]
+    outlines = outlines_px(strokes.ends_px, strokes.owners, len(Part) * count)[boxes]
     is_dashed = np.zeros(len(Part) * count, bool)
     is_dashed[boxes] = ~figures.tracks.is_seen
     widths_px = np.full(len(Part) * count, style.line_px)
-    widths_px[boxes][_is_small(outlines_px)] = 1
+    widths_px[boxes][_is_small(outlines)] = 1
     _fill_fronts(canvas, image_P_velo, figures, colors)
     strokes = strokes.dashed(is_dashed)
     # A dark seam keeps the lines legible on any picture.
     seamed = strokes.of_owners(np.arange(len(Part) * count) >= Part.BOX * count)
     draw_seam(canvas, seamed, palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
-    draw_track_labels(canvas, outlines_px, figures, style.text_px)
+    draw_track_labels(canvas, outlines, figures, style.text_px)
 
 
 def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
@@ -108,5 +108,5 @@ def _is_clockwise(polygons_px: Float64) -> Bool:
     return np.asarray(cross.sum(axis=1) > 1.0)
 
 
-def _is_small(outlines_px: Float64) -> Bool:
-    return np.asarray((outlines_px[:, 2:] - outlines_px[:, :2]).max(axis=1) < _SMALL_PX)
+def _is_small(outlines: Float64) -> Bool:
+    return np.asarray((outlines[:, 2:] - outlines[:, :2]).max(axis=1) < _SMALL_PX)
