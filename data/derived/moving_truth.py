@@ -18,6 +18,7 @@ from data.derived.motion_labels import (
 from data.drive import Drive
 from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
+from data.synthetic.truth_files import read_truth, truth_files
 from perception.errors import CalibrationError, DriveError
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
@@ -91,8 +92,8 @@ def moving_truth(
 ) -> MovingTruth:
     """Find out what moves in a drive, and how.
 
-    The labels of a recorded drive are put into the world by its INS. A synthetic drive knows the exact
-    place and velocity of everything around.
+    A synthetic drive knows the exact place of everyone around. The labels of a recorded drive are put
+    into the world by its INS.
 
     Args:
         drive: with labels and poses.
@@ -103,7 +104,10 @@ def moving_truth(
         DriveError: the drive cannot say what moves, or not all around.
     """
     if isinstance(drive, SyntheticDrive):
-        return _exact_truth(drive, view, thresholds)
+        exact = _posed_truth(drive)
+        motion = label_motion(gather_tracks(exact), thresholds)
+        motion = replace(motion, velocities_m_s=_velocities(drive, motion))
+        return MovingTruth(exact, motion, view)
     if not (isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses):
         raise DriveError(
             drive.root,
@@ -111,25 +115,30 @@ def moving_truth(
             found="a drive without",
             advice="name the same drive in the tracking layout",
         )
-    if view == "all":
-        raise DriveError(
-            drive.root,
-            expected="exact truth of everything around, as synthetic drives in memory have it",
-            found="labels of what the camera sees",
-            advice="judge with --view camera",
-        )
-    posed = [posed_labels(drive, index) for index in range(len(drive))]
+    posed = _posed_labels(drive, view)
     motion = label_motion(
         gather_tracks([frame for frame in posed if frame is not None]), thresholds
     )
     return MovingTruth(posed, motion, view)
 
 
-def _exact_truth(
-    drive: SyntheticDrive, view: View, thresholds: MotionThresholds | None
-) -> MovingTruth:
-    """Say what moves by the same thresholds, but how fast it is exactly."""
-    posed = [
+def _posed_labels(drive: KittiSequence, view: View) -> Sequence[PosedLabels | None]:
+    """Read the exact truth of a drive, or else its labels and INS poses."""
+    files = truth_files(drive)
+    if files is not None:
+        return read_truth(drive, files)
+    if view == "all":
+        raise DriveError(
+            drive.root,
+            expected="exact truth of everyone around, as `trifuse synth` writes it",
+            found="labels of what the camera sees",
+            advice="judge with --view camera",
+        )
+    return [posed_labels(drive, index) for index in range(len(drive))]
+
+
+def _posed_truth(drive: SyntheticDrive) -> list[PosedLabels]:
+    return [
         PosedLabels(
             index,
             drive.stamp_s(index),
@@ -138,11 +147,10 @@ def _exact_truth(
         )
         for index in range(len(drive))
     ]
-    motion = label_motion(gather_tracks(posed), thresholds)
-    return MovingTruth(posed, replace(motion, velocities_m_s=_velocities(drive, motion)), view)
 
 
 def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
+    """Return (R, 2) the exact velocity of every box."""
     velocities = [
         drive.world.actors[track_id].velocity_m_s(drive.world.road, drive.stamp_s(frame))[:2]
         for frame, track_id in zip(motion.frames.tolist(), motion.track_ids.tolist(), strict=True)

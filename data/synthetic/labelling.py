@@ -215,12 +215,12 @@ def _covers(world: World, rays: Rays, index: Int, state: Moving) -> Bool:
 def label_around(
     world: World, world_SE3_velo: Float64, time_s: float, within_m: float = 80.0
 ) -> Labels:
-    """Label everyone around the ego vehicle, seen by a camera or not, with 3D boxes only."""
+    """Label everyone around the ego vehicle, seen by a camera or not; image boxes are -1."""
     actors = [actor for actor in world.actors if world.is_near(actor, time_s, within_m)]
     states = [world.state(actor, time_s) for actor in actors]
     return Labels(
         boxes_velo=_boxes_velo(actors, states, world_SE3_velo),
-        boxes_px=np.full((len(actors), 4), np.nan),
+        boxes_px=np.full((len(actors), 4), -1.0),
         types=np.array([actor.body.kind for actor in actors], np.str_),
         track_ids=np.array([actor.track_id for actor in actors], np.int64),
         truncation=np.zeros(len(actors)),

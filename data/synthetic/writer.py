@@ -1,13 +1,14 @@
 """Synthetic drives on disk, in KITTI's raw, tracking and object layouts, with exact truth beside them.
 
 raw        DATE/calib_*.txt   DATE/DATE_drive_NNNN_sync/{velodyne_points,image_02,oxts,labels}/
-           label_02.txt  truth_poses.txt  sensor.json in the drive's folder
+           label_02.txt  truth_labels.txt  truth_poses.txt  sensor.json in the drive's folder
 tracking   training/{velodyne,image_02,labels}/SSSS/NNNNNN.*  training/{calib,oxts,label_02}/SSSS.txt
-           training/truth_poses/SSSS.txt  training/sensor.json
+           training/{truth_labels,truth_poses}/SSSS.txt  training/sensor.json
 object     training/{velodyne,image_2,labels,calib,label_2}/NNNNNN.*  training/sensor.json
 
 `truth_poses.txt` holds the exact world_SE3_velo of each frame as KITTI's 12 numbers a row, in the world
-of the INS packets. `.label` files hold SemanticKITTI's words: class below, track id plus one above.
+of the INS packets; `truth_labels.txt` the boxes of everyone around, in the camera's view or not, as
+tracking labels. `.label` files hold SemanticKITTI's words: class below, track id plus one above.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -92,6 +93,7 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
     write_whole(folder / "label_02.txt", "".join(labels).encode())
+    write_whole(folder / "truth_labels.txt", _truth_labels(drive))
     write_whole(folder / "truth_poses.txt", _truth_poses(drive))
     _write_stamps(drive, folder)
     return folder
@@ -127,6 +129,7 @@ def write_tracking(
         done()
     write_whole(folder / "oxts" / f"{name}.txt", "".join(packets).encode())
     write_whole(folder / "label_02" / f"{name}.txt", "".join(labels).encode())
+    write_whole(folder / "truth_labels" / f"{name}.txt", _truth_labels(drive))
     write_whole(folder / "truth_poses" / f"{name}.txt", _truth_poses(drive))
     return folder
 
@@ -218,6 +221,14 @@ def _png(image: UInt8) -> bytes:
     swapped = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".png", swapped, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return data.tobytes()
+
+
+def _truth_labels(drive: SyntheticDrive) -> bytes:
+    rows = (
+        format_tracking_labels(index, drive.labels_around(index), drive.calibration)
+        for index in range(len(drive))
+    )
+    return "".join(rows).encode()
 
 
 def _truth_poses(drive: SyntheticDrive) -> bytes:

@@ -40,13 +40,15 @@ PROTOCOL_WORDS = {
         "all pairs of its positions within window_s, or exact"
     ),
     "pairs": (
-        "tracks and objects are paired for the greatest sum of likeness: 1 less the distance of the "
-        "centres over reach_m, or the overlap (IoU) of the outlines, whichever is more"
+        "tracks and objects that are alike by min_likeness are paired for the greatest sum of likeness: "
+        "1 less the distance of the centres over reach_m, or the overlap (IoU) of the outlines, whichever "
+        "is more"
     ),
     "excused": (
-        "a track is neither right nor wrong where it follows, better than its own object, one that "
-        "moves in some frame of the drive but need not be tracked in this one, or one of unknown motion; "
-        "parked objects excuse nobody"
+        "a track is neither right nor wrong where it follows an object that moves in some frame of the "
+        "drive but need not be tracked in this one, or one of unknown motion, and is more like it than "
+        "its own object; it follows it by min_likeness or where half of its outline lies on it; parked "
+        "objects excuse nobody"
     ),
     "left_out": (
         "tracks without an object outside the area, outside the view, or with half of their box in the "

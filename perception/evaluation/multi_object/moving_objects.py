@@ -4,13 +4,13 @@
   its box is in the area, the middle of its box is in the camera's view, and its box holds `min_points`
   points of the scan from `clearance_m` above its bottom. It must be from the first such frame, so the
   frames that a tracker takes to be sure are misses.
-- A track and an object fit as well as their centres are near, from 1 at no distance to 0 at `reach_m`,
-  or as their outlines overlap (IoU), whichever is more. Objects that must be tracked and tracks are
-  paired for the greatest sum.
+- A track and an object are alike as their centres are near, from 1 at no distance to 0 at `reach_m`, or
+  as their outlines overlap (IoU), whichever is more. From `min_likeness` on, a track may follow an
+  object. Objects that must be tracked and tracks are paired for the greatest sum.
 - A track is neither right nor wrong, and leaves, where it follows an object that may but need not be
-  tracked, better than its own one: one that moves but does not count in this frame, one that has
-  stopped or not yet started, one of unknown motion. It follows it where they fit by half or where half
-  of the track lies on it. Parked objects, which move in no frame, excuse nobody.
+  tracked, and is more like it than its own one: one that moves but does not count in this frame, one
+  that has stopped or not yet started, one of unknown motion. Here it follows, too, where half of its
+  outline lies on the object. Parked objects, which move in no frame, excuse nobody.
 - A track without an object leaves where nothing was labelled: outside the area, outside the view, or
   with half of its box in the image in one DontCare region.
 - What is left is judged twice: by distance and by overlap.
@@ -37,7 +37,7 @@ from perception.geometry.box_overlap_ground import (
 )
 from perception.types import Boxes3D, Float64, Int, Tracks
 
-_HALF = 0.5  # of a likeness, or of a track's outline, from which on a track follows an object
+_COVERED_SHARE = 0.5  # of a track's outline, from which on it lies on an object
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,14 @@ def judge(scene: MovingScene, tracks: Tracks, rule: MovingObjectRule) -> Judgeme
     boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, rule)
     likeness = _likeness(boxes, tracks.boxes, rule)
     must_rows = np.flatnonzero(must)
-    pairs = _best_pairs(likeness[must_rows])
+    pairs = _best_pairs(likeness[must_rows], rule.min_likeness)
     own = np.zeros(len(tracks))
     own[pairs[1]] = likeness[must_rows][pairs]
 
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
     may = ~must & ~is_parked
-    follows = (likeness >= _HALF) | (_covered_shares(boxes, tracks.boxes) >= _HALF)
+    lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
+    follows = (likeness >= rule.min_likeness) | lies_on
     rival = np.where(follows[may], likeness[may], 0.0).max(axis=0, initial=0.0)
     excused = rival > own
     left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, rule)
@@ -116,15 +117,16 @@ def likeness_frames(
 
 
 def _likeness(boxes: Boxes3D, tracks: Boxes3D, rule: MovingObjectRule) -> Float64:
-    """Return (M, T) how well tracks and objects fit: by distance or overlap, whichever is more."""
+    """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
     near = distance_likeness(center_distances_m(boxes, tracks), rule.reach_m)
     return np.maximum(near, iou_ground(boxes, tracks))
 
 
-def _best_pairs(likeness: Float64) -> tuple[Int, Int]:
-    """Return rows and columns of the pairs with the greatest sum; none of them without likeness."""
-    rows, columns = linear_sum_assignment(likeness, maximize=True)
-    kept = likeness[rows, columns] > 0
+def _best_pairs(likeness: Float64, at_least: float) -> tuple[Int, Int]:
+    """Return rows and columns of the pairs that are alike enough, with the greatest sum."""
+    enough = np.where(likeness >= at_least, likeness, 0.0)
+    rows, columns = linear_sum_assignment(enough, maximize=True)
+    kept = enough[rows, columns] > 0
     return rows[kept], columns[kept]
 
 

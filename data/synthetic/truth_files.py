@@ -1,0 +1,76 @@
+"""The exact truth that lies beside the labels of a written synthetic drive: poses, and boxes all around.
+
+raw        label_02.txt  truth_labels.txt  truth_poses.txt in the drive's folder
+tracking   training/{label_02,truth_labels,truth_poses}/SSSS.txt
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data.derived.motion_labels import PosedLabels
+from data.kitti.labels import no_labels, read_tracking_labels
+from data.kitti.sequence import KittiSequence
+from perception.errors import PoseError
+from perception.types import Float64
+
+
+@dataclass(frozen=True)
+class TruthFiles:
+    """Where the exact truth of a drive lies.
+
+    Attributes:
+        labels: boxes of everyone around, as tracking labels.
+        poses: world_SE3_velo, 12 numbers a row.
+    """
+
+    labels: Path
+    poses: Path
+
+
+def truth_files(drive: KittiSequence) -> TruthFiles | None:
+    """Return the files of the exact truth of a drive, or None where it has none, as recorded ones."""
+    if drive.label_file is None:
+        return None
+    folder, name = drive.label_file.parent, drive.label_file.name
+    if name == "label_02.txt":
+        files = TruthFiles(folder / "truth_labels.txt", folder / "truth_poses.txt")
+    else:
+        files = TruthFiles(
+            folder.parent / "truth_labels" / name, folder.parent / "truth_poses" / name
+        )
+    return files if files.labels.is_file() and files.poses.is_file() else None
+
+
+def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
+    """Read the exact boxes and pose of every frame.
+
+    Raises:
+        LabelError: the labels cannot be read.
+        PoseError: there is not one pose for each frame.
+    """
+    assert drive.calibration is not None
+    labels = read_tracking_labels(files.labels, drive.calibration)
+    poses = _read_poses(files.poses, len(drive))
+    return [
+        PosedLabels(
+            index, drive.clock.stamp_s(number), poses[index], labels.get(number, no_labels())
+        )
+        for index, number in enumerate(drive.scans.numbers)
+    ]
+
+
+def _read_poses(path: Path, frames: int) -> Float64:
+    """Return (F, 4, 4) poses."""
+    try:
+        rows = np.loadtxt(path, np.float64, ndmin=2)
+    except ValueError as error:
+        raise PoseError(path, expected="12 numbers a row", found=str(error)) from error
+    if rows.shape != (frames, 12) or not np.isfinite(rows).all():
+        raise PoseError(
+            path, expected=f"{frames} rows of 12 finite numbers", found=f"shape {rows.shape}"
+        )
+    poses = np.tile(np.eye(4), (frames, 1, 1))
+    poses[:, :3] = rows.reshape(frames, 3, 4)
+    return poses

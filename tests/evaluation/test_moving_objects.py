@@ -1,0 +1,289 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.multi_object.false_tracks import (
+    TrackVerdicts,
+    find_false_tracks,
+    verdicts,
+)
+from perception.evaluation.multi_object.followed import (
+    NO_TRACK,
+    FollowedObjects,
+    follow,
+    summarise_objects,
+    track_errors,
+)
+from perception.evaluation.multi_object.moving_objects import judge, likeness_frames
+from perception.evaluation.multi_object.moving_scene import (
+    LabelledView,
+    MovingObjectRule,
+    MovingScene,
+    must_be_tracked,
+    points_above_feet,
+)
+from perception.evaluation.multi_object.tracking_scores import TrackingScores, score_tracks
+from perception.evaluation.objects import LabelledObjects, Motion
+from perception.types import Boxes3D, Calibration, Tracks
+
+RULE = MovingObjectRule()
+CAR_M = (4.0, 2.0, 1.5)
+# A camera at the LiDAR that looks along +x: 100 x 100 pixels, 90 degrees wide.
+CAMERA = Calibration(
+    image_P_cam=np.array([[50.0, 0, 50, 0], [0, 50, 50, 0], [0, 0, 1, 0]]),
+    cam_SE3_velo=np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+    image_size_px=(100, 100),
+)
+
+
+def boxes_at(*places_m: tuple[float, float], size_m=CAR_M, yaw_rad: float = 0.0) -> Boxes3D:
+    count = len(places_m)
+    bottom_m = np.column_stack([np.reshape(places_m, (count, 2)), np.full(count, -1.0)])
+    return Boxes3D(bottom_m, np.tile(size_m, (count, 1)), np.full(count, yaw_rad))
+
+
+def scene_of(boxes: Boxes3D, motions=Motion.MOVING, points=100, view=None, moves=True):
+    count = len(boxes)
+    return MovingScene(
+        objects=LabelledObjects(boxes, np.full(count, motions), np.arange(10, 10 + count)),
+        velocities_m_s=np.tile([5.0, 0.0], (count, 1)),
+        moves_sometime=np.full(count, moves),
+        points=np.full(count, points),
+        view=view,
+    )
+
+
+def tracks_of(boxes: Boxes3D, ids=None, velocity_m_s=(5.0, 0.0)) -> Tracks:
+    count = len(boxes)
+    return Tracks(
+        np.arange(count) if ids is None else np.asarray(ids),
+        boxes,
+        np.tile(velocity_m_s, (count, 1)).astype(float),
+        np.ones(count, bool),
+    )
+
+
+def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
+    return LabelledView(CAMERA, (100, 100), np.array(dont_care_px, float).reshape(-1, 4))
+
+
+def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> TrackingScores:
+    judged = [
+        likeness_frames(scene, tracks, judge(scene, tracks, RULE), RULE) for scene, tracks in frames
+    ]
+    by_overlap = score_tracks([frame.by_overlap for frame in judged])
+    by_distance = score_tracks([frame.by_distance for frame in judged])
+    assert by_overlap.clear.false_positives >= by_distance.clear.false_positives
+    return by_distance
+
+
+def followed_over(frames: list[tuple[MovingScene, Tracks]]) -> FollowedObjects:
+    return FollowedObjects.concatenate(
+        follow(0.1 * number, scene, tracks, judge(scene, tracks, RULE))
+        for number, (scene, tracks) in enumerate(frames)
+    )
+
+
+def driving(frames: int) -> list[tuple[MovingScene, Tracks]]:
+    """Return a car that drives and a person that crosses, both tracked perfectly."""
+    steps = [boxes_at((5.0 + 0.5 * n, 2.0), (12.0, -4.0 + 0.1 * n)) for n in range(frames)]
+    return [(scene_of(boxes), tracks_of(boxes, [3, 8])) for boxes in steps]
+
+
+def test_a_perfect_tracker_scores_one():
+    frames = driving(12)
+    scores = scores_of(frames)
+    assert (scores.hota.hota, scores.clear.mota, scores.clear.motp) == (1.0, 1.0, 1.0)
+    assert scores.identity.idf1 == 1.0
+    errors = track_errors(followed_over(frames))
+    assert errors.pairs == 24
+    assert (errors.center_m, errors.velocity_m_s, errors.heading_rad) == (0.0, 0.0, 0.0)
+    assert [summary.share for summary in summarise_objects(followed_over(frames))] == [1.0, 1.0]
+
+
+def test_frames_before_a_tracker_is_sure_are_misses():
+    frames = [
+        (scene, tracks if n >= 3 else Tracks.empty())
+        for n, (scene, tracks) in enumerate(driving(12))
+    ]
+    assert scores_of(frames).clear.false_negatives == 6
+    summary = summarise_objects(followed_over(frames))[0]
+    assert (summary.frames, summary.frames_followed) == (12, 9)
+    assert summary.found_after_s == pytest.approx(0.3)
+
+
+def test_who_must_be_tracked():
+    boxes = boxes_at((10, 0), (31, 0), (10, 11), (-5, 0))
+    assert must_be_tracked(scene_of(boxes), RULE).tolist() == [True, False, False, True]
+    assert not must_be_tracked(scene_of(boxes, points=19), RULE).any()
+    assert not must_be_tracked(scene_of(boxes, Motion.STATIC), RULE).any()
+    in_view = must_be_tracked(scene_of(boxes, view=view_of()), RULE)
+    assert in_view.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_excused"),
+    [
+        ({"points": 5}, True),  # hardly seen
+        ({"motions": Motion.UNKNOWN, "moves": False}, True),
+        ({"motions": Motion.STATIC}, True),  # stopped, or not yet moving
+        ({"motions": Motion.STATIC, "moves": False}, False),  # parked all the time
+    ],
+)
+def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: bool):
+    boxes = boxes_at((10, 0))
+    judgement = judge(scene_of(boxes, **changes), tracks_of(boxes), RULE)
+    assert len(judgement.must) == 0
+    assert judgement.excused.tolist() == ([0] if is_excused else [])
+    assert judgement.judged.tolist() == ([] if is_excused else [0])
+    assert judgement.on_parked.tolist() == ([] if is_excused else [0])
+
+
+def test_an_object_just_outside_excuses_its_track_inside():
+    scene, tracks = scene_of(boxes_at((30.2, 0))), tracks_of(boxes_at((29.8, 0)))
+    assert judge(scene, tracks, RULE).excused.tolist() == [0]
+
+
+def test_a_track_inside_of_a_true_object_outside_is_kept():
+    scene, tracks = scene_of(boxes_at((29.8, 0))), tracks_of(boxes_at((30.2, 0)))
+    assert judge(scene, tracks, RULE).pair_tracks.tolist() == [0]
+
+
+def test_tracks_where_nothing_was_labelled_leave():
+    # Ahead, beside the view, behind, and beyond the area.
+    tracks = tracks_of(boxes_at((10, 0), (5, 8), (-6, 0), (35, 0)))
+    nobody = scene_of(Boxes3D.empty(), view=view_of())
+    assert judge(nobody, tracks, RULE).judged.tolist() == [0]
+    all_around = scene_of(Boxes3D.empty())
+    assert judge(all_around, tracks, RULE).judged.tolist() == [0, 1, 2]
+
+
+def test_tracks_in_a_dont_care_region_leave():
+    tracks = tracks_of(boxes_at((10, 0)))
+    # The box spans about 37 to 63 px from left to right, 47 to 56 px from top to bottom.
+    around, half_a_side, elsewhere = (30, 40, 70, 65), (30, 40, 45, 65), (0, 0, 20, 20)
+    for regions, judged in (
+        ([around], []),
+        ([half_a_side], [0]),
+        ([elsewhere], [0]),
+        ([elsewhere, around], []),
+    ):
+        scene = scene_of(Boxes3D.empty(), view=view_of(*regions))
+        assert judge(scene, tracks, RULE).judged.tolist() == judged
+    tracked = scene_of(boxes_at((10, 0)), view=view_of(around))
+    assert judge(tracked, tracks, RULE).pair_tracks.tolist() == [0]
+
+
+def test_a_track_that_fits_an_ignored_neighbour_better_finds_nobody():
+    person_m = (0.6, 0.6, 1.7)
+    scene = scene_of(boxes_at((10, 0), (10, 1.2), size_m=person_m))
+    scene = replace(scene, points=np.array([100, 5]))
+    judgement = judge(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), RULE)
+    assert judgement.must.tolist() == [0]
+    assert judgement.excused.tolist() == [0]
+    assert len(judgement.pair_tracks) == len(judgement.judged) == 0
+    nearer = judge(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), RULE)
+    assert nearer.pair_objects.tolist() == [0]
+
+
+def test_a_part_of_an_ignored_truck_is_excused_and_a_double_of_a_true_car_is_not():
+    truck = scene_of(boxes_at((10, 0), size_m=(12.0, 2.5, 3.0)), points=3)
+    part = tracks_of(boxes_at((14.5, 0), size_m=(2.0, 2.0, 1.5)))
+    assert judge(truck, part, RULE).excused.tolist() == [0]
+    double = tracks_of(boxes_at((10, 0), (10.5, 0)))
+    judgement = judge(scene_of(boxes_at((10, 0))), double, RULE)
+    assert judgement.pair_tracks.tolist() == [0]
+    assert judgement.judged.tolist() == [0, 1]
+
+
+def test_pairs_have_the_greatest_sum_and_are_alike():
+    scene = scene_of(boxes_at((10, 0), (10, 3)))
+    tracks = tracks_of(boxes_at((10, 2.9), (10, 0.8), (20, 0)))
+    judgement = judge(scene, tracks, RULE)
+    assert judgement.pair_objects.tolist() == [0, 1]
+    assert judgement.pair_tracks.tolist() == [1, 0]
+    assert judgement.judged.tolist() == [0, 1, 2]
+
+
+def test_an_exchanged_identity_counts_once():
+    frames = [
+        (scene, replace(tracks, ids=np.array([3, 8 if n < 6 else 9])))
+        for n, (scene, tracks) in enumerate(driving(12))
+    ]
+    scores = scores_of(frames)
+    assert (scores.clear.id_switches, scores.clear.fragmentations) == (1, 0)
+    assert scores.hota.det_a == 1.0
+    assert scores.hota.ass_a == pytest.approx(0.75)
+    car, person = summarise_objects(followed_over(frames))
+    assert (car.tracks, car.switches) == (1, 0)
+    assert (person.tracks, person.switches) == (2, 1)
+
+
+def test_errors_of_place_velocity_heading_and_extent():
+    scene = scene_of(boxes_at((10, 0), yaw_rad=3.0))
+    boxes = boxes_at((10.3, 0.4), size_m=(3.0, 2.2, 1.5), yaw_rad=-3.0)
+    tracks = tracks_of(boxes, velocity_m_s=(5.0, 2.0))
+    rows = follow(0.0, scene, tracks, judge(scene, tracks, RULE))
+    assert rows.center_errors_m[0] == pytest.approx(0.5)
+    assert rows.velocity_errors_m_s[0] == pytest.approx(2.0)
+    assert rows.heading_errors_rad[0] == pytest.approx(2 * np.pi - 6)
+    assert (rows.length_errors_m[0], rows.width_errors_m[0]) == pytest.approx((-1.0, 0.2))
+    slow = follow(
+        0.0, scene, replace(tracks, velocities_m_s=np.array([[0.5, 0]])), judge(scene, tracks, RULE)
+    )
+    assert np.isnan(track_errors(slow).heading_rad)
+    assert track_errors(slow).length_m == pytest.approx(1.0)
+
+
+def test_an_object_that_nobody_follows_is_lost():
+    frames = [(scene, Tracks.empty()) for scene, _ in driving(3)]
+    rows = followed_over(frames)
+    assert (rows.track_ids == NO_TRACK).all()
+    summaries = summarise_objects(rows)
+    assert [summary.is_lost for summary in summaries] == [True, True]
+    assert np.isnan(summaries[0].found_after_s)
+    assert track_errors(rows).pairs == 0
+
+
+def test_false_tracks_follow_nobody_for_most_of_their_lives():
+    car, ghost, parked = boxes_at((10, 0)), (20.0, 5.0), (15.0, -5.0)
+    boxes = boxes_at((10, 0), ghost, parked)
+    objects = boxes_at((10, 0), parked)
+    scene = replace(
+        scene_of(objects),
+        objects=LabelledObjects(
+            objects, np.array([Motion.MOVING, Motion.STATIC]), np.array([1, 2])
+        ),
+        moves_sometime=np.array([True, False]),
+    )
+    here = tracks_of(boxes, [4, 5, 6])
+    lucky = tracks_of(car, [5])  # for one frame the ghost is where the car is
+    seen = [verdicts(tracks, judge(scene, tracks, RULE)) for tracks in (here, here, here, lucky)]
+    false = find_false_tracks(TrackVerdicts.concatenate(seen), duration_s=30.0)
+    assert false.ids.tolist() == [5, 6]
+    assert false.never_right.tolist() == [6]
+    assert false.on_parked.tolist() == [6]
+    assert false.per_minute == 4.0
+
+
+def test_no_tracks_are_no_false_ones():
+    false = find_false_tracks(TrackVerdicts.concatenate([]), duration_s=0.0)
+    assert len(false.ids) == len(false.never_right) == len(false.on_parked) == 0
+    assert np.isnan(false.per_minute)
+
+
+def test_points_near_the_feet_do_not_count():
+    heights_m = np.array([-1.1, -0.95, -0.75, 0.0, 0.45, 0.6])
+    points = np.column_stack([np.full(6, 10.0), np.zeros(6), heights_m, np.zeros(6)])
+    assert points_above_feet(boxes_at((10, 0)), points.astype(np.float32), 0.2).tolist() == [3]
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(UsageError):
+        MovingObjectRule(min_points=0)
+    with pytest.raises(UsageError):
+        MovingObjectRule(min_likeness=0.0)
+    with pytest.raises(PerceptionError, match="one length"):
+        replace(scene_of(boxes_at((1, 1))), points=np.zeros(2, np.int64))
