@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
@@ -14,9 +15,9 @@ from perception.tracking.fragments import join_fragments
 from perception.tracking.heading import (
     UNKNOWN_VARIANCE,
     HeadingRules,
+    first_yaws,
     follow_shape,
     follow_way,
-    yaws_of_shape,
 )
 from perception.tracking.motion_model import MotionModel
 from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
@@ -30,7 +31,7 @@ from perception.tracking.visible_sides import (
     sensor_along,
     to_world,
 )
-from perception.types import Boxes3D, Float64, Int, Tracks
+from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class BoxTrackerRules:
         height_gain: share of the way to a new height that a track's height goes.
         fragment_margin_m: beyond a track's expected box, within which things are parts of one.
         standing_margin_m: by which a standing thing may be larger than the track that it continues.
+        stood_reach_m: from a standing thing of the scan before, within which one is the same.
         standing_share: of the size seen last that it must have.
     """
 
@@ -55,6 +57,7 @@ class BoxTrackerRules:
     height_gain: float = 0.3
     standing_margin_m: float = 0.5
     standing_share: float = 0.6
+    stood_reach_m: float = 0.3
     fragment_margin_m: float = 0.3
 
 
@@ -76,6 +79,7 @@ class BoxTracker:
     def end_all(self) -> None:
         """End all tracks; their ids are not used again."""
         self._tracks = TrackTable.empty()
+        self._stood_m = np.zeros((0, 2))
         self._stamp_s: float | None = None
 
     def update(
@@ -128,6 +132,7 @@ class BoxTracker:
 
     def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
+        is_new = self._stood_not(things)
         rows = np.flatnonzero(may_stand(self._tracks, self._stamp, self._rules.life))
         if len(things) == 0 or len(rows) == 0:
             return
@@ -138,8 +143,19 @@ class BoxTracker:
             (seen.sizes_m <= room_m[:, None])
             & (seen.sizes_m >= self._rules.standing_share * tracks.recent_sizes_m[:, :1])
         ).all(axis=2)
+        is_continued = tracks.moved_s < tracks.seen_s
+        fits &= is_continued[:, None] | is_new
         pairs = assign_optimally(costs, fits & (costs <= self._rules.motion.gate))
         self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
+
+    def _stood_not(self, things: Footprints) -> Bool:
+        """Tell which standing things were not there in the scan before, and remember them."""
+        before, self._stood_m = self._stood_m, things.centroids_m
+        if len(before) == 0 or len(things) == 0:
+            return np.ones(len(things), bool)
+        reach_m = self._rules.stood_reach_m
+        away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
+        return np.asarray(~np.isfinite(away_m))
 
     def _distances(
         self, tracks: TrackTable, things: Footprints, sensor_m: Float64
@@ -184,6 +200,7 @@ class BoxTracker:
             seen_s=np.full(len(rows), self._stamp),
             moved_s=np.full(len(rows), self._stamp) if is_moving else tracks.moved_s,
             sights=tracks.sights + is_moving,
+            points=tracks.points + things.points,
         )
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._rules.life))
         self._tracks = self._tracks.replaced(rows, tracks)
@@ -212,7 +229,7 @@ class BoxTracker:
         if len(things) == 0:
             return
         count, rules = len(things), self._rules
-        yaw_rad = yaws_of_shape(things)
+        yaw_rad = first_yaws(things, sensor_m, rules.heading)
         low_m, high_m = things.extents_m(yaw_rad)
         seen = Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
         sizes_m, middle_m = high_m - low_m, to_world((low_m + high_m) / 2, yaw_rad)
@@ -234,6 +251,7 @@ class BoxTracker:
             seen_s=stamps_s,
             moved_s=stamps_s,
             sights=np.ones(count, np.int64),
+            points=things.points,
             is_confirmed=np.zeros(count, bool),
         )
         centers_m, noise = self._measure(tracks, seen, things.points[:, None])

@@ -23,6 +23,7 @@ class HeadingRules:
         way_deviation_rad: of a heading from the direction of a well-known velocity.
         shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
         shape_length_m: the longer side of an outline that has a direction.
+        face_width_m: of fronts and rears, from the smallest car to a van.
         unsettled_variance: above it, a heading is replaced rather than corrected.
         reverse_speed_m_s: slower vehicles may drive backwards; nothing goes faster that way.
         vehicle_length_m: what is shorter does not drive backwards.
@@ -34,6 +35,7 @@ class HeadingRules:
     way_deviation_rad: float = 0.1
     shape_deviation_rad: float = 0.15
     shape_length_m: float = 1.5
+    face_width_m: tuple[float, float] = (1.3, 2.2)
     unsettled_variance: float = 0.3
     reverse_speed_m_s: float = 3.0
     vehicle_length_m: float = 2.4
@@ -66,6 +68,21 @@ def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:
     best = np.argmin(sizes_m.prod(axis=2), axis=0)
     length_m, width_m = sizes_m[best, np.arange(len(things))].T
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
+
+
+def first_yaws(things: Footprints, sensor_xy_m: Float64, rules: HeadingRules) -> Float64:
+    """Return (F,) the likely heading, but for its sign, of things that were never seen before.
+
+    Along the longer side; but one that is as wide as a vehicle and faces the sensor is a front or a rear.
+    """
+    yaw_rad = yaws_of_shape(things)
+    low_m, high_m = things.extents_m(yaw_rad)
+    longer_m = (high_m - low_m)[:, 0]
+    sight_m = things.centroids_m - sensor_xy_m
+    off_rad = wrap(np.arctan2(sight_m[:, 1], sight_m[:, 0]) - yaw_rad, np.pi)
+    is_width = (longer_m >= rules.face_width_m[0]) & (longer_m <= rules.face_width_m[1])
+    is_face = is_width & (np.abs(off_rad) > np.pi / 4)
+    return np.where(is_face, yaw_rad + np.pi / 2, yaw_rad)
 
 
 def follow_way(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Headings:
@@ -103,15 +120,14 @@ def follow_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) ->
     """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
 
     A rectangle does not tell its front: its four headings are one, and none turns a track by more
-    than an eighth of a turn. A heading that nothing else has told takes the longer side.
+    than an eighth of a turn.
     """
     shape_rad = yaws_of_shape(things)
     low_m, high_m = things.extents_m(shape_rad)
     has_shape = (high_m - low_m)[:, 0] >= rules.shape_length_m
-    is_new = has_shape & (tracks.yaw_variance >= UNKNOWN_VARIANCE * 0.99)
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
     gain = has_shape * (tracks.yaw_variance / (tracks.yaw_variance + rules.shape_deviation_rad**2))
-    yaw_rad = np.where(is_new, shape_rad, tracks.yaw_rad + gain * off_rad)
+    yaw_rad = tracks.yaw_rad + gain * off_rad
     # Which of the four it is stays unknown until the thing moves.
     is_settled = tracks.yaw_variance <= rules.unsettled_variance
     variance = np.where(is_settled, tracks.yaw_variance * (1 - gain), tracks.yaw_variance)

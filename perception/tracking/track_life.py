@@ -21,12 +21,15 @@ class LifeRules:
     """
 
     confirming_sights: int = 2
+    doubtful_sights: int = 4
+    plain_points: int = 50
     confirming_s: float = 0.25
     travel_m: float = 0.3
     least_speed_m_s: float = 0.5
     coasting_s: float = 1.2
     telling_s: float = 0.5
     telling_sights: int = 5
+    telling_standing_s: float = 1.0
     standing_s: float = 3.0
     stopping_s: float = 0.35
     stopping_speed_m_s: float = 3.0
@@ -41,7 +44,9 @@ def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
         & (travelled_m >= rules.least_speed_m_s * age_s)
         & (tracks.speeds_m_s >= rules.least_speed_m_s)
     )
-    return np.asarray(tracks.is_confirmed | ((tracks.sights >= rules.confirming_sights) & travels))
+    is_plain = tracks.points >= rules.plain_points
+    needed = np.where(is_plain, rules.confirming_sights, rules.doubtful_sights)
+    return np.asarray(tracks.is_confirmed | ((tracks.sights >= needed) & travels))
 
 
 def is_alive(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
@@ -62,7 +67,9 @@ def may_stand(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
 def is_told(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
     """Tell which tracks are worth reporting."""
     limit_s = np.where(tracks.sights >= rules.telling_sights, rules.telling_s, 0.0)
-    return np.asarray(tracks.is_confirmed & (stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S))
+    is_seen = stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
+    moves = stamp_s - tracks.moved_s <= rules.telling_standing_s + _ROUNDING_S
+    return np.asarray(tracks.is_confirmed & is_seen & moves)
 
 
 _ROUNDING_S = 1e-3

@@ -29,6 +29,7 @@ class TrackTable:
         seen_s: (T,) stamp of the last sight.
         moved_s: (T,) stamp of the last sight as something that moves.
         sights: (T,) how often it was seen moving.
+        points: (T,) how many points it has shown in all.
         is_confirmed: (T,)
     """
 
@@ -47,6 +48,7 @@ class TrackTable:
     seen_s: Float64
     moved_s: Float64
     sights: Int
+    points: Int
     is_confirmed: Bool
 
     def __len__(self) -> int:
@@ -107,5 +109,6 @@ class TrackTable:
             seen_s=none,
             moved_s=none,
             sights=whole,
+            points=whole,
             is_confirmed=np.zeros(0, bool),
         )
