@@ -50,7 +50,7 @@ class CellGrid:
     def centers_m(self, rows: Int, columns: Int) -> Float64:
         """Return (C, 2) x and y of the middles of C cells."""
         cells = np.column_stack([rows, columns]).astype(np.float64)
-        return (cells + 0.5) * self.cell_m + np.array(self.low_m)
+        return np.asarray((cells + 0.5) * self.cell_m + np.array(self.low_m))
 
     def part(self, area: LocalArea) -> tuple[slice, slice]:
         """Return the rows and columns of the cells over a smaller area."""

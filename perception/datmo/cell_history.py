@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.types import Float32, Int
+from perception.types import Float, Float32, Int
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,26 @@ class _Observed:
 class CellHistory:
     """The mean of the last m observations of each cell, made within the last n scans."""
 
-    def __init__(self, size: int, scans: int, averaged: int) -> None:
+    def __init__(self, size: int, scans: int, averaged: int, least: int) -> None:
         """Begin with a window that has seen nothing.
 
         Args:
             size: cells along each side of the window.
             scans: n, after how many scans an observation is forgotten.
             averaged: m, how many observations of a cell count, the latest.
+            least: k, of how many observations a mean is worth naming.
         """
         self.size = size
-        self._averaged = min(averaged, scans)
+        self._averaged, self._least = min(averaged, scans), least
         self._queue: deque[_Observed] = deque(maxlen=scans)
         self._low = np.zeros(2, np.int64)
-        self._ring_m = np.zeros((self._averaged, size * size), np.float32)
-        # Sums of float32 in float64 are exact, in whatever order they come and go.
-        self._sum_m = np.zeros((size, size))
         # Observations are numbered cell by cell; those from `first` to before `next` count.
-        self._first = np.zeros((size, size), np.int32)
-        self._next = np.zeros((size, size), np.int32)
+        self._first = np.zeros(size * size, np.int32)
+        self._next = np.zeros(size * size, np.int32)
+        self._ring_m = np.zeros(self._averaged * size * size, np.float32)
+        # Sums of float32 in float64 are exact, in whatever order they come and go.
+        self._sum_m = np.zeros(size * size)
+        self._mean_m = np.zeros(size * size, np.float32)
 
     def clear(self) -> None:
         """Forget everything."""
@@ -76,33 +78,50 @@ class CellHistory:
             self._expire(self._queue.popleft())
         torus_m = np.roll(window_m, self._low % self.size, axis=(0, 1)).ravel()
         cells = np.flatnonzero(~np.isnan(torus_m))
-        values_m = torus_m.take(cells)
-        first, following, sum_m = self._first.ravel(), self._next.ravel(), self._sum_m.ravel()
-        order = following.take(cells)
-        slot = order % self._averaged
-        is_full = order - first.take(cells) == self._averaged
-        sum_m[cells] += values_m.astype(np.float64) - self._ring_m[slot, cells] * is_full
-        first[cells] += is_full
-        following[cells] = order + 1
-        self._ring_m[slot, cells] = values_m
+        values_m, order, first = (
+            torus_m.take(cells),
+            self._next.take(cells),
+            self._first.take(cells),
+        )
+        slot = self._slot(cells, order)
+        is_full = order - first == self._averaged
+        # A full ring gives up the value in whose place the new one goes.
+        replaced_m = self._ring_m.take(slot) * is_full
+        self._ring_m[slot] = values_m
+        self._first[cells] = first + is_full
+        self._next[cells] = order + 1
+        self._add(cells, values_m.astype(np.float64) - replaced_m)
         self._queue.append(_Observed(cells.astype(np.int32), order))
 
-    def mean_m(self, least: int) -> Float32:
-        """Return (size, size) means over the window, 0 where fewer observations than that count."""
-        count = self._next - self._first
-        mean_m = np.where(count >= least, self._sum_m / np.maximum(count, 1), 0).astype(np.float32)
+    def mean_m(self) -> Float32:
+        """Return (size, size) means over the window, 0 where fewer than k observations count."""
+        mean_m = self._mean_m.reshape(self.size, self.size)
         return np.roll(mean_m, -(self._low % self.size), axis=(0, 1))
 
     def _expire(self, scan: _Observed) -> None:
-        first, sum_m = self._first.ravel(), self._sum_m.ravel()
         # Gone already is what later observations have replaced and what left the window.
-        remains = first.take(scan.cells) == scan.order
-        cells, order = scan.cells[remains], scan.order[remains]
-        sum_m[cells] -= self._ring_m[order % self._averaged, cells]
-        first[cells] += 1
+        remains = np.flatnonzero(self._first.take(scan.cells) == scan.order)
+        cells, order = scan.cells.take(remains), scan.order.take(remains)
+        self._first[cells] += 1
+        self._add(cells, -self._ring_m.take(self._slot(cells, order)))
+
+    def _add(self, cells: Int, change_m: Float) -> None:
+        """Change the sums of cells whose numbers of observations are up to date."""
+        sum_m = self._sum_m.take(cells) + change_m
+        self._sum_m[cells] = sum_m
+        count = self._next.take(cells) - self._first.take(cells)
+        self._mean_m[cells] = sum_m / np.maximum(count, 1) * (count >= self._least)
+
+    def _slot(self, cells: Int, order: Int) -> Int:
+        """Return where in the rings the observations lie."""
+        return np.asarray((order % self._averaged).astype(np.int64) * self.size**2 + cells)
 
     def _forget(self, lines: Int, axis: int) -> None:
         """Forget the rows (axis 0) or columns (axis 1) of the torus."""
         where = (lines, slice(None)) if axis == 0 else (slice(None), lines)
-        self._first[where] = self._next[where]
-        self._sum_m[where] = 0
+        first, following, sum_m, mean_m = (
+            torus.reshape(self.size, self.size)
+            for torus in (self._first, self._next, self._sum_m, self._mean_m)
+        )
+        first[where] = following[where]
+        sum_m[where] = mean_m[where] = 0

@@ -73,9 +73,9 @@ def join_cells(motion_m: Float32, rules: ObjectRules) -> Bool:
     pieces is whole; both dilations also lengthen what they join.
     """
     long, short = rules.long_cells, rules.short_cells
-    along = _fill_holes(_dilate(motion_m, long, short))
-    across = _fill_holes(_dilate(motion_m, short, long))
-    joined = _fill_holes(_dilate(along * across, long, 1))
+    along = fill_holes(_dilate(motion_m, long, short))
+    across = fill_holes(_dilate(motion_m, short, long))
+    joined = fill_holes(_dilate(along * across, long, 1))
     # Eroded by a ball of radius 1 cell: above zero stays what is higher than the ball and has four
     # neighbours above zero.
     core = cv2.erode(
@@ -89,20 +89,20 @@ def _dilate(grid: Float32, rows: int, columns: int) -> Float32:
     return np.asarray(cv2.dilate(grid, np.ones((rows, columns), np.uint8)), np.float32)
 
 
-def _fill_holes(grid: Float32) -> Float32:
-    """Raise every pit to the lowest level over which it would drain to the border.
+def fill_holes(grid: Float32) -> Float32:
+    """Raise every pit of (X, Y) heights to the lowest level over which it would drain to the border.
 
-    Water stands inside the filled cells and sinks until nothing more drains. The open ground is known
-    beforehand, so it takes as many steps as the broadest thing has cells from its rim inwards.
+    Water stands over what is higher than 0 and sinks, a cell a step, as far as it can drain. The open
+    ground is dry from the start, so the broadest thing decides how many steps there are.
     """
-    padded = cv2.copyMakeBorder(grid, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    open_ground = (padded > 0).astype(np.uint8)
-    cv2.floodFill(open_ground, None, (0, 0), 2)
-    level = np.where(open_ground == 2, 0, padded.max())
+    padded = np.pad(grid, 1)
+    is_high = (padded > 0).astype(np.uint8)
+    cv2.floodFill(is_high, None, (0, 0), 2)
+    level = np.where(is_high == 2, 0, padded.max())
     while True:
-        lower = cv2.max(cv2.erode(level, _CROSS), padded)
+        lower = np.asarray(cv2.max(cv2.erode(level, _CROSS), padded), np.float32)
         if np.array_equal(lower, level):
-            return np.asarray(lower[1:-1, 1:-1], np.float32)
+            return lower[1:-1, 1:-1].copy()
         level = lower
 
 

@@ -1,5 +1,7 @@
 """The 2.5D motion grid: what stands in a cell and near it stood nowhere before (5.7)-(5.8)."""
 
+from functools import cache
+
 import numpy as np
 
 from perception.types import Float32, Int
@@ -42,6 +44,7 @@ def motion_grid(
     return motion_m
 
 
+@cache
 def _ring(radius: int, width: int) -> Int:
     """Return the flat offsets of the cells at this distance, along rows or columns the greater."""
     row, column = np.mgrid[-radius : radius + 1, -radius : radius + 1]

@@ -52,7 +52,7 @@ class ShortTermMap:
         self._cells, self._rules = cells, rules
         # Holds the grid at any heading, from its middle to its corners.
         self._half_cells = int(np.ceil(np.hypot(*cells.shape) / 2)) + 1
-        self._history = CellHistory(2 * self._half_cells, rules.scans, rules.averaged)
+        self._history = CellHistory(2 * self._half_cells, rules.scans, rules.averaged, rules.least)
         self.clear()
 
     def clear(self) -> None:
@@ -70,9 +70,7 @@ class ShortTermMap:
         window_T_cells = _shift(-low) @ self._plane_T_cells
         if self._rules.holds_newest:
             self._observe(elevation, window_T_cells)
-        background_m = _resample(
-            self._history.mean_m(self._rules.least), window_T_cells, self._cells.shape, 0.0
-        )
+        background_m = _resample(self._history.mean_m(), window_T_cells, self._cells.shape, 0.0)
         if not self._rules.holds_newest:
             self._observe(elevation, window_T_cells)
         return background_m
