@@ -134,6 +134,8 @@ def datmo(  # noqa: PLR0913 - flags of a command
         min_points: that an object's box must hold to count.
         json: gets the same figures with protocol, data and configuration.
     """
+    if not methods or len(set(methods)) < len(methods):
+        raise UsageError("--methods", expected="at least one method, each once", found=str(methods))
     protocol = DatmoProtocol(rule=MovingObjectRule(min_points=min_points), view=view)
     drive = _open(root, sequence, sensor, frames)
     run = _Run(drive, PipelineConfig(datmo="none"), frames, on_bad_frame)

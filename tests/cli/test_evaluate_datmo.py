@@ -1,0 +1,168 @@
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.derived.moving_truth import moving_truth
+from data.drive import Drive
+from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.writer import write_tracking
+from perception.cli import datmo_steps
+from perception.cli.datmo_figures import datmo_tables
+from perception.cli.evaluate_datmo import (
+    DatmoProtocol,
+    DatmoStep,
+    compare_datmo,
+    measure_datmo,
+)
+from perception.cli.main import main
+from perception.datmo.detector import SegmentedScan
+from perception.evaluation.objects import Motion
+from perception.sensor import VLP_16
+from perception.types import Boxes3D, Frame, Obstacles, Result, Tracks, Voxels
+
+FRAMES = 6
+NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
+
+
+class Flat:
+    def height_m(self, xy_m):
+        return np.full(len(xy_m), -1.73)
+
+    def distance_m(self, points_velo):
+        return points_velo[:, 2] + 1.73
+
+
+def segmented(frame: Frame) -> tuple[Result, SegmentedScan]:
+    states = np.zeros(len(frame.points_velo), np.uint8)
+    result = Result(frame, np.eye(4), Flat(), Obstacles(states, NO_VOXELS, NO_VOXELS))
+    scan = SegmentedScan(frame.stamp_s, frame.points_velo, states, Flat(), np.eye(4), np.eye(4))
+    return result, scan
+
+
+def knowing_tracks(drive: Drive, frames: int) -> Iterator[tuple[Frame, Tracks]]:
+    """Yield what a tracker would say that knows everything around."""
+    truth = moving_truth(drive, "all")
+    for index in range(frames):
+        frame = drive[index]
+        scene = truth.scene(frame, 0.2)
+        moves = scene.objects.motions == Motion.MOVING
+        yield (
+            frame,
+            Tracks(
+                scene.objects.track_ids[moves],
+                scene.objects.boxes_velo[moves],
+                scene.velocities_m_s[moves],
+                np.ones(moves.sum(), bool),
+            ),
+        )
+
+
+@pytest.fixture(scope="module")
+def drive() -> SyntheticDrive:
+    return SyntheticDrive(FRAMES, sensor=VLP_16, images=False)
+
+
+def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDrive):
+    def steps() -> Iterator[DatmoStep]:
+        for frame, tracks in knowing_tracks(drive, FRAMES):
+            boxes, aside_m = tracks.boxes, np.array([0.8, 0.0, 0.0])
+            off = Boxes3D(boxes.bottom_m + aside_m, boxes.size_m, boxes.yaw_rad)
+            answers = {
+                "knows": tracks,
+                "is off": replace(tracks, boxes=off),
+                "idle": Tracks.empty(),
+            }
+            yield DatmoStep(frame, answers, dict.fromkeys(answers, 0.002))
+
+    names = ["knows", "is off", "idle"]
+    reports = compare_datmo(drive, steps(), names, DatmoProtocol(view="all"))
+    knows, is_off, idle = (reports[name] for name in names)
+    assert knows.by_distance.hota.hota == knows.by_overlap.clear.mota == 1.0
+    assert knows.lost_objects == []
+    assert knows.frames == FRAMES
+    assert knows.duration_s == pytest.approx(0.6)
+    assert is_off.errors.center_m == pytest.approx(0.8)
+    assert is_off.by_distance.clear.motp == pytest.approx(0.6)
+    assert is_off.by_overlap.hota.hota < 0.8
+    assert idle.by_distance.clear.mota == 0.0
+    assert len(idle.lost_objects) == len(idle.objects) == len(knows.objects) >= 2
+    assert len(idle.false_tracks.ids) == len(is_off.false_tracks.ids) == 0
+    table = datmo_tables(reports)
+    assert "Objects that must be tracked: is off" in table
+    assert "2.0" in table
+
+
+def test_results_of_the_pipeline_are_measured_the_same(drive: SyntheticDrive):
+    results = (
+        replace(segmented(frame)[0], tracks=tracks, timings_s={"moving objects": 0.004})
+        for frame, tracks in knowing_tracks(drive, FRAMES)
+    )
+    report = measure_datmo(drive, results)
+    assert report.protocol.view == "camera"
+    assert report.by_distance.hota.hota == 1.0
+    assert report.seconds.tolist() == [0.004] * FRAMES
+
+
+class LevelPipeline:
+    def __init__(self, sensor: object, config: object) -> None:
+        pass
+
+    def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
+        return segmented(frame)
+
+
+class Remembering:
+    """A stage that was told the tracks of every scan."""
+
+    def __init__(self, answers: list[Tracks]) -> None:
+        self._answers = iter(answers)
+
+    def update(self, scan: SegmentedScan) -> Tracks:
+        return next(self._answers)
+
+
+def test_the_command_compares_methods_and_writes_the_same_as_json(
+    drive: SyntheticDrive, tmp_path: Path, monkeypatch, capsys
+):
+    folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
+    answers = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
+    monkeypatch.setattr(datmo_steps, "Pipeline", LevelPipeline)
+    monkeypatch.setattr(
+        datmo_steps,
+        "datmo_stage",
+        lambda method, sensor: Remembering(answers) if method == "default" else None,
+    )
+    out = tmp_path / "figures.json"
+    words = ["datmo", str(folder), "--view", "all", "--methods", "[thesis,default]"]
+    assert main(["evaluate", *words, "--min-points", "10", "--json", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"0000: {FRAMES} of {FRAMES} frames, VLP-16")
+    written = json.loads(out.read_text())
+    assert written["measure"] == "datmo"
+    assert written["protocol"]["values"]["rule"]["min_points"] == 10
+    assert written["data"]["frames_evaluated"] == FRAMES
+    results = written["results"]
+    assert list(results) == ["thesis", "default"]
+    assert results["default"]["by_distance"]["HOTA"] == 1.0
+    assert results["default"]["lost_objects"] == []
+    assert results["thesis"]["by_overlap"]["MOTA"] == 0.0
+    assert {row["object_id"] for row in results["thesis"]["objects"]} == set(
+        results["thesis"]["lost_objects"]
+    )
+    assert "Objects that must be tracked: thesis" in printed
+
+
+def test_what_the_command_cannot_do(kitti_root: Path, capsys):
+    words = ["evaluate", "datmo", str(kitti_root / "tracking"), "--sequence", "0000"]
+    assert main([*words, "--view", "all"]) == 2
+    assert "--view camera" in capsys.readouterr().err
+    assert main([*words, "--methods", "[]"]) == 2
+    assert "at least one method" in capsys.readouterr().err
+    assert main([*words, "--methods", "[thesis,thesis]"]) == 2
+    assert main(["evaluate", "datmo", str(kitti_root / "object")]) == 2
+    assert "tracking layout" in capsys.readouterr().err

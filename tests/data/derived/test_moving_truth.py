@@ -1,0 +1,119 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.derived.moving_truth import MovingTruth, moving_truth
+from data.drive import Drive
+from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.ins import InsNoise
+from data.synthetic.writer import write_raw, write_tracking
+from perception.errors import DriveError, PoseError
+from perception.evaluation.multi_object.moving_scene import MovingScene
+from perception.evaluation.objects import Motion
+from perception.sensor import VLP_16
+
+FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def drive() -> SyntheticDrive:
+    return SyntheticDrive(FRAMES, sensor=VLP_16, images=False, noise=InsNoise(1.0, 2.0))
+
+
+@pytest.fixture(scope="module")
+def truth(drive: SyntheticDrive) -> MovingTruth:
+    return moving_truth(drive, "all")
+
+
+def scene_at(truth: MovingTruth, drive: Drive, index: int) -> MovingScene:
+    scene = truth.scene(drive[index], 0.2)
+    assert scene is not None
+    return scene
+
+
+def test_velocities_are_those_of_the_boxes_whatever_the_ins_says(drive, truth):
+    before, here, after = (scene_at(truth, drive, index) for index in (3, 4, 5))
+
+    def positions(scene: MovingScene, index: int) -> dict[int, np.ndarray]:
+        pose = drive.true_world_SE3_velo(index)
+        places = scene.objects.boxes_velo.bottom_m @ pose[:3, :3].T + pose[:3, 3]
+        return dict(zip(scene.objects.track_ids.tolist(), places[:, :2], strict=True))
+
+    earlier, later = positions(before, 3), positions(after, 5)
+    axes_velo = drive.true_world_SE3_velo(4)[:2, :2]
+    moves = here.objects.motions == Motion.MOVING
+    assert moves.sum() >= 5
+    for row in np.flatnonzero(moves):
+        number = int(here.objects.track_ids[row])
+        if number in earlier and number in later:
+            expected = (later[number] - earlier[number]) / 0.2 @ axes_velo
+            assert here.velocities_m_s[row] == pytest.approx(expected, abs=0.05)
+
+
+def test_who_moves_holds_points_that_move(drive, truth):
+    scene, point_truth = scene_at(truth, drive, 4), drive.point_truth(4)
+    seen = scene.points >= 20
+    assert (seen & (scene.objects.motions == Motion.MOVING)).sum() >= 2
+    for row in np.flatnonzero(seen & (scene.objects.motions == Motion.MOVING)):
+        own = point_truth.instances == scene.objects.track_ids[row] + 1
+        assert point_truth.is_moving[own].all()
+        assert scene.points[row] <= 1.1 * own.sum()
+    assert (scene.moves_sometime | (scene.objects.motions != Motion.MOVING)).all()
+    assert not scene.moves_sometime.all()
+
+
+def test_the_camera_s_view_has_its_image(drive, truth):
+    assert scene_at(truth, drive, 0).view is None
+    seen = scene_at(moving_truth(drive, "camera"), drive, 0).view
+    assert seen is not None
+    assert seen.image_size_px == drive.calibration.image_size_px
+
+
+@pytest.mark.parametrize("write", [write_raw, write_tracking])
+def test_a_written_drive_tells_the_same(drive, truth, tmp_path: Path, write: Callable[..., Path]):
+    read = open_drive(write(drive, tmp_path, 0, lambda: None))
+    theirs = moving_truth(read, "all")
+    here, there = scene_at(truth, drive, 5), scene_at(theirs, read, 5)
+    assert np.array_equal(here.objects.track_ids, there.objects.track_ids)
+    assert np.array_equal(here.objects.motions, there.objects.motions)
+    assert np.array_equal(here.points, there.points)
+    np.testing.assert_allclose(
+        here.objects.boxes_velo.bottom_m, there.objects.boxes_velo.bottom_m, atol=1e-4
+    )
+    apart = np.linalg.norm(here.velocities_m_s - there.velocities_m_s, axis=1)
+    assert (apart < 0.3).mean() > 0.8  # who brakes or turns has not the mean velocity of a second
+    assert truth.types() == theirs.types()
+
+
+def test_poses_that_do_not_fit_the_drive_are_refused(drive, tmp_path: Path):
+    folder = write_raw(drive, tmp_path, 0, lambda: None)
+    poses = folder / "truth_poses.txt"
+    rows = poses.read_text().splitlines()
+    poses.write_text("\n".join(rows[:2]))
+    with pytest.raises(PoseError, match="8 rows of 12"):
+        moving_truth(open_drive(folder))
+    poses.write_text("one two\n")
+    with pytest.raises(PoseError, match="12 numbers a row"):
+        moving_truth(open_drive(folder))
+
+
+def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
+    drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
+    scene = moving_truth(drive).scene(drive[0], 0.2)
+    moving = scene.objects.track_ids[scene.objects.motions == Motion.MOVING]
+    assert moving.tolist() == [0, 1, 2]
+    assert (scene.points[np.isin(scene.objects.track_ids, moving)] >= 20).all()
+    assert np.linalg.norm(scene.velocities_m_s, axis=1)[:3] == pytest.approx(
+        [4.93, 3.51, 1.12], abs=0.01
+    )
+    with pytest.raises(DriveError, match="--view camera"):
+        moving_truth(drive, "all")
+
+
+def test_a_drive_without_labels_cannot_say_what_moves(kitti_root: Path):
+    drive = open_drive(kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync")
+    with pytest.raises(DriveError, match="tracking layout"):
+        moving_truth(drive)
