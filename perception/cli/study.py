@@ -1,4 +1,4 @@
-"""`trifuse study`: the thesis' own studies, a picture and a table each."""
+"""`trifuse study`: the thesis' own studies and those of its claims, a picture and a table each."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -13,11 +13,14 @@ from data.synthetic.drive import SyntheticDrive
 from perception.cli.studies.dense_cloud import study_dense_cloud
 from perception.cli.studies.gates import study_gates
 from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
+from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
 from perception.cli.studies.masks import study_masks
 from perception.cli.studies.output import publish
+from perception.cli.studies.sensors import SensorsPlan, study_sensors
 from perception.cli.studies.speed import SpeedPlan, study_speed
 from perception.cli.studies.stages import study_stages
 from perception.errors import UsageError
+from perception.sensor import sensor_named
 from perception.types import Frame
 
 _RESULTS = Path("results") / "study"
@@ -173,6 +176,49 @@ def masks(
     publish(study_masks(opened, out, frame=frame, previous_scans=scans, seed=seed), out)
 
 
+def ins_error(
+    frames: int = 80,
+    seed: int = 0,
+    drives: int = 1,
+    sensor: str = "HDL-64E",
+    out: Path = _RESULTS / "ins-error.png",
+) -> None:
+    """Measure the tracks of moving objects over the error of the INS, 0 to 1 m and 0 to 2° (7.1.1).
+
+    Example: trifuse study ins-error --frames 20
+
+    Args:
+        frames: of each synthetic drive.
+        seed: of the first drive; the next ones have the numbers after it.
+        drives: how many are measured together.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file.
+        out: the picture; the numbers are written beside it.
+    """
+    seeds = tuple(range(seed, seed + _positive("drives", drives)))
+    plan = InsErrorPlan(_positive("frames", frames), seeds, sensor_named(sensor))
+    publish(study_ins_error(out, plan), out)
+
+
+def sensors(
+    frames: int = 80,
+    seed: int = 0,
+    drives: int = 1,
+    out: Path = _RESULTS / "sensors.png",
+) -> None:
+    """Measure the tracks of moving objects on the same streets by HDL-64E, HDL-32E and VLP-16.
+
+    Example: trifuse study sensors --frames 20
+
+    Args:
+        frames: of each synthetic drive.
+        seed: of the first drive; the next ones have the numbers after it.
+        drives: how many are measured together.
+        out: the picture; the numbers are written beside it.
+    """
+    seeds = tuple(range(seed, seed + _positive("drives", drives)))
+    publish(study_sensors(out, SensorsPlan(_positive("frames", frames), seeds)), out)
+
+
 COMMANDS = {
     "ground-error": ground_error,
     "speed": speed,
@@ -180,6 +226,8 @@ COMMANDS = {
     "dense-cloud": dense_cloud,
     "gates": gates,
     "masks": masks,
+    "ins-error": ins_error,
+    "sensors": sensors,
 }
 
 

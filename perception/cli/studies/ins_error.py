@@ -1,0 +1,106 @@
+"""What the error of the INS does to the tracks of moving objects (7.1.1: up to 1 m is claimed harmless)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from data.synthetic.ins import InsNoise
+from data.synthetic.remembered_drive import RememberedDrive
+from perception.cli.studies.output import Study
+from perception.cli.studies.tracking_figures import (
+    METHODS,
+    TrackingFigures,
+    by_measure,
+    drives_named,
+    measure_methods,
+    study_protocol,
+    total,
+)
+from perception.cli.table import Cell, format_table
+from perception.render.measure_panels import Condition, plot_conditions
+from perception.sensor import HDL_64E, LidarModel
+
+
+@dataclass(frozen=True)
+class InsErrorPlan:
+    """What to measure.
+
+    Attributes:
+        frames: of each drive.
+        seeds: of each drive.
+        sensor: the LiDAR.
+        positions_m: standard deviations of the position along each axis, without any of the angles.
+        angles_deg: standard deviations of the angle about each axis, without any of the position.
+    """
+
+    frames: int = 80
+    seeds: Sequence[int] = (0,)
+    sensor: LidarModel = field(default_factory=lambda: HDL_64E)
+    positions_m: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0)
+    angles_deg: Sequence[float] = (0.0, 0.5, 1.0, 2.0)
+
+    def cases(self) -> list[InsNoise]:
+        """Return every INS, each once."""
+        by_position = [InsNoise(position_m, 0.0) for position_m in self.positions_m]
+        by_angle = [InsNoise(0.0, angle_deg) for angle_deg in self.angles_deg]
+        return list(dict.fromkeys([*by_position, *by_angle]))
+
+
+Figures = dict[InsNoise, dict[str, TrackingFigures]]
+
+
+def study_ins_error(picture: Path, plan: InsErrorPlan) -> Study:
+    """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
+    figures = _measure(plan)
+    drives = drives_named(plan.seeds, plan.frames)
+    title = f"Tracks of moving objects over the error of the INS, {plan.sensor.name}, {drives}"
+    positions = [figures[InsNoise(position_m, 0.0)] for position_m in plan.positions_m]
+    angles = [figures[InsNoise(0.0, angle_deg)] for angle_deg in plan.angles_deg]
+    plot_conditions(
+        picture,
+        title,
+        [
+            Condition("position error of the INS, σ [m]", plan.positions_m, by_measure(positions)),
+            Condition("angle error of the INS, σ [°]", plan.angles_deg, by_measure(angles)),
+        ],
+    )
+    return Study(
+        name="ins-error",
+        figure="7.1.1, tolerance to localization error",
+        table=_table(title, figures),
+        numbers=_numbers(figures),
+        conditions={"plan": plan, "protocol": study_protocol()},
+    )
+
+
+def _measure(plan: InsErrorPlan) -> Figures:
+    parts: dict[InsNoise, list[dict[str, TrackingFigures]]] = {case: [] for case in plan.cases()}
+    for seed in plan.seeds:
+        drive = RememberedDrive(
+            plan.frames, seed=seed, sensor=plan.sensor, noise=InsNoise(0.0, 0.0)
+        )
+        for noise, drives in parts.items():
+            drives.append(measure_methods(drive.with_ins(noise)))
+    return {noise: total(drives) for noise, drives in parts.items()}
+
+
+def _table(title: str, figures: Figures) -> str:
+    names = list(TrackingFigures().measures())
+    rows: list[list[Cell]] = [
+        [
+            f"{noise.position_m:g} m, {noise.angle_deg:g}°",
+            method,
+            *(f"{value:.1f}" for value in methods[method].measures().values()),
+        ]
+        for noise, methods in figures.items()
+        for method in METHODS
+    ]
+    return format_table(title, ("INS error", "method", *names), rows)
+
+
+def _numbers(figures: Figures) -> list[dict[str, Any]]:
+    return [
+        {"ins": noise, "methods": {m: f.measures() for m, f in methods.items()}}
+        for noise, methods in figures.items()
+    ]

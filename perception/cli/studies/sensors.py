@@ -1,0 +1,69 @@
+"""What the LiDAR's beams do for the tracks of moving objects."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from data.synthetic.drive import SyntheticDrive
+from perception.cli.studies.output import Study
+from perception.cli.studies.tracking_figures import (
+    METHODS,
+    TrackingFigures,
+    by_measure,
+    drives_named,
+    measure_methods,
+    study_protocol,
+    total,
+)
+from perception.cli.table import Cell, format_table
+from perception.render.measure_panels import plot_groups
+from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
+
+
+@dataclass(frozen=True)
+class SensorsPlan:
+    """What to measure.
+
+    Attributes:
+        frames: of each drive.
+        seeds: of each drive.
+        sensors: the LiDARs, each on the same streets.
+    """
+
+    frames: int = 80
+    seeds: Sequence[int] = (0,)
+    sensors: Sequence[LidarModel] = (HDL_64E, HDL_32E, VLP_16)
+
+
+def study_sensors(picture: Path, plan: SensorsPlan) -> Study:
+    """Measure all methods on the same streets seen by one LiDAR after another, and draw bars."""
+    figures = {
+        sensor.name: total(
+            [
+                measure_methods(SyntheticDrive(plan.frames, seed=s, sensor=sensor, images=False))
+                for s in plan.seeds
+            ]
+        )
+        for sensor in plan.sensors
+    }
+    title = f"Tracks of moving objects by LiDAR, {drives_named(plan.seeds, plan.frames)}"
+    plot_groups(picture, title, list(figures), by_measure(list(figures.values())))
+    return Study(
+        name="sensors",
+        figure="none: the thesis has one sensor",
+        table=_table(title, figures),
+        numbers={
+            sensor: {method: found.measures() for method, found in methods.items()}
+            for sensor, methods in figures.items()
+        },
+        conditions={"plan": plan, "protocol": study_protocol()},
+    )
+
+
+def _table(title: str, figures: dict[str, dict[str, TrackingFigures]]) -> str:
+    rows: list[list[Cell]] = [
+        [sensor, method, *(f"{value:.1f}" for value in methods[method].measures().values())]
+        for sensor, methods in figures.items()
+        for method in METHODS
+    ]
+    return format_table(title, ("LiDAR", "method", *TrackingFigures().measures()), rows)

@@ -1,0 +1,90 @@
+"""The measures of moving objects' tracks on synthetic drives, for the studies that change something."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from data.drive import Drive
+from perception.cli.datmo_steps import datmo_steps
+from perception.cli.evaluate_datmo import DatmoProtocol, DatmoReport, compare_datmo
+from perception.datmo.stage import DatmoMethod
+from perception.evaluation.multi_object.tracking_scores import TrackingScores
+from perception.pipeline import PipelineConfig
+from perception.types import Float64
+
+METHODS: tuple[DatmoMethod, ...] = ("thesis", "author", "default")
+
+
+@dataclass(frozen=True)
+class TrackingFigures:
+    """What the tracks of one method are worth, over any number of drives.
+
+    Attributes:
+        scores: by distance of the centres.
+        false_tracks: of nothing that moves.
+        duration_s: of all drives.
+    """
+
+    scores: TrackingScores = field(default_factory=TrackingScores)
+    false_tracks: int = 0
+    duration_s: float = 0.0
+
+    def __add__(self, other: "TrackingFigures") -> "TrackingFigures":
+        """Return the figures of both, as of one longer drive."""
+        return TrackingFigures(
+            self.scores + other.scores,
+            self.false_tracks + other.false_tracks,
+            self.duration_s + other.duration_s,
+        )
+
+    @classmethod
+    def of(cls, report: DatmoReport) -> "TrackingFigures":
+        """Take them out of an evaluation."""
+        return cls(report.by_distance, len(report.false_tracks.ids), report.duration_s)
+
+    def measures(self) -> dict[str, float]:
+        """Return what is shown, by name with unit."""
+        minutes = self.duration_s / 60
+        return {
+            "HOTA [%]": 100 * self.scores.hota.hota,
+            "MOTA [%]": 100 * self.scores.clear.mota,
+            "IDF1 [%]": 100 * self.scores.identity.idf1,
+            "false tracks a minute": self.false_tracks / minutes if minutes else np.nan,
+        }
+
+
+def drives_named(seeds: Sequence[int], frames: int) -> str:
+    """Name the synthetic drives of a study, for its title."""
+    return f"synthetic drives of seed {', '.join(map(str, seeds))}, {frames} frames each"
+
+
+def study_protocol() -> DatmoProtocol:
+    """Return the protocol of the studies: everything around counts, as synthetic truth is exact."""
+    return DatmoProtocol(view="all")
+
+
+def measure_methods(drive: Drive) -> dict[str, TrackingFigures]:
+    """Run every method on the same segmented scans of a drive, and measure its tracks."""
+    steps = datmo_steps(drive, PipelineConfig(), METHODS, limit=None, on_bad_frame="stop")
+    reports = compare_datmo(drive, steps, METHODS, study_protocol())
+    return {method: TrackingFigures.of(report) for method, report in reports.items()}
+
+
+def total(parts: Sequence[Mapping[str, TrackingFigures]]) -> dict[str, TrackingFigures]:
+    """Return each method's figures over several drives."""
+    return {method: reduce(add, (part[method] for part in parts)) for method in parts[0]}
+
+
+def by_measure(
+    cases: Sequence[Mapping[str, TrackingFigures]],
+) -> dict[str, dict[str, Float64]]:
+    """Return for each measure the (K,) values of each method over K cases."""
+    shown = [{method: figures.measures() for method, figures in case.items()} for case in cases]
+    names = TrackingFigures().measures()
+    return {
+        name: {m: np.array([case[m][name] for case in shown], np.float64) for m in METHODS}
+        for name in names
+    }
