@@ -1,0 +1,111 @@
+"""The plain forms of the thesis' 2.5D motion grids, as oracle and as baseline.
+
+They say what the fast forms must say, line by line as thesis 5.2 puts it.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from perception.datmo.cell_grid import CellGrid
+from perception.datmo.elevation import ElevationGrid, ElevationRules
+from perception.datmo.short_term_map import MapRules
+from perception.geometry.se3 import inverse
+from perception.types import Float32, Float64, GroundModel
+
+
+def elevation_by_loop(
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, rules: ElevationRules
+) -> ElevationGrid:
+    """Sort the points into cells one by one, then look at each cell's heights (5.6)."""
+    heights_m: dict[tuple[int, int], list[float]] = {}
+    for point, height_m in zip(points_velo, ground.distance_m(points_velo), strict=True):
+        x, y = point[:2]
+        inside = cells.low_m[0] <= x < cells.high_m[0] and cells.low_m[1] <= y < cells.high_m[1]
+        far = np.hypot(x, y) > rules.nearest_m
+        if inside and far and rules.low_m < height_m < rules.high_m:
+            row, column = np.floor((point[:2] - cells.low_m) / cells.cell_m).astype(int)
+            heights_m.setdefault((row, column), []).append(float(height_m))
+    grid = ElevationGrid(np.zeros(cells.shape, np.float32), np.zeros(cells.shape, np.int64))
+    for cell, values in heights_m.items():
+        grid.points[cell] = len(values)
+        variance_m2 = np.var(values, ddof=1) if len(values) > 1 else 0.0
+        statistic_m = np.mean(values) if rules.ground_statistic == "mean" else max(values)
+        if variance_m2 >= rules.ground_variance_m2 or statistic_m >= rules.ground_height_m:
+            grid.height_m[cell] = np.mean(values)
+    return grid
+
+
+@dataclass(frozen=True)
+class _StoredGrid:
+    elevation: ElevationGrid
+    world_SE3_velo: Float64
+
+
+class QueuedMap:
+    """The short-term map as Algorithm 4 has it: all stored grids are turned anew at every scan."""
+
+    def __init__(self, cells: CellGrid, rules: MapRules) -> None:
+        self._cells, self._rules = cells, rules
+        self._queue: deque[_StoredGrid] = deque(maxlen=rules.scans)
+
+    def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
+        """Take in a scan's grid and return the (X, Y) map around the vehicle."""
+        if self._rules.holds_newest:
+            self._queue.append(_StoredGrid(elevation, world_SE3_velo))
+        total_m = np.zeros(self._cells.shape)
+        count = np.zeros(self._cells.shape, np.int64)
+        for stored in reversed(self._queue):
+            seen_m = self._turned(stored, world_SE3_velo)
+            counts = ~np.isnan(seen_m) & (count < self._rules.averaged)
+            total_m[counts] += seen_m[counts]
+            count[counts] += 1
+        if not self._rules.holds_newest:
+            self._queue.append(_StoredGrid(elevation, world_SE3_velo))
+        mean_m = total_m / np.maximum(count, 1)
+        return np.where(count >= self._rules.least, mean_m, 0).astype(np.float32)
+
+    def _turned(self, stored: _StoredGrid, world_SE3_velo: Float64) -> Float32:
+        """Return a stored grid in today's cells, NaN where it saw nothing."""
+        rows, columns = np.nonzero(stored.elevation.is_seen)
+        centers_m = self._cells.centers_m(rows, columns)
+        then = np.column_stack([centers_m, np.zeros(len(rows)), np.ones(len(rows))])
+        now = then @ (inverse(world_SE3_velo) @ stored.world_SE3_velo).T
+        into = np.floor((now[:, :2] - self._cells.low_m) / self._cells.cell_m).astype(int)
+        inside = ((into >= 0) & (into < self._cells.shape)).all(axis=1)
+        turned_m = np.full(self._cells.shape, np.nan, np.float32)
+        turned_m[tuple(into[inside].T)] = stored.elevation.height_m[rows, columns][inside]
+        return turned_m
+
+
+def motion_by_windows(
+    height_m: Float32, background_m: Float32, alpha: float, radius_cells: int
+) -> Float32:
+    """Compare each cell with its whole neighbourhood in the map (5.7)-(5.8)."""
+    motion_m = np.zeros_like(height_m)
+    for i, j in np.argwhere(height_m > 0):
+        nearby_m = background_m[
+            max(i - radius_cells, 0) : i + radius_cells + 1,
+            max(j - radius_cells, 0) : j + radius_cells + 1,
+        ]
+        difference_m = np.abs(height_m[i, j] - nearby_m).min()
+        if difference_m > np.float32(alpha) * height_m[i, j]:
+            motion_m[i, j] = height_m[i, j]
+    return motion_m
+
+
+def fill_holes_by_flooding(grid: Float32) -> Float32:
+    """Raise every pit to the lowest level over which it would drain to the border.
+
+    Water covers everything and sinks, a cell a step, as far as it can drain.
+    """
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    level = np.full(grid.shape, np.inf, np.float32)
+    level[[0, -1]], level[:, [0, -1]] = grid[[0, -1]], grid[:, [0, -1]]
+    while True:
+        lower = np.maximum(cv2.erode(level, cross), grid)
+        if np.array_equal(lower, level):
+            return level
+        level = lower
