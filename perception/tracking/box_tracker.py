@@ -11,16 +11,22 @@ from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
-from perception.tracking.fragments import join_fragments
+from perception.tracking.fragments import join_fragments, lie_within
 from perception.tracking.heading import (
     UNKNOWN_VARIANCE,
     HeadingRules,
     first_yaws,
     follow_shape,
     follow_way,
+    wrap,
 )
 from perception.tracking.motion_model import MotionModel
-from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
+from perception.tracking.remembered_size import (
+    SizeRules,
+    likely_sizes_m,
+    remember,
+    with_sides_swapped,
+)
 from perception.tracking.track_life import LifeRules, is_alive, is_confirmed, is_told, may_stand
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
@@ -101,8 +107,9 @@ class BoxTracker:
         tracks = self._tracks
         headings = follow_way(tracks, elapsed_s, self._rules.heading)
         states = motion_model.predict(tracks.states, elapsed_s, self._rules.motion)
+        turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = replace(
-            tracks,
+            with_sides_swapped(tracks, turn_rad > np.pi / 4),
             mean=states.mean,
             covariance=states.covariance,
             yaw_rad=headings.yaw_rad,
@@ -110,25 +117,21 @@ class BoxTracker:
         )
 
     def _continue_moving(self, things: Footprints, sensor_m: Float64) -> Footprints:
-        """Let moving things continue tracks; return those that continue none."""
-        if len(things) == 0 or len(self._tracks) == 0:
-            return things
-        things = self._joined(things)
-        costs, _ = self._distances(self._tracks, things, sensor_m)
-        pairs = assign_optimally(costs, costs <= self._rules.motion.gate)
-        self._see(pairs.tracks, things[pairs.detections], sensor_m, is_moving=True)
-        return things[pairs.unmatched_detections]
+        """Let moving things continue tracks, the confirmed ones first; return those that continue none."""
+        is_sure = self._tracks.is_confirmed
+        things = join_fragments(things, self._hold(self._tracks[is_sure], things.centroids_m))
+        for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
+            if len(things) and len(rows):
+                costs, _ = self._distances(self._tracks[rows], things, sensor_m)
+                pairs = assign_optimally(costs, costs <= self._rules.motion.gate)
+                self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True)
+                things = things[pairs.unmatched_detections]
+        return things
 
-    def _joined(self, things: Footprints) -> Footprints:
-        """Join the things that lie where one track is expected."""
-        tracks = self._tracks[self._tracks.is_confirmed]
-        return join_fragments(
-            things,
-            tracks.mean[:, :2],
-            likely_sizes_m(tracks, self._rules.size),
-            tracks.yaw_rad,
-            self._rules.fragment_margin_m,
-        )
+    def _hold(self, tracks: TrackTable, places_m: Float64) -> Bool:
+        """Tell (T, F) which places lie within the boxes of which tracks, and a little around them."""
+        sizes_m = likely_sizes_m(tracks, self._rules.size) + 2 * self._rules.fragment_margin_m
+        return lie_within(places_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
     def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
@@ -168,14 +171,19 @@ class BoxTracker:
     def _measure(self, tracks: TrackTable, seen: Reaches, points: Int) -> tuple[Float64, Float64]:
         """Return centres (T, F, 2) and their noise (T, F, 2, 2)."""
         rules = self._rules
+        sizes_m = likely_sizes_m(tracks, rules.size)
         along_left_m = place_centers(
             seen,
-            likely_sizes_m(tracks, rules.size),
+            sizes_m,
             from_world(tracks.mean[:, :2], tracks.yaw_rad),
             seen.is_complete(rules.size.complete_angle_rad),
         )
+        # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
+        swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.most_swing_rad**2))
+        hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
+        swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
         yaw_rad = tracks.yaw_rad[:, None]
-        noise = motion_model.place_noise(seen.sizes_m, points, yaw_rad, rules.motion)
+        noise = motion_model.place_noise(seen.sizes_m, swing_m, points, yaw_rad, rules.motion)
         return to_world(along_left_m, tracks.yaw_rad), noise
 
     def _see(self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool) -> None:
@@ -225,7 +233,10 @@ class BoxTracker:
         return replace(grown, mean=mean)
 
     def _begin(self, things: Footprints, sensor_m: Float64) -> None:
-        """Begin a track with each thing that continues none."""
+        """Begin a track with each thing that continues none and is no part of what is tracked."""
+        sure = self._tracks[self._tracks.is_confirmed]
+        is_part = self._hold(sure, things.centroids_m).any(axis=0)
+        things = things[np.flatnonzero(~is_part)]
         if len(things) == 0:
             return
         count, rules = len(things), self._rules
@@ -263,7 +274,10 @@ class BoxTracker:
 
     def _end(self, world_SE3_velo: Float64) -> None:
         """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
-        goes_on = is_alive(self._tracks, self._stamp, self._rules.life)
+        tracks = self._tracks
+        is_doubled = self._hold(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
+        is_doubled &= tracks.ids[:, None] < tracks.ids
+        goes_on = is_alive(tracks, self._stamp, self._rules.life) & ~is_doubled.any(axis=0)
         if self._area is not None:
             places_velo = se3.transform_points(
                 se3.inverse(world_SE3_velo),

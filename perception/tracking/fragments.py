@@ -8,28 +8,33 @@ import numpy as np
 
 from perception.geometry.footprints import Footprints
 from perception.tracking.visible_sides import from_world
-from perception.types import Float64, Int
+from perception.types import Bool, Float64, Int
 
 
-def join_fragments(
-    things: Footprints, centers_m: Float64, sizes_m: Float64, yaw_rad: Float64, margin_m: float
-) -> Footprints:
-    """Join the things whose centroids lie within one box.
+def lie_within(places_m: Float64, centers_m: Float64, sizes_m: Float64, yaw_rad: Float64) -> Bool:
+    """Tell (T, F) which of (F, 2) places lie within which of T boxes.
+
+    Args:
+        places_m: (F, 2).
+        centers_m: (T, 2) of the boxes.
+        sizes_m: (T, 2) their lengths and widths.
+        yaw_rad: (T,) their headings.
+    """
+    away_m = np.abs(from_world(places_m[None] - centers_m[:, None], yaw_rad))
+    return np.asarray((away_m <= sizes_m[:, None] / 2).all(axis=2))
+
+
+def join_fragments(things: Footprints, is_within: Bool) -> Footprints:
+    """Join the things that lie within one box.
 
     Args:
         things: F.
-        centers_m: (T, 2) of boxes where tracks are expected.
-        sizes_m: (T, 2) their lengths and widths.
-        yaw_rad: (T,) their headings.
-        margin_m: by which the boxes are grown on every side.
+        is_within: (T, F) which things lie within which boxes; the first box has them.
     """
-    if len(things) < 2 or len(yaw_rad) == 0:
+    if len(things) < 2 or not is_within.any():
         return things
-    away_m = np.abs(from_world(things.centroids_m[None] - centers_m[:, None], yaw_rad))
-    is_inside = (away_m <= sizes_m[:, None] / 2 + margin_m).all(axis=2)
-    distances_m = np.where(is_inside, np.hypot(*np.moveaxis(away_m, -1, 0)), np.inf)
-    own = len(yaw_rad) + np.arange(len(things))
-    whole_of = np.where(is_inside.any(axis=0), distances_m.argmin(axis=0), own)
+    own = len(is_within) + np.arange(len(things))
+    whole_of = np.where(is_within.any(axis=0), is_within.argmax(axis=0), own)
     _, whole_of = np.unique(whole_of, return_inverse=True)
     return things if int(whole_of.max()) + 1 == len(things) else _joined(things, whole_of)
 

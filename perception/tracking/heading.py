@@ -126,7 +126,9 @@ def follow_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) ->
     low_m, high_m = things.extents_m(shape_rad)
     has_shape = (high_m - low_m)[:, 0] >= rules.shape_length_m
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
-    gain = has_shape * (tracks.yaw_variance / (tracks.yaw_variance + rules.shape_deviation_rad**2))
+    # A heading that nothing has told yet is the last rectangle's, and as good as this one.
+    known = np.minimum(tracks.yaw_variance, rules.shape_deviation_rad**2)
+    gain = has_shape * (known / (known + rules.shape_deviation_rad**2))
     yaw_rad = tracks.yaw_rad + gain * off_rad
     # Which of the four it is stays unknown until the thing moves.
     is_settled = tracks.yaw_variance <= rules.unsettled_variance

@@ -24,6 +24,7 @@ class MotionModel:
         first_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
         side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
         sampling: share of a thing's size by which an end may be missed between two of its points.
+        most_swing_rad: deviation of a heading that only the shape tells.
         gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
     """
 
@@ -31,6 +32,7 @@ class MotionModel:
     first_speed_m_s: float = 6.0
     side_noise_m: float = 0.08
     sampling: float = 0.5
+    most_swing_rad: float = 0.3
     gate: float = 9.21
 
 
@@ -51,17 +53,20 @@ def begin(places_m: Float64, noise: Float64, model: MotionModel) -> Gaussians:
     return Gaussians(np.hstack([places_m, np.zeros((count, 2))]), covariance)
 
 
-def place_noise(sizes_m: Float64, points: Int, yaw_rad: Float64, model: MotionModel) -> Float64:
+def place_noise(
+    sizes_m: Float64, swing_m: Float64, points: Int, yaw_rad: Float64, model: MotionModel
+) -> Float64:
     """Return (..., 2, 2) the noise of centres: a side is known as well as its points lie close.
 
     Args:
         sizes_m: (..., 2) length and width of what was seen.
+        swing_m: (..., 2) by how much the centre moves where the heading is wrong.
         points: (...) how many.
         yaw_rad: (...) along which heading.
         model: how well sides are seen.
     """
     missed_m = model.sampling * sizes_m / np.sqrt(points)[..., None]
-    variances = model.side_noise_m**2 + missed_m**2
+    variances = model.side_noise_m**2 + missed_m**2 + swing_m**2
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))

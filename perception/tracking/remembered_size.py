@@ -1,6 +1,6 @@
 """How long, wide and high a tracked thing is: what was seen of it so far, and what that suggests."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,12 +78,23 @@ def remember(
     limited_m = np.minimum(seen_m, rules.largest_m)
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
     usual_m = np.median(recent_m, axis=1)
+    # A box along a wrong heading is too large, and the first few headings are the worst.
+    shrinkage = np.maximum(rules.shrinkage, 1 / (1 + tracks.sights))[:, None]
     is_noise = is_complete & (usual_m >= rules.least_share * tracks.sizes_m)
-    gain = np.where(
-        usual_m > tracks.sizes_m, rules.growth, np.where(is_noise, rules.shrinkage, 0.0)
-    )
+    gain = np.where(usual_m > tracks.sizes_m, rules.growth, np.where(is_noise, shrinkage, 0.0))
     is_settled = tracks.sights >= rules.settling_sights
     sizes_m = np.where(
         is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m
     )
-    return sizes_m, recent_m, tracks.complete_seen + is_complete
+    return sizes_m, recent_m, tracks.complete_seen + (is_complete & is_settled[:, None])
+
+
+def with_sides_swapped(tracks: TrackTable, rows: Bool) -> TrackTable:
+    """Take length for width and width for length where a heading turned out to be a quarter turn off."""
+    order = np.where(rows[:, None], [1, 0], [0, 1])
+    return replace(
+        tracks,
+        sizes_m=np.take_along_axis(tracks.sizes_m, order, axis=1),
+        recent_sizes_m=np.take_along_axis(tracks.recent_sizes_m, order[:, None], axis=2),
+        complete_seen=np.asarray(np.take_along_axis(tracks.complete_seen, order, axis=1), np.int64),
+    )
