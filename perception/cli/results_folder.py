@@ -3,9 +3,12 @@
 config.yaml          the effective configuration
 frames.jsonl         one line a frame: time, pose, counts, seconds by stage
 poses.txt            world_SE3_velo after registration, KITTI's 12 numbers a row
+tracks.txt           result rows of KITTI's tracking benchmark; only where there is a camera, only what it sees
+tracks.jsonl         one line a frame: every track's id, size, speed, place and heading
 labels/NNNNNN.label  one uint32 a point in SemanticKITTI's numbers: 40 ground, 9 static, 251 moving
 obstacles/NNNNNN.npz static and moving voxels, and the ground's height on a 1 m lattice
-video.mp4            camera and bird's-eye view
+video.mp4            camera, 3D and bird's-eye view
+picture.jpg          one picture of it
 summary.json         the table that was printed
 """
 
@@ -23,8 +26,9 @@ from data.drive import Drive
 from data.whole_file import write_whole
 from perception import __version__
 from perception.cli.documents import write_json, write_yaml
+from perception.cli.track_files import TrackFiles
 from perception.geometry.grids import LocalArea
-from perception.types import Float64, GroundModel, PointState, Result, UInt8
+from perception.types import Calibration, Float64, GroundModel, PointState, Result, UInt8
 
 # SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
@@ -47,12 +51,20 @@ def new_results_folder(parent: Path) -> Path:
 class ResultsFolder:
     """Writes the results of one run, frame by frame; a context manager."""
 
-    def __init__(self, out: Path, area: LocalArea) -> None:
+    def __init__(self, out: Path, area: LocalArea, calibration: Calibration | None = None) -> None:
+        """Open the files.
+
+        Args:
+            out: the folder, made where it is missing.
+            area: of which the ground is written.
+            calibration: of the drive's camera, where it has one.
+        """
         self.out, self._area = out, area
         (out / "labels").mkdir(parents=True, exist_ok=True)
         (out / "obstacles").mkdir(exist_ok=True)
         self._frames: TextIO = (out / "frames.jsonl").open("w", buffering=1)
         self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
+        self._tracks = TrackFiles(out, calibration)
 
     def __enter__(self) -> Self:
         return self
@@ -65,6 +77,7 @@ class ResultsFolder:
     ) -> None:
         self._frames.close()
         self._poses.close()
+        self._tracks.close()
 
     def write(self, result: Result) -> None:
         """Write what the pipeline made of one frame."""
@@ -73,6 +86,7 @@ class ResultsFolder:
         write_whole(self.out / "labels" / f"{name}.label", labels.tobytes())
         self._write_obstacles(self.out / "obstacles" / f"{name}.npz", result)
         self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
+        self._tracks.write(result)
         self._frames.write(json.dumps(frame_summary(result)) + "\n")
 
     def _write_obstacles(self, path: Path, result: Result) -> None:
@@ -130,5 +144,6 @@ def frame_summary(result: Result) -> dict[str, Any]:
             "static": len(result.obstacles.static),
             "moving": len(result.obstacles.moving),
         },
+        "tracks": len(result.tracks),
         "seconds": {stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
     }

@@ -22,6 +22,7 @@ from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
 from perception.pipeline import PipelineConfig
 from perception.render.composition import Composition
+from perception.render.trails import Trails
 from perception.render.video import video_or_none
 from perception.types import PointState, Result
 
@@ -39,7 +40,7 @@ def run(  # noqa: PLR0913 - flags of a command
     on_bad_frame: OnBadFrame = "stop",
     pipeline: PipelineConfig = PipelineConfig(),  # noqa: B008 - frozen
 ) -> None:
-    """Find ground, static and moving obstacles in every frame of a drive.
+    """Find ground and obstacles in every frame of a drive, and follow what moves.
 
     Example: trifuse run 2011_09_26/2011_09_26_drive_0005_sync --out results/0005
 
@@ -91,6 +92,8 @@ class RunSummary:
         seconds: by stage, one entry a frame.
         points: by `PointState`, over all frames.
         moving_voxels: one entry a frame.
+        track_ids: of every track so far.
+        live_tracks: one entry a frame.
         ground: points called ground against exact truth, where the drive has it.
         motion: points called static or moving against exact truth, where the drive has it.
         elapsed_s: wall time with reading, drawing and writing.
@@ -101,6 +104,8 @@ class RunSummary:
     seconds: dict[str, list[float]] = field(default_factory=dict)
     points: np.ndarray = field(default_factory=lambda: np.zeros(len(PointState), np.int64))
     moving_voxels: list[int] = field(default_factory=list)
+    track_ids: set[int] = field(default_factory=set)
+    live_tracks: list[int] = field(default_factory=list)
     ground: Confusion = field(default_factory=Confusion)
     motion: PointMotion = field(default_factory=PointMotion)
     elapsed_s: float = 0.0
@@ -111,6 +116,8 @@ class RunSummary:
             self.seconds.setdefault(stage, []).append(seconds)
         self.points += np.bincount(result.obstacles.point_states, minlength=len(PointState))
         self.moving_voxels.append(len(result.obstacles.moving))
+        self.track_ids.update(result.tracks.ids.tolist())
+        self.live_tracks.append(len(result.tracks))
         if truth is not None:
             states = result.obstacles.point_states
             scan = PointClasses(result.frame.points_velo, states, truth.classes)
@@ -154,6 +161,7 @@ class RunSummary:
             f"{seen[PointState.MOVING]:.0f} moving points; "
             f"{1 / median_s:.0f} frames/s for the stages, "
             f"{self.frames / self.elapsed_s:.1f} with reading, drawing and writing",
+            f"tracks: {len(self.track_ids)} in all, {np.mean(self.live_tracks):.1f} at a time",
             f"results: {self.out}",
         ]
         if self.ground.true_positives:
@@ -184,6 +192,10 @@ class RunSummary:
             }
             if self.ground.true_positives
             else None,
+            "tracks": {
+                "ids": len(self.track_ids),
+                "mean_alive": float(np.mean(self.live_tracks)) if self.frames else None,
+            },
             "points": {state.name.lower(): int(self.points[state]) for state in PointState},
         }
 
@@ -198,9 +210,10 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     summary = RunSummary(drive.name, out)
     composition = Composition(area=area, turn_s=1 / drive.sensor.rate_hz)
     results = drive_results(drive, plan.pipeline, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
+    trails = Trails()
     start = time.perf_counter()
     with ExitStack() as files:
-        folder = files.enter_context(ResultsFolder(out, area))
+        folder = files.enter_context(ResultsFolder(out, area, drive.calibration))
         folder.write_configuration(drive, plan)
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
@@ -209,7 +222,8 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
                 if plan.video:
-                    picture = composition.draw(result)
+                    trails.add(result)
+                    picture = composition.draw(result, trails)
                     video.add(picture)
                     if summary.frames == 1 + frame_count(drive, plan.frames) // 2:
                         folder.write_picture(picture)

@@ -30,11 +30,6 @@ class Strokes:
     owners: Int
     ends_px: Float64
 
-    def of_owners(self, is_wanted: Bool) -> Self:
-        """Return the lines of some owners, told by a mask over all owners."""
-        kept = is_wanted[self.owners]
-        return type(self)(self.owners[kept], self.ends_px[kept])
-
     def dashed(self, is_dashed: Bool) -> Self:
         """Return the lines with those of some owners, told by a mask over all owners, cut into dashes."""
         broken = is_dashed[self.owners]

@@ -68,8 +68,7 @@ def draw_tracks(
     _fill_fronts(canvas, image_P_velo, figures, colors)
     strokes = strokes.dashed(is_dashed)
     # A dark seam keeps the lines legible on any picture.
-    seamed = strokes.of_owners(np.arange(len(Part) * count) >= Part.BOX * count)
-    draw_seam(canvas, seamed, palette.BACKGROUND, style.line_px + 2)
+    draw_seam(canvas, strokes, palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
     draw_track_labels(canvas, outlines, figures, style.text_px)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.synthetic.collection import Recipe, write_drives
 from perception.cli.main import main
@@ -52,7 +53,7 @@ def test_every_file_of_a_run_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
         "config.yaml", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
-        "summary.json", "video.mp4",
+        "summary.json", "tracks.jsonl", "tracks.txt", "video.mp4",
     }  # fmt: skip
     assert frames_of(results / "video.mp4") == FRAMES
 
@@ -66,6 +67,17 @@ def test_labels_say_what_the_frame_lines_count(results, street):
         assert len(labels) == len(drive[line["frame"]].points_velo)
         assert np.count_nonzero(labels == 40) == line["points"]["ground"] > 30_000
         assert np.count_nonzero(labels == 251) == line["points"]["moving"]
+
+
+def test_tracks_are_written_for_every_frame_and_as_benchmark_rows(results, street):
+    lines = [json.loads(line) for line in (results / "tracks.jsonl").read_text().splitlines()]
+    frames = [json.loads(line) for line in (results / "frames.jsonl").read_text().splitlines()]
+    assert [line["frame"] for line in lines] == list(range(FRAMES))
+    assert [len(line["tracks"]) for line in lines] == [frame["tracks"] for frame in frames]
+    ids = {track["id"] for line in lines for track in line["tracks"]}
+    assert json.loads((results / "summary.json").read_text())["tracks"]["ids"] == len(ids)
+    rows = read_result_rows(results / "tracks.txt", FRAMES)
+    assert set(rows.ids.tolist()) <= ids
 
 
 def test_poses_are_where_the_drive_was(results, street):
@@ -89,6 +101,7 @@ def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path,
     assert "0000000002.bin" in sentence
     assert "1001 bytes" in sentence
     assert len((out / "frames.jsonl").read_text().splitlines()) == 2
+    assert len((out / "tracks.jsonl").read_text().splitlines()) == 2
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
     assert frames_of(out / "video.partial.mp4") == 2
 
