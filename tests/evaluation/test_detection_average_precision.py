@@ -1,0 +1,137 @@
+"""The detection measure on boxes that can be counted by eye, and on what cannot be measured."""
+
+import numpy as np
+import pytest
+
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.detection.average_precision import (
+    kitti_average_precision,
+    match_detections,
+)
+from perception.evaluation.detection.bootstrap import resample_precision
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.curve import PrecisionCurve
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+
+CAR = KITTI_CLASSES[:1]
+
+
+def truths_of(*rows: tuple[int, str, list[float]]) -> TrueBoxes:
+    """Return labels that are seen wholly and freely."""
+    return TrueBoxes(
+        frames=np.array([row[0] for row in rows], int),
+        types=np.array([row[1] for row in rows], np.str_),
+        alphas_rad=np.zeros(len(rows)),
+        boxes_px=np.array([row[2] for row in rows], float).reshape(-1, 4),
+        truncation=np.zeros(len(rows)),
+        occlusion=np.zeros(len(rows)),
+    )
+
+
+def detections_of(*rows: tuple[int, str, list[float], float]) -> DetectedBoxes:
+    return DetectedBoxes(
+        frames=np.array([row[0] for row in rows], int),
+        types=np.array([row[1] for row in rows], np.str_),
+        alphas_rad=np.zeros(len(rows)),
+        boxes_px=np.array([row[2] for row in rows], float).reshape(-1, 4),
+        scores=np.array([row[3] for row in rows], float),
+    )
+
+
+def box(x: float, width: float = 100, height: float = 50) -> list[float]:
+    return [x, 100, x + width, 100 + height]
+
+
+def easy(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> PrecisionCurve:
+    figures = kitti_average_precision(truths, detections, frames, CAR)
+    return figures.classes[0].curves["easy"]
+
+
+def test_two_cars_of_which_one_is_found_first_and_a_ghost_between():
+    truths = truths_of((0, "Car", box(0)), (1, "Car", box(200)))
+    detections = detections_of(
+        (0, "Car", box(0), 0.9), (0, "Car", box(500), 0.8), (1, "car", box(205), 0.7)
+    )
+    curve = easy(truths, detections, frames=3)
+    assert curve.thresholds.tolist() == [0.9, 0.7]
+    assert curve.true_positives.tolist() == [1, 2]
+    assert curve.false_positives.tolist() == [0, 1]
+    assert curve.false_negatives.tolist() == [1, 0]
+    assert curve.precision[:3].tolist() == [1, 2 / 3, 0]
+    assert curve.ap(40) == pytest.approx(100 * (2 / 3) / 40)
+    assert curve.ap(11) == pytest.approx(100 / 11)
+
+
+def test_perfect_detection_of_many_is_all():
+    truths = truths_of(*((frame, "Car", box(10)) for frame in range(41)))
+    detections = detections_of(*((frame, "Car", box(10), frame / 41) for frame in range(41)))
+    curve = easy(truths, detections, frames=41)
+    assert (curve.ap(11), curve.ap(40), curve.aos(40)) == (100, 100, 100)
+
+
+def test_an_opposite_heading_is_right_but_not_alike():
+    truths = truths_of((0, "Car", box(0)))
+    detections = detections_of((0, "Car", box(0), 1.0))
+    opposite = DetectedBoxes(**{**vars(detections), "alphas_rad": np.array([np.pi])})
+    curve = easy(truths, opposite, frames=1)
+    assert curve.precision[0] == 1
+    assert curve.orientation_similarity[0] == pytest.approx(0, abs=1e-12)
+
+
+def test_one_heading_not_told_leaves_all_without():
+    truths = truths_of((0, "Car", box(0)), (0, "Pedestrian", box(300)))
+    detections = detections_of((0, "Car", box(0), 1.0), (0, "Pedestrian", box(300), 1.0))
+    untold = DetectedBoxes(**{**vars(detections), "alphas_rad": np.array([0.0, -10.0])})
+    assert easy(truths, untold, frames=1).aos() is None
+
+
+def test_a_class_without_detections_has_no_figures():
+    truths = truths_of((0, "Car", box(0)), (0, "Cyclist", box(300)))
+    detections = detections_of((0, "Cyclist", box(300), 0.5))
+    car, pedestrian, cyclist = kitti_average_precision(truths, detections, 1).classes
+    assert car.curves == pedestrian.curves == {}
+    assert cyclist.curves["easy"].true_positives.tolist() == [1]
+
+
+def test_a_class_without_labels_rests_on_no_truths():
+    curve = easy(truths_of((0, "Truck", box(0))), detections_of((0, "Car", box(0), 0.5)), frames=1)
+    assert (curve.truths, curve.matches, len(curve.thresholds)) == (0, 0, 0)
+    assert curve.ap(40) == 0
+    no_labels_at_all = easy(truths_of(), detections_of((0, "Car", box(0), 0.5)), frames=1)
+    assert (no_labels_at_all.truths, no_labels_at_all.ap(11)) == (0, 0)
+
+
+def test_nothing_at_all():
+    for of_class in kitti_average_precision(truths_of(), detections_of(), 0).classes:
+        assert of_class.curves == {}
+
+
+def test_any_class_may_be_looked_for():
+    tram = DetectionClass("Tram", iou=0.3, neighbours=("Truck",))
+    truths = truths_of((0, "Tram", box(0)), (0, "Truck", box(200)))
+    detections = detections_of((0, "TRAM", box(50), 0.9), (0, "tram", box(200), 0.8))
+    curve = kitti_average_precision(truths, detections, 1, [tram]).classes[0].curves["hard"]
+    assert (curve.truths, curve.matches) == (1, 1)
+    assert curve.false_positives.tolist() == [0]
+    with pytest.raises(UsageError, match="from 0 to below 1, found 1"):
+        tram.at_iou(1.0)
+
+
+def test_rows_that_cannot_be_measured():
+    good = detections_of((0, "Car", box(0), 0.5), (2, "Car", box(0), 0.5))
+    for change, sentence in (
+        ({"scores": np.array([0.5, np.nan])}, "scores: expected finite numbers"),
+        ({"boxes_px": np.zeros((2, 3))}, r"expected shape \(2, 4\), found shape \(2, 3\)"),
+        ({"frames": np.array([1, 0])}, "never fall"),
+        ({"frames": np.array([-1, 0])}, "from 0"),
+    ):
+        with pytest.raises(PerceptionError, match=sentence):
+            DetectedBoxes(**{**vars(good), **change})
+    with pytest.raises(PerceptionError, match="expected below 2, found frame 2"):
+        kitti_average_precision(truths_of(), good, frames=2)
+
+
+def test_no_choice_of_no_frames_can_be_drawn():
+    tallies = match_detections(truths_of(), detections_of(), 0)
+    with pytest.raises(UsageError, match="found 5 choices of 0 frames"):
+        resample_precision(tallies, 5, np.random.default_rng(0))

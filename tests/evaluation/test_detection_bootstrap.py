@@ -1,0 +1,78 @@
+"""Intervals over choices of frames."""
+
+import numpy as np
+import pytest
+
+from perception.evaluation.detection.average_precision import DetectionTallies, match_detections
+from perception.evaluation.detection.bootstrap import resample_precision
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.protocol import KITTI_CLASSES
+
+
+def noisy_tallies(frames: int, cyclist_frames: int = 1) -> DetectionTallies:
+    """Return frames of two cars, of which three in four are found, and every other frame has a ghost."""
+    rng = np.random.default_rng(7)
+    numbers = np.repeat(np.arange(frames), 2)
+    x = np.tile([0.0, 300.0], frames)
+    boxes = np.column_stack([x, np.zeros(2 * frames), x + 100, np.full(2 * frames, 60.0)])
+    is_cyclist = (numbers < cyclist_frames) & (x > 0)
+    types = np.where(is_cyclist, "Cyclist", "Car")
+    nothing = np.zeros(2 * frames)
+    truths = TrueBoxes(numbers, types, nothing, boxes, truncation=nothing, occlusion=nothing)
+    is_found = rng.random(2 * frames) < 0.75
+    is_ghost = (numbers % 2 == 0) & (x > 0)
+    kept = np.sort(np.concatenate([np.flatnonzero(is_found), np.flatnonzero(is_ghost)]))
+    again = np.append(False, np.diff(kept) == 0)
+    shifted = boxes[kept] + np.where(again | ~is_found[kept], 500, 0)[:, None]
+    scores = rng.normal(size=len(kept)) - again
+    detections = DetectedBoxes(numbers[kept], types[kept], nothing[kept], shifted, scores)
+    return match_detections(truths, detections, frames, KITTI_CLASSES)
+
+
+def test_the_same_generator_gives_the_same_interval():
+    tallies = noisy_tallies(60)
+    first, again, other = (
+        resample_precision(tallies, 20, np.random.default_rng(seed))[0]["easy"]
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first.percent[40], again.percent[40])
+    assert first.interval() == again.interval()
+    assert first.interval() != other.interval()
+
+
+@pytest.mark.parametrize("points", [11, 40])
+def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
+    widths = []
+    for frames in (60, 600):
+        tallies = noisy_tallies(frames)
+        figure = tallies.figures().classes[0].curves["moderate"].ap(points)
+        samples = resample_precision(tallies, 100, np.random.default_rng(0))[0]["moderate"]
+        interval = samples.interval(points)
+        assert interval.low < figure < interval.high
+        narrow = samples.interval(points, confidence=0.5)
+        assert interval.low < narrow.low < narrow.high < interval.high
+        widths.append(interval.high - interval.low)
+    assert 0 < widths[1] < 0.6 * widths[0]
+
+
+def test_choices_without_an_object_say_nothing():
+    car, pedestrian, cyclist = resample_precision(noisy_tallies(30), 40, np.random.default_rng(0))
+    assert pedestrian == {}
+    is_nothing = np.isnan(cyclist["easy"].percent[40])
+    # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all choices, lack it.
+    assert 5 < is_nothing.sum() < 25
+    assert not np.isnan(car["easy"].percent[40]).any()
+    never = resample_precision(noisy_tallies(30, cyclist_frames=0), 4, np.random.default_rng(0))
+    assert never[2] == {}
+
+
+def test_progress_sees_every_choice():
+    seen = []
+
+    def watch(numbers):
+        for number in numbers:
+            seen.append(number)
+            yield number
+
+    resample_precision(noisy_tallies(10), 5, np.random.default_rng(0), watch)
+    assert seen == [0, 1, 2, 3, 4]

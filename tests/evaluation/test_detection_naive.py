@@ -1,0 +1,123 @@
+"""Each group of rivals matched once says the same as every frame matched at every threshold."""
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_detection_ap import NaiveCurve, naive_curve, naive_thresholds
+from perception.evaluation.detection import steps
+from perception.evaluation.detection.average_precision import (
+    kitti_average_precision,
+    match_detections,
+)
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.curve import PrecisionCurve, threshold_places
+from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
+
+FRAMES = 12
+TYPES = np.array(
+    ["Car", "car", "CAR", "Van", "Pedestrian", "Person_sitting", "Cyclist", "DontCare"]
+)
+
+
+def crowded_frames(seed: int) -> tuple[TrueBoxes, DetectedBoxes]:
+    """Return boxes that overlap in many ways: rivals, equal scores, low ones, empty ones, DontCare."""
+    rng = np.random.default_rng(seed)
+    truth_frames = np.sort(rng.integers(FRAMES, size=140))
+    boxes = boxes_around(rng, np.array([60, 60, 140, 110]), len(truth_frames), spread_px=40)
+    truths = TrueBoxes(
+        frames=truth_frames,
+        types=rng.choice(TYPES, len(truth_frames)),
+        alphas_rad=rng.uniform(-3, 3, len(truth_frames)),
+        boxes_px=boxes,
+        truncation=rng.choice([0, 0, 0, 0.2, 0.3, 0.6], len(truth_frames)),
+        occlusion=rng.choice([0.0, 0.0, 1.0, 2.0, 3.0], len(truth_frames)),
+    )
+    near = rng.integers(len(truths), size=360)
+    near = near[np.argsort(truth_frames[near], kind="stable")]
+    detections = DetectedBoxes(
+        frames=truth_frames[near],
+        types=np.where(
+            rng.random(len(near)) < 0.8, truths.types[near], rng.choice(TYPES, len(near))
+        ),
+        alphas_rad=rng.uniform(-3, 3, len(near)),
+        boxes_px=boxes_around(rng, boxes[near], len(near), spread_px=12),
+        scores=np.round(rng.normal(size=len(near)), 1),
+    )
+    return truths, detections
+
+
+def boxes_around(
+    rng: np.random.Generator, middle: np.ndarray, count: int, spread_px: float
+) -> np.ndarray:
+    boxes = np.round(middle + rng.uniform(-spread_px, spread_px, (count, 4)))
+    return np.concatenate([np.minimum(boxes[:, :2], boxes[:, 2:]), boxes[:, 2:]], axis=1)
+
+
+def assert_same(curve: PrecisionCurve, naive: NaiveCurve) -> None:
+    assert (curve.truths, curve.matches) == (naive.truths, naive.matches)
+    assert curve.thresholds.tolist() == naive.thresholds
+    assert curve.true_positives.tolist() == naive.true_positives
+    assert curve.false_positives.tolist() == naive.false_positives
+    assert curve.false_negatives.tolist() == naive.false_negatives
+    np.testing.assert_allclose(curve.precision, naive.precision, atol=1e-12)
+    np.testing.assert_allclose(
+        curve.orientation_similarity, naive.orientation_similarity, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("iou", [0.0, 0.2, 0.5, 0.7, 0.9])
+@pytest.mark.parametrize("seed", range(3))
+def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
+    truths, detections = crowded_frames(seed)
+    classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
+    figures = kitti_average_precision(truths, detections, FRAMES, classes)
+    for of_class in figures.classes:
+        for difficulty in DIFFICULTIES:
+            naive = naive_curve(truths, detections, FRAMES, of_class.of_class, difficulty)
+            assert_same(of_class.curves[difficulty.name], naive)
+    assert figures.classes[0].curves["hard"].matches > 5 or iou > 0.8
+
+
+def test_frames_that_weigh_double_are_frames_that_are_there_twice():
+    truths, detections = crowded_frames(3)
+    weights = np.random.default_rng(0).integers(0, 3, FRAMES)
+    car, hard = KITTI_CLASSES[0].at_iou(0.4), DIFFICULTIES[2]
+    tallies = match_detections(truths, detections, FRAMES, [car], [hard])
+    frames = np.repeat(np.arange(FRAMES), weights)
+    naive = naive_curve(
+        take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
+    )
+    assert naive.matches > 10
+    assert_same(tallies.figures(weights).classes[0].curves["hard"], naive)
+
+
+def take_frames(rows, frames):
+    """Return the rows of the frames in turn, numbered anew."""
+    taken = [np.flatnonzero(rows.frames == frame) for frame in frames]
+    numbers = np.repeat(np.arange(len(frames)), [len(part) for part in taken])
+    chosen = rows[np.concatenate(taken)]
+    return type(rows)(**{**vars(chosen), "frames": numbers})
+
+
+def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
+    truths, detections = crowded_frames(4)
+    whole = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
+    monkeypatch.setattr(steps, "_BLOCK_PAIRS", 7)
+    blocks = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
+    for name, curve in whole.classes[0].curves.items():
+        same = blocks.classes[0].curves[name]
+        np.testing.assert_array_equal(curve.false_positives, same.false_positives)
+        np.testing.assert_array_equal(curve.orientation_similarity, same.orientation_similarity)
+
+
+@pytest.mark.parametrize("truths", [*range(1, 130), 400, 402, 1000, 5644, 11288])
+def test_thresholds_are_those_of_walking_down_the_scores(truths: int):
+    for matches in {1, truths // 3, truths // 2, int(truths * 0.85), truths - 1, truths} - {0}:
+        scores = np.arange(matches, 0, -1.0)
+        walked = naive_thresholds(scores.tolist(), truths)
+        assert scores[threshold_places(matches, truths) - 1].tolist() == walked
+
+
+def test_nothing_found_gives_no_threshold():
+    assert len(threshold_places(0, 12)) == 0
+    assert len(threshold_places(0, 0)) == 0
