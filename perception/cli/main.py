@@ -21,7 +21,7 @@ COMMANDS = {
     "run": "run the stages on a drive; write results, a video and a summary",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read everything once; report what is missing, damaged or implausible",
-    "evaluate": "measure the ground or the obstacles against labels or exact truth",
+    "evaluate": "measure ground, obstacles, objects and tracks against labels or exact truth",
     "study": "repeat one of the thesis' own studies: a picture and a table",
     "bench": "time every stage beside its plain form and the best library for it",
 }
