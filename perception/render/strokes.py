@@ -30,6 +30,11 @@ class Strokes:
     owners: Int
     ends_px: Float64
 
+    def since(self, owner: int) -> Self:
+        """Return the lines of an owner and of all after it."""
+        kept = self.owners >= owner
+        return type(self)(self.owners[kept], self.ends_px[kept])
+
     def dashed(self, is_dashed: Bool) -> Self:
         """Return the lines with those of some owners, told by a mask over all owners, cut into dashes."""
         broken = is_dashed[self.owners]

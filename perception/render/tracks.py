@@ -20,7 +20,7 @@ from perception.types import Bool, Float64, UInt8
 
 _FRONT_OPACITY = 0.5
 # Brightness of each part: the way fades with its age.
-_LIGHT = {Part.OLD_WAY: 0.4, Part.WAY: 0.7, Part.NEW_WAY: 1.0, Part.BOX: 1.0, Part.ARROW: 1.0}
+_LIGHT = {Part.OLD_WAY: 0.5, Part.WAY: 0.75, Part.NEW_WAY: 1.0, Part.BOX: 1.0, Part.ARROW: 1.0}
 # Boxes with a smaller outline than this are drawn with thin lines.
 _SMALL_PX = 40.0
 
@@ -67,8 +67,8 @@ def draw_tracks(
     widths_px[boxes][_is_small(outlines)] = 1
     _fill_fronts(canvas, image_P_velo, figures, colors)
     strokes = strokes.dashed(is_dashed)
-    # A dark seam keeps the lines legible on any picture.
-    draw_seam(canvas, strokes, palette.BACKGROUND, style.line_px + 2)
+    # A dark seam keeps boxes and arrows legible on any picture.
+    draw_seam(canvas, strokes.since(Part.BOX * count), palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
     draw_track_labels(canvas, outlines, figures, style.text_px)
 
