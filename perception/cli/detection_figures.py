@@ -132,6 +132,7 @@ def detection_panels(report: DetectionReport) -> list[PrecisionPanel]:
                 f"{name}: {curve.ap(points):.1f} % of {curve.truths}": curve.precision
                 for name, curve in figures.curves.items()
             },
+            legend_title=f"average precision R{points}",
         )
         for figures in report.figures.classes
     ]

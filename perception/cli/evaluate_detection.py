@@ -92,7 +92,7 @@ def detection(  # noqa: PLR0913 - flags of a command
     report = measure_detections(found, chosen, _AVERAGED[recall_points], resampling)
     print(f"{_describe(results, found)}\n\n{detection_table(report)}")
     if plot is not None:
-        title = f"{results.resolve().name}: {len(found.numbers)} frames"
+        title = f"{results}: {len(found.numbers)} frames"
         plot_precision(plot, title, detection_panels(report))
     if json is not None:
         data = DetectionsUsed(

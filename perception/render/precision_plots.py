@@ -20,11 +20,13 @@ class PrecisionPanel:
     Attributes:
         title: which class, and how it is judged.
         curves: by the name in the legend, (K,) precision 0 to 1 at K evenly spaced recalls from 0 to 1.
+        legend_title: what the names in the legend say.
         without_curves: what the panel says where there is none.
     """
 
     title: str
     curves: Mapping[str, Float64]
+    legend_title: str = ""
     without_curves: str = "nothing detected"
 
 
@@ -41,7 +43,7 @@ def plot_precision(path: Path, title: str, panels: Sequence[PrecisionPanel]) -> 
         axes.set(title=panel.title, xlabel="recall", xlim=(0, 1), ylim=(0, 1.02))
         axes.grid(alpha=0.25)
         if panel.curves:
-            axes.legend(loc="lower left")
+            axes.legend(loc="lower left", title=panel.legend_title)
         else:
             axes.text(0.5, 0.5, panel.without_curves, ha="center", va="center", color="grey")
     axes_of_panels[0].set_ylabel("precision")
