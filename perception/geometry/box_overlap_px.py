@@ -40,9 +40,9 @@ def area_px(boxes_px: Float64) -> Float64:
 
 def _intersection(a: Float64, b: Float64) -> Float64:
     """Return (...) areas that (..., 4) boxes have in common, where one is given for many or for one."""
-    from_xy = np.maximum(a[..., :2], b[..., :2])
-    to_xy = np.minimum(a[..., 2:], b[..., 2:])
-    return np.asarray(np.clip(to_xy - from_xy, 0, None).prod(axis=-1))
+    width = np.minimum(a[..., 2], b[..., 2]) - np.maximum(a[..., 0], b[..., 0])
+    height = np.minimum(a[..., 3], b[..., 3]) - np.maximum(a[..., 1], b[..., 1])
+    return np.asarray(np.maximum(width, 0) * np.maximum(height, 0))
 
 
 def _share(part: Float64, whole: Float64) -> Float64:

@@ -25,7 +25,10 @@ def test_a_pair_may_give_way_to_two():
 
 def test_only_rivals_come_in_groups_in_the_order_of_their_first_pair():
     rows, columns = np.array([9, 4, 4, 2, 1, 1, 0]), np.array([3, 8, 5, 5, 0, 1, 2])
-    assert [group.tolist() for group in rival_groups(rows, columns)] == [[1, 2, 3], [4, 5]]
+    first, second = rival_groups(rows, columns)
+    assert (first.pairs.tolist(), second.pairs.tolist()) == ([1, 2, 3], [4, 5])
+    assert (first.rows.tolist(), first.columns.tolist()) == ([1, 1, 0], [1, 0, 0])
+    assert (second.rows.tolist(), second.columns.tolist()) == ([0, 0], [0, 1])
     empty = np.zeros(0, int)
     assert rival_groups(empty, empty) == []
     assert heaviest_matching(empty, empty, np.zeros(0)).tolist() == []

@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from perception.evaluation.multi_object.matching import heaviest_of_rivals, rival_groups
+from perception.evaluation.multi_object.matching import rival_groups
 from perception.evaluation.multi_object.pairs import Pairs, couples_of, pair_up
 from perception.evaluation.multi_object.sequence import TrackedSequence
 from perception.types import Bool, Int
@@ -119,11 +119,10 @@ def _match_in_turn(pairs: Pairs) -> Bool:
     before = _pair_before(pairs)
     is_matched = np.ones(len(before), bool)
     for group in rival_groups(pairs.truth_boxes, pairs.track_boxes):
-        is_continued = (before[group] >= 0) & is_matched[before[group]]
-        weights = _CONTINUED * is_continued + pairs.similarity[group]
-        is_matched[group] = heaviest_of_rivals(
-            pairs.truth_boxes[group], pairs.track_boxes[group], weights
-        )
+        earlier = before[group.pairs]
+        is_continued = (earlier >= 0) & is_matched[earlier]
+        weights = _CONTINUED * is_continued + pairs.similarity[group.pairs]
+        is_matched[group.pairs] = group.heaviest(weights)
     return is_matched
 
 
