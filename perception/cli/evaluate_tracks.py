@@ -8,7 +8,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from data.kitti.tracking_results import (
+from data.kitti.tracker_files import (
     TrackedSequenceFiles,
     label_folder,
     pair_with_labels,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from data.kitti.tracking_results import label_folder, pair_with_labels, read_seqmap, sequences_in
+from data.kitti.tracker_files import label_folder, pair_with_labels, read_seqmap, sequences_in
 from perception.errors import DriveError, LabelError
 
 LABEL = "{frame} 4 Car 0 0 -1.5 10 20 30 40 1.5 1.8 4.2 -3 1.7 20 0.25\n"
