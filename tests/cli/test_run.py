@@ -151,4 +151,5 @@ def test_demo_leaves_a_video_and_a_table(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "all stages" in printed
     assert "exact truth" in printed
+    assert "tracks: " in printed
     assert frames_of(tmp_path / "demo/video.mp4") == 3
