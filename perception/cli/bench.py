@@ -22,7 +22,9 @@ from perception.sensor import HDL_64E, sensor_named
 if TYPE_CHECKING:
     from benchmarks.chain import ChainFigures
 
-Part = Literal["all", "chain", "registration", "ground", "voxels", "motion"]
+Part = Literal[
+    "all", "chain", "registration", "ground", "voxels", "motion", "objects", "map", "filters"
+]
 
 
 def bench(  # noqa: PLR0913 - flags of a command
@@ -50,7 +52,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
-    chain, stages = _benchmarks()
+    chain, stages, moving_objects = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
     opened: Drive = (
         SyntheticDrive(frames, sensor=model, images=False)
@@ -76,6 +78,9 @@ def bench(  # noqa: PLR0913 - flags of a command
         "ground": stages.compare_ground,
         "voxels": stages.compare_voxels,
         "motion": stages.compare_motion,
+        "objects": moving_objects.compare_moving_objects,
+        "map": moving_objects.compare_short_term_maps,
+        "filters": moving_objects.compare_filters,
     }
     chosen = [name for name in comparisons if part in ("all", name)]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
@@ -88,10 +93,10 @@ def bench(  # noqa: PLR0913 - flags of a command
         write_json(json, document)
 
 
-def _benchmarks() -> tuple[ModuleType, ModuleType]:
+def _benchmarks() -> tuple[ModuleType, ModuleType, ModuleType]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, stages
+        from benchmarks import chain, moving_objects, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -99,7 +104,7 @@ def _benchmarks() -> tuple[ModuleType, ModuleType]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages
+    return chain, stages, moving_objects
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

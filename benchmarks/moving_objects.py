@@ -1,0 +1,71 @@
+"""Finding and following moving objects: each method, the short-term map, and the filters."""
+
+from dataclasses import replace
+from itertools import cycle, islice
+
+from benchmarks.measure import Contender, take_turns
+from benchmarks.naive_datmo import QueuedMap
+from benchmarks.naive_tracking import time_trackers
+from benchmarks.stages import Comparison, Prepared
+from perception.datmo.cell_grid import CellGrid
+from perception.datmo.elevation import LevelPlane, elevation_grid
+from perception.datmo.grid_rules import THESIS
+from perception.datmo.short_term_map import ShortTermMap
+from perception.datmo.stage import DatmoMethod, datmo_stage
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Float32
+
+_METHODS: dict[str, DatmoMethod] = {
+    "ours": "default",
+    "thesis: grids (5.2, Table 7.4)": "thesis",
+    "thesis: the author's values": "author",
+}
+
+
+def compare_moving_objects(prepared: Prepared) -> Comparison:
+    """Detection and tracking by every method, on the same segmented scans."""
+    pipeline = Pipeline(prepared.drive.sensor, PipelineConfig(datmo="none"))
+    scans = [pipeline.segment(frame)[1] for frame in prepared.frames]
+
+    def contender(name: str, method: DatmoMethod) -> Contender:
+        stage = datmo_stage(method, prepared.drive.sensor)
+        return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
+
+    contenders = [contender(name, method) for name, method in _METHODS.items()]
+    title = "moving objects: detection and tracking"
+    return Comparison(title, take_turns(contenders, len(scans)), {})
+
+
+def compare_short_term_maps(prepared: Prepared) -> Comparison:
+    """Put a scan's grid into the map and ask it, with full queues of several lengths."""
+    cells = CellGrid.covering(THESIS.work_area, THESIS.cell_m)
+    plane = LevelPlane(-prepared.drive.sensor.height_m)
+    inputs = [
+        (
+            elevation_grid(scans.newest.points_velo, plane, cells, THESIS.elevation),
+            scans.newest.world_SE3_velo,
+        )
+        for scans in prepared.windows
+    ]
+
+    def contender(form: type[ShortTermMap] | type[QueuedMap], queue: int) -> Contender:
+        rules = replace(THESIS.background, scans=queue, averaged=min(queue, 30))
+        short_term_map = form(cells, rules)
+        # There and back until the queue is full, as a drive would fill it.
+        for grid, pose in islice(cycle([*inputs, *reversed(inputs)]), queue):
+            short_term_map.update(grid, pose)
+
+        def run(i: int) -> Float32:
+            return short_term_map.update(*inputs[i])
+
+        name = "ours" if form is ShortTermMap else "every grid turned anew"
+        return Contender(f"{name}, {queue} in the queue", run)
+
+    contenders = [contender(ShortTermMap, queue) for queue in (50, 10, 200)]
+    contenders += [contender(QueuedMap, queue) for queue in (50, 10)]
+    return Comparison("short-term map (Algorithm 4)", take_turns(contenders, len(inputs)), {})
+
+
+def compare_filters(_: Prepared) -> Comparison:
+    """Fifty simulated objects by one batch of filters and by a loop over them."""
+    return Comparison("fifty tracks of the thesis' tracker", time_trackers(objects=50), {})
