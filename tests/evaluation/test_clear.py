@@ -31,7 +31,9 @@ def test_the_ratios(frame_of):
     assert result.precision == result.recall == 3 / 4
 
 
-@pytest.mark.parametrize(("similarity", "found"), [(0.5, 1), (0.4999, 0)])
+@pytest.mark.parametrize(
+    ("similarity", "found"), [(0.5, 1), (np.nextafter(0.5, 0), 1), (0.4999, 0)]
+)
 def test_the_threshold_itself_is_enough(frame_of, similarity, found):
     assert clear([frame_of([1], [5], [[similarity]])]).true_positives == found
     assert clear([frame_of([1], [5], [[similarity]])], threshold=0.3).true_positives == 1

@@ -51,7 +51,10 @@ def test_thresholds_up_to_the_likeness_count(frame_of):
     assert result.loc_a == pytest.approx((14 * 0.72 + 5) / 19)  # nothing matched: 1
 
 
-@pytest.mark.parametrize(("similarity", "levels"), [(0.15, 3), (0.35, 7), (0.5, 10), (0.95, 19)])
+@pytest.mark.parametrize(
+    ("similarity", "levels"),
+    [(0.15, 3), (0.35, 7), (0.5, 10), (np.nextafter(0.5, 0), 10), (0.4999, 9), (0.95, 19)],
+)
 def test_a_likeness_of_the_threshold_itself_counts(frame_of, similarity, levels):
     result = hota([frame_of([1], [5], [[similarity]])])
     assert result.true_positives.sum() == levels
