@@ -88,7 +88,7 @@ class Pipeline:
         self._window = ScanWindow(self.config.previous_scans)
         self._ground = ground_estimator(self.sensor, self.config, self.config.method)
         self._motion = motion_segmenter(self.sensor, self.config.area, self.config.method)
-        self._datmo = datmo_stage(self.config.datmo, self.sensor)
+        self._datmo = datmo_stage(self.config.datmo, self.sensor, self.config.area)
 
     def step(self, frame: Frame) -> Result:
         """Say where the ground of this frame is, what stands on it, what moves, and where to.

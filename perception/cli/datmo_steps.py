@@ -37,7 +37,7 @@ def datmo_steps(
         PerceptionError: a frame cannot be read or used.
     """
     pipeline = Pipeline(drive.sensor, config)
-    stages = {method: datmo_stage(method, drive.sensor) for method in methods}
+    stages = {method: datmo_stage(method, drive.sensor, config.area) for method in methods}
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
     for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):

@@ -6,6 +6,7 @@ from perception.datmo import grid_rules
 from perception.datmo.detector import ObjectDetector, SegmentedScan
 from perception.datmo.grid_detector import GridDetector
 from perception.datmo.point_detector import PointDetector
+from perception.geometry.grids import LocalArea
 from perception.sensor import LidarModel
 from perception.tracking import point_tracker
 from perception.tracking.box_tracker import BoxTracker
@@ -40,10 +41,16 @@ class Datmo:
         return self._tracker.update(scan.stamp_s, pose, found.moving, found.standing)
 
 
-def datmo_stage(method: DatmoMethod, sensor: LidarModel) -> Datmo | None:
+def datmo_stage(
+    method: DatmoMethod, sensor: LidarModel, area: LocalArea | None = None
+) -> Datmo | None:
     """Make the stage of a method with its default values; `none` is no stage.
 
-    `thesis` is 5.2 with the values of Table 7.4, `author` the same with those of the released program.
+    Args:
+        method: `thesis` is 5.2 with the values of Table 7.4, `author` the same with those of the released
+            program; their grids know their own area.
+        sensor: whose scans will come.
+        area: that the scans' points were segmented in; the default ends tracks that leave it.
     """
     if method == "thesis":
         detector = GridDetector(sensor, grid_rules.THESIS)
@@ -52,5 +59,5 @@ def datmo_stage(method: DatmoMethod, sensor: LidarModel) -> Datmo | None:
         detector = GridDetector(sensor, grid_rules.AUTHOR)
         return Datmo(detector, PointTracker(point_tracker.AUTHOR), by_ins=True)
     if method == "default":
-        return Datmo(PointDetector(sensor), BoxTracker())
+        return Datmo(PointDetector(sensor), BoxTracker(area))
     return None

@@ -51,6 +51,7 @@ class BoxTrackerRules:
         life: when a track is believed and when it ends.
         height_gain: share of the way to a new height that a track's height goes.
         fragment_margin_m: beyond a track's expected box, within which things are parts of one.
+        fragment_share: of the points of the largest part, which another part may have at most.
         standing_margin_m: by which a standing thing may be larger than the track that it continues.
         stood_reach_m: from a standing thing of the scan before, within which one is the same.
         standing_share: of the size seen last that it must have.
@@ -65,6 +66,7 @@ class BoxTrackerRules:
     standing_share: float = 0.6
     stood_reach_m: float = 0.3
     fragment_margin_m: float = 0.3
+    fragment_share: float = 0.5
 
 
 class BoxTracker:
@@ -119,7 +121,11 @@ class BoxTracker:
     def _continue_moving(self, things: Footprints, sensor_m: Float64) -> Footprints:
         """Let moving things continue tracks, the confirmed ones first; return those that continue none."""
         is_sure = self._tracks.is_confirmed
-        things = join_fragments(things, self._hold(self._tracks[is_sure], things.centroids_m))
+        things = join_fragments(
+            things,
+            self._hold(self._tracks[is_sure], things.centroids_m),
+            self._rules.fragment_share,
+        )
         for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
             if len(things) and len(rows):
                 costs, _ = self._distances(self._tracks[rows], things, sensor_m)
@@ -245,7 +251,7 @@ class BoxTracker:
         seen = Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
         sizes_m, middle_m = high_m - low_m, to_world((low_m + high_m) / 2, yaw_rad)
         stamps_s = np.full(count, self._stamp)
-        states = motion_model.begin(middle_m, np.zeros((count, 2, 2)), rules.motion)
+        states = motion_model.begin(middle_m, np.zeros((count, 2, 2)), sizes_m, rules.motion)
         tracks = TrackTable(
             ids=self._next_id + np.arange(count),
             mean=states.mean,
@@ -266,7 +272,7 @@ class BoxTracker:
             is_confirmed=np.zeros(count, bool),
         )
         centers_m, noise = self._measure(tracks, seen, things.points[:, None])
-        states = motion_model.begin(centers_m[:, 0], noise[:, 0], rules.motion)
+        states = motion_model.begin(centers_m[:, 0], noise[:, 0], sizes_m, rules.motion)
         self._next_id += count
         tracks = replace(tracks, mean=states.mean, covariance=states.covariance)
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, rules.life))

@@ -32,8 +32,8 @@ class HeadingRules:
     turn_rad_s: float = 0.4
     least_speed_m_s: float = 0.7
     most_deviation_rad: float = 0.5
-    way_deviation_rad: float = 0.1
-    shape_deviation_rad: float = 0.15
+    way_deviation_rad: float = 0.06
+    shape_deviation_rad: float = 0.2
     shape_length_m: float = 1.5
     face_width_m: tuple[float, float] = (1.3, 2.2)
     unsettled_variance: float = 0.3

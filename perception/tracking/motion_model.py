@@ -22,6 +22,8 @@ class MotionModel:
     Attributes:
         acceleration_m_s2: standard deviation; a car brakes with 3.
         first_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
+        small_first_speed_m_s: the same of small things: walkers and cyclists.
+        small_length_m: length and width of what is small.
         side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
         sampling: share of a thing's size by which an end may be missed between two of its points.
         most_swing_rad: deviation of a heading that only the shape tells.
@@ -30,7 +32,9 @@ class MotionModel:
 
     acceleration_m_s2: float = 3.0
     first_speed_m_s: float = 6.0
-    side_noise_m: float = 0.08
+    small_first_speed_m_s: float = 3.0
+    small_length_m: float = 1.3
+    side_noise_m: float = 0.06
     sampling: float = 0.5
     most_swing_rad: float = 0.3
     gate: float = 9.21
@@ -44,12 +48,14 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModel) -> Gaussian
     return kalman.predict(states, transition, model.acceleration_m_s2**2 * push @ push.T)
 
 
-def begin(places_m: Float64, noise: Float64, model: MotionModel) -> Gaussians:
-    """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise."""
+def begin(places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModel) -> Gaussians:
+    """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise and (T, 2) sizes."""
     count = len(places_m)
+    is_small = sizes_m.max(axis=1) < model.small_length_m
+    speed_m_s = np.where(is_small, model.small_first_speed_m_s, model.first_speed_m_s)
     covariance = np.zeros((count, 4, 4))
     covariance[:, :2, :2] = noise
-    covariance[:, 2:, 2:] = model.first_speed_m_s**2 * np.eye(2)
+    covariance[:, 2:, 2:] = speed_m_s[:, None, None] ** 2 * np.eye(2)
     return Gaussians(np.hstack([places_m, np.zeros((count, 2))]), covariance)
 
 

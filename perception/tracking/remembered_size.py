@@ -25,7 +25,6 @@ class SizeRules:
         least_width_m: of anything that moves on its own.
         growth: share of the way to a larger size that one sight makes.
         shrinkage: share of the way to a smaller one.
-        least_share: of a size that is still that size, measured anew; less is a part of the thing.
         largest_m: length and width of a city bus: what is larger is several things.
     """
 
@@ -37,11 +36,10 @@ class SizeRules:
     length_per_width: float = 2.4
     prior_length_m: tuple[float, float] = (3.6, 5.2)
     prior_width_m: float = 1.7
-    least_length_m: float = 0.6
-    least_width_m: float = 0.5
+    least_length_m: float = 0.8
+    least_width_m: float = 0.6
     growth: float = 0.25
-    shrinkage: float = 0.05
-    least_share: float = 0.85
+    shrinkage: float = 0.03
     largest_m: tuple[float, float] = (12.0, 3.0)
 
 
@@ -80,8 +78,7 @@ def remember(
     usual_m = np.median(recent_m, axis=1)
     # A box along a wrong heading is too large, and the first few headings are the worst.
     shrinkage = np.maximum(rules.shrinkage, 1 / (1 + tracks.sights))[:, None]
-    is_noise = is_complete & (usual_m >= rules.least_share * tracks.sizes_m)
-    gain = np.where(usual_m > tracks.sizes_m, rules.growth, np.where(is_noise, shrinkage, 0.0))
+    gain = np.where(usual_m > tracks.sizes_m, rules.growth, np.where(is_complete, shrinkage, 0.0))
     is_settled = tracks.sights >= rules.settling_sights
     sizes_m = np.where(
         is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m

@@ -24,10 +24,10 @@ class LifeRules:
     doubtful_sights: int = 4
     plain_points: int = 50
     confirming_s: float = 0.25
-    travel_m: float = 0.3
+    travel_m: float = 0.15
     least_speed_m_s: float = 0.5
     coasting_s: float = 1.2
-    telling_s: float = 0.5
+    telling_s: float = 0.3
     telling_sights: int = 5
     telling_standing_s: float = 1.0
     standing_s: float = 3.0
