@@ -3,7 +3,7 @@
 config.yaml          the effective configuration
 frames.jsonl         one line a frame: time, pose, counts, seconds by stage
 poses.txt            world_SE3_velo after registration, KITTI's 12 numbers a row
-tracks.txt           result rows of KITTI's tracking benchmark; only where there is a camera, only what it sees
+tracks/NAME.txt      result rows of KITTI's tracking benchmark; only where there is a camera, only what it sees
 tracks.jsonl         one line a frame: every track's id, size, speed, place and heading
 labels/NNNNNN.label  one uint32 a point in SemanticKITTI's numbers: 40 ground, 9 static, 251 moving
 obstacles/NNNNNN.npz static and moving voxels, and the ground's height on a 1 m lattice
@@ -28,7 +28,7 @@ from perception import __version__
 from perception.cli.documents import write_json, write_yaml
 from perception.cli.track_files import TrackFiles
 from perception.geometry.grids import LocalArea
-from perception.types import Calibration, Float64, GroundModel, PointState, Result, UInt8
+from perception.types import Float64, GroundModel, PointState, Result, UInt8
 
 # SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
@@ -51,20 +51,20 @@ def new_results_folder(parent: Path) -> Path:
 class ResultsFolder:
     """Writes the results of one run, frame by frame; a context manager."""
 
-    def __init__(self, out: Path, area: LocalArea, calibration: Calibration | None = None) -> None:
+    def __init__(self, out: Path, drive: Drive, area: LocalArea) -> None:
         """Open the files.
 
         Args:
             out: the folder, made where it is missing.
+            drive: whose results these are.
             area: of which the ground is written.
-            calibration: of the drive's camera, where it has one.
         """
         self.out, self._area = out, area
         (out / "labels").mkdir(parents=True, exist_ok=True)
         (out / "obstacles").mkdir(exist_ok=True)
         self._frames: TextIO = (out / "frames.jsonl").open("w", buffering=1)
         self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
-        self._tracks = TrackFiles(out, calibration)
+        self._tracks = TrackFiles(out, drive.name, drive.calibration)
 
     def __enter__(self) -> Self:
         return self

@@ -213,7 +213,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     trails = Trails()
     start = time.perf_counter()
     with ExitStack() as files:
-        folder = files.enter_context(ResultsFolder(out, area, drive.calibration))
+        folder = files.enter_context(ResultsFolder(out, drive, area))
         folder.write_configuration(drive, plan)
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))

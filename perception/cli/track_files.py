@@ -1,7 +1,9 @@
 """The two files in which a run tells its tracks, whole after every frame.
 
-tracks.txt      result rows of KITTI's tracking benchmark, for the tracks that the camera sees
-tracks.jsonl    one line a frame, for all of them
+tracks/NAME.txt  result rows of KITTI's tracking benchmark, for the tracks that the camera sees
+tracks.jsonl     one line a frame, for all of them
+
+NAME is the drive's, as of sequence 0000, so that `trifuse evaluate tracks` takes the folder as it is.
 """
 
 import json
@@ -19,14 +21,16 @@ from perception.types import Calibration, Float64, Result
 class TrackFiles:
     """Writes the tracks of one run, frame by frame."""
 
-    def __init__(self, out: Path, calibration: Calibration | None) -> None:
-        """Open the files; tracks.txt only where there is a camera whose image size is known."""
+    def __init__(self, out: Path, name: str, calibration: Calibration | None) -> None:
+        """Open the files; the rows only where there is a camera whose image size is known."""
         self._calibration = calibration
         self._lines: TextIO = (out / "tracks.jsonl").open("w", buffering=1)
         self._rows: TextIO | None = None
-        (out / "tracks.txt").unlink(missing_ok=True)
+        rows = out / "tracks" / f"{name}.txt"
+        rows.unlink(missing_ok=True)
         if calibration is not None and calibration.image_size_px is not None:
-            self._rows = (out / "tracks.txt").open("w")
+            rows.parent.mkdir(exist_ok=True)
+            self._rows = rows.open("w")
 
     def close(self) -> None:
         """Close both."""

@@ -53,7 +53,7 @@ def test_every_file_of_a_run_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
         "config.yaml", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
-        "summary.json", "tracks.jsonl", "tracks.txt", "video.mp4",
+        "summary.json", "tracks", "tracks.jsonl", "video.mp4",
     }  # fmt: skip
     assert frames_of(results / "video.mp4") == FRAMES
 
@@ -76,7 +76,7 @@ def test_tracks_are_written_for_every_frame_and_as_benchmark_rows(results, stree
     assert [len(line["tracks"]) for line in lines] == [frame["tracks"] for frame in frames]
     ids = {track["id"] for line in lines for track in line["tracks"]}
     assert json.loads((results / "summary.json").read_text())["tracks"]["ids"] == len(ids)
-    rows = read_result_rows(results / "tracks.txt", FRAMES)
+    rows = read_result_rows(results / "tracks" / f"{open_drive(street).name}.txt", FRAMES)
     assert set(rows.ids.tolist()) <= ids
 
 

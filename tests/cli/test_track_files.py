@@ -61,31 +61,32 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
 
 
 def test_the_files_are_whole_after_every_frame(result, tmp_path):
-    files = TrackFiles(tmp_path, CALIBRATION)
+    files = TrackFiles(tmp_path, "0000", CALIBRATION)
     files.write(result)
     line = json.loads((tmp_path / "tracks.jsonl").read_text())
     assert [track["id"] for track in line["tracks"]] == [4, 9]
-    rows = read_result_rows(tmp_path / "tracks.txt")
+    rows = read_result_rows(tmp_path / "tracks" / "0000.txt")
     # The walker is behind the camera.
     assert (rows.frames.tolist(), rows.ids.tolist(), rows.scores.tolist()) == ([7], [4], [1.0])
-    boxes = read_tracking_labels(tmp_path / "tracks.txt", CALIBRATION)[7].boxes_velo
+    boxes = read_tracking_labels(tmp_path / "tracks" / "0000.txt", CALIBRATION)[7].boxes_velo
     np.testing.assert_allclose(boxes.bottom_m, [[10.0, 2.0, -1.7]], atol=1e-5)
     files.close()
 
 
 def test_a_frame_without_tracks_is_a_line_and_no_row(result, tmp_path):
-    files = TrackFiles(tmp_path, CALIBRATION)
+    files = TrackFiles(tmp_path, "0000", CALIBRATION)
     files.write(replace(result, tracks=Tracks.empty()))
     files.close()
     assert json.loads((tmp_path / "tracks.jsonl").read_text())["tracks"] == []
-    assert (tmp_path / "tracks.txt").read_text() == ""
+    assert (tmp_path / "tracks" / "0000.txt").read_text() == ""
 
 
 @pytest.mark.parametrize("calibration", [None, replace(CALIBRATION, image_size_px=None)])
 def test_without_a_camera_there_are_no_benchmark_rows(result, tmp_path, calibration):
-    (tmp_path / "tracks.txt").write_text("of an earlier run\n")
-    files = TrackFiles(tmp_path, calibration)
+    (tmp_path / "tracks").mkdir()
+    (tmp_path / "tracks" / "0000.txt").write_text("of an earlier run\n")
+    files = TrackFiles(tmp_path, "0000", calibration)
     files.write(result)
     files.close()
-    assert not (tmp_path / "tracks.txt").exists()
+    assert not (tmp_path / "tracks" / "0000.txt").exists()
     assert len((tmp_path / "tracks.jsonl").read_text().splitlines()) == 1
