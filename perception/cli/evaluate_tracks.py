@@ -47,7 +47,7 @@ def tracks(
     results: Path,
     *,
     labels: Path,
-    classes: KittiClass | tuple[KittiClass, ...] = ("car", "pedestrian"),
+    classes: str = "car,pedestrian",
     seqmap: Path | None = None,
     json: Path | None = None,
 ) -> None:
@@ -61,12 +61,11 @@ def tracks(
     Args:
         results: a folder of SSSS.txt with 18 columns each; an empty file says that nothing was found.
         labels: a folder of SSSS.txt, or the root of KITTI's tracking data.
-        classes: car, pedestrian or cyclist; several as [car,pedestrian].
+        classes: which of car, pedestrian and cyclist, with commas between.
         seqmap: a file that names the sequences and their numbers of frames.
         json: gets the same figures with protocol and data.
     """
-    folder = label_folder(labels)
-    chosen = (classes,) if isinstance(classes, str) else classes
+    folder, chosen = label_folder(labels), _classes_named(classes)
     report = measure_tracks(pair_with_labels(results, folder, seqmap), chosen)
     print(
         f"{results}: {len(report.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
@@ -126,11 +125,8 @@ def measure_tracks(
     """Read and measure sequence after sequence.
 
     Raises:
-        UsageError: no class is asked for.
         LabelError: a file cannot be used.
     """
-    if not classes:
-        raise UsageError("--classes", expected="at least one class", found="none")
     rules, frame_counts = rules or KittiRules(), {}
     by_class: dict[str, dict[str, TrackingScores]] = {name: {} for name in classes}
     for files in tqdm(sequences, "tracks", unit="sequence", file=sys.stderr, delay=2):
@@ -164,6 +160,15 @@ def tracks_results(report: TracksReport) -> dict[str, dict[str, Any]]:
     }
     results[_COMBINED] = {name: tracking_figures(report.combined(name)) for name in report.by_class}
     return results
+
+
+def _classes_named(words: str) -> list[KittiClass]:
+    """Split names at commas, each taken once."""
+    wanted = {word.strip().lower() for word in words.split(",")}
+    if not wanted <= set(NEIGHBOURS):
+        known = ", ".join(NEIGHBOURS)
+        raise UsageError("--classes", expected=f"some of {known}, with commas", found=repr(words))
+    return [name for name in NEIGHBOURS if name in wanted]
 
 
 def _protocol(report: TracksReport) -> dict[str, Any]:

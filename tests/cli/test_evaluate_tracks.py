@@ -111,7 +111,7 @@ def test_classes_may_be_chosen(small, capsys):
     assert "car:" not in printed
     # One missed, one false: MOTA is -100 %.
     assert combined_row(printed, "cyclist")[5] == "-100.000"
-    assert evaluate(results, "--labels", labels, "--classes", "[car,cyclist]") == 0
+    assert evaluate(results, "--labels", labels, "--classes", "Cyclist, car") == 0
     printed = capsys.readouterr().out
     assert combined_row(printed, "car")[8:12] == ["2", "0", "0", "1"]
     assert "cyclist:" in printed
@@ -137,5 +137,6 @@ def test_what_is_wrong_is_said_in_one_sentence(small, capsys):
     (results / "0000.txt").write_text(LABELS)
     assert evaluate(results, "--labels", labels) == 2
     assert "0000.txt row 1: expected 18 columns, found 17." in capsys.readouterr().err
-    assert evaluate(results, "--labels", labels, "--classes", "[]") == 2
-    assert "--classes: expected at least one class" in capsys.readouterr().err
+    assert evaluate(results, "--labels", labels, "--classes", "car,bus") == 2
+    expected = "--classes: expected some of car, pedestrian, cyclist, with commas, found 'car,bus'."
+    assert expected in capsys.readouterr().err
