@@ -1,0 +1,145 @@
+"""The part of an image that an object covers, and the ring around it: Ω and Ω† - Ω (5.3.3).
+
+Pixel (column, row) has its centre at (column, row), as KITTI's projection has it. A pixel belongs to a
+region where its centre lies within the region's outline.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+
+from perception.types import Bool, Float, Float64, Int
+
+# Expanding an area by this factor along both axes doubles it: the ring is as large as the inside.
+_EXPANSION = float(np.sqrt(2))
+
+
+@dataclass(frozen=True)
+class ImageRegion:
+    """An object's convex outline and the pixels of one image within and around it.
+
+    The outline is kept whole where it reaches beyond the image; only the pixels end there. So an object
+    that leaves the image has ever fewer pixels, at last none, and gets them back when it returns.
+
+    Attributes:
+        hull_px: (V, 2) columns and rows of the corners of Ω.
+        corner_px: (2,) column and row of the upper left pixel of the window that holds Ω†.
+        is_inside: (h, w) which pixels of the window lie within Ω.
+        is_ring: (h, w) which lie within Ω† but not within Ω.
+    """
+
+    hull_px: Float64
+    corner_px: Int
+    is_inside: Bool
+    is_ring: Bool
+
+    @classmethod
+    def within(cls, hull_px: Float64, image_size_px: tuple[int, int]) -> Self:
+        """Find the pixels of a (width, height) image within and around a convex outline."""
+        outer_px = _expanded(hull_px)
+        low = np.clip(np.ceil(outer_px.min(axis=0)), 0, image_size_px).astype(int)
+        high = np.clip(np.floor(outer_px.max(axis=0)) + 1, low, image_size_px).astype(int)
+        is_inside = _pixels_within(hull_px, low, high)
+        return cls(hull_px, low, is_inside, _pixels_within(outer_px, low, high) & ~is_inside)
+
+    @property
+    def inside_px(self) -> Int:
+        """(K, 2) columns and rows of the pixels within Ω."""
+        return self._places(self.is_inside)
+
+    @property
+    def ring_px(self) -> Int:
+        """(R, 2) columns and rows of the pixels of the ring."""
+        return self._places(self.is_ring)
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns of the image that `is_inside` and `is_ring` are about."""
+        (column, row), (height, width) = self.corner_px, self.is_inside.shape
+        return slice(row, row + height), slice(column, column + width)
+
+    @property
+    def outer_px(self) -> Float64:
+        """(V, 2) corners of Ω†, the outline of the ring."""
+        return _expanded(self.hull_px)
+
+    @property
+    def center_px(self) -> Float64:
+        """(2,) centroid of the area of Ω."""
+        return _centroid(self.hull_px)
+
+    @property
+    def box_px(self) -> Float64:
+        """(4,) x1 y1 x2 y2 around Ω, which may reach beyond the image."""
+        return np.concatenate([self.hull_px.min(axis=0), self.hull_px.max(axis=0)])
+
+    def shifted(self, by_px: Float64, image_size_px: tuple[int, int]) -> Self:
+        """Return the region moved by columns and rows; without pixels where it has left the image."""
+        return self.within(self.hull_px + by_px, image_size_px)
+
+    def _places(self, mask: Bool) -> Int:
+        rows, columns = np.nonzero(mask)
+        return np.column_stack([columns, rows]) + self.corner_px
+
+
+def region_of(points_px: Float, image_size_px: tuple[int, int]) -> ImageRegion | None:
+    """Outline an object by its projected points.
+
+    Args:
+        points_px: (N, 2) columns and rows; those not finite, as of points behind the camera, are left out.
+        image_size_px: width and height.
+
+    Returns:
+        None where the points lie on one line, or where the image has no pixel within their hull.
+    """
+    finite = points_px[np.isfinite(points_px).all(axis=1)]
+    if len(finite) < 3:
+        return None
+    # Hulls are found in single precision; the corners are those that came in.
+    corners = cv2.convexHull(finite.astype(np.float32), returnPoints=False)
+    hull_px = np.asarray(finite[np.asarray(corners).ravel()], np.float64)
+    if len(hull_px) < 3:
+        return None
+    region = ImageRegion.within(hull_px, image_size_px)
+    return region if region.is_inside.any() else None
+
+
+def region_of_box(box_px: Float64, image_size_px: tuple[int, int]) -> ImageRegion:
+    """Return the region of a (4,) upright rectangle x1 y1 x2 y2."""
+    x1, y1, x2, y2 = box_px
+    return ImageRegion.within(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]), image_size_px)
+
+
+def _expanded(hull_px: Float64) -> Float64:
+    center_px = _centroid(hull_px)
+    return np.asarray(center_px + _EXPANSION * (hull_px - center_px))
+
+
+def _centroid(hull_px: Float64) -> Float64:
+    """Return the centroid of a polygon's area; the mean of its corners where it has none."""
+    origin = hull_px.mean(axis=0)
+    here = hull_px - origin
+    ahead = np.roll(here, -1, axis=0)
+    twice_area = here[:, 0] * ahead[:, 1] - here[:, 1] * ahead[:, 0]
+    if abs(twice_area.sum()) < 1e-9:
+        return np.asarray(origin)
+    return np.asarray(origin + twice_area @ (here + ahead) / (3 * twice_area.sum()))
+
+
+def _pixels_within(hull_px: Float64, low: Int, high: Int) -> Bool:
+    """Return (h, w): which pixels from low to before high lie within a convex outline.
+
+    A convex outline cuts each row of pixels in one span, between its leftmost and rightmost crossing.
+    """
+    rows, columns = np.arange(low[1], high[1])[:, None], np.arange(low[0], high[0])
+    ahead = np.roll(hull_px, -1, axis=0)
+    rise = ahead[:, 1] - hull_px[:, 1]
+    # Level edges are bounded by the ends of their neighbours.
+    share = (rows - hull_px[:, 1]) / np.where(rise == 0, np.nan, rise)
+    is_crossed = (share >= 0) & (share <= 1)
+    crossing = hull_px[:, 0] + share * (ahead[:, 0] - hull_px[:, 0])
+    left = np.where(is_crossed, crossing, np.inf).min(axis=1, keepdims=True)
+    right = np.where(is_crossed, crossing, -np.inf).max(axis=1, keepdims=True)
+    return np.asarray((columns >= left) & (columns <= right))
