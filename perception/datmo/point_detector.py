@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.datmo.cutting import CutRules, StandingCells, cut_moving
+from perception.datmo.cutting import CutRules, cut_moving
 from perception.datmo.detector import DetectedObjects, SegmentedScan
+from perception.datmo.standing_cells import StandingCells
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, GroundModel, Int, PointState
@@ -50,16 +51,16 @@ class PointDetector:
         """Cut a scan into things; each begins at the ground under it."""
         moving = _points_of(scan, PointState.MOVING)
         standing = _points_of(scan, PointState.STATIC)
+        rules = self._rules
         thing_of = cut_moving(moving, self._sensor.elevation_step_rad, self._cutting)
-        if len(standing) == 0:
-            things = _outline(moving, thing_of, self._rules.least_points, scan.ground)
-            return DetectedObjects(things, Footprints.empty())
-        rules, cells = self._rules, StandingCells.under(standing, self._rules.standing_cell_m)
-        thing_of = _without_attached(thing_of, cells.touches(moving), rules.attached_share)
-        stands_of = cells.cut(rules.standing_length_m)
+        stands = Footprints.empty()
+        if len(standing):
+            cells = StandingCells.under(standing, rules.standing_cell_m)
+            thing_of = _without_attached(thing_of, cells.touch(moving), rules.attached_share)
+            stands = cells.things(rules.standing_least_points, rules.standing_length_m)
         return DetectedObjects(
-            moving=_outline(moving, thing_of, rules.least_points, scan.ground),
-            standing=_outline(standing, stands_of, rules.standing_least_points, scan.ground),
+            moving=_on_ground(_outline(moving, thing_of, rules.least_points), scan.ground),
+            standing=_on_ground(stands, scan.ground),
         )
 
 
@@ -76,18 +77,13 @@ def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
     return np.asarray(scan.points_velo.take(rows, axis=0)[:, :3])
 
 
-def _outline(
-    points_velo: Float32, thing_of: Int, least_points: int, ground: GroundModel
-) -> Footprints:
+def _outline(points_velo: Float32, thing_of: Int, least_points: int) -> Footprints:
     """Outline the things of enough points; -1 is none."""
     counts = np.bincount(thing_of + 1)[1:]
     kept = counts >= least_points
-    if not kept.any():
-        return Footprints.empty()
     number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[thing_of]
     rows = np.flatnonzero(number >= 0)
-    things = footprints_of(points_velo[rows], number[rows], int(kept.sum()))
-    return _on_ground(things, ground)
+    return footprints_of(points_velo[rows], number[rows], int(kept.sum()))
 
 
 def _on_ground(things: Footprints, ground: GroundModel) -> Footprints:
