@@ -15,6 +15,7 @@ from perception.cli.studies.gates import study_gates
 from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
 from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
 from perception.cli.studies.masks import study_masks
+from perception.cli.studies.motion_grid import Preset, study_motion_grid
 from perception.cli.studies.output import publish
 from perception.cli.studies.sensors import SensorsPlan, study_sensors
 from perception.cli.studies.speed import SpeedPlan, study_speed
@@ -219,6 +220,28 @@ def sensors(
     publish(study_sensors(out, SensorsPlan(_positive("frames", frames), seeds)), out)
 
 
+def motion_grid(
+    drive: str,
+    sequence: str | None = None,
+    frame: int | None = None,
+    preset: Preset = "thesis",
+    out: Path = _RESULTS / "motion-grid.png",
+) -> None:
+    """Draw the 2.5D motion grids: subtraction, suppression, and the things in them (Fig. 5.10).
+
+    Example: trifuse study motion-grid kitti/tracking --sequence 0000 --frame 60
+
+    Args:
+        drive: any drive, with or without a camera, or the word synthetic.
+        sequence: which one, where there are several.
+        frame: the newest scan; else the middle of the drive.
+        preset: the values of the thesis' Table 7.4, or those of its author's code.
+        out: the picture; the numbers are written beside it.
+    """
+    opened = _open(drive, sequence, images=True)
+    publish(study_motion_grid(opened, out, _bar, frame=frame, preset=preset), out)
+
+
 COMMANDS = {
     "ground-error": ground_error,
     "speed": speed,
@@ -226,16 +249,17 @@ COMMANDS = {
     "dense-cloud": dense_cloud,
     "gates": gates,
     "masks": masks,
+    "motion-grid": motion_grid,
     "ins-error": ins_error,
     "sensors": sensors,
 }
 
 
-def _open(drive: str, sequence: str | None) -> Drive:
+def _open(drive: str, sequence: str | None, *, images: bool = False) -> Drive:
     """Open a path, or make the synthetic drive."""
     if drive == "synthetic":
-        return SyntheticDrive(_SYNTHETIC_FRAMES, images=False)
-    return open_drive(Path(drive), sequence=sequence, images=False)
+        return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
+    return open_drive(Path(drive), sequence=sequence, images=images)
 
 
 def _positive(name: str, value: int) -> int:

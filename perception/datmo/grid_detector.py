@@ -12,6 +12,7 @@ from perception.datmo.grid_objects import LabelledCells, find_objects
 from perception.datmo.grid_rules import THESIS, GridRules
 from perception.datmo.motion_grid import motion_grid
 from perception.datmo.short_term_map import ShortTermMap
+from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Float32, GroundModel
@@ -78,8 +79,14 @@ class GridDetector:
         self._grids: MotionGrids | None = None
 
     @property
-    def grids(self) -> MotionGrids | None:
-        """Every grid of the last scan, for pictures; None before the first."""
+    def grids(self) -> MotionGrids:
+        """Every grid of the last scan, for pictures.
+
+        Raises:
+            UsageError: there was none.
+        """
+        if self._grids is None:
+            raise UsageError("motion grids", expected="a scan before they are asked", found="none")
         return self._grids
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:

@@ -1,0 +1,219 @@
+"""The thesis' motion grids as a picture: each step on the camera's image, and the grids from above."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from perception.datmo.grid_detector import MotionGrids
+from perception.geometry.boxes import corners
+from perception.geometry.camera import project
+from perception.render import palette
+from perception.render.cubes import render_cubes
+from perception.render.plots import new_figure, rgb, save_figure
+from perception.render.vehicle import vehicle_outline_m
+from perception.types import Boxes3D, Float, Float32, Float64, GroundModel, UInt8, Voxels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+
+# The figure, and what labels take of it beside and above the panels.
+_WIDTH_IN, _BESIDE_IN, _ABOVE_IN = 15.6, 2.0, 1.6
+_OPACITY = 0.75
+_FACE_LIGHT = np.array([0.82, 0.62, 1.0])
+_HIGHEST_M = 2.0
+_UNSEEN: palette.Color = (20, 23, 31)
+_SEEN_GROUND: palette.Color = (46, 52, 66)
+_EXPLAINED: palette.Color = (104, 112, 130)
+_DROPPED: palette.Color = (198, 150, 96)
+# A walk along the edges of a box that takes each at least once, by corner numbers.
+_BOX_WALK = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """What the camera saw of the scan's moment.
+
+    Attributes:
+        image: (H, W, 3) RGB.
+        image_P_velo: (3, 4) projection.
+    """
+
+    image: UInt8
+    image_P_velo: Float64
+
+
+@dataclass(frozen=True)
+class MotionGridScene:
+    """One scan's grids and what they lie in.
+
+    Attributes:
+        grids: of the scan.
+        boxes: (T) around its things, along the axes of the LiDAR frame.
+        ground: in the LiDAR frame.
+        camera: None where there is none.
+    """
+
+    grids: MotionGrids
+    boxes: Boxes3D
+    ground: GroundModel
+    camera: CameraView | None = None
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One step of the method, over the area in which objects are wanted.
+
+    Attributes:
+        title: what it does.
+        height_m: (X, Y) of the cells that it leaves, 0 elsewhere.
+        colors: (X, Y, 3) RGB of these cells.
+        boxes: (T) around things, where it knows them.
+    """
+
+    title: str
+    height_m: Float32
+    colors: UInt8
+    boxes: Boxes3D
+
+
+def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
+    """Draw subtraction, suppression and things beside elevation grid, short-term map and motion grid.
+
+    It repeats Fig. 5.10, whose grids lie on the camera's image; without a camera they are seen from above.
+    """
+    from_above = scene.grids.cells.shape[0] / scene.grids.cells.shape[1]
+    shares = (_aspect(scene.camera.image) if scene.camera else from_above, from_above)
+    row_in = (_WIDTH_IN - _BESIDE_IN) / sum(shares)
+    figure = new_figure(_WIDTH_IN, 3 * row_in + _ABOVE_IN, title)
+    axes = figure.subplots(3, 2, width_ratios=shares)
+    for step, panel in zip(_steps(scene.grids, scene.boxes), axes[:, 0], strict=True):
+        if scene.camera is None:
+            _draw_from_above(panel, scene, step)
+        else:
+            _draw_on_image(panel, scene.camera, scene.ground, (scene.grids, step))
+        panel.set_title(step.title, loc="left")
+    part = scene.grids.work_cells.part(scene.grids.rules.area)
+    heights = _draw_heights(axes[0, 1], scene.grids, scene.grids.elevation.height_m[part])
+    _draw_heights(axes[1, 1], scene.grids, scene.grids.background_m[part])
+    _draw_heights(axes[2, 1], scene.grids, scene.grids.motion_m)
+    titles = "elevation grid E", "short-term map S", "motion grid M and its things"
+    for panel, name in zip(axes[:, 1], titles, strict=True):
+        panel.set_title(name, loc="left")
+    _outline(axes[2, 1], scene.boxes)
+    axes[2, 1].set_xlabel("ahead [m]")
+    figure.colorbar(heights, ax=axes[:, 1], label="height [m]", shrink=0.5, pad=0.02, aspect=30)
+    save_figure(figure, path)
+
+
+def _aspect(image: UInt8) -> float:
+    return float(image.shape[1] / image.shape[0])
+
+
+def _steps(grids: MotionGrids, boxes: Boxes3D) -> list[_Step]:
+    """Return the three steps of Fig. 5.10."""
+    motion_m, labels = grids.motion_m, grids.found.labels
+    stays = np.array([palette.STATIC, palette.MOVING], np.uint8)[(motion_m > 0).astype(int)]
+    things = np.array([palette.track_color(number) for number in range(len(boxes) + 1)], np.uint8)
+    # The cells that morphology joins are tiles on the ground; what moves in them stands there.
+    tile_m = np.float32(grids.cells.cell_m / 2)
+    joined_m = np.where(grids.found.joined, np.maximum(motion_m, tile_m), 0)
+    owners = np.where((labels > 0)[..., None], things[labels - 1], np.array(_DROPPED, np.uint8))
+    return [
+        _Step(
+            "(a) by subtraction alone; red: what suppression takes away",
+            grids.subtracted_m,
+            stays,
+            Boxes3D.empty(),
+        ),
+        _Step("(b) after suppression by the neighbourhood", motion_m, stays, Boxes3D.empty()),
+        _Step(
+            "(c) after morphology and labelling; brown: of no plausible size",
+            joined_m,
+            owners,
+            boxes,
+        ),
+    ]
+
+
+def _draw_on_image(
+    axes: "Axes", camera: CameraView, ground: GroundModel, shown: tuple[MotionGrids, _Step]
+) -> None:
+    """Stand every cell as a column on the ground before the camera."""
+    grids, step = shown
+    height, width = camera.image.shape[:2]
+    rows, columns = np.nonzero(step.height_m)
+    place_m = grids.cells.centers_m(rows, columns)
+    tops_m = ground.height_m(place_m) + step.height_m[rows, columns]
+    stack = _columns(place_m, tops_m, step.height_m[rows, columns], grids.cells.cell_m)
+    seen = render_cubes(camera.image_P_velo, (width, height), stack)
+    tints = step.colors[rows, columns][stack.counts]
+    lit = tints[seen.cubes] * _FACE_LIGHT[seen.faces, None]
+    picture = camera.image.reshape(-1, 3).astype(np.float64)
+    picture[seen.pixels] += _OPACITY * (lit - picture[seen.pixels])
+    axes.imshow(picture.reshape(height, width, 3).astype(np.uint8))
+    for number, box_m in enumerate(corners(step.boxes)):
+        pixels, _ = project(camera.image_P_velo, box_m[_BOX_WALK])
+        axes.plot(*pixels.T, color=rgb(palette.track_color(number)), linewidth=1.3)
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[])
+    axes.set_frame_on(False)
+
+
+def _columns(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float) -> Voxels:
+    """Stack cubes from each cell's top downwards; `counts` says which cell each cube belongs to."""
+    cubes = np.maximum(np.ceil(height_m / cell_m - 0.01), 1).astype(int)
+    cell_of = np.repeat(np.arange(len(cubes)), cubes)
+    below = np.arange(len(cell_of)) - np.repeat(np.cumsum(cubes) - cubes, cubes)
+    z = tops_m[cell_of] - (below + 0.5) * cell_m
+    centers_m = np.column_stack([place_m[cell_of], z]).astype(np.float32)
+    return Voxels(centers_m, cell_of, cell_m)
+
+
+def _draw_from_above(axes: "Axes", scene: MotionGridScene, step: _Step) -> None:
+    """Paint the cells of a step over what the scan saw."""
+    picture = _backdrop(scene.grids)
+    is_shown = step.height_m > 0
+    picture[is_shown] = step.colors[is_shown]
+    _show(axes, scene.grids, picture)
+    _outline(axes, step.boxes)
+
+
+def _draw_heights(axes: "Axes", grids: MotionGrids, height_m: Float32) -> "AxesImage":
+    """Paint heights in colours over what the scan saw."""
+    _show(axes, grids, _backdrop(grids))
+    return _show(axes, grids, np.where(height_m > 0, height_m, np.nan))
+
+
+def _backdrop(grids: MotionGrids) -> UInt8:
+    """Return (X, Y, 3) a dark picture of what the scan saw: nothing, ground, or something standing."""
+    part = grids.work_cells.part(grids.rules.area)
+    kind = grids.elevation.is_seen[part].astype(int) + (grids.elevation.height_m[part] > 0)
+    return np.asarray(np.array([_UNSEEN, _SEEN_GROUND, _EXPLAINED], np.uint8)[kind])
+
+
+def _show(axes: "Axes", grids: MotionGrids, picture: Float | UInt8) -> "AxesImage":
+    """Lay (X, Y) or (X, Y, 3) cells out with ahead to the right and left up."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    (low_x, low_y), (high_x, high_y) = grids.cells.low_m, grids.cells.high_m
+    axes.set_ylabel("left [m]")
+    axes.fill(*vehicle_outline_m()[:, :2].T, color=rgb(palette.VEHICLE), zorder=2)
+    return axes.imshow(
+        picture.swapaxes(0, 1),
+        origin="lower",
+        extent=(low_x, high_x, low_y, high_y),
+        # Without its darkest end, which the backdrop would swallow.
+        cmap=ListedColormap(colormaps["plasma"](np.linspace(0.25, 1, 256))),
+        vmin=0,
+        vmax=_HIGHEST_M,
+        interpolation="nearest",
+    )
+
+
+def _outline(axes: "Axes", boxes: Boxes3D) -> None:
+    for number, box_m in enumerate(corners(boxes)):
+        outline = box_m[[0, 1, 2, 3, 0], :2]
+        axes.plot(*outline.T, color=rgb(palette.track_color(number)), linewidth=1.3)
