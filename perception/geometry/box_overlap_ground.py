@@ -1,5 +1,7 @@
 """How alike upright boxes are on the ground plane: by the area they share, or by how near they stand."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from perception.types import Boxes3D, Float64
@@ -15,23 +17,13 @@ def iou_ground(a: Boxes3D, b: Boxes3D) -> Float64:
 
 
 def shared_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (A, B) the area that lies under both boxes.
+    """Return (A, B) the area that lies under both boxes."""
+    return _shared_m2(_outlines(a).of_rows(), _outlines(b).of_columns())
 
-    In the frame of box b, seen along its width, box a is a heap of slices: what a slice shares with b
-    is its upper end less its lower one, each clamped to b's sides. The edges of a are these ends, so
-    the area is the sum, over the edges, of the integral of a clamped straight line; each has a closed
-    form, and no polygon has to be cut.
-    """
-    corners = _corners_in(a, b)
-    half_length, half_width = b.size_m[None, :, :1] / 2, b.size_m[None, :, 1:2] / 2
-    (x0, y0), (x1, y1) = np.moveaxis(corners, -1, 0), np.moveaxis(np.roll(corners, -1, 2), -1, 0)
-    across = x1 - x0
-    slope = np.divide(y1 - y0, across, out=np.zeros_like(across), where=np.abs(across) > _FLAT_M)
-    left, right = np.clip(x0, -half_length, half_length), np.clip(x1, -half_length, half_length)
-    mean_m = _mean_clamped(y0 + (left - x0) * slope, y0 + (right - x0) * slope, half_width)
-    # Corners run counter-clockwise: the upper ends are met from right to left.
-    shared_m2 = ((left - right) * mean_m).sum(axis=2)
-    return np.asarray(np.maximum(shared_m2, 0.0))
+
+def paired_shared_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) the area that lies under each box and the one in the same row of b."""
+    return _shared_m2(_outlines(a), _outlines(b))
 
 
 def center_distances_m(a: Boxes3D, b: Boxes3D) -> Float64:
@@ -49,13 +41,51 @@ def _areas_m2(boxes: Boxes3D) -> Float64:
     return np.asarray(boxes.size_m[:, 0] * boxes.size_m[:, 1])
 
 
-def _corners_in(a: Boxes3D, b: Boxes3D) -> Float64:
-    """Return (A, B, 4, 2) corners of each box a, counter-clockwise, along heading and left of each box b."""
+class _Outlines(NamedTuple):
+    """Rectangles on the ground plane, of any shape (...) that goes with another's."""
+
+    center_m: Float64  # (..., 2)
+    size_m: Float64  # (..., 2) along the heading, across
+    yaw_rad: Float64  # (...)
+
+    def of_rows(self) -> "_Outlines":
+        return _Outlines(*(np.expand_dims(part, 1) for part in self))
+
+    def of_columns(self) -> "_Outlines":
+        return _Outlines(*(np.expand_dims(part, 0) for part in self))
+
+
+def _outlines(boxes: Boxes3D) -> _Outlines:
+    return _Outlines(boxes.bottom_m[:, :2], boxes.size_m[:, :2], boxes.yaw_rad)
+
+
+def _shared_m2(a: _Outlines, b: _Outlines) -> Float64:
+    """Return (...) the area that lies under both of each pair.
+
+    In the frame of box b, seen along its width, box a is a heap of slices: what a slice shares with b
+    is its upper end less its lower one, each clamped to b's sides. The edges of a are these ends, so
+    the area is the sum, over the edges, of the integral of a clamped straight line; each has a closed
+    form, and no polygon has to be cut.
+    """
+    corners = _corners_in(a, b)
+    half_length, half_width = b.size_m[..., :1] / 2, b.size_m[..., 1:] / 2
+    (x0, y0), (x1, y1) = np.moveaxis(corners, -1, 0), np.moveaxis(np.roll(corners, -1, -2), -1, 0)
+    across = x1 - x0
+    slope = np.divide(y1 - y0, across, out=np.zeros_like(across), where=np.abs(across) > _FLAT_M)
+    left, right = np.clip(x0, -half_length, half_length), np.clip(x1, -half_length, half_length)
+    mean_m = _mean_clamped(y0 + (left - x0) * slope, y0 + (right - x0) * slope, half_width)
+    # Corners run counter-clockwise: the upper ends are met from right to left.
+    shared_m2 = ((left - right) * mean_m).sum(axis=-1)
+    return np.asarray(np.maximum(shared_m2, 0.0))
+
+
+def _corners_in(a: _Outlines, b: _Outlines) -> Float64:
+    """Return (..., 4, 2) corners of each box a, counter-clockwise, along heading and left of box b."""
     signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) / 2
-    center = _turned(a.bottom_m[:, None, :2] - b.bottom_m[None, :, :2], -b.yaw_rad[None])
-    reach = signs * a.size_m[:, None, None, :2]
-    turn_rad = a.yaw_rad[:, None] - b.yaw_rad[None]
-    return center[:, :, None] + _turned(reach, turn_rad[..., None])
+    center = _turned(a.center_m - b.center_m, -b.yaw_rad)
+    reach = signs * a.size_m[..., None, :]
+    turn_rad = a.yaw_rad - b.yaw_rad
+    return center[..., None, :] + _turned(reach, turn_rad[..., None])
 
 
 def _turned(xy: Float64, angle_rad: Float64) -> Float64:
