@@ -25,8 +25,11 @@ _OBSERVE_VALUE = np.eye(1, 3)
 
 def color_bins(image: UInt8) -> Int:
     """Return the bin of each (..., 3) RGB colour; red changes it most and blue least."""
-    red, green, blue = np.moveaxis(image.astype(np.int32) >> _BITS_LOST, -1, 0)
-    return np.asarray((red * BINS_PER_CHANNEL + green) * BINS_PER_CHANNEL + blue)
+    red, green, blue = np.moveaxis(image >> _BITS_LOST, -1, 0)
+    # Green and blue together fit into the byte that they come in.
+    return np.asarray(
+        red.astype(np.int32) * BINS_PER_CHANNEL**2 + (green * np.uint8(BINS_PER_CHANNEL) + blue)
+    )
 
 
 def bin_colors() -> UInt8:
@@ -83,7 +86,9 @@ class AdaptiveColors:
         """Take in the (512,) colour model of one more image."""
         is_seen = ratios > 0
         goes_on = is_seen[self._bins]
-        old, new = self._bins[goes_on], np.setdiff1d(np.flatnonzero(is_seen), self._bins)
+        is_new = is_seen.copy()
+        is_new[self._bins] = False
+        old, new = self._bins[goes_on], np.flatnonzero(is_new)
         expected = kalman.predict(self._states[goes_on], _TRANSITION, _PROCESS_NOISE)
         corrected = kalman.update(expected, ratios[old, None], _OBSERVE_VALUE, _MEASUREMENT_NOISE)
         bins, states = np.concatenate([old, new]), corrected.joined(_begin(ratios[new]))

@@ -82,7 +82,7 @@ def confidence(image: UInt8, region: ImageRegion, ratios: Float64) -> Float64:
     The ring takes part, as in the author's code: what has moved out of the region is seen there.
     """
     covered = region.is_inside | region.is_ring
-    return np.asarray(np.where(covered, ratios[color_bins(image[region.window])], 0.0))
+    return np.asarray(ratios.take(color_bins(image[region.window])) * covered)
 
 
 def confidence_centroid(image: UInt8, region: ImageRegion, ratios: Float64) -> Float64 | None:

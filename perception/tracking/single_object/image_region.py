@@ -119,27 +119,40 @@ def _expanded(hull_px: Float64) -> Float64:
 
 def _centroid(hull_px: Float64) -> Float64:
     """Return the centroid of a polygon's area; the mean of its corners where it has none."""
-    origin = hull_px.mean(axis=0)
-    here = hull_px - origin
-    ahead = np.roll(here, -1, axis=0)
-    twice_area = here[:, 0] * ahead[:, 1] - here[:, 1] * ahead[:, 0]
-    if abs(twice_area.sum()) < 1e-9:
-        return np.asarray(origin)
-    return np.asarray(origin + twice_area @ (here + ahead) / (3 * twice_area.sum()))
+    middle = hull_px.mean(axis=0)
+    here = hull_px - middle
+    ahead, areas = np.roll(here, -1, axis=0), _signed_areas(here)
+    whole = areas.sum()
+    return np.asarray(middle + areas @ (here + ahead) / (3 * whole) if whole else middle)
+
+
+def _signed_areas(hull_px: Float64) -> Float64:
+    """Return (V,) areas between origin and edge, positive where columns turn to rows along the outline."""
+    here, ahead = hull_px, np.roll(hull_px, -1, axis=0)
+    return np.asarray((here[:, 0] * ahead[:, 1] - here[:, 1] * ahead[:, 0]) / 2)
 
 
 def _pixels_within(hull_px: Float64, low: Int, high: Int) -> Bool:
     """Return (h, w): which pixels from low to before high lie within a convex outline.
 
-    A convex outline cuts each row of pixels in one span, between its leftmost and rightmost crossing.
+    Such an outline is where half-planes meet: it has each row of pixels from the innermost of the edges
+    on its left to the innermost of those on its right.
     """
-    rows, columns = np.arange(low[1], high[1])[:, None], np.arange(low[0], high[0])
-    ahead = np.roll(hull_px, -1, axis=0)
-    rise = ahead[:, 1] - hull_px[:, 1]
-    # Level edges are bounded by the ends of their neighbours.
-    share = (rows - hull_px[:, 1]) / np.where(rise == 0, np.nan, rise)
-    is_crossed = (share >= 0) & (share <= 1)
-    crossing = hull_px[:, 0] + share * (ahead[:, 0] - hull_px[:, 0])
-    left = np.where(is_crossed, crossing, np.inf).min(axis=1, keepdims=True)
-    right = np.where(is_crossed, crossing, -np.inf).max(axis=1, keepdims=True)
-    return np.asarray((columns >= left) & (columns <= right))
+    rows, columns = np.arange(low[1], high[1])[:, None], np.arange(low[0], high[0], dtype=np.int32)
+    area = _signed_areas(hull_px - hull_px[0]).sum()
+    if area == 0:
+        return np.zeros((len(rows), columns.size), bool)
+    # From columns to rows is clockwise on the screen: what goes down then is on the right.
+    run, rise = (np.roll(hull_px, -1, axis=0) - hull_px).T * np.sign(area)
+
+    def crossings(edges: Bool) -> Float64:
+        slope = run[edges] / rise[edges]
+        return np.asarray(hull_px[edges, 0] + (rows - hull_px[edges, 1]) * slope)
+
+    left = crossings(rise < 0).max(axis=1, keepdims=True)
+    right = crossings(rise > 0).min(axis=1, keepdims=True)
+    is_beside = (rows >= hull_px[:, 1].min()) & (rows <= hull_px[:, 1].max())
+    # Whole numbers compare several times faster; the outline may lie far beyond the image.
+    first = np.clip(np.ceil(left), low[0], high[0]).astype(np.int32)
+    last = np.clip(np.floor(right), low[0] - 1, high[0]).astype(np.int32)
+    return np.asarray((columns >= first) & (columns <= np.where(is_beside, last, -1)))
