@@ -28,7 +28,7 @@ def compare_moving_objects(prepared: Prepared) -> Comparison:
     scans = [pipeline.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:
-        stage = datmo_stage(method, prepared.drive.sensor)
+        stage = datmo_stage(method, prepared.drive.sensor, pipeline.config.area)
         return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]

@@ -11,11 +11,11 @@ from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import drive_results
 from perception.cli.documents import to_plain
-from perception.cli.evaluate_ground import ground_results, ground_tables, measure_ground
-from perception.cli.evaluate_obstacles import ObstacleProtocol, measure_obstacles
-from perception.cli.evaluation_json import DataUsed, Figures, write_evaluation
+from perception.cli.evaluations.document import DataUsed, Figures, write_evaluation
+from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
+from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
+from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
 from perception.cli.main import main
-from perception.cli.obstacle_figures import obstacle_results, obstacle_tables
 from perception.errors import UsageError
 from perception.evaluation.objects import Motion
 from perception.evaluation.obstacles import ObjectRule

@@ -11,9 +11,9 @@ from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
-from perception.cli import datmo_steps
-from perception.cli.datmo_figures import datmo_tables
-from perception.cli.evaluate_datmo import (
+from perception.cli.evaluations import datmo_steps
+from perception.cli.evaluations.datmo_figures import datmo_tables
+from perception.cli.evaluations.datmo_report import (
     DatmoProtocol,
     DatmoStep,
     compare_datmo,
@@ -135,10 +135,10 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     monkeypatch.setattr(
         datmo_steps,
         "datmo_stage",
-        lambda method, sensor: Remembering(answers) if method == "default" else None,
+        lambda method, sensor, area: Remembering(answers) if method == "default" else None,
     )
     out = tmp_path / "figures.json"
-    words = ["datmo", str(folder), "--view", "all", "--methods", "[thesis,default]"]
+    words = ["datmo", str(folder), "--view", "all", "--methods", "thesis,default"]
     assert main(["evaluate", *words, "--min-points", "10", "--json", str(out)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith(f"0000: {FRAMES} of {FRAMES} frames, VLP-16")
@@ -161,8 +161,8 @@ def test_what_the_command_cannot_do(kitti_root: Path, capsys):
     words = ["evaluate", "datmo", str(kitti_root / "tracking"), "--sequence", "0000"]
     assert main([*words, "--view", "all"]) == 2
     assert "--view camera" in capsys.readouterr().err
-    assert main([*words, "--methods", "[]"]) == 2
-    assert "at least one method" in capsys.readouterr().err
-    assert main([*words, "--methods", "[thesis,thesis]"]) == 2
+    assert main([*words, "--methods", ""]) == 2
+    assert "default, thesis, author" in capsys.readouterr().err
+    assert main([*words, "--methods", "thesis,thesis"]) == 2
     assert main(["evaluate", "datmo", str(kitti_root / "object")]) == 2
     assert "tracking layout" in capsys.readouterr().err

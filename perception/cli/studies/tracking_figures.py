@@ -8,8 +8,8 @@ from operator import add
 import numpy as np
 
 from data.drive import Drive
-from perception.cli.datmo_steps import datmo_steps
-from perception.cli.evaluate_datmo import DatmoProtocol, DatmoReport, compare_datmo
+from perception.cli.evaluations.datmo_report import DatmoProtocol, DatmoReport, compare_datmo
+from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.datmo.stage import DatmoMethod
 from perception.evaluation.multi_object.tracking_scores import TrackingScores
 from perception.pipeline import PipelineConfig

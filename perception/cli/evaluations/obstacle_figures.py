@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from perception.cli.confusion_figures import confusion_table, with_ratios
-from perception.cli.evaluate_obstacles import ObstacleReport
+from perception.cli.evaluations.obstacle_report import ObstacleReport
 from perception.cli.table import Cell, format_table, percent
 from perception.evaluation.false_clusters import is_false
 from perception.evaluation.obstacles import ObjectCounts, missed_moving

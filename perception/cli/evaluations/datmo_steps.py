@@ -8,7 +8,7 @@ from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.cli.evaluate_datmo import DatmoStep
+from perception.cli.evaluations.datmo_report import DatmoStep
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
 from perception.geometry.threads import one_blas_thread

@@ -11,14 +11,14 @@ import numpy as np
 from tqdm import tqdm
 
 from data.kitti.detection_rows import DetectionSet, read_detection_set, read_frame_list
-from perception.cli.detection_figures import (
+from perception.cli.evaluations.detection_figures import (
     CONFIDENCE,
     DetectionReport,
     detection_panels,
     detection_results,
     detection_table,
 )
-from perception.cli.evaluation_json import Figures, write_evaluation
+from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import match_detections
 from perception.evaluation.detection.bootstrap import PrecisionSamples, resample_precision

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.evaluate_datmo import DatmoReport
+from perception.cli.evaluations.datmo_report import DatmoReport
+from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
 from perception.cli.table import Cell, format_table
-from perception.cli.tracking_figures import tracking_figures, tracking_table
 from perception.evaluation.multi_object.followed import ObjectSummary
 
 _QUALITY = (

@@ -14,8 +14,8 @@ from data.kitti.tracker_files import (
     pair_with_labels,
     sequences_in,
 )
-from perception.cli.evaluation_json import Figures, write_evaluation
-from perception.cli.tracking_figures import tracking_figures, tracking_table
+from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
 from perception.errors import UsageError
 from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (

@@ -1,0 +1,1 @@
+"""The measures of `trifuse evaluate`, one file a command and one for its figures."""
