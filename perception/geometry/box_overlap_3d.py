@@ -15,8 +15,8 @@ def paired_iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:
     bottom_m = np.maximum(a.bottom_m[:, 2], b.bottom_m[:, 2])
     shared_m3 = paired_shared_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0)
     joint_m3 = a.size_m.prod(axis=1) + b.size_m.prod(axis=1) - shared_m3
-    overlaps = np.zeros(len(a))
-    return np.divide(shared_m3, joint_m3, out=overlaps, where=joint_m3 != 0)
+    iou = np.divide(shared_m3, joint_m3, out=np.zeros_like(joint_m3), where=joint_m3 != 0)
+    return np.asarray(iou)
 
 
 def _tops_m(boxes: Boxes3D) -> Float64:

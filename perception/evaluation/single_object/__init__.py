@@ -1,0 +1,1 @@
+"""How well one object is followed: arrays in, named results out."""

@@ -1,0 +1,102 @@
+"""Which frames of a followed object are right, and over thresholds how many."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.evaluation.single_object.errors import FollowErrors
+from perception.types import Bool, Float64
+
+
+@dataclass(frozen=True)
+class FollowRule:
+    """What counts as right.
+
+    Attributes:
+        overlap: that must be exceeded (A.1).
+        heading_deg: below which a heading is right (A.2).
+        location_px: below which a place in the image is right (A.3).
+        reach_m: of the centre error, up to which precision is measured.
+        steps: thresholds of success and precision.
+    """
+
+    overlap: float = 0.25
+    heading_deg: float = 10.0
+    location_px: float = 20.0
+    reach_m: float = 2.0
+    steps: int = 21
+
+    def __post_init__(self) -> None:
+        """Refuse thresholds at which nothing could be right."""
+        limits = (self.heading_deg, self.location_px, self.reach_m)
+        if not 0 <= self.overlap < 1 or min(limits) <= 0 or self.steps < 2:
+            raise UsageError(
+                "rule of single objects",
+                expected="an overlap from 0 to 1, limits over 0 and at least 2 steps",
+                found=str(self),
+            )
+
+
+@dataclass(frozen=True)
+class RightFrames:
+    """Which frames are right, each by one measure; none of what the tracker cannot say.
+
+    Attributes:
+        overlap: (K,) or (0,) of a tracker in the image alone.
+        heading: (K,) or (0,) the same.
+        location: (L,) of the frames with the object in the image.
+    """
+
+    overlap: Bool
+    heading: Bool
+    location: Bool
+
+
+def right_frames(errors: FollowErrors, rule: FollowRule) -> RightFrames:
+    """Tell which frames are right."""
+    in_space = slice(None) if errors.gives_boxes else slice(0)
+    in_image = np.isfinite(errors.overlap_px)
+    # What is missing is NaN, and NaN is never right.
+    return RightFrames(
+        overlap=errors.overlap[in_space] > rule.overlap,
+        heading=np.abs(errors.heading_rad[in_space]) < np.radians(rule.heading_deg),
+        location=errors.center_px[in_image] < rule.location_px,
+    )
+
+
+def success_curve(errors: FollowErrors, rule: FollowRule) -> Float64:
+    """Return (steps,) shares of frames whose overlap is at least a threshold, from 0 to 1."""
+    thresholds = np.linspace(0, 1, rule.steps)
+    return _shares(errors.overlap[:, None] >= thresholds, errors)
+
+
+def precision_curve(errors: FollowErrors, rule: FollowRule) -> Float64:
+    """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
+    thresholds = np.linspace(0, rule.reach_m, rule.steps)
+    return _shares(errors.center_m[:, None] <= thresholds, errors)
+
+
+def location_curve(errors: FollowErrors, thresholds_px: Float64) -> Float64:
+    """Return (T,) shares of frames whose centres in the image are less than a threshold apart."""
+    in_image = np.isfinite(errors.overlap_px)
+    if not in_image.any():
+        return np.full(len(thresholds_px), np.nan)
+    return np.asarray((errors.center_px[in_image, None] < thresholds_px).mean(axis=0))
+
+
+def cumulative_success(is_right: Bool) -> Float64:
+    """Return (K + 1,) right frames up to each frame, over all frames (Figs A.1, A.2): ends at their share."""
+    count = max(len(is_right), 1)
+    return np.concatenate([[0.0], np.cumsum(is_right) / count])
+
+
+def area_under(curve: Float64) -> float:
+    """Return the mean height of a curve over evenly spaced thresholds, by trapezoids."""
+    return float(((curve[:-1] + curve[1:]) / 2).mean())
+
+
+def _shares(is_right: Bool, errors: FollowErrors) -> Float64:
+    if len(errors) == 0 or not errors.gives_boxes:
+        return np.full(is_right.shape[1], np.nan)
+    return np.asarray(is_right.mean(axis=0))

@@ -1,0 +1,140 @@
+"""What the errors of a tracker of one object come to: the thesis' figures, and those of the field."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.evaluation.single_object.curves import (
+    FollowRule,
+    area_under,
+    precision_curve,
+    right_frames,
+    success_curve,
+)
+from perception.evaluation.single_object.errors import FollowErrors
+from perception.tracking.single_object.tracker import FollowState
+from perception.types import Bool, Float64
+
+PROTOCOL_WORDS = {
+    "start": (
+        "the tracker is told the labelled box in the first frame and nothing after; the first and the last "
+        "frame are judged, and every labelled one between"
+    ),
+    "frame": "boxes, headings and velocities are compared in the LiDAR frame of the scan, truth as labelled",
+    "E3D": "(7.3) mean distance of the box centres in metres, over the frames with a box",
+    "E2D": (
+        "(7.3) mean distance in pixels of the rectangles' centres, over the frames with both; that of a "
+        "tracker in space is around its projected box, clipped to the image as the labels are"
+    ),
+    "E_phi": "(7.4) mean angle between the headings as axes, 0 to pi/2: whoever is turned about has no error",
+    "heading": "mean angle between the headings, 0 to pi; bias: mean signed error",
+    "overlap": "(A.1) intersection over union of the upright boxes' volumes, sizes as they are",
+    "overlap_success": "share of frames whose overlap exceeds overlap; without a box there is none",
+    "heading_success": "(A.2) share of frames whose headings differ by less than heading_deg, 0 to 180",
+    "location_success": (
+        "share of the frames with the object in the image in which the centres of the rectangles are less "
+        "than location_px apart"
+    ),
+    "success": (
+        "one-pass evaluation: area under the share of frames whose overlap is at least a threshold, over "
+        "steps thresholds from 0 to 1 (trapezoids)"
+    ),
+    "precision": (
+        "one-pass evaluation: area under the share of frames whose centres are within a threshold, over "
+        "steps thresholds from 0 to reach_m (trapezoids), by reach_m"
+    ),
+    "velocity": "mean length of the velocity's error over the ground, in the frames in which truth is known",
+    "states": "shares of frames that the tracker itself calls seen, predicted and lost",
+    "off": "share of frames whose answer shares nothing with the object",
+    "lost_from": "first frame from which on the answer never shares anything with the object again",
+    "ms": "of one tracker on one object, without what it shares with others: reading, poses, ground",
+    "together": "all frames of all sequences, each frame once, not a mean of the sequences",
+}
+
+
+@dataclass(frozen=True)
+class FollowScores:
+    """What the errors of some frames come to; NaN is what nothing was measured of.
+
+    Attributes:
+        frames: judged.
+        center_m: E3D.
+        center_px: E2D.
+        folded_heading_rad: E_phi.
+        heading_rad: mean size of the unfolded error.
+        heading_bias_rad: its mean.
+        velocity_m_s: mean size of the velocity's error.
+        overlap_success: share of frames, 0 to 1.
+        heading_success: the same.
+        location_success: the same of frames with the object in the image.
+        success: of one-pass evaluation, 0 to 1.
+        precision: the same.
+        seen: share of frames that the tracker calls so.
+        predicted: the same.
+        lost: the same.
+        off: share of frames that share nothing with the object.
+        lost_from: frame from which on nothing is shared, or None where the last is not off.
+        ms_per_frame: mean.
+        ms_p99: 99th percentile.
+    """
+
+    frames: int
+    center_m: float
+    center_px: float
+    folded_heading_rad: float
+    heading_rad: float
+    heading_bias_rad: float
+    velocity_m_s: float
+    overlap_success: float
+    heading_success: float
+    location_success: float
+    success: float
+    precision: float
+    seen: float
+    predicted: float
+    lost: float
+    off: float
+    lost_from: int | None
+    ms_per_frame: float
+    ms_p99: float
+
+
+def score_errors(errors: FollowErrors, rule: FollowRule | None = None) -> FollowScores:
+    """Sum up the errors of one sequence, or of several together."""
+    rule = rule or FollowRule()
+    size_rad, right = np.abs(errors.heading_rad), right_frames(errors, rule)
+    shares = {state: _mean(errors.states == state) for state in FollowState}
+    return FollowScores(
+        frames=len(errors),
+        center_m=_mean(errors.center_m),
+        center_px=_mean(errors.center_px),
+        folded_heading_rad=_mean(np.minimum(size_rad, np.pi - size_rad)),  # (7.4)
+        heading_rad=_mean(size_rad),
+        heading_bias_rad=_mean(errors.heading_rad),
+        velocity_m_s=_mean(errors.velocity_m_s),
+        overlap_success=_mean(right.overlap),
+        heading_success=_mean(right.heading),
+        location_success=_mean(right.location),
+        success=area_under(success_curve(errors, rule)),
+        precision=area_under(precision_curve(errors, rule)),
+        seen=shares[FollowState.SEEN],
+        predicted=shares[FollowState.PREDICTED],
+        lost=shares[FollowState.LOST],
+        off=_mean(errors.is_off),
+        lost_from=_lost_from(errors),
+        ms_per_frame=1000 * _mean(errors.seconds),
+        ms_p99=1000 * float(np.quantile(errors.seconds, 0.99)) if len(errors) else np.nan,
+    )
+
+
+def _lost_from(errors: FollowErrors) -> int | None:
+    if len(errors) == 0 or not errors.is_off[-1]:
+        return None
+    on = np.flatnonzero(~errors.is_off)
+    return int(errors.frames[on[-1] + 1 if len(on) else 0])
+
+
+def _mean(values: Float64 | Bool) -> float:
+    """Return the mean of what is known, or NaN of nothing."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
