@@ -81,6 +81,7 @@ def elevation_grid(
     cell_of = _cell_of(points, cells)
     size = cells.shape[0] * cells.shape[1]
     cell_of[_left_out(points, height_m, rules)] = size  # a cell beyond the last
+    height_m = height_m.astype(np.float64)  # once, not in every count
 
     seen = np.bincount(cell_of, minlength=size + 1)[:size]
     sum_m = np.bincount(cell_of, height_m, size + 1)[:size]
@@ -119,7 +120,7 @@ def _cell_of(points: Float32, cells: CellGrid) -> Int:
         place = points[:, axis] - np.float32(cells.low_m[axis])
         place *= np.float32(1 / cells.cell_m)
         indices.append(place.astype(np.int32))
-    return np.asarray(indices[0] * cells.shape[1] + indices[1])
+    return np.asarray(indices[0] * cells.shape[1] + indices[1], np.intp)
 
 
 def _left_out(points: Float32, height_m: Float, rules: ElevationRules) -> Int:

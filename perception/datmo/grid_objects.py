@@ -95,7 +95,7 @@ def fill_holes(grid: Float32) -> Float32:
     Water stands over what is higher than 0 and sinks, a cell a step, as far as it can drain. The open
     ground is dry from the start, so the broadest thing decides how many steps there are.
     """
-    padded = np.pad(grid, 1)
+    padded = cv2.copyMakeBorder(grid, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     is_high = (padded > 0).astype(np.uint8)
     cv2.floodFill(is_high, None, (0, 0), 2)
     level = np.where(is_high == 2, 0, padded.max())

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import cv2
 import numpy as np
 
 from perception.types import Float32, Int
@@ -26,7 +27,9 @@ def motion_grid(
         (X, Y) M: the height where something moves, else 0.
     """
     # Beyond the grid lies nothing that could explain a height.
-    padded_m = np.pad(background_m, radius_cells, constant_values=np.inf)
+    padded_m = cv2.copyMakeBorder(
+        background_m, *(radius_cells,) * 4, cv2.BORDER_CONSTANT, value=np.inf
+    )
     width = padded_m.shape[1]
     nearby_m = padded_m.ravel()
     rows, columns = np.nonzero(height_m > 0)
