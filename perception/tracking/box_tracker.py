@@ -178,19 +178,18 @@ class BoxTracker:
         """Return centres (T, F, 2) and their noise (T, F, 2, 2)."""
         rules = self._rules
         sizes_m = likely_sizes_m(tracks, rules.size)
-        along_left_m = place_centers(
-            seen,
-            sizes_m,
-            from_world(tracks.mean[:, :2], tracks.yaw_rad),
-            seen.is_complete(rules.size.complete_angle_rad),
-        )
+        centers = place_centers(seen, sizes_m, rules.size.complete_angle_rad)
         # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
         swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.most_swing_rad**2))
         hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
         swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
-        yaw_rad = tracks.yaw_rad[:, None]
-        noise = motion_model.place_noise(seen.sizes_m, swing_m, points, yaw_rad, rules.motion)
-        return to_world(along_left_m, tracks.yaw_rad), noise
+        noise = motion_model.place_noise(
+            motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m),
+            points,
+            tracks.yaw_rad[:, None],
+            rules.motion,
+        )
+        return to_world(centers.along_left_m, tracks.yaw_rad), noise
 
     def _see(self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool) -> None:
         """Correct each of some tracks by the thing that continues it."""

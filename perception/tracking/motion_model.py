@@ -20,32 +20,42 @@ class MotionModel:
     """How things move, and how well their sides are seen.
 
     Attributes:
-        acceleration_m_s2: standard deviation; a car brakes with 3.
+        speed_gain_m_s: standard deviation of how much a velocity changes in a second, along x and along y.
         first_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
         small_first_speed_m_s: the same of small things: walkers and cyclists.
         small_length_m: length and width of what is small.
         side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
         sampling: share of a thing's size by which an end may be missed between two of its points.
+        slack_share: of the part of a thing that is missing, by which its centre may be off: evenly spread
+            over the missing length, it would be 1 / sqrt(12) = 0.29.
         most_swing_rad: deviation of a heading that only the shape tells.
         gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
     """
 
-    acceleration_m_s2: float = 3.0
+    speed_gain_m_s: float = 0.9
     first_speed_m_s: float = 6.0
     small_first_speed_m_s: float = 3.0
     small_length_m: float = 1.3
     side_noise_m: float = 0.06
     sampling: float = 0.5
+    slack_share: float = 0.3
     most_swing_rad: float = 0.3
     gate: float = 9.21
 
 
 def predict(states: Gaussians, elapsed_s: float, model: MotionModel) -> Gaussians:
-    """Let everything go on as it went, but for an unknown acceleration that stays the same meanwhile."""
-    transition = np.eye(4)
-    transition[:2, 2:] = elapsed_s * np.eye(2)
-    push = np.vstack([elapsed_s**2 / 2 * np.eye(2), elapsed_s * np.eye(2)])
-    return kalman.predict(states, transition, model.acceleration_m_s2**2 * push @ push.T)
+    """Let everything go on as it went, but for accelerations that come and go at random.
+
+    The noise of two steps is that of one as long as both, so that neither the scan rate nor a gap in
+    time changes what is believed.
+    """
+    transition, place, speed = np.eye(4), slice(0, 2), slice(2, 4)
+    transition[place, speed] = elapsed_s * np.eye(2)
+    noise = np.zeros((4, 4))
+    noise[place, place] = elapsed_s**3 / 3 * np.eye(2)
+    noise[place, speed] = noise[speed, place] = elapsed_s**2 / 2 * np.eye(2)
+    noise[speed, speed] = elapsed_s * np.eye(2)
+    return kalman.predict(states, transition, model.speed_gain_m_s**2 * noise)
 
 
 def begin(places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModel) -> Gaussians:
@@ -59,20 +69,33 @@ def begin(places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionMode
     return Gaussians(np.hstack([places_m, np.zeros((count, 2))]), covariance)
 
 
-def place_noise(
-    sizes_m: Float64, swing_m: Float64, points: Int, yaw_rad: Float64, model: MotionModel
-) -> Float64:
-    """Return (..., 2, 2) the noise of centres: a side is known as well as its points lie close.
+@dataclass(frozen=True)
+class Doubts:
+    """What makes centres doubtful, along heading and left; arrays of any one shape (..., 2).
+
+    Attributes:
+        seen_m: length and width of what was seen, whose ends lie between its points.
+        swing_m: by how much the centre moves where the heading is wrong.
+        slack_m: by how much what is seen is too short or too long.
+    """
+
+    seen_m: Float64
+    swing_m: Float64
+    slack_m: Float64
+
+
+def place_noise(doubts: Doubts, points: Int, yaw_rad: Float64, model: MotionModel) -> Float64:
+    """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
-        sizes_m: (..., 2) length and width of what was seen.
-        swing_m: (..., 2) by how much the centre moves where the heading is wrong.
-        points: (...) how many.
-        yaw_rad: (...) along which heading.
+        doubts: (..., 2).
+        points: (...) how many were seen; a side is known as well as they lie close.
+        yaw_rad: (...) the heading.
         model: how well sides are seen.
     """
-    missed_m = model.sampling * sizes_m / np.sqrt(points)[..., None]
-    variances = model.side_noise_m**2 + missed_m**2 + swing_m**2
+    missed_m = model.sampling * doubts.seen_m / np.sqrt(points)[..., None]
+    slack_m = model.slack_share * doubts.slack_m
+    variances = model.side_noise_m**2 + missed_m**2 + doubts.swing_m**2 + slack_m**2
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))

@@ -70,28 +70,39 @@ def sensor_along(sensor_xy_m: Float64, yaw_rad: Float64) -> Float64:
     return from_world(np.broadcast_to(sensor_xy_m, (len(yaw_rad), 2)), yaw_rad)
 
 
-def place_centers(
-    seen: Reaches, sizes_m: Float64, expected_m: Float64, is_complete: Bool
-) -> Float64:
-    """Return (T, F, 2) the centre of each box along heading and left.
+@dataclass(frozen=True)
+class Centers:
+    """Where the centres of T boxes are if they show as F outlines, along heading and left.
 
-    The centre lies between the place where the box just reaches the low end of what is seen, and the
-    place where it just reaches the high end. An end that faces the sensor decides; where neither does,
-    or both ends are seen, the centre stays as near to what is expected as that allows.
+    Attributes:
+        along_left_m: (T, F, 2).
+        slack_m: (T, F, 2) by how much what is seen is too short or too long where nothing says which
+            end is true.
+    """
+
+    along_left_m: Float64
+    slack_m: Float64
+
+
+def place_centers(seen: Reaches, sizes_m: Float64, least_angle_rad: float) -> Centers:
+    """Place each box by the one end that faces the sensor or, where both ends are seen, between them.
 
     Args:
         seen: outlines along headings.
         sizes_m: (T, 2) remembered length and width.
-        expected_m: (T, 2) where the centre is expected, along heading and left.
-        is_complete: (T, F, 2) along which axes both ends are seen.
+        least_angle_rad: of a face that shows its far end.
     """
-    half_m = sizes_m[:, None] / 2
-    from_high_m, from_low_m = seen.high_m - half_m, seen.low_m + half_m
-    nearest_m, farthest_m = np.minimum(from_high_m, from_low_m), np.maximum(from_high_m, from_low_m)
-    center_m = np.clip(expected_m[:, None], nearest_m, farthest_m)
-    sensor_m = seen.sensor_m[:, None]
-    center_m = np.where(~is_complete & (sensor_m < seen.low_m), from_low_m, center_m)
-    return np.asarray(np.where(~is_complete & (sensor_m > seen.high_m), from_high_m, center_m))
+    half_m, sensor_m = sizes_m[:, None] / 2, seen.sensor_m[:, None]
+    is_complete = seen.is_complete(least_angle_rad)
+    from_low = ~is_complete & (sensor_m < seen.low_m)
+    from_high = ~is_complete & (sensor_m > seen.high_m)
+    middle_m = (seen.low_m + seen.high_m) / 2
+    ends_m = np.where(from_high, seen.high_m - half_m, middle_m)
+    slack_m = np.abs(sizes_m[:, None] - seen.sizes_m)
+    return Centers(
+        np.where(from_low, seen.low_m + half_m, ends_m),
+        np.where(from_low | from_high, 0.0, slack_m),
+    )
 
 
 def to_world(along_left_m: Float64, yaw_rad: Float64) -> Float64:
