@@ -1,0 +1,104 @@
+"""What makes an object hard to follow, told from its labels: the flags of Table A.1, whose own are lost.
+
+Table 3.2 states the same factors for eight sequences in words. The thresholds agree with all eight of its
+entries on occlusion and on pose, with seven on relative velocity, and with six on distance, where the
+table calls 7.5 m to 22 m near, and 6.3 m to 14 m near to middle.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from perception.evaluation.single_object.track import TrueTrack
+from perception.types import Float64
+
+_SECOND_S = 1.0 - 1e-3  # stamps a second apart differ by rounding
+
+
+class Challenge(StrEnum):
+    """As the thesis abbreviates them."""
+
+    OCC = "OCC"  # occlusion
+    POS = "POS"  # object pose relative to the vehicle varies
+    DIS = "DIS"  # distance varies
+    RVL = "RVL"  # relative velocity varies
+
+
+CHALLENGE_WORDS = {
+    Challenge.OCC: "labelled partly or largely occluded, or not at all, in occluded_share of its frames",
+    Challenge.POS: "its heading in the LiDAR frame covers turn_deg",
+    Challenge.DIS: "its greatest distance over the ground is distance_ratio times its least",
+    Challenge.RVL: (
+        "the speed at which it nears or leaves the vehicle, over one second each, covers speed_change_m_s"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class ChallengeRule:
+    """From where on a variation is a challenge.
+
+    Attributes:
+        occluded_share: of the frames.
+        turn_deg: between the outermost headings.
+        distance_ratio: of the greatest over the least.
+        speed_change_m_s: between the greatest and the least.
+    """
+
+    occluded_share: float = 0.1
+    turn_deg: float = 50.0
+    distance_ratio: float = 2.0
+    speed_change_m_s: float = 3.0
+
+
+@dataclass(frozen=True)
+class Variations:
+    """How much an object varies from its first frame to its last.
+
+    Attributes:
+        occluded_share: of the frames in which it is occluded or not labelled.
+        turn_deg: between its outermost headings in the LiDAR frame.
+        distance_ratio: of its greatest distance over its least.
+        speed_change_m_s: between the greatest and the least speed of its distance; 0 of less than a second.
+    """
+
+    occluded_share: float
+    turn_deg: float
+    distance_ratio: float
+    speed_change_m_s: float
+
+    def challenges(self, rule: ChallengeRule | None = None) -> tuple[Challenge, ...]:
+        """Return what is challenging."""
+        limits = rule or ChallengeRule()
+        is_challenge = {
+            Challenge.OCC: self.occluded_share >= limits.occluded_share,
+            Challenge.POS: self.turn_deg >= limits.turn_deg,
+            Challenge.DIS: self.distance_ratio >= limits.distance_ratio,
+            Challenge.RVL: self.speed_change_m_s >= limits.speed_change_m_s,
+        }
+        return tuple(challenge for challenge, is_one in is_challenge.items() if is_one)
+
+
+def variations(track: TrueTrack) -> Variations:
+    """Measure how much an object with at least one labelled frame varies."""
+    span = track.frames[-1] - track.frames[0] + 1
+    in_sight = np.count_nonzero((track.occlusion == 0) | (track.occlusion == 3))
+    distances_m = np.hypot(*track.boxes_velo.bottom_m[:, :2].T)
+    return Variations(
+        occluded_share=float(1 - in_sight / span),
+        turn_deg=float(np.degrees(np.ptp(np.unwrap(track.boxes_velo.yaw_rad)))),
+        distance_ratio=float(distances_m.max() / max(distances_m.min(), 1e-3)),
+        speed_change_m_s=_speed_change_m_s(track.stamps_s, distances_m),
+    )
+
+
+def _speed_change_m_s(stamps_s: Float64, distances_m: Float64) -> float:
+    """Compare each frame with the first that is a second later: no jitter of boxes looks like speed."""
+    later = np.searchsorted(stamps_s, stamps_s + _SECOND_S)
+    earlier = np.flatnonzero(later < len(stamps_s))
+    later = later[earlier]
+    if len(earlier) == 0:
+        return 0.0
+    elapsed_s = stamps_s[later] - stamps_s[earlier]
+    return float(np.ptp((distances_m[later] - distances_m[earlier]) / elapsed_s))

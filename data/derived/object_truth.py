@@ -1,0 +1,116 @@
+"""The labelled objects of a drive, each as one track: what a tracker of one object is told and judged by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.derived.moving_truth import MovingTruth, moving_truth
+from data.derived.single_object import ObjectSequence
+from data.drive import Labels
+from data.kitti.sequence import KittiSequence
+from perception.evaluation.single_object.track import TrueTrack
+from perception.types import Boxes3D, Float64
+
+_OUT_OF_SIGHT = (
+    2  # occlusion of an object that is there by exact truth and not labelled in the image
+)
+
+
+@dataclass(frozen=True)
+class DriveObjects:
+    """Every labelled object of a drive.
+
+    Attributes:
+        sequence: name of the drive.
+        stamps_s: (F,) times of its frames.
+        seen: (F) what the camera sees.
+        truth: with the poses, and with exact boxes of everyone where the drive knows them; None
+            without poses.
+    """
+
+    sequence: str
+    stamps_s: Sequence[float]
+    seen: Sequence[Labels]
+    truth: MovingTruth | None
+
+    @classmethod
+    def of(cls, drive: KittiSequence) -> "DriveObjects":
+        """Read the labels of a drive.
+
+        Raises:
+            DriveError: the drive has none.
+            LabelError: they cannot be read.
+        """
+        return cls(
+            sequence=drive.name,
+            stamps_s=[drive.clock.stamp_s(number) for number in drive.scans.numbers],
+            seen=[drive.labels(index) for index in range(len(drive))],
+            truth=moving_truth(drive) if drive.has_poses else None,
+        )
+
+    def sequences(self, min_frames: int) -> list[ObjectSequence]:
+        """Return every object that the camera sees in so many frames, from its first to its last."""
+        frames: dict[int, list[int]] = {}
+        kinds: dict[int, str] = {}
+        for frame, labels in enumerate(self.seen):
+            for track_id, kind in zip(labels.track_ids.tolist(), labels.types, strict=True):
+                frames.setdefault(track_id, []).append(frame)
+                kinds[track_id] = str(kind)
+        return [
+            ObjectSequence(
+                f"track {track_id}", self.sequence, track_id, kinds[track_id], where[0], where[-1]
+            )
+            for track_id, where in sorted(frames.items())
+            if track_id >= 0 and len(where) >= min_frames
+        ]
+
+    def track(self, wanted: ObjectSequence) -> TrueTrack:
+        """Return one object in those frames in which its place is known."""
+        last = min(wanted.last_frame, len(self.seen) - 1)
+        rows = [self._row(frame, wanted.track_id) for frame in range(wanted.first_frame, last + 1)]
+        known = [row for row in rows if row is not None]
+        return TrueTrack(
+            frames=np.array([row.frame for row in known], np.int64),
+            stamps_s=np.array([self.stamps_s[row.frame] for row in known], np.float64),
+            boxes_velo=Boxes3D(
+                np.array([row.box_velo.bottom_m[0] for row in known]).reshape(-1, 3),
+                np.array([row.box_velo.size_m[0] for row in known]).reshape(-1, 3),
+                np.array([row.box_velo.yaw_rad[0] for row in known]).reshape(-1),
+            ),
+            boxes_px=np.array([row.box_px for row in known]).reshape(-1, 4),
+            velocities_m_s=np.array([row.velocity_m_s for row in known]).reshape(-1, 2),
+            occlusion=np.array([row.occlusion for row in known], np.int64),
+        )
+
+    def _row(self, frame: int, track_id: int) -> "_Row | None":
+        """Return one object in one frame, or None where nobody knows where it is."""
+        posed = None if self.truth is None else self.truth.posed[frame]
+        labels = self.seen[frame] if posed is None else posed.labels
+        seen = self.seen[frame][self.seen[frame].track_ids == track_id]
+        boxes = labels.boxes_velo[labels.track_ids == track_id]
+        if len(boxes) == 0:
+            return None
+        velocity_m_s = np.full(2, np.nan)
+        if self.truth is not None and posed is not None:
+            world = self.truth.motion.velocities_of(frame, np.array([track_id]))[0]
+            # A row vector: times the world's axes in the LiDAR frame.
+            velocity_m_s = world @ posed.world_SE3_velo[:2, :2]
+        return _Row(
+            frame=frame,
+            box_velo=boxes[:1],
+            box_px=seen.boxes_px[0] if len(seen) else np.full(4, np.nan),
+            velocity_m_s=velocity_m_s,
+            occlusion=int(seen.occlusion[0]) if len(seen) else _OUT_OF_SIGHT,
+        )
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One object in one frame: a row of a `TrueTrack`."""
+
+    frame: int
+    box_velo: Boxes3D
+    box_px: Float64
+    velocity_m_s: Float64
+    occlusion: int
