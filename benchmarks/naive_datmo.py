@@ -51,6 +51,11 @@ class QueuedMap:
         self._cells, self._rules = cells, rules
         self._queue: deque[_StoredGrid] = deque(maxlen=rules.scans)
 
+    @property
+    def scans(self) -> int:
+        """How many scans are in the queue."""
+        return len(self._queue)
+
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
         """Take in a scan's grid and return the (X, Y) map around the vehicle."""
         if self._rules.holds_newest:

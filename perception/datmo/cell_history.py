@@ -57,6 +57,11 @@ class CellHistory:
         self._sum_m = np.zeros(size * size)
         self._mean_m = np.zeros(size * size, np.float32)
 
+    @property
+    def scans(self) -> int:
+        """How many scans are remembered."""
+        return len(self._queue)
+
     def clear(self) -> None:
         """Forget everything."""
         self._queue.clear()

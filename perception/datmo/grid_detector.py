@@ -107,6 +107,9 @@ class GridDetector:
         elevation = elevation_grid(scan.points_velo, ground, self._work_cells, rules.elevation)
         background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
         motion_m = moving_in_area(elevation, background_m, rules, rules.motion.radius_cells)
+        if self._map.scans < rules.background.least:
+            # No cell of the map has a value yet, so that all that stands would move.
+            motion_m = np.zeros_like(motion_m)
         found = find_objects(motion_m, rules.cell_m, rules.objects)
         self._grids = MotionGrids(
             rules, self._work_cells, self._cells, elevation, background_m, motion_m, found

@@ -93,9 +93,8 @@ THESIS = GridRules(
         high_m=2.5,  # code
         nearest_m=3.0,  # code
     ),
-    background=MapRules(
-        scans=50, averaged=30, least=3, holds_newest=True
-    ),  # Table 7.4, Algorithm 4
+    # n, m, k: Table 7.4; the newest grid joins before the mean is taken: Algorithm 4.
+    background=MapRules(scans=50, averaged=30, least=3, holds_newest=True),
     motion=MotionRules(
         alpha=0.2,  # Table 7.4
         radius_cells=5,  # Table 7.4

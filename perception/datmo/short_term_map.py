@@ -55,6 +55,11 @@ class ShortTermMap:
         self._history = CellHistory(2 * self._half_cells, rules.scans, rules.averaged, rules.least)
         self.clear()
 
+    @property
+    def scans(self) -> int:
+        """How many scans are in the queue."""
+        return self._history.scans
+
     def clear(self) -> None:
         """Forget everything; the plane's cells will be those of the next scan's grid."""
         self._history.clear()

@@ -110,6 +110,14 @@ def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not()
     assert suppressed < subtracted / 20
 
 
+def test_a_map_that_knows_nothing_accuses_nothing():
+    detector = GridDetector(HDL_64E, THESIS)
+    for k in range(8):
+        scan = replace(scan_of(k, [car(14, 3)]), is_reset=k == 4)
+        assert len(detector.detect(scan).moving) == 0
+        assert not detector.grids.motion_m.any()
+
+
 def test_a_car_that_stops_becomes_part_of_the_map():
     detector = GridDetector(HDL_64E, THESIS)
     for k in range(70):
