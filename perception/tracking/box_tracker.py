@@ -1,6 +1,6 @@
 """Objects followed as boxes: the default tracker."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -11,62 +11,15 @@ from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
+from perception.tracking.box_rules import BoxTrackerRules
 from perception.tracking.fragments import join_fragments, lie_within
-from perception.tracking.heading import (
-    UNKNOWN_VARIANCE,
-    HeadingRules,
-    first_yaws,
-    follow_shape,
-    follow_way,
-    wrap,
-)
-from perception.tracking.motion_model import MotionModel
-from perception.tracking.remembered_size import (
-    SizeRules,
-    likely_sizes_m,
-    remember,
-    with_sides_swapped,
-)
-from perception.tracking.track_life import LifeRules, is_alive, is_confirmed, is_told, may_stand
+from perception.tracking.heading import follow_way, wrap
+from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
+from perception.tracking.sights import first_sight, measure_all, see_again
+from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand
 from perception.tracking.track_table import TrackTable
-from perception.tracking.visible_sides import (
-    Reaches,
-    from_world,
-    place_centers,
-    reaches,
-    sensor_along,
-    to_world,
-)
+from perception.tracking.visible_sides import from_world
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
-
-
-@dataclass(frozen=True)
-class BoxTrackerRules:
-    """Every choice of the tracker.
-
-    Attributes:
-        motion: how things move and are seen.
-        heading: what tells a heading.
-        size: what is believed of sizes.
-        life: when a track is believed and when it ends.
-        height_gain: share of the way to a new height that a track's height goes.
-        fragment_margin_m: beyond a track's expected box, within which things are parts of one.
-        fragment_share: of the points of the largest part, which another part may have at most.
-        standing_margin_m: by which a standing thing may be larger than the track that it continues.
-        stood_reach_m: from a standing thing of the scan before, within which one is the same.
-        standing_share: of the size seen last that it must have.
-    """
-
-    motion: MotionModel = field(default_factory=MotionModel)
-    heading: HeadingRules = field(default_factory=HeadingRules)
-    size: SizeRules = field(default_factory=SizeRules)
-    life: LifeRules = field(default_factory=LifeRules)
-    height_gain: float = 0.3
-    standing_margin_m: float = 0.5
-    standing_share: float = 0.6
-    stood_reach_m: float = 0.3
-    fragment_margin_m: float = 0.3
-    fragment_share: float = 0.5
 
 
 class BoxTracker:
@@ -128,7 +81,11 @@ class BoxTracker:
         )
         for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
             if len(things) and len(rows):
-                costs, _ = self._distances(self._tracks[rows], things, sensor_m)
+                tracks = self._tracks[rows]
+                measured = measure_all(tracks, things, sensor_m, self._rules)
+                costs = motion_model.squared_distances(
+                    tracks.states, measured.centers_m, measured.noise
+                )
                 pairs = assign_optimally(costs, costs <= self._rules.motion.gate)
                 self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True)
                 things = things[pairs.unmatched_detections]
@@ -146,15 +103,14 @@ class BoxTracker:
         if len(things) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        costs, seen = self._distances(tracks, things, sensor_m)
+        measured = measure_all(tracks, things, sensor_m, self._rules)
+        costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks, self._rules.size) + self._rules.standing_margin_m
-        fits = (
-            (seen.sizes_m <= room_m[:, None])
-            & (seen.sizes_m >= self._rules.standing_share * tracks.recent_sizes_m[:, :1])
-        ).all(axis=2)
-        is_continued = tracks.moved_s < tracks.seen_s
-        fits &= is_continued[:, None] | is_new
-        pairs = assign_optimally(costs, fits & (costs <= self._rules.motion.gate))
+        least_m = self._rules.standing_share * tracks.recent_sizes_m[:, 0]
+        fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= least_m[:, None])
+        stood = tracks.moved_s < tracks.seen_s
+        may = fits.all(axis=2) & (stood[:, None] | is_new)
+        pairs = assign_optimally(costs, may & (costs <= self._rules.motion.gate))
         self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
 
     def _stood_not(self, things: Footprints) -> Bool:
@@ -166,76 +122,20 @@ class BoxTracker:
         away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
         return np.asarray(~np.isfinite(away_m))
 
-    def _distances(
-        self, tracks: TrackTable, things: Footprints, sensor_m: Float64
-    ) -> tuple[Float64, Reaches]:
-        """Return (T, F) squared Mahalanobis distances, and how far the things reach for each track."""
-        seen = reaches(things, tracks.yaw_rad, sensor_m)
-        centers_m, noise = self._measure(tracks, seen, things.points[None])
-        return motion_model.squared_distances(tracks.states, centers_m, noise), seen
-
-    def _measure(self, tracks: TrackTable, seen: Reaches, points: Int) -> tuple[Float64, Float64]:
-        """Return centres (T, F, 2) and their noise (T, F, 2, 2)."""
-        rules = self._rules
-        sizes_m = likely_sizes_m(tracks, rules.size)
-        centers = place_centers(seen, sizes_m, rules.size.complete_angle_rad)
-        # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
-        swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.most_swing_rad**2))
-        hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
-        swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
-        noise = motion_model.place_noise(
-            motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m),
-            points,
-            tracks.yaw_rad[:, None],
-            rules.motion,
-        )
-        return to_world(centers.along_left_m, tracks.yaw_rad), noise
-
     def _see(self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool) -> None:
-        """Correct each of some tracks by the thing that continues it."""
+        """Let each of some tracks be continued by one thing."""
         if len(rows) == 0:
             return
-        tracks = self._turned_by_shape(self._tracks[rows], things)
-        low_m, high_m = things.extents_m(tracks.yaw_rad)
-        along_m = sensor_along(sensor_m, tracks.yaw_rad)
-        seen = Reaches(low_m[:, None], high_m[:, None], along_m)
-        tracks = self._grown(tracks, seen)
-        centers_m, noise = self._measure(tracks, seen, things.points[:, None])
-        states = motion_model.correct(tracks.states, centers_m[:, 0], noise[:, 0])
+        tracks = see_again(self._tracks[rows], things, sensor_m, self._rules)
+        stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
-            mean=states.mean,
-            covariance=states.covariance,
-            heights_m=_creep(
-                tracks.heights_m, things.high_m - things.low_m, self._rules.height_gain
-            ),
-            low_world_m=_creep(tracks.low_world_m, things.low_m, self._rules.height_gain),
-            seen_s=np.full(len(rows), self._stamp),
-            moved_s=np.full(len(rows), self._stamp) if is_moving else tracks.moved_s,
+            seen_s=stamps_s,
+            moved_s=stamps_s if is_moving else tracks.moved_s,
             sights=tracks.sights + is_moving,
-            points=tracks.points + things.points,
         )
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._rules.life))
         self._tracks = self._tracks.replaced(rows, tracks)
-
-    def _turned_by_shape(self, tracks: TrackTable, things: Footprints) -> TrackTable:
-        headings = follow_shape(tracks, things, self._rules.heading)
-        return replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
-
-    def _grown(self, tracks: TrackTable, seen: Reaches) -> TrackTable:
-        """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
-        rules = self._rules.size
-        before_m = likely_sizes_m(tracks, rules)
-        is_complete = seen.is_complete(rules.complete_angle_rad)[:, 0]
-        sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, rules)
-        grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_seen=complete)
-        growth_m = likely_sizes_m(grown, rules) - before_m
-        away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
-        is_outside = np.abs(away_m) > before_m / 2
-        shift_m = np.sign(away_m) * is_outside * growth_m / 2
-        mean = tracks.mean.copy()
-        mean[:, :2] += to_world(shift_m, tracks.yaw_rad)
-        return replace(grown, mean=mean)
 
     def _begin(self, things: Footprints, sensor_m: Float64) -> None:
         """Begin a track with each thing that continues none and is no part of what is tracked."""
@@ -244,38 +144,9 @@ class BoxTracker:
         things = things[np.flatnonzero(~is_part)]
         if len(things) == 0:
             return
-        count, rules = len(things), self._rules
-        yaw_rad = first_yaws(things, sensor_m, rules.heading)
-        low_m, high_m = things.extents_m(yaw_rad)
-        seen = Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
-        sizes_m, middle_m = high_m - low_m, to_world((low_m + high_m) / 2, yaw_rad)
-        stamps_s = np.full(count, self._stamp)
-        states = motion_model.begin(middle_m, np.zeros((count, 2, 2)), sizes_m, rules.motion)
-        tracks = TrackTable(
-            ids=self._next_id + np.arange(count),
-            mean=states.mean,
-            covariance=states.covariance,
-            yaw_rad=yaw_rad,
-            yaw_variance=np.full(count, UNKNOWN_VARIANCE),
-            sizes_m=sizes_m,
-            recent_sizes_m=np.repeat(sizes_m[:, None], 3, axis=1),
-            complete_seen=np.zeros((count, 2), np.int64),
-            heights_m=things.high_m - things.low_m,
-            low_world_m=things.low_m,
-            begun_s=stamps_s,
-            begun_world_m=middle_m,
-            seen_s=stamps_s,
-            moved_s=stamps_s,
-            sights=np.ones(count, np.int64),
-            points=things.points,
-            is_confirmed=np.zeros(count, bool),
-        )
-        centers_m, noise = self._measure(tracks, seen, things.points[:, None])
-        states = motion_model.begin(centers_m[:, 0], noise[:, 0], sizes_m, rules.motion)
-        self._next_id += count
-        tracks = replace(tracks, mean=states.mean, covariance=states.covariance)
-        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, rules.life))
-        self._tracks = self._tracks.joined(tracks)
+        tracks = first_sight(things, sensor_m, self._stamp, self._rules)
+        self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
+        self._next_id += len(things)
 
     def _end(self, world_SE3_velo: Float64) -> None:
         """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
@@ -284,11 +155,9 @@ class BoxTracker:
         is_doubled &= tracks.ids[:, None] < tracks.ids
         goes_on = is_alive(tracks, self._stamp, self._rules.life) & ~is_doubled.any(axis=0)
         if self._area is not None:
-            places_velo = se3.transform_points(
-                se3.inverse(world_SE3_velo),
-                np.column_stack([self._tracks.mean[:, :2], self._tracks.low_world_m]),
-            )
-            goes_on &= self._area.contains_xy(places_velo) | (self._tracks.seen_s == self._stamp)
+            places_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
+            places_velo = se3.transform_points(se3.inverse(world_SE3_velo), places_m)
+            goes_on &= self._area.contains_xy(places_velo) | (tracks.seen_s == self._stamp)
         self._tracks = self._tracks[goes_on]
 
     @property
@@ -304,14 +173,11 @@ class BoxTracker:
             np.column_stack([sizes_m, tracks.heights_m]),
             tracks.yaw_rad,
         )
+        boxes = transform_boxes(se3.inverse(world_SE3_velo), boxes_world)
         turn_rad = np.arctan2(world_SE3_velo[1, 0], world_SE3_velo[0, 0])
         return Tracks(
             ids=tracks.ids,
-            boxes=transform_boxes(se3.inverse(world_SE3_velo), boxes_world),
+            boxes=Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad)),
             velocities_m_s=from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad)),
             is_seen=np.asarray(tracks.seen_s == stamp_s),
         )
-
-
-def _creep(before: Float64, now: Float64, gain: float) -> Float64:
-    return np.asarray(before + gain * (now - before))

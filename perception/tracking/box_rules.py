@@ -1,0 +1,37 @@
+"""Every choice of the box tracker, with its default."""
+
+from dataclasses import dataclass, field
+
+from perception.tracking.heading import HeadingRules
+from perception.tracking.motion_model import MotionModel
+from perception.tracking.remembered_size import SizeRules
+from perception.tracking.track_life import LifeRules
+
+
+@dataclass(frozen=True)
+class BoxTrackerRules:
+    """Every choice of the tracker.
+
+    Attributes:
+        motion: how things move and are seen.
+        heading: what tells a heading.
+        size: what is believed of sizes.
+        life: when a track is believed and when it ends.
+        height_gain: share of the way to a new height that a track's height goes.
+        fragment_margin_m: beyond a track's expected box, within which things are parts of one.
+        fragment_share: of the points of the largest part, which another part may have at most.
+        standing_margin_m: by which a standing thing may be larger than the track that it continues.
+        stood_reach_m: from a standing thing of the scan before, within which one is the same.
+        standing_share: of the size seen last that it must have.
+    """
+
+    motion: MotionModel = field(default_factory=MotionModel)
+    heading: HeadingRules = field(default_factory=HeadingRules)
+    size: SizeRules = field(default_factory=SizeRules)
+    life: LifeRules = field(default_factory=LifeRules)
+    height_gain: float = 0.3
+    standing_margin_m: float = 0.5
+    standing_share: float = 0.6
+    stood_reach_m: float = 0.3
+    fragment_margin_m: float = 0.3
+    fragment_share: float = 0.5

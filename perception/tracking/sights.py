@@ -1,0 +1,134 @@
+"""What the sight of a thing tells of a track: its first box, and a better one every time it is seen again.
+
+All places are in the world that stands still; `sensor_m` (2,) is where the LiDAR is in it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.geometry.footprints import Footprints
+from perception.tracking import motion_model
+from perception.tracking.box_rules import BoxTrackerRules
+from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, follow_shape
+from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
+from perception.tracking.track_table import TrackTable
+from perception.tracking.visible_sides import (
+    Reaches,
+    from_world,
+    place_centers,
+    reaches,
+    sensor_along,
+    to_world,
+)
+from perception.types import Float64, Int
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Where T tracks would be if they showed as F things.
+
+    Attributes:
+        centers_m: (T, F, 2).
+        noise: (T, F, 2, 2) their covariance.
+        sizes_m: (T, F, 2) seen length and width.
+    """
+
+    centers_m: Float64
+    noise: Float64
+    sizes_m: Float64
+
+
+def measure_all(
+    tracks: TrackTable, things: Footprints, sensor_m: Float64, rules: BoxTrackerRules
+) -> Measured:
+    """Measure every track by every one of F things, at least one."""
+    seen = reaches(things, tracks.yaw_rad, sensor_m)
+    return _measure(tracks, seen, things.points[None], rules)
+
+
+def _measure(tracks: TrackTable, seen: Reaches, points: Int, rules: BoxTrackerRules) -> Measured:
+    sizes_m = likely_sizes_m(tracks, rules.size)
+    centers = place_centers(seen, sizes_m, rules.size.complete_angle_rad)
+    # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
+    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.most_swing_rad**2))
+    hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
+    swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
+    doubts = motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m)
+    return Measured(
+        to_world(centers.along_left_m, tracks.yaw_rad),
+        motion_model.place_noise(doubts, points, tracks.yaw_rad[:, None], rules.motion),
+        seen.sizes_m,
+    )
+
+
+def see_again(
+    tracks: TrackTable, things: Footprints, sensor_m: Float64, rules: BoxTrackerRules
+) -> TrackTable:
+    """Correct each of T tracks by the thing that continues it."""
+    headings = follow_shape(tracks, things, rules.heading)
+    tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
+    seen = _own_reaches(things, tracks.yaw_rad, sensor_m)
+    tracks = _grown(tracks, seen, rules.size)
+    measured = _measure(tracks, seen, things.points[:, None], rules)
+    states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
+    heights_m = things.high_m - things.low_m
+    return replace(
+        tracks,
+        mean=states.mean,
+        covariance=states.covariance,
+        heights_m=tracks.heights_m + rules.height_gain * (heights_m - tracks.heights_m),
+        low_world_m=tracks.low_world_m + rules.height_gain * (things.low_m - tracks.low_world_m),
+        points=tracks.points + things.points,
+    )
+
+
+def first_sight(
+    things: Footprints, sensor_m: Float64, stamp_s: float, rules: BoxTrackerRules
+) -> TrackTable:
+    """Return the tracks that F things begin; their ids are 0 to F - 1."""
+    count, yaw_rad = len(things), first_yaws(things, sensor_m, rules.heading)
+    seen = _own_reaches(things, yaw_rad, sensor_m)
+    sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
+    tracks = TrackTable(
+        ids=np.arange(count),
+        mean=np.zeros((count, 4)),
+        covariance=np.zeros((count, 4, 4)),
+        yaw_rad=yaw_rad,
+        yaw_variance=np.full(count, UNKNOWN_VARIANCE),
+        sizes_m=sizes_m,
+        recent_sizes_m=np.repeat(sizes_m[:, None], 3, axis=1),
+        complete_seen=np.zeros((count, 2), np.int64),
+        heights_m=things.high_m - things.low_m,
+        low_world_m=things.low_m,
+        begun_s=stamps_s,
+        begun_world_m=np.zeros((count, 2)),
+        seen_s=stamps_s,
+        moved_s=stamps_s,
+        sights=np.ones(count, np.int64),
+        points=things.points,
+        is_confirmed=np.zeros(count, bool),
+    )
+    measured = _measure(tracks, seen, things.points[:, None], rules)
+    centers_m = measured.centers_m[:, 0]
+    states = motion_model.begin(centers_m, measured.noise[:, 0], sizes_m, rules.motion)
+    return replace(tracks, mean=states.mean, covariance=states.covariance, begun_world_m=centers_m)
+
+
+def _own_reaches(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Reaches:
+    """Measure each of F outlines along its own heading, as F tracks of one outline each."""
+    low_m, high_m = things.extents_m(yaw_rad)
+    return Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
+
+
+def _grown(tracks: TrackTable, seen: Reaches, rules: SizeRules) -> TrackTable:
+    """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
+    before_m = likely_sizes_m(tracks, rules)
+    is_complete = seen.is_complete(rules.complete_angle_rad)[:, 0]
+    sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, rules)
+    grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_seen=complete)
+    growth_m = likely_sizes_m(grown, rules) - before_m
+    away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
+    is_outside = np.abs(away_m) > before_m / 2
+    shift_m = to_world(np.sign(away_m) * is_outside * growth_m / 2, tracks.yaw_rad)
+    return replace(grown, mean=tracks.mean + np.pad(shift_m, ((0, 0), (0, 2))))

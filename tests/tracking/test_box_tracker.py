@@ -1,0 +1,226 @@
+"""Exact small scenes: boxes whose sides are seen as a LiDAR at the origin sees them, 10 scans a second."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.geometry.footprints import Footprints, footprints_of
+from perception.geometry.grids import LocalArea
+from perception.tracking.box_tracker import BoxTracker
+from perception.types import Tracks
+
+HERE = np.eye(4)
+NOTHING = Footprints.empty()
+CAR = (4.3, 1.75, 1.5)
+WALKER = (0.8, 0.6, 1.7)
+ROAD_M = -1.7
+
+
+def sides(x: float, y: float, yaw: float, size: tuple[float, float, float]) -> np.ndarray:
+    """Return points every 10 cm on the sides of a box that face the origin, at two heights."""
+    length, width, height = size
+    along, across = np.arange(-length / 2, length / 2, 0.1), np.arange(-width / 2, width / 2, 0.1)
+    faces = [
+        (np.column_stack([np.full(len(across), length / 2), across]), (1, 0)),
+        (np.column_stack([np.full(len(across), -length / 2), across]), (-1, 0)),
+        (np.column_stack([along, np.full(len(along), width / 2)]), (0, 1)),
+        (np.column_stack([along, np.full(len(along), -width / 2)]), (0, -1)),
+    ]
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    seen = []
+    for points, normal in faces:
+        points_velo = points @ turn.T + (x, y)
+        if (points_velo.mean(axis=0) @ (turn @ normal)) < 0:
+            seen.append(points_velo)
+    flat = np.concatenate(seen)
+    heights = np.repeat([ROAD_M, ROAD_M + height], len(flat))
+    return np.column_stack([np.tile(flat, (2, 1)), heights])
+
+
+def things(*clouds: np.ndarray) -> Footprints:
+    if not clouds:
+        return NOTHING
+    numbers = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
+    return footprints_of(np.concatenate(clouds), numbers, len(clouds))
+
+
+class Drive:
+    """A tracker, and scans for it every 0.1 s."""
+
+    def __init__(self, area: LocalArea | None = None) -> None:
+        self.tracker, self.stamp_s = BoxTracker(area), 100.0
+
+    def scan(
+        self, *clouds: np.ndarray, standing: Footprints = NOTHING, after_s: float = 0.1
+    ) -> Tracks:
+        self.stamp_s += after_s
+        return self.tracker.update(self.stamp_s, HERE, things(*clouds), standing)
+
+
+def test_a_car_that_passes_keeps_its_size_and_has_no_bias():
+    drive, seen = Drive(), []
+    for step in range(60):  # oncoming at 10 m/s, from ahead to behind: front, side, rear
+        x = 28.0 - 1.0 * step
+        tracks = drive.scan(sides(x, 4.0, np.pi, CAR))
+        if step >= 10:
+            assert tracks.ids.tolist() == [0]
+            seen.append((*(tracks.boxes.bottom_m[0, :2] - (x, 4.0)), *tracks.boxes.size_m[0]))
+            np.testing.assert_allclose(tracks.velocities_m_s, [[-10.0, 0.0]], atol=0.4)
+            assert abs(np.cos(tracks.boxes.yaw_rad[0]) + 1) < 0.01
+    seen = np.array(seen)
+    assert np.abs(seen[:, :2].mean(axis=0)).max() < 0.1
+    assert np.abs(seen[:, :2]).max() < 0.3
+    assert np.ptp(seen[:, 2]) < 0.25  # the length
+    np.testing.assert_allclose(seen[:, 2:].mean(axis=0), CAR, atol=0.15)
+
+
+def test_a_car_whose_rear_alone_is_seen_is_as_long_as_cars_are():
+    drive = Drive()
+    for step in range(20):
+        x = 12.0 + 0.8 * step
+        tracks = drive.scan(sides(x, 0.0, 0.0, CAR))
+    assert tracks.boxes.size_m[0, 0] == pytest.approx(2.4 * CAR[1], abs=0.3)
+    assert tracks.boxes.bottom_m[0, 0] == pytest.approx(x, abs=0.25)
+    np.testing.assert_allclose(tracks.velocities_m_s, [[8.0, 0.0]], atol=0.2)
+    assert tracks.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_thing_seen_once_is_no_track():
+    drive = Drive()
+    for _ in range(3):
+        assert len(drive.scan(sides(10, 2, 0, WALKER))) == 0
+        for _ in range(5):
+            assert len(drive.scan()) == 0
+
+
+def test_a_thing_that_stays_where_it_is_is_no_track():
+    drive, noise = Drive(), np.random.default_rng(0)
+    for _ in range(20):
+        x, y = noise.normal((10.0, 3.0), 0.02)
+        assert len(drive.scan(sides(x, y, 0, WALKER))) == 0
+
+
+def test_a_clear_thing_is_told_of_at_its_third_scan_at_the_latest():
+    drive = Drive()
+    told = [len(drive.scan(sides(10 + 0.14 * step, 2, 0, WALKER))) for step in range(4)]
+    assert told[0] == 0
+    assert told[2:] == [1, 1]
+
+
+def test_a_second_behind_something_keeps_the_id():
+    drive = Drive()
+    for step in range(40):
+        is_hidden = 15 <= step < 25
+        cloud = () if is_hidden else (sides(8.0, -6.0 + 0.15 * step, np.pi / 2, WALKER),)
+        tracks = drive.scan(*cloud)
+        if 20 <= step < 25:
+            assert len(tracks) == 0  # nobody knows where it is any more
+        if step >= 27:
+            assert tracks.ids.tolist() == [0]
+            assert tracks.is_seen.all()
+
+
+def test_two_walkers_who_cross_keep_their_ids():
+    drive = Drive()
+    for step in range(50):
+        left = sides(10.0, -3.0 + 0.13 * step, np.pi / 2, WALKER)
+        right = sides(11.5, 3.0 - 0.13 * step, -np.pi / 2, WALKER)
+        tracks = drive.scan(left, right)
+        if step >= 4:
+            assert tracks.ids.tolist() == [0, 1]
+            assert tracks.boxes.bottom_m[0, 0] < tracks.boxes.bottom_m[1, 0]
+            assert tracks.velocities_m_s[0, 1] > 0.8
+            assert tracks.velocities_m_s[1, 1] < -0.8
+
+
+def test_a_car_that_stops_keeps_its_id_and_is_slow():
+    drive, x, speed, told = Drive(), 20.0, 6.0, []
+    for step in range(60):
+        x -= 0.1 * speed
+        speed = max(0.0, speed - 0.3)
+        cloud = sides(x, 3.5, np.pi, CAR)
+        tracks = drive.scan(standing=things(cloud)) if 26 <= step < 40 else drive.scan(cloud)
+        told.append(tracks.ids.tolist())
+        if step >= 40:  # it moves again, as far as the detector is concerned
+            assert tracks.ids.tolist() == [0]
+            assert np.hypot(*tracks.velocities_m_s[0]) < 0.3
+    assert told[26:34] == [[0]] * 8
+    assert told[37:40] == [[]] * 3  # standing for a second is no news
+
+
+def test_a_post_that_stood_before_continues_no_track():
+    drive, post = Drive(), sides(10.0, 1.6, 0, WALKER)
+    for step in range(12):
+        drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), standing=things(post))
+    assert len(drive.scan(standing=things(post))) == 1  # going on as it went
+    for _ in range(4):
+        tracks = drive.scan(standing=things(post))
+    assert len(tracks) == 0
+
+
+def test_a_track_ends_beyond_the_area():
+    drive = Drive(LocalArea(ahead_m=30, behind_m=10, side_m=10))
+    for step in range(30):
+        tracks = drive.scan(sides(8.0, 6.0 + 0.15 * step, np.pi / 2, WALKER))
+    y = 6.0 + 0.15 * 29
+    assert y > 10
+    assert tracks.is_seen.tolist() == [True]
+    assert len(drive.scan()) == 0
+    assert len(drive.scan(sides(8.0, y + 0.3, np.pi / 2, WALKER))) == 0
+
+
+def test_a_small_part_beside_the_whole_is_no_thing_of_its_own():
+    drive = Drive()
+    for step in range(20):
+        car = sides(14.0 + 0.8 * step, 2.0, 0.0, CAR)
+        seat = np.array([[13.8, 2.1, -0.6], [13.9, 2.0, -0.5], [13.8, 2.0, -0.5]])
+        tracks = drive.scan(car, seat + np.array([0.8 * step, 0, 0]))
+        if step >= 3:
+            assert tracks.ids.tolist() == [0]
+
+
+def test_one_scan_that_joins_two_things_does_not_change_the_size():
+    drive = Drive()
+    for step in range(20):
+        x = 10.0 + 0.13 * step
+        walker = sides(x, 2.0, 0.0, WALKER)
+        cloud = np.vstack([walker, sides(x, 3.5, 0.0, WALKER)]) if step == 12 else walker
+        tracks = drive.scan(cloud)
+        if step == 11:
+            before = tracks
+    np.testing.assert_allclose(tracks.boxes.size_m[:, :2], before.boxes.size_m[:, :2], atol=0.05)
+
+
+def test_tracks_are_in_the_frame_of_their_scan():
+    """The same street seen from a vehicle that drives beside the car sees the car stand still before it."""
+    tracker = BoxTracker()
+    for step in range(20):
+        pose = np.eye(4)
+        pose[:2, :2] = [[0, -1], [1, 0]]  # the vehicle drives along the world's y
+        pose[1, 3] = 0.8 * step
+        tracks = tracker.update(0.1 * step, pose, things(sides(12.0, 0.0, 0.0, CAR)), NOTHING)
+    np.testing.assert_allclose(tracks.boxes.bottom_m[0, :2], [12.0, 0.0], atol=0.3)
+    np.testing.assert_allclose(tracks.velocities_m_s[0], [8.0, 0.0], atol=0.3)
+    assert tracks.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.05)
+
+
+def test_boxes_begin_at_the_lowest_point_of_things():
+    drive = Drive()
+    for step in range(20):
+        tracks = drive.scan(sides(14.0 + 0.8 * step, 2.0, 0.0, CAR))
+    assert tracks.boxes.bottom_m[0, 2] == pytest.approx(ROAD_M)
+    assert tracks.boxes.size_m[0, 2] == pytest.approx(CAR[2])
+
+
+def test_a_table_of_one_scan_is_that_of_another_with_the_things_in_another_order():
+    first, second = Drive(), Drive()
+    for step in range(10):
+        clouds = [
+            sides(10.0 + 0.13 * step, 2.0, 0.0, WALKER),
+            sides(20.0 - 0.8 * step, -4.0, np.pi, CAR),
+        ]
+        one, other = first.scan(*clouds), second.scan(*clouds[::-1])
+    assert one.ids.tolist() == other.ids.tolist() == [0, 1]
+    np.testing.assert_allclose(one.boxes.bottom_m, other.boxes.bottom_m[::-1], atol=1e-9)
+    assert len(replace(one)) == 2
