@@ -1,0 +1,136 @@
+"""What one object looks like from above, in its own frame: where its points lie, and where none should.
+
+left ^                     Rewards per point, over the box of the object and a rim around it:
+     | rim  - - - - -      near the sides that face the sensor a point is worth most, deeper inside
+     |  - +---------+ -    less, just outside the box it speaks against it. What was seen of the
+     |  - | o     # | -    object so far (#) counts as much as what a box suggests.
+     |  - +#########+ -
+     +------- ^ ------> along the heading
+            sensor
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from perception.types import Float32, Float64
+
+
+@dataclass(frozen=True)
+class ShapeRules:
+    """What a point is worth by its place.
+
+    Attributes:
+        cell_m: of the raster.
+        rim_m: how far outside the box points still speak against it.
+        side_deviation_m: of points from the side they lie on.
+        deep_reward: of a point inside, far from the sides that face the sensor.
+        rim_penalty: of a point outside.
+        tolerance_m: outside the box by so much, a point may still belong to it.
+        vehicle_width_m: what is narrower has no sides, but a middle.
+        memory_share: how much of the reward comes from what was seen, once enough was.
+        memory_scans: after how many scans that is half so.
+        memory_fading: share of what was seen that one more scan replaces.
+    """
+
+    cell_m: float = 0.05
+    rim_m: float = 0.6
+    side_deviation_m: float = 0.15
+    deep_reward: float = 0.3
+    rim_penalty: float = 0.7
+    tolerance_m: float = 0.1
+    vehicle_width_m: float = 1.3
+    memory_share: float = 0.5
+    memory_scans: float = 3.0
+    memory_fading: float = 0.02
+
+
+@dataclass(frozen=True)
+class ObjectShape:
+    """The box's size and what was seen of the object.
+
+    Attributes:
+        size_m: (3,) length, width, height.
+        seen: (U, V) how much was seen in each cell, along the heading and to the left.
+        scans: how many scans it was seen in.
+        rules: what points are worth.
+    """
+
+    size_m: Float64
+    seen: Float32
+    scans: int
+    rules: ShapeRules
+
+    @classmethod
+    def of_box(cls, size_m: Float64, rules: ShapeRules) -> "ObjectShape":
+        """Return the shape of an object of which only the box is known."""
+        cells = np.ceil((size_m[:2] / 2 + rules.rim_m) / rules.cell_m).astype(int) * 2 + 3
+        return cls(size_m, np.zeros(cells, np.float32), 0, rules)
+
+    def cells_of(self, along_m: Float64, left_m: Float64) -> tuple[Float64, Float64]:
+        """Return places in cells, not rounded, along both axes; the raster's middle is the box's."""
+        rows, columns = self.seen.shape
+        scale = 1 / self.rules.cell_m
+        return along_m * scale + (rows - 1) / 2, left_m * scale + (columns - 1) / 2
+
+    def remembering(self, along_m: Float64, left_m: Float64, weights: Float64) -> "ObjectShape":
+        """Return the shape with the points of one more scan, given in the object's frame."""
+        u, v = self.cells_of(along_m, left_m)
+        rows, columns = self.seen.shape
+        inside = (u >= 1) & (u < rows - 2) & (v >= 1) & (v < columns - 2)
+        cells = np.rint(u[inside]).astype(int) * columns + np.rint(v[inside]).astype(int)
+        news = np.bincount(cells, weights[inside], self.seen.size).reshape(self.seen.shape)
+        fading = self.rules.memory_fading
+        return replace(
+            self,
+            seen=((1 - fading) * self.seen + np.minimum(news, 1.0)).astype(np.float32),
+            scans=self.scans + 1,
+        )
+
+    def rewards(self, sensor_m: Float64) -> Float32:
+        """Return (U, V) what a point in each cell is worth, seen from (2,) along and left of the middle."""
+        u, v = self._axes_m()
+        outside_m = np.maximum(np.abs(u) - self.size_m[0] / 2, np.abs(v) - self.size_m[1] / 2)
+        is_vehicle = self.size_m[1] >= self.rules.vehicle_width_m
+        box = self._sides(u, v, sensor_m) if is_vehicle else self._middle(u, v, sensor_m)
+        reward = box
+        share = self.rules.memory_share * self.scans / (self.scans + self.rules.memory_scans)
+        if self.scans:
+            reward = (1 - share) * box + share * self._memory()
+        rim = np.clip((outside_m - self.rules.tolerance_m) / 0.15, 0, 1)
+        reward = (1 - rim) * reward - rim * self.rules.rim_penalty
+        reward[[0, -1]] = 0
+        reward[:, [0, -1]] = 0
+        return reward.astype(np.float32)
+
+    def _axes_m(self) -> tuple[Float64, Float64]:
+        rows, columns = self.seen.shape
+        u = (np.arange(rows) - (rows - 1) / 2) * self.rules.cell_m
+        v = (np.arange(columns) - (columns - 1) / 2) * self.rules.cell_m
+        return u[:, None], v[None]
+
+    def _sides(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
+        """Reward what lies near the sides that face the sensor."""
+        depths_m = []
+        for place, size, sensor in zip((u, v), self.size_m[:2], sensor_m, strict=True):
+            if abs(sensor) > size / 2:
+                depths_m.append(size / 2 - np.sign(sensor) * place + 0 * u + 0 * v)
+        depth_m = np.minimum.reduce(depths_m) if depths_m else np.zeros_like(u + v)
+        near = np.exp(-0.5 * (depth_m / self.rules.side_deviation_m) ** 2)
+        deep = np.where(depth_m > 0, self.rules.deep_reward, 0.0)
+        return np.asarray(np.maximum(near, deep))
+
+    def _middle(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
+        """Reward what lies near the middle of a body that does not fill its box."""
+        push_m = 0.15 * self.size_m[1] * sensor_m / max(np.linalg.norm(sensor_m), 1e-6)
+        spread_m = 0.35 * self.size_m[:2]
+        along, left = (u - push_m[0]) / spread_m[0], (v - push_m[1]) / spread_m[1]
+        return np.asarray(np.exp(-0.5 * (along**2 + left**2)))
+
+    def _memory(self) -> Float32:
+        """Return how often each place was seen, against the places seen most."""
+        smooth = cv2.GaussianBlur(self.seen, (0, 0), 0.08 / self.rules.cell_m)
+        seen = smooth[smooth > 0.02]
+        top = float(np.quantile(seen, 0.9)) if len(seen) else 1.0
+        return np.asarray(np.minimum(smooth / top, 1.0))
