@@ -4,6 +4,7 @@ from perception.cli.evaluations.datmo import datmo
 from perception.cli.evaluations.detection import detection
 from perception.cli.evaluations.ground import ground
 from perception.cli.evaluations.obstacles import obstacles
+from perception.cli.evaluations.otd import otd
 from perception.cli.evaluations.tracks import tracks
 
 COMMANDS = {
@@ -11,5 +12,6 @@ COMMANDS = {
     "obstacles": obstacles,
     "datmo": datmo,
     "tracks": tracks,
+    "otd": otd,
     "detection": detection,
 }

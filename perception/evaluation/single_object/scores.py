@@ -24,7 +24,8 @@ PROTOCOL_WORDS = {
     "E3D": "(7.3) mean distance of the box centres in metres, over the frames with a box",
     "E2D": (
         "(7.3) mean distance in pixels of the rectangles' centres, over the frames with both; that of a "
-        "tracker in space is around its projected box, clipped to the image as the labels are"
+        "tracker in space is around its projected box, clipped to the image as the labels are; in_image: "
+        "share of the frames with the object in the image that are counted"
     ),
     "E_phi": "(7.4) mean angle between the headings as axes, 0 to pi/2: whoever is turned about has no error",
     "heading": "mean angle between the headings, 0 to pi; bias: mean signed error",
@@ -37,7 +38,7 @@ PROTOCOL_WORDS = {
     ),
     "success": (
         "one-pass evaluation: area under the share of frames whose overlap is at least a threshold, over "
-        "steps thresholds from 0 to 1 (trapezoids)"
+        "steps thresholds from 0 to 1 (trapezoids); at 0 all frames count, as in the field: 1/40 of 21 steps"
     ),
     "precision": (
         "one-pass evaluation: area under the share of frames whose centres are within a threshold, over "
@@ -60,6 +61,8 @@ class FollowScores:
         frames: judged.
         center_m: E3D.
         center_px: E2D.
+        in_image: share of the frames with the object in the image in which the tracker's rectangle is there
+            too: E2D rests on these alone.
         folded_heading_rad: E_phi.
         heading_rad: mean size of the unfolded error.
         heading_bias_rad: its mean.
@@ -81,6 +84,7 @@ class FollowScores:
     frames: int
     center_m: float
     center_px: float
+    in_image: float
     folded_heading_rad: float
     heading_rad: float
     heading_bias_rad: float
@@ -108,6 +112,7 @@ def score_errors(errors: FollowErrors, rule: FollowRule | None = None) -> Follow
         frames=len(errors),
         center_m=_mean(errors.center_m),
         center_px=_mean(errors.center_px),
+        in_image=_mean(np.isfinite(errors.center_px[np.isfinite(errors.overlap_px)])),
         folded_heading_rad=_mean(np.minimum(size_rad, np.pi - size_rad)),  # (7.4)
         heading_rad=_mean(size_rad),
         heading_bias_rad=_mean(errors.heading_rad),

@@ -1,0 +1,201 @@
+"""The figures of `trifuse evaluate otd`, for people and for programs."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from data.derived.challenges import Challenge
+from perception.cli.evaluations.otd_objects import AbsentObject
+from perception.cli.evaluations.otd_report import ObjectReport, OtdReport
+from perception.cli.table import Cell, format_table
+from perception.evaluation.single_object.scores import FollowScores
+
+_TOGETHER = "together"
+_Figure = Callable[[FollowScores], Cell]
+
+
+def otd_tables(report: OtdReport) -> str:
+    """Return the figures for people: what is followed, trackers side by side, then each in detail."""
+    tables = [
+        _objects_table(report),
+        *_side_by_side(report),
+        *_challenge_tables(report),
+        *(_detail_table(report, name) for name in report.trackers),
+    ]
+    refusals = [
+        f"{name} does not follow {one.sequence.name}: {reason}"
+        for one in report.objects
+        for name, reason in one.refusals.items()
+    ]
+    return "\n\n".join([*tables, *(["\n".join(refusals)] if refusals else [])])
+
+
+def absent_lines(absent: Sequence[AbsentObject]) -> str:
+    """Name what is not there, a line a reason."""
+    names: dict[str, list[str]] = {}
+    for one in absent:
+        names.setdefault(one.reason, []).append(one.sequence.name)
+    return "\n".join(f"  {reason}: {', '.join(which)}" for reason, which in names.items())
+
+
+def _objects_table(report: OtdReport) -> str:
+    rows = [
+        [
+            one.sequence.name,
+            one.sequence.sequence,
+            one.sequence.track_id,
+            one.sequence.kind,
+            f"{one.sequence.first_frame}-{one.sequence.last_frame}",
+            one.labelled,
+            one.whole_frames,
+            " ".join(one.challenges) or None,
+            f"{one.varies.occluded_share:.0%}",
+            f"{one.varies.turn_deg:.0f}",
+            f"{one.varies.distance_ratio:.1f}",
+            f"{one.varies.speed_change_m_s:.1f}",
+        ]
+        for one in report.objects
+    ]
+    header = (
+        "sequence", "drive", "track", "type", "frames", "labelled", "of", "challenges",
+        "occluded", "turn °", "distance x", "speed m/s",
+    )  # fmt: skip
+    return format_table("What is followed; challenges told from the labels", header, rows)
+
+
+def _side_by_side(report: OtdReport) -> list[str]:
+    follow = report.protocol.follow
+    figures: dict[str, _Figure] = {
+        "E3D (7.3): mean distance of the box centres [m]": lambda s: s.center_m,
+        "E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]": (
+            lambda s: _digits(s.center_px, 1)
+        ),
+        "E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]": lambda s: s.folded_heading_rad,
+        "Heading error, mean, 0..pi [rad]": lambda s: s.heading_rad,
+        f"Overlap success (A.1): frames with 3D IoU above {follow.overlap:.0%}": (
+            lambda s: _percent(s.overlap_success)
+        ),
+        f"Heading success (A.2): frames within {follow.heading_deg:g}°": (
+            lambda s: _percent(s.heading_success)
+        ),
+        f"Location success (A.3): frames within {follow.location_px:g} px": (
+            lambda s: _percent(s.location_success)
+        ),
+        "Success, one-pass evaluation: area under 3D overlap 0..1, in percent": (
+            lambda s: _percent(s.success)
+        ),
+        f"Precision, one-pass evaluation: area under centre error 0..{follow.reach_m:g} m, in percent": (
+            lambda s: _percent(s.precision)
+        ),
+    }
+    return [_tracker_columns(report, title, figure) for title, figure in figures.items()]
+
+
+def _tracker_columns(report: OtdReport, title: str, figure: _Figure) -> str:
+    rows: list[list[Cell]] = [
+        [one.sequence.name, *(_cell(one.scores.get(name), figure) for name in report.trackers)]
+        for one in report.objects
+    ]
+    if len(rows) > 1:
+        together = (_cell(report.scores_of(name), figure) for name in report.trackers)
+        rows.append([_TOGETHER, *together])
+    return format_table(title, ("", *report.trackers), rows)
+
+
+def _challenge_tables(report: OtdReport) -> list[str]:
+    groups = [one for one in Challenge if report.objects_with(one)]
+    if len(report.objects) < 2 or not groups:
+        return []
+    header = ["", *(f"{one} ({len(report.objects_with(one))})" for one in groups)]
+    figures: dict[str, _Figure] = {
+        "Overlap success by challenge, all frames of its sequences": (
+            lambda s: _percent(s.overlap_success)
+        ),
+        "Heading success by challenge": lambda s: _percent(s.heading_success),
+    }
+    return [
+        format_table(
+            title,
+            header,
+            [
+                [name, *(_cell(report.scores_of(name, one), figure) for one in groups)]
+                for name in report.trackers
+            ],
+        )
+        for title, figure in figures.items()
+    ]
+
+
+_DETAILS: dict[str, _Figure] = {
+    "frames": lambda s: s.frames,
+    "E3D m": lambda s: s.center_m,
+    "E2D px": lambda s: _digits(s.center_px, 1),
+    "in image": lambda s: _percent(s.in_image),
+    "E_phi rad": lambda s: s.folded_heading_rad,
+    "bias rad": lambda s: s.heading_bias_rad,
+    "m/s": lambda s: s.velocity_m_s,
+    "overlap": lambda s: _percent(s.overlap_success),
+    "Success": lambda s: _percent(s.success),
+    "Precision": lambda s: _percent(s.precision),
+    "seen": lambda s: _percent(s.seen),
+    "predicted": lambda s: _percent(s.predicted),
+    "lost": lambda s: _percent(s.lost),
+    "off": lambda s: _percent(s.off),
+    "off for good": lambda s: None if s.lost_from is None else f"from {s.lost_from}",
+    "ms a frame": lambda s: _digits(s.ms_per_frame, 2),
+    "p99": lambda s: _digits(s.ms_p99, 2),
+}
+
+
+def _detail_table(report: OtdReport, tracker: str) -> str:
+    rows = [_detail_row(one, tracker) for one in report.objects]
+    if len(rows) > 1:
+        together = report.scores_of(tracker)
+        if together is not None:
+            together = dataclasses.replace(together, lost_from=None)
+        rows.append([_TOGETHER, *(_cell(together, figure) for figure in _DETAILS.values())])
+    title = f"{tracker}: velocity error, states as it says, frames off the object, time"
+    return format_table(title, ("", *_DETAILS), rows)
+
+
+def _detail_row(one: ObjectReport, tracker: str) -> list[Cell]:
+    scores = one.scores.get(tracker)
+    return [one.sequence.name, *(_cell(scores, figure) for figure in _DETAILS.values())]
+
+
+def _cell(scores: FollowScores | None, figure: _Figure) -> Cell:
+    return None if scores is None else figure(scores)
+
+
+def _percent(share: float) -> str | None:
+    return None if math.isnan(share) else f"{100 * share:.1f}"
+
+
+def _digits(value: float, digits: int) -> str | None:
+    return None if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def otd_results(report: OtdReport, absent: Sequence[AbsentObject]) -> dict[str, Any]:
+    """Return the figures for programs."""
+    return {
+        "objects": [
+            {
+                "sequence": one.sequence,
+                "labelled_frames": one.labelled,
+                "whole_frames": one.whole_frames,
+                "variations": one.varies,
+                "challenges": one.challenges,
+                "scores": dict(one.scores),
+                "refusals": dict(one.refusals),
+            }
+            for one in report.objects
+        ],
+        _TOGETHER: {name: report.scores_of(name) for name in report.trackers},
+        "by_challenge": {
+            str(one): {name: report.scores_of(name, one) for name in report.trackers}
+            for one in Challenge
+            if report.objects_with(one)
+        },
+        "absent": {one.sequence.name: one.reason for one in absent},
+    }

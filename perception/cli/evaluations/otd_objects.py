@@ -1,0 +1,188 @@
+"""Which objects of the thesis' sets, or of a drive, are there to be followed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from data.derived.object_truth import DriveObjects
+from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, without_repeats
+from data.frames import frame_count
+from data.kitti.objects import ObjectFrames
+from data.kitti.sequence import KittiSequence
+from data.open_drive import open_drive, sequences_in
+from data.synthetic.truth_files import truth_files
+from perception.cli.evaluations.otd_steps import ObjectToFollow
+from perception.errors import DriveError, UsageError
+
+ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
+
+MIN_FRAMES = 15  # of an object of the set `present`
+
+
+@dataclass(frozen=True)
+class ObjectRequest:
+    """Which objects are asked for, and of which drives.
+
+    Attributes:
+        root: of KITTI's tracking data, or of a synthetic drive.
+        objects: a set of the thesis, both together, or every labelled track of the drives at hand.
+        sequence: only this drive, or None for all.
+        track_id: only this object, or None for all.
+        frames: only so many from the start of each drive, or None for all.
+        sensor: name of a LiDAR model or a .json file, or None for what the drive says.
+    """
+
+    root: Path
+    objects: ObjectSet = "all"
+    sequence: str | None = None
+    track_id: int | None = None
+    frames: int | None = None
+    sensor: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse no frames."""
+        if self.frames is not None and self.frames < 2:
+            raise UsageError("--frames", expected="at least 2", found=str(self.frames))
+
+
+@dataclass(frozen=True)
+class AbsentObject:
+    """An object that was asked for and cannot be followed.
+
+    Attributes:
+        sequence: which.
+        reason: what is not there.
+    """
+
+    sequence: ObjectSequence
+    reason: str
+
+
+@dataclass(frozen=True)
+class DriveAtHand:
+    """One drive with objects to follow.
+
+    Attributes:
+        drive: whose frames are read.
+        objects: at least one.
+    """
+
+    drive: KittiSequence
+    objects: Sequence[ObjectToFollow]
+
+
+@dataclass(frozen=True)
+class ObjectsAtHand:
+    """What there is of a request.
+
+    Attributes:
+        drives: with objects to follow.
+        absent: of the thesis' sets, what is not there.
+    """
+
+    drives: Sequence[DriveAtHand]
+    absent: Sequence[AbsentObject]
+
+
+def objects_at_hand(request: ObjectRequest) -> ObjectsAtHand:
+    """Open the drives of a request and find its objects in them.
+
+    Raises:
+        DriveError: there is no object to follow.
+        PerceptionError: a drive cannot be opened, or its labels not be read.
+    """
+    if request.objects == "present":
+        found = ObjectsAtHand(list(_present(request)), ())
+    else:
+        found = _published(request)
+    if not found.drives:
+        reasons = sorted({one.reason for one in found.absent})
+        raise DriveError(
+            request.root,
+            expected=f"labelled objects of the set {request.objects}",
+            found="; ".join(reasons) or f"none with {MIN_FRAMES} labelled frames",
+            advice="follow whatever is labelled with --set present" if reasons else None,
+        )
+    return found
+
+
+def _present(request: ObjectRequest) -> Iterator[DriveAtHand]:
+    names = sequences_in(request.root) if request.sequence is None else [request.sequence]
+    for name in names:
+        drive = _open(request, name)
+        labelled = DriveObjects.of(drive)
+        wanted = [one for one in labelled.sequences(MIN_FRAMES) if _is_asked(one, request)]
+        cut = [_cut(one, drive, labelled, request.frames) for one in wanted]
+        objects = [one for one in cut if one is not None and len(one.truth) >= MIN_FRAMES]
+        if objects:
+            yield DriveAtHand(drive, objects)
+
+
+def _published(request: ObjectRequest) -> ObjectsAtHand:
+    tables = {
+        "table-3.2": table_3_2(),
+        "3d-otd": table_a_1(),
+        "all": without_repeats([*table_3_2(), *table_a_1()]),
+    }
+    here = {str(name) for name in sequences_in(request.root)}
+    by_drive: dict[str, list[ObjectSequence]] = {}
+    for one in tables[request.objects]:
+        asked = request.sequence is None or request.sequence.zfill(4) == one.sequence
+        if asked and _is_asked(one, request):
+            by_drive.setdefault(one.sequence, []).append(one)
+    drives: list[DriveAtHand] = []
+    absent: list[AbsentObject] = []
+    for name, wanted in sorted(by_drive.items()):
+        if name not in here:
+            absent += [AbsentObject(one, f"no scans of sequence {name}") for one in wanted]
+            continue
+        found = _published_of(_open(request, name), wanted, request.frames)
+        drives += found.drives
+        absent += found.absent
+    return ObjectsAtHand(drives, absent)
+
+
+def _published_of(
+    drive: KittiSequence, wanted: Sequence[ObjectSequence], frames: int | None
+) -> ObjectsAtHand:
+    """Look for objects in the drive whose name they give."""
+    if truth_files(drive) is not None:
+        return ObjectsAtHand((), [AbsentObject(one, "a synthetic drive") for one in wanted])
+    if not drive.has_labels:
+        reason = f"no labels of sequence {drive.name}"
+        return ObjectsAtHand((), [AbsentObject(one, reason) for one in wanted])
+    labelled, objects, absent = DriveObjects.of(drive), [], []
+    for one in wanted:
+        cut = _cut(one, drive, labelled, frames)
+        if cut is None:
+            absent.append(AbsentObject(one, "not labelled in the frames here"))
+        else:
+            objects.append(cut)
+    return ObjectsAtHand([DriveAtHand(drive, objects)] if objects else [], absent)
+
+
+def _cut(
+    wanted: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
+) -> ObjectToFollow | None:
+    """Return the object in the frames at hand, or None where there are less than two of it."""
+    last = min(wanted.last_frame, frame_count(drive, frames) - 1)
+    cut = replace(wanted, last_frame=last)
+    truth = labelled.track(cut)
+    return ObjectToFollow(cut, truth, wanted.frame_count) if len(truth) >= 2 else None
+
+
+def _is_asked(one: ObjectSequence, request: ObjectRequest) -> bool:
+    return request.track_id is None or request.track_id == one.track_id
+
+
+def _open(request: ObjectRequest, sequence: str | None) -> KittiSequence:
+    drive = open_drive(request.root, sequence=sequence, sensor=request.sensor)
+    if isinstance(drive, ObjectFrames):
+        raise DriveError(
+            drive.root,
+            expected="frames that follow each other",
+            found="object frames",
+            advice="name tracking sequences, or a drive that `trifuse synth` wrote",
+        )
+    return drive

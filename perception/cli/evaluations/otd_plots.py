@@ -1,0 +1,129 @@
+"""The plots of `trifuse evaluate otd`: the thesis' Figs A.1 to A.3, and those of one-pass evaluation."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from data.derived.challenges import Challenge
+from perception.cli.evaluations.otd_report import OtdReport
+from perception.evaluation.single_object.curves import (
+    cumulative_success,
+    location_curve,
+    precision_curve,
+    right_frames,
+    success_curve,
+)
+from perception.evaluation.single_object.errors import FollowErrors
+from perception.evaluation.single_object.scores import FollowScores
+from perception.render.success_plots import SuccessPanel, plot_success
+from perception.types import Bool, Float64
+
+_LAST_LOCATION_PX = 50
+
+
+def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
+    """Draw all plots; return their paths."""
+    rule = report.protocol.follow
+    paths = {
+        name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
+    }
+    plot_success(
+        paths["overlap"],
+        f"{title}: 3D overlap above {rule.overlap:.0%} (Fig. A.1)",
+        _cumulative_panels(report, lambda errors: right_frames(errors, rule).overlap),
+    )
+    plot_success(
+        paths["heading"],
+        f"{title}: heading within {rule.heading_deg:g}° (Fig. A.2)",
+        _cumulative_panels(report, lambda errors: right_frames(errors, rule).heading),
+    )
+    plot_success(
+        paths["location"],
+        f"{title}: place in the image (Fig. A.3)",
+        [_location_panel(report)],
+    )
+    plot_success(paths["one_pass"], f"{title}: one-pass evaluation", _one_pass_panels(report))
+    return list(paths.values())
+
+
+def _cumulative_panels(
+    report: OtdReport, is_right: Callable[[FollowErrors], Bool]
+) -> list[SuccessPanel]:
+    """Return a panel of all objects, and one for each challenge that an object has."""
+    panels = []
+    for challenge in (None, *Challenge):
+        objects = report.objects_with(challenge)
+        if challenge is not None and not objects:
+            continue
+        right = {name: is_right(one) for name, one in _errors(report, challenge).items()}
+        right = {name: frames for name, frames in right.items() if len(frames)}
+        panels.append(
+            SuccessPanel(
+                title=f"sequences{f' with {challenge}' if challenge else ''}: {len(objects)}",
+                x_name="frames of all sequences, as a share",
+                x_last=1.0,
+                y_name="right frames so far, as a share of all",
+                curves={name: cumulative_success(frames) for name, frames in right.items()},
+                values={name: f"{frames.mean():.3f}" for name, frames in right.items()},
+            )
+        )
+    return panels
+
+
+def _location_panel(report: OtdReport) -> SuccessPanel:
+    thresholds_px = np.arange(_LAST_LOCATION_PX + 1.0)
+    limit_px = report.protocol.follow.location_px
+    return _panel(
+        report,
+        (f"in brackets: within {limit_px:g} px", "distance of the centres [px]"),
+        _LAST_LOCATION_PX,
+        lambda errors: location_curve(errors, thresholds_px),
+        lambda scores: f"({scores.location_success:.3f})",
+    )
+
+
+def _one_pass_panels(report: OtdReport) -> list[SuccessPanel]:
+    rule = report.protocol.follow
+    return [
+        _panel(
+            report,
+            ("Success: area under the curve", "3D overlap, at least"),
+            1.0,
+            lambda errors: success_curve(errors, rule),
+            lambda scores: f"{scores.success:.3f}",
+        ),
+        _panel(
+            report,
+            ("Precision: area under the curve, as a share", "distance of the centres [m], at most"),
+            rule.reach_m,
+            lambda errors: precision_curve(errors, rule),
+            lambda scores: f"{scores.precision:.3f}",
+        ),
+    ]
+
+
+def _panel(
+    report: OtdReport,
+    names: tuple[str, str],
+    x_last: float,
+    curve: Callable[[FollowErrors], Float64],
+    value: Callable[[FollowScores], str],
+) -> SuccessPanel:
+    """Return the curves of all objects together; `names` are those of the panel and of its x axis."""
+    curves = {name: curve(errors) for name, errors in _errors(report).items()}
+    known = {name: one for name, one in curves.items() if np.isfinite(one).all()}
+    scores = {name: report.scores_of(name) for name in known}
+    return SuccessPanel(
+        title=names[0],
+        x_name=names[1],
+        x_last=x_last,
+        y_name="share of frames",
+        curves=known,
+        values={name: value(one) for name, one in scores.items() if one is not None},
+    )
+
+
+def _errors(report: OtdReport, challenge: Challenge | None = None) -> Mapping[str, FollowErrors]:
+    errors = {name: report.errors_of(name, challenge) for name in report.trackers}
+    return {name: one for name, one in errors.items() if one is not None}

@@ -1,0 +1,149 @@
+"""A drive through the pipeline once, and from there through every tracker of every object in it."""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from tqdm import tqdm
+
+from data.derived.single_object import ObjectSequence
+from data.drive import Drive
+from data.frames import OnBadFrame, frame_count, read_frames
+from perception.datmo.detector import SegmentedScan
+from perception.errors import PerceptionError
+from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
+from perception.geometry.threads import one_blas_thread
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.sensor import LidarModel
+from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.tracking.single_object.trackers import single_object_tracker
+from perception.types import Frame
+
+TrackerMaker = Callable[[str, LidarModel], SingleObjectTracker]
+
+
+@dataclass(frozen=True)
+class ObjectToFollow:
+    """One object of the drive at hand.
+
+    Attributes:
+        sequence: which, and in which of the frames at hand.
+        truth: where it is.
+        whole_frames: that the sequence would have were all of its frames at hand.
+    """
+
+    sequence: ObjectSequence
+    truth: TrueTrack
+    whole_frames: int
+
+
+@dataclass(frozen=True)
+class Following:
+    """How one tracker did on one object.
+
+    Attributes:
+        track: what it answered; nothing where it refused.
+        refusal: why it could not begin, or None.
+    """
+
+    track: FollowedTrack
+    refusal: str | None = None
+
+
+def follow_objects(
+    drive: Drive,
+    objects: Sequence[ObjectToFollow],
+    trackers: Sequence[str],
+    *,
+    make: TrackerMaker = single_object_tracker,
+    on_bad_frame: OnBadFrame = "stop",
+) -> list[dict[str, Following]]:
+    """Let every tracker follow every object, reading, registering and segmenting each frame once.
+
+    Args:
+        drive: what is read, from its first frame to the last that an object needs.
+        objects: what is followed.
+        trackers: names, each once.
+        make: a tracker of a name.
+        on_bad_frame: stop or skip.
+
+    Returns:
+        For each object, by name of the tracker, how it did.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    followers = [
+        {name: _Follower(make(name, drive.sensor), one) for name in trackers} for one in objects
+    ]
+    pipeline = Pipeline(drive.sensor, pipeline_config())
+    limit = max((one.sequence.last_frame + 1 for one in objects), default=0)
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    count = frame_count(drive, limit)
+    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
+        _, scan = pipeline.segment(frame)
+        moment = moment_of(frame, scan)
+        with one_blas_thread():
+            for by_name in followers:
+                for follower in by_name.values():
+                    follower.see(frame.index, moment)
+    return [{name: one.following() for name, one in by_name.items()} for by_name in followers]
+
+
+def pipeline_config() -> PipelineConfig:
+    """Return the choices of the pipeline up to what trackers of one object are shown."""
+    return PipelineConfig(datmo="none")
+
+
+def moment_of(frame: Frame, scan: SegmentedScan) -> Moment:
+    """Return what trackers of one object are shown of a frame."""
+    calibration = frame.calibration
+    return Moment(
+        stamp_s=scan.stamp_s,
+        points_velo=scan.points_velo,
+        world_SE3_velo=scan.world_SE3_velo,
+        ground=scan.ground,
+        image=frame.image,
+        image_P_velo=None if calibration is None else calibration.image_P_velo,
+    )
+
+
+class _Follower:
+    """One tracker on one object, with a clock."""
+
+    def __init__(self, tracker: SingleObjectTracker, wanted: ObjectToFollow) -> None:
+        self._tracker, self._truth, self._sequence = tracker, wanted.truth, wanted.sequence
+        self._row_of_frame = {frame: row for row, frame in enumerate(wanted.truth.frames.tolist())}
+        self._frames: list[int] = []
+        self._answers: list[FollowedObject] = []
+        self._seconds: list[float] = []
+        self._refusal: str | None = None
+
+    def see(self, frame: int, moment: Moment) -> None:
+        """Begin where the object is first labelled, then follow up to the sequence's last frame."""
+        is_over = frame > self._sequence.last_frame or self._refusal is not None
+        if is_over or (not self._answers and frame not in self._row_of_frame):
+            return
+        start_s = time.perf_counter()
+        try:
+            answer = self._answer(frame, moment)
+        except PerceptionError as error:
+            if self._answers:
+                raise
+            self._refusal = str(error)
+            return
+        self._seconds.append(time.perf_counter() - start_s)
+        self._frames.append(frame)
+        self._answers.append(answer)
+
+    def _answer(self, frame: int, moment: Moment) -> FollowedObject:
+        if self._answers:
+            return self._tracker.follow(moment)
+        row = self._row_of_frame[frame]
+        return self._tracker.start(moment, self._truth.boxes_velo[row : row + 1])
+
+    def following(self) -> Following:
+        """Return how the tracker did."""
+        track = FollowedTrack.of_answers(self._frames, self._answers, self._seconds)
+        return Following(track, self._refusal)
