@@ -19,6 +19,7 @@ class HeadingRules:
     Attributes:
         turn_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
         least_speed_m_s: slower, the velocity's direction is mostly noise.
+        sign_speed_m_s: faster, the velocity tells front from rear though it does not tell the heading.
         most_deviation_rad: of a velocity's direction that is still worth hearing.
         way_deviation_rad: of a heading from the direction of a well-known velocity.
         shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
@@ -31,6 +32,7 @@ class HeadingRules:
 
     turn_rad_s: float = 0.4
     least_speed_m_s: float = 0.7
+    sign_speed_m_s: float = 0.3
     most_deviation_rad: float = 0.5
     way_deviation_rad: float = 0.06
     shape_deviation_rad: float = 0.2
@@ -100,7 +102,15 @@ def follow_way(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Hea
     noise = way_variance + rules.way_deviation_rad**2
     gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_heard
     left = np.where(is_new & is_heard, noise, variance * (1 - gain))
-    return Headings(wrap(tracks.yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
+    yaw_rad = np.where(is_new & ~is_heard, _side_of_way(tracks, way_rad, rules), tracks.yaw_rad)
+    return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
+
+
+def _side_of_way(tracks: TrackTable, way_rad: Float64, rules: HeadingRules) -> Float64:
+    """Return (T,) of both headings along the shape the one nearer to a way that is not known well."""
+    is_ahead = np.abs(wrap(way_rad - tracks.yaw_rad)) <= np.pi / 2
+    is_slow = tracks.speeds_m_s < rules.sign_speed_m_s
+    return np.where(is_ahead | is_slow, tracks.yaw_rad, tracks.yaw_rad + np.pi)
 
 
 def _way_variance(tracks: TrackTable, way_rad: Float64) -> Float64:
