@@ -59,6 +59,7 @@ class Actor:
         looks: (slots, 4) palette.
         path: its way; None for what is parked.
         world_SE3_parked: (4, 4) pose of what is parked.
+        is_steered: whether it faces where its way leads, as who turns off does, and not along the road.
     """
 
     track_id: int
@@ -66,12 +67,14 @@ class Actor:
     looks: Float32
     path: Path | None = None
     world_SE3_parked: Float64 = field(default_factory=lambda: np.eye(4))
+    is_steered: bool = False
 
     def pose(self, road: Road, time_s: float) -> Float64:
         """Return (4, 4) world_SE3_actor."""
         if self.path is None:
             return self.world_SE3_parked
-        poses = upright_poses if self.body.is_person else vehicle_poses
+        is_upright = self.body.is_person or self.is_steered
+        poses = upright_poses if is_upright else vehicle_poses
         return np.asarray(poses(road, self.path, np.array([time_s]))[0])
 
     def velocity_m_s(self, road: Road, time_s: float) -> Float64:

@@ -58,9 +58,11 @@ class SyntheticDrive:
         self.sensor, self.has_images = sensor, images
         self.rig: DriveCalibration = default_calibration()
         self._frames, self._seed, self._noise = frames, seed, noise or InsNoise()
-        self.world: World = build_world(
-            config or WorldConfig(), frames / sensor.rate_hz, self._random(_WORLD)
-        )
+        self.world: World = self._build_world(config or WorldConfig(), self._random(_WORLD))
+
+    def _build_world(self, config: WorldConfig, rng: np.random.Generator) -> World:
+        """Draw what the drive goes through."""
+        return build_world(config, self._frames / self.sensor.rate_hz, rng)
 
     def _random(self, stream: int, index: int = 0) -> np.random.Generator:
         return np.random.default_rng([self._seed, stream, index])

@@ -51,7 +51,7 @@ def vehicle_poses(road: Road, path: Path, times_s: Float64) -> Float64:
 
 
 def upright_poses(road: Road, path: Path, times_s: Float64) -> Float64:
-    """Return (K, 4, 4) world_SE3_body of a person: upright, facing where they go."""
+    """Return (K, 4, 4) world_SE3_body of who stays upright and faces where they go, as people do."""
     s, side = path.at(times_s)
     (s0, l0), (s1, l1) = path.at(times_s - 0.05), path.at(times_s + 0.05)
     stands = np.hypot(s1 - s0, l1 - l0) < 1e-3

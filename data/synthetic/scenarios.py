@@ -1,0 +1,225 @@
+"""Scripted scenes with one object to follow, its truth exact: what makes following hard, one at a time or together.
+
+Seen from above, the road running to the right; all keep their lanes but who turns:
+
+    l =  0 m   ego  >>>
+    l = -3 m            van >>>            overtakes, and hides the object on its way
+    l = -6 m                   object >>>  goes at its pace, and turns to its right and back
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path as FilePath
+from typing import Literal, get_args
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from data.synthetic import actors as cast_of
+from data.synthetic import town, vehicles
+from data.synthetic.actors import Actor, Body
+from data.synthetic.camera import Exposure
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.ins import InsNoise
+from data.synthetic.motion import Path
+from data.synthetic.road import Road, RoadShape
+from data.synthetic.town import TownStyle
+from data.synthetic.vehicle_designs import BodyStyle, draw_design
+from data.synthetic.world import World, assemble
+from data.synthetic.world_config import WorldConfig
+from perception.errors import UsageError
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Float64
+
+Kind = Literal["Car", "Cyclist", "Pedestrian"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+FOLLOWED_ID = 0  # track id of the object that is followed
+_OCCLUDER_ID = 1
+
+_PACE_M_S: dict[Kind, float] = {"Car": 6.0, "Cyclist": 4.5, "Pedestrian": 1.5}
+_EGO_LANE_M, _VAN_LANE_M, _OBJECT_LANE_M = 0.0, -3.0, -6.0
+_GAP_M = 18.0  # from the LiDAR to the object, along the road
+_FARTHEST_M, _NEAREST_M = 40.0, 18.0  # the same where the distance changes
+_STEP_S = 0.05
+_MARGIN_S = 2.0  # ways go on for this long before and after the drive
+_OVERTAKES = (
+    0.28  # of the gap a second, by which the van is faster than the line of sight it crosses
+)
+_TURN_RAD = -np.radians(65)
+_EGO_LAG_S = 1.0  # over which the ego vehicle evens out the object's speed
+
+
+class Difficulty(StrEnum):
+    """What changes or hides the object while it is followed; the attributes of Table 3.2."""
+
+    OCCLUSION = "occlusion"
+    ILLUMINATION = "illumination"
+    POSE = "pose"
+    DISTANCE = "distance"  # and so its size in the image, and the points on it
+    VELOCITY = "velocity"
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What happens to the object.
+
+    Attributes:
+        kind: KITTI's type of the object.
+        difficulties: all that happens, each in its part of the drive.
+        duration_s: of the drive; all that happens is stretched with it.
+    """
+
+    kind: Kind = "Car"
+    difficulties: frozenset[Difficulty] = frozenset()
+    duration_s: float = 6.0
+
+    def __post_init__(self) -> None:
+        """Refuse a drive too short for anything to happen in it."""
+        if self.duration_s < 0.5:
+            raise UsageError(
+                "scenario", expected="a duration of at least 0.5 s", found=f"{self.duration_s:g} s"
+            )
+
+    @property
+    def name(self) -> str:
+        """What happens, in a word."""
+        if len(self.difficulties) == len(Difficulty):
+            return "together"
+        return " and ".join(sorted(self.difficulties)) or "plain"
+
+    def has(self, difficulty: Difficulty) -> bool:
+        """Tell whether something happens."""
+        return difficulty in self.difficulties
+
+
+def all_scenarios(kind: Kind, duration_s: float = 6.0) -> list[Scenario]:
+    """Return nothing happening, one thing at a time, and all of it together."""
+    chosen = [frozenset[Difficulty](), *(frozenset([c]) for c in Difficulty), frozenset(Difficulty)]
+    return [Scenario(kind, difficulties, duration_s) for difficulties in chosen]
+
+
+class ScenarioDrive(SyntheticDrive):
+    """A drive through a scenario, along a flat, wide street; the object is track `FOLLOWED_ID`."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        seed: int = 0,
+        sensor: LidarModel = HDL_64E,
+        noise: InsNoise | None = None,
+        images: bool = True,
+    ) -> None:
+        """Draw the street and who is on it.
+
+        Args:
+            scenario: what happens.
+            seed: of the street, of looks and of all noise.
+            sensor: the LiDAR.
+            noise: of the INS; else as KITTI's.
+            images: whether frames carry images.
+        """
+        self.scenario = scenario
+        frames = max(round(scenario.duration_s * sensor.rate_hz), 2)
+        super().__init__(frames, seed=seed, sensor=sensor, noise=noise, images=images)
+        self.name = f"{scenario.kind.lower()} {scenario.name}"
+        self.root = FilePath(self.name.replace(" ", "_"))
+
+    def _build_world(self, config: WorldConfig, rng: np.random.Generator) -> World:
+        return _build_world(self.scenario, rng)
+
+    def _exposure(self, index: int) -> Exposure:
+        steady = super()._exposure(index)
+        if not self.scenario.has(Difficulty.ILLUMINATION):
+            return steady
+        share = self.stamp_s(index) / self.scenario.duration_s
+        return Exposure(steady.gain * _light(share))
+
+
+def _light(share: float) -> float:
+    """Return the light over the drive: as under a bridge, and then brighter than before."""
+    into_shade, into_sun = _ramp(np.array([share, share]), [0.35, 0.65], [0.43, 0.70])
+    return float(1 - 0.75 * into_shade + 1.15 * into_sun)
+
+
+def _ramp(
+    values: Float64, start: float | Sequence[float], stop: float | Sequence[float]
+) -> Float64:
+    """Rise smoothly from 0 at the start to 1 at the stop."""
+    share = np.clip((values - np.asarray(start)) / (np.asarray(stop) - np.asarray(start)), 0, 1)
+    return np.asarray(share**2 * (3 - 2 * share))
+
+
+def _bump(values: Float64, start: float, stop: float, ramp: float) -> Float64:
+    """Rise from 0 to 1 after the start, and fall back to 0 before the stop."""
+    return _ramp(values, start, start + ramp) - _ramp(values, stop - ramp, stop)
+
+
+def _build_world(scenario: Scenario, rng: np.random.Generator) -> World:
+    shape = RoadShape(
+        curvature_1_m=0.0, slope=0.0, bank=0.0, crown=0.0, lane_m=18.0, parking_m=0.0, kerb_m=0.0
+    )
+    style = TownStyle(houses=0.5, greenery=0.3, furniture=0.5, parking=0.0)
+    config = WorldConfig(road=shape, town=style)
+    times_s = np.arange(-_MARGIN_S, scenario.duration_s + _MARGIN_S, _STEP_S)
+    followed = _object_way(scenario, times_s)
+    ego = _ego_way(scenario, followed)
+    stretch = (float(ego.s_m.min()) - 60, float(followed.s_m.max()) + 80)
+    road = Road(shape, start_m=stretch[0] - 60, end_m=stretch[1] + 60)
+    body = _body(scenario.kind, rng)
+    looks = cast_of.draw_looks(body, rng)
+    actors = [Actor(FOLLOWED_ID, body, looks, followed, is_steered=True)]
+    if scenario.has(Difficulty.OCCLUSION):
+        actors.append(_occluder(scenario, followed, ego, rng))
+    parts = town.furnish(road, stretch, style, [], rng)
+    return assemble(config, road, parts, actors, ego, rng)
+
+
+def _body(kind: Kind, rng: np.random.Generator) -> Body:
+    if kind == "Pedestrian":
+        return cast_of.draw_pedestrians(rng, 1)[0]
+    if kind == "Cyclist":
+        return cast_of.draw_cyclists(rng, 1)[0]
+    return _vehicle("Car", BodyStyle.HATCHBACK, rng)
+
+
+def _vehicle(kind: Literal["Car", "Van"], style: BodyStyle, rng: np.random.Generator) -> Body:
+    design = draw_design(style, rng)
+    return Body(kind, design.size_m, (vehicles.build(design),))
+
+
+def _object_way(scenario: Scenario, times_s: Float64) -> Path:
+    """Integrate the object's speed and heading."""
+    share = times_s / scenario.duration_s
+    speed_m_s = np.full_like(share, _PACE_M_S[scenario.kind])
+    if scenario.has(Difficulty.VELOCITY):
+        # Brakes to a crawl within a second, and then goes faster than before.
+        speed_m_s *= 1 - 0.9 * _ramp(share, 0.10, 0.25) + 1.2 * _ramp(share, 0.45, 0.62)
+    heading_rad = np.zeros_like(share)
+    if scenario.has(Difficulty.POSE):
+        heading_rad = _TURN_RAD * _bump(share, 0.55, 0.90, 0.175)
+    start = int(np.argmin(np.abs(times_s)))
+    s_m = np.cumsum(speed_m_s * np.cos(heading_rad)) * _STEP_S
+    l_m = np.cumsum(speed_m_s * np.sin(heading_rad)) * _STEP_S
+    return Path(times_s, s_m - s_m[start], _OBJECT_LANE_M + l_m - l_m[start])
+
+
+def _ego_way(scenario: Scenario, followed: Path) -> Path:
+    """Follow the object at an even pace."""
+    evened_m = gaussian_filter1d(followed.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
+    gap_m = np.full_like(evened_m, _GAP_M)
+    if scenario.has(Difficulty.DISTANCE):
+        share = followed.times_s / scenario.duration_s
+        gap_m = _FARTHEST_M + (_NEAREST_M - _FARTHEST_M) * _ramp(share, 0.0, 1.0)
+    return Path(followed.times_s, evened_m - gap_m, np.full_like(gap_m, _EGO_LANE_M))
+
+
+def _occluder(scenario: Scenario, followed: Path, ego: Path, rng: np.random.Generator) -> Actor:
+    """Let a van overtake, so that it stands in the line of sight at a third of the drive."""
+    gap_m = followed.s_m - ego.s_m
+    crossing_m = ego.s_m + gap_m * (_VAN_LANE_M - ego.l_m) / (followed.l_m - ego.l_m)
+    ahead_m = _OVERTAKES * gap_m * (followed.times_s - 0.36 * scenario.duration_s)
+    way = Path(followed.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
+    van = _vehicle("Van", BodyStyle.PANEL_VAN, rng)
+    return Actor(_OCCLUDER_ID, van, cast_of.draw_looks(van, rng), way)
