@@ -8,7 +8,7 @@
 """
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,10 +24,12 @@ from perception.tracking.single_object.object_shape import ObjectShape, ShapeRul
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
     SearchRules,
+    Sight,
     into_frame,
     reward_at,
     search,
 )
+from perception.tracking.single_object.surroundings import Surroundings
 from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
 from perception.tracking.single_object.turning_motion import MovingState, TurningRules
 from perception.types import Boxes3D, Float64
@@ -43,6 +45,8 @@ class FollowRules:
         clearance_m: points so near the ground may be ground.
         headroom_m: points so far above the box are not the object's.
         thin_m: points are averaged by cells of this edge.
+        own_margin_m: what lies farther outside the box is something else.
+        known_weight: of a point where something else stood a moment ago.
         least_reward: of the points at the best pose, each worth up to 1, to be seen.
         least_share: of the reward that the object used to have at this distance.
         lost_after_s: without being seen.
@@ -53,6 +57,8 @@ class FollowRules:
     clearance_m: float = 0.2
     headroom_m: float = 0.3
     thin_m: float = 0.1
+    own_margin_m: float = 0.4
+    known_weight: float = 0.1
     least_reward: float = 1.2
     least_share: float = 0.1
     lost_after_s: float = 3.0
@@ -70,6 +76,7 @@ class _Followed:
     ground: GroundBelow
     rise_m: float
     shape: ObjectShape
+    surroundings: Surroundings
     usual_reward: float
     answer_state: FollowState
 
@@ -105,11 +112,11 @@ class BoxFollower:
             GroundBelow(bottom[2], 0.05**2),
             0.0,
             shape,
+            Surroundings(),
             0.0,
             FollowState.SEEN,
         )
-        points, weights = self._points(moment, self._followed, 1.0)
-        self._followed = self._remember(moment, self._followed, points, weights)
+        self._followed = self._remember(self._followed, self._sight(moment, self._followed, 4.0))
         return self._answer(moment)
 
     def follow(self, moment: Moment) -> FollowedObject:
@@ -128,27 +135,21 @@ class BoxFollower:
         )
         followed = self._with_ground(moment, followed)
         reach_m = 2.5 * np.sqrt(np.linalg.eigvalsh(state.covariance[:2, :2])[-1]) + 0.3
-        points, weights = self._points(moment, followed, float(min(reach_m, 6.0)))
-        sensor = moment.world_SE3_velo[:2, 3]
-        distance_m = float(np.hypot(*(state.mean[:2] - sensor)))
+        sight = self._sight(moment, followed, float(np.clip(reach_m, 3.0, 6.0)))
+        least = max(self._rules.least_reward, self._rules.least_share * sight.usual_reward)
         belief = None
-        if len(points):
-            usual = before.usual_reward / max(distance_m, 5.0) ** 2
-            belief = search(
-                followed.shape, points[:, :2], weights, sensor,
-                self._priors(before, state), usual, self._search_rules,
-            )  # fmt: skip
-        least = max(
-            self._rules.least_reward,
-            self._rules.least_share * before.usual_reward / max(distance_m, 5.0) ** 2,
-        )
-        if belief is not None and belief.reward >= least:
+        if len(sight.weights):
+            priors = self._priors(before, state)
+            belief = search(followed.shape, sight, priors, self._search_rules)
+            if reward_at(followed.shape, sight, belief.pose) < least:
+                belief = None
+        if belief is not None:
             state = motion.correct(state, belief.pose, belief.covariance)
             state = motion.facing_its_way(state, self._motion, 0.4)
             followed = replace(
                 followed, state=state, seen_s=moment.stamp_s, answer_state=FollowState.SEEN
             )
-            followed = self._remember(moment, followed, points, weights)
+            followed = self._remember(followed, sight)
         else:
             hidden_s = moment.stamp_s - followed.seen_s
             is_lost = hidden_s > self._rules.lost_after_s
@@ -160,12 +161,12 @@ class BoxFollower:
 
     def _priors(self, before: _Followed, now: MovingState) -> tuple[PoseBelief, ...]:
         """Return where the object is expected: further on, or where it was if it may stand."""
-        expected = PoseBelief(now.mean[:3], now.covariance[:3, :3], 0.0)
+        expected = PoseBelief(now.mean[:3], now.covariance[:3, :3])
         was = before.state
         if abs(was.mean[3]) > 2 * np.sqrt(was.covariance[3, 3]):
             return (expected,)
         spread = was.covariance[:3, :3] + np.diag([0.02, 0.02, 0.02]) ** 2
-        return expected, PoseBelief(was.mean[:3], spread, 0.0)
+        return expected, PoseBelief(was.mean[:3], spread)
 
     def _kind(self, size_m: Float64) -> TurningRules:
         if size_m[0] >= self._rules.vehicle_m[0] and size_m[1] >= self._rules.vehicle_m[1]:
@@ -202,36 +203,36 @@ class BoxFollower:
             ground = ground.measured(local_m - 0.03, 0.15)
         return replace(followed, ground=ground)
 
-    def _points(
-        self, moment: Moment, followed: _Followed, reach_m: float
-    ) -> tuple[Float64, Float64]:
-        """Return (N, 2) thinned points above the ground around the object, and their weights."""
+    def _sight(self, moment: Moment, followed: _Followed, reach_m: float) -> Sight:
+        """Return what is seen above the ground around the object."""
         size_m = followed.shape.size_m
         around = self._around(moment, followed, float(np.hypot(*size_m[:2]) / 2 + 0.6 + reach_m))
         above_m = around[:, 2] - followed.ground.z_world_m
         keep = (above_m > self._rules.clearance_m) & (above_m < size_m[2] + self._rules.headroom_m)
-        return _thinned(around[keep, :2], self._rules.thin_m)
-
-    def _remember(
-        self, moment: Moment, followed: _Followed, points: Float64, weights: Float64
-    ) -> _Followed:
-        if not len(points):
-            return followed
-        x, y, yaw = followed.state.mean[:3]
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        dx, dy = points[:, 0] - x, points[:, 1] - y
-        u, v = cos * dx + sin * dy, cos * dy - sin * dx
-        half = followed.shape.size_m / 2 + 0.1
-        inside = (np.abs(u) < half[0]) & (np.abs(v) < half[1])
         sensor = moment.world_SE3_velo[:2, 3]
-        pose = followed.state.mean[:3]
-        table = followed.shape.rewards(into_frame(sensor[None], pose)[0])
-        reward = reward_at(followed.shape, table, points, weights, pose)
-        reward *= max(((sensor - [x, y]) ** 2).sum(), 25.0)
+        usual = followed.usual_reward / _squared_distance(sensor, followed.state.mean[:2])
+        points, weights = _thinned(around[keep, :2], self._rules.thin_m)
+        is_known = followed.surroundings.hold(points)
+        weights = np.where(is_known, self._rules.known_weight * weights, weights)
+        return Sight(points, weights, sensor, usual)
+
+    def _remember(self, followed: _Followed, sight: Sight) -> _Followed:
+        if not len(sight.weights):
+            return followed
+        pose, shape = followed.state.mean[:3], followed.shape
+        u, v = into_frame(sight.points_xy_m, pose).T
+        inside = (np.abs(u) < shape.size_m[0] / 2 + 0.1) & (np.abs(v) < shape.size_m[1] / 2 + 0.1)
+        reward = reward_at(shape, sight, pose) * _squared_distance(sight.sensor_xy_m, pose[:2])
         usual = followed.usual_reward
         usual = reward if usual == 0 else usual + 0.1 * (reward - usual)
-        shape = followed.shape.remembering(u[inside], v[inside], weights[inside])
-        return replace(followed, shape=shape, usual_reward=float(usual))
+        outside_m = np.maximum(np.abs(u) - shape.size_m[0] / 2, np.abs(v) - shape.size_m[1] / 2)
+        others = sight.points_xy_m[outside_m > self._rules.own_margin_m]
+        return replace(
+            followed,
+            shape=shape.remembering(u[inside], v[inside], sight.weights[inside]),
+            usual_reward=float(usual),
+            surroundings=followed.surroundings.seen(others),
+        )
 
     def _answer(self, moment: Moment) -> FollowedObject:
         followed = self._followed
@@ -246,6 +247,11 @@ class BoxFollower:
         )
         velocity = velo[:2, :2] @ followed.state.velocity_world_m_s
         return FollowedObject(followed.answer_state, box, velocity, None)
+
+
+def _squared_distance(sensor_xy_m: Float64, xy_m: Float64) -> float:
+    """Return the squared distance, by which the points of an object get fewer."""
+    return max(float(((sensor_xy_m - xy_m) ** 2).sum()), 25.0)
 
 
 def _thinned(points_xy_m: Float64, cell_m: float) -> tuple[Float64, Float64]:

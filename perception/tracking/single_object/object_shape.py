@@ -88,6 +88,17 @@ class ObjectShape:
             scans=self.scans + 1,
         )
 
+    def rewards_from(self, sensor_xy_m: Float64, pose: Float64) -> Float32:
+        """Return (U, V) what a point in each cell is worth at a (3,) pose, seen from (2,) a place."""
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        x, y = sensor_xy_m - pose[:2]
+        return self.rewards(np.array([cos * x + sin * y, cos * y - sin * x]))
+
+    def kept_by(self, blurred: Float32, table: Float32) -> float:
+        """Return the share of the reward of what was seen so far that a blurred table still gives."""
+        sharp = float((self.seen * np.maximum(table, 0)).sum())
+        return float((self.seen * np.maximum(blurred, 0)).sum()) / sharp if sharp > 0 else 1.0
+
     def rewards(self, sensor_m: Float64) -> Float32:
         """Return (U, V) what a point in each cell is worth, seen from (2,) along and left of the middle."""
         u, v = self._axes_m()

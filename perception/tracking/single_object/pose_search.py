@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy import ndimage
 
 from perception.tracking.single_object.object_shape import ObjectShape
-from perception.types import Float32, Float64, Int
+from perception.types import Bool, Float32, Float64
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,13 @@ class SearchRules:
         reach: of the first lattice in standard deviations of what is expected.
         least_reach_m: of the first lattice along and across.
         least_reach_rad: around.
-        finest_m: steps need not be finer.
+        finest_m: lattices need not reach less far.
         finest_rad: the same of angles.
         informative_points: so many points say all; more say the same again.
-        sharpness: of one such point.
+        sharpness: what one such point says.
         surplus: what e times as many points as usual say.
         most_points: of one lattice; more are thinned evenly.
+        possible: poses whose score is this far below the best may still be it.
         floor_m: standard deviation of a pose that fits perfectly.
         floor_rad: of its yaw.
     """
@@ -37,158 +39,206 @@ class SearchRules:
     reach: float = 2.5
     least_reach_m: float = 0.25
     least_reach_rad: float = 0.06
-    finest_m: float = 0.02
-    finest_rad: float = 0.005
+    finest_m: float = 0.04
+    finest_rad: float = 0.01
     informative_points: float = 40.0
     sharpness: float = 3.0
     surplus: float = 3.0
     most_points: int = 250
+    possible: float = 6.0
     floor_m: float = 0.03
     floor_rad: float = 0.015
 
 
 @dataclass(frozen=True)
 class PoseBelief:
-    """Where the object is.
-
-    Attributes:
-        pose: (3,) x, y, yaw.
-        covariance: (3, 3).
-        reward: of all points together that speak for this pose, each worth up to 1.
-    """
+    """Where the object is in the world: (3,) x, y, yaw, and their (3, 3) covariance."""
 
     pose: Float64
     covariance: Float64
-    reward: float
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What one scan shows around the place where the object is expected.
+
+    Attributes:
+        points_xy_m: (N, 2) above the ground, in the world.
+        weights: (N,).
+        sensor_xy_m: (2,).
+        usual_reward: what the object's points used to be worth, at this distance.
+    """
+
+    points_xy_m: Float64
+    weights: Float64
+    sensor_xy_m: Float64
+    usual_reward: float
+
+    def near(self, xy_m: Float64, radius_m: float, most: int) -> "Sight":
+        """Return what lies near a place, thinned evenly to at most so many points."""
+        off = self.points_xy_m - xy_m
+        rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
+        stride = max(1, -(-len(rows) // most))
+        rows = rows[::stride]
+        return Sight(
+            self.points_xy_m[rows],
+            self.weights[rows] * stride,
+            self.sensor_xy_m,
+            self.usual_reward,
+        )
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """Poses around one: so far along, across and around it, in so many steps."""
+
+    pose: Float64
+    reach: Float64
+    steps: tuple[int, int, int]
+
+    @property
+    def spacing(self) -> Float64:
+        return np.asarray(2 * self.reach / (np.array(self.steps) - 1))
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """The poses of a lattice: (Y, U, V, 3), around, along and across, and their (Y, U, V) rewards."""
+
+    poses: Float64
+    rewards: Float64
 
 
 def search(
-    shape: ObjectShape,
-    points_xy_m: Float64,
-    weights: Float64,
-    sensor_xy_m: Float64,
-    priors: tuple[PoseBelief, ...],
-    usual_reward: float,
-    rules: SearchRules,
+    shape: ObjectShape, sight: Sight, priors: tuple[PoseBelief, ...], rules: SearchRules
 ) -> PoseBelief:
-    """Return what is believed after (N, 2) points were seen.
+    """Return what is believed after a scan.
 
     Args:
         shape: of the object.
-        points_xy_m: above the ground, all around the expected place.
-        weights: (N,) of the points.
-        sensor_xy_m: (2,).
-        priors: what is expected: the first, or one of the others.
-        usual_reward: of the object at this distance.
+        sight: what the scan shows.
+        priors: what is believed before: one of these, the first as a rule.
         rules: how to search.
     """
-    expected = priors[0]
-    table = shape.rewards(into_frame(sensor_xy_m[None], expected.pose)[0])
-    pose = expected.pose
-    axes = _turn(pose[2])
-    spread = np.sqrt(np.diag(axes.T @ expected.covariance @ axes))
-    least = np.array([rules.least_reach_m, rules.least_reach_rad])[[0, 0, 1]]
-    reach = np.maximum(rules.reach * spread, least)
-    finest = np.array([rules.finest_m, rules.finest_rad])[[0, 0, 1]]
-    for steps in rules.steps:
-        spacing = 2 * reach / (np.array(steps) - 1)
-        smooth = _blurred(table, max(spacing[0], spacing[1]) / 2 / shape.rules.cell_m)
-        rows, boost = _within_reach(shape, points_xy_m, pose, reach, rules.most_points)
-        poses, sums = _judge(
-            shape, smooth, points_xy_m[rows], weights[rows] * boost, pose, reach, steps
-        )
-        gain = _gains(sums, usual_reward, rules)
-        off = poses - expected.pose
-        off[:, 2] = _wrap(off[:, 2])
-        score = gain + _log_prior(poses, priors)
-        usual_reward = max(usual_reward, float(sums[np.argmax(score)]))
-        chances = np.exp(score - score.max())
-        chances /= chances.sum()
-        mean_off = chances @ off
-        pose = expected.pose + mean_off
-        rest = off - mean_off
-        covariance = (rest * chances[:, None]).T @ rest
-        axes = _turn(pose[2])
-        spread = np.sqrt(np.maximum(np.diag(axes.T @ covariance @ axes), 0))
-        reach = np.minimum(np.maximum(2.5 * spread, 1.5 * spacing), reach)
-        reach = np.maximum(reach, finest * 2)
-    floor = axes @ np.diag([rules.floor_m**2, rules.floor_m**2, rules.floor_rad**2]) @ axes.T
-    return PoseBelief(pose, covariance + floor, reward_at(shape, table, points_xy_m, weights, pose))
+    table = shape.rewards_from(sight.sensor_xy_m, priors[0].pose)
+    lattice = _first_lattice(priors[0], rules)
+    usual = sight.usual_reward
+    radius_m = float(np.hypot(*(shape.size_m[:2] / 2 + shape.rules.rim_m)))
+    for number, steps in enumerate(rules.steps):
+        lattice = _Lattice(lattice.pose, lattice.reach, steps)
+        smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.rules.cell_m)
+        reach_m = radius_m + float(np.hypot(*lattice.reach[:2]))
+        near = sight.near(lattice.pose[:2], reach_m, rules.most_points)
+        judged = _judge(shape, smooth, near, lattice)
+        kept = usual * shape.kept_by(smooth, table)
+        score = _gains(judged.rewards, kept, rules) + _log_prior(judged.poses, priors)
+        best = np.unravel_index(np.argmax(score), score.shape)
+        usual = max(usual, float(judged.rewards[best]))
+        belief = _moments(judged.poses, score, _around_best(score, best, rules.possible))
+        if number + 1 < len(rules.steps):
+            lattice = _finer(lattice, belief, rules)
+    axes = _turn(belief.pose[2])
+    floor = axes @ np.diag(np.square([rules.floor_m, rules.floor_m, rules.floor_rad])) @ axes.T
+    return PoseBelief(belief.pose, belief.covariance + floor)
 
 
-def _within_reach(
-    shape: ObjectShape, points_xy_m: Float64, pose: Float64, reach: Float64, most: int
-) -> tuple[Int, float]:
-    """Return which points any pose of a lattice may touch, thinned evenly, and what each stands for."""
-    radius_m = np.hypot(*(shape.size_m[:2] / 2 + shape.rules.rim_m)) + np.hypot(*reach[:2])
-    off = points_xy_m - pose[:2]
-    rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
-    stride = max(1, -(-len(rows) // most))
-    return rows[::stride], float(stride)
-
-
-def reward_at(
-    shape: ObjectShape, table: Float32, points_xy_m: Float64, weights: Float64, pose: Float64
-) -> float:
-    """Return how much speaks for one pose."""
-    u, v = shape.cells_of(*into_frame(points_xy_m, pose).T)
+def reward_at(shape: ObjectShape, sight: Sight, pose: Float64) -> float:
+    """Return how much speaks for one pose: its points, each worth up to 1."""
+    table = shape.rewards_from(sight.sensor_xy_m, pose)
+    u, v = shape.cells_of(*into_frame(sight.points_xy_m, pose).T)
     rows, columns = table.shape
     i = np.clip(np.rint(u), 0, rows - 1).astype(np.int64)
     j = np.clip(np.rint(v), 0, columns - 1).astype(np.int64)
-    return float(weights @ np.maximum(table[i, j], 0))
+    return float(sight.weights @ np.maximum(table[i, j], 0))
+
+
+def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
+    """Return (N, 2) places along and left of a pose."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = (points_xy_m - pose[:2]).T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+
+
+def _first_lattice(prior: PoseBelief, rules: SearchRules) -> _Lattice:
+    least = np.array([rules.least_reach_m, rules.least_reach_m, rules.least_reach_rad])
+    spread = _spread(prior.pose[2], prior.covariance)
+    return _Lattice(prior.pose, np.maximum(rules.reach * spread, least), rules.steps[0])
+
+
+def _finer(lattice: _Lattice, belief: PoseBelief, rules: SearchRules) -> _Lattice:
+    spread = _spread(belief.pose[2], belief.covariance)
+    reach = np.minimum(np.maximum(2.5 * spread, 1.5 * lattice.spacing), lattice.reach)
+    finest = np.array([rules.finest_m, rules.finest_m, rules.finest_rad])
+    return _Lattice(belief.pose, np.maximum(reach, finest), lattice.steps)
+
+
+def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) -> _Judged:
+    """Sum the rewards of all points at every pose.
+
+    Steps along and across lie on the pose's own axes, so that the cells of a point along and across
+    need only be added.
+    """
+    along, across, around = (
+        np.linspace(-reach, reach, steps)
+        for reach, steps in zip(lattice.reach, lattice.steps, strict=True)
+    )
+    x0, y0, yaw0 = lattice.pose
+    yaws = yaw0 + around
+    cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+    x, y = (sight.points_xy_m - [x0, y0]).T
+    u, v = shape.cells_of(cos * x + sin * y, cos * y - sin * x)
+    rows, columns = table.shape
+    per_m = 1 / shape.rules.cell_m
+    i = np.clip(np.rint(u[..., None] - per_m * along), 0, rows - 1).astype(np.int32)
+    j = np.clip(np.rint(v[..., None] - per_m * across), 0, columns - 1).astype(np.int32)
+    worth = table.ravel().take((i * np.int32(columns))[:, :, :, None] + j[:, :, None, :])
+    rewards = np.einsum("n,ynuv->yuv", sight.weights.astype(np.float32), worth)
+    cos, sin = cos[:, :, None], sin[:, :, None]
+    du, dv = along[None, :, None], across[None, None, :]
+    poses = np.stack(
+        [
+            x0 + cos * du - sin * dv,
+            y0 + sin * du + cos * dv,
+            np.broadcast_to(yaws[:, None, None], rewards.shape),
+        ],
+        axis=-1,
+    )
+    return _Judged(poses, rewards.astype(np.float64))
+
+
+def _gains(rewards: Float64, usual_reward: float, rules: SearchRules) -> Float64:
+    """Return what rewards say for poses; more than is usual for the object says little more."""
+    usual = max(usual_reward, 1.0)
+    beyond = rules.surplus * np.log(np.maximum(rewards, usual) / usual)
+    share = rules.sharpness * min(1.0, rules.informative_points / usual)
+    return np.asarray(share * np.minimum(rewards, usual) + beyond)
 
 
 def _log_prior(poses: Float64, priors: tuple[PoseBelief, ...]) -> Float64:
-    """Return (H,) the log density of a mixture of beliefs in equal parts, but for a constant."""
+    """Return (...) the log density of a mixture of beliefs in equal parts, but for a constant."""
     logs = []
     for prior in priors:
         off = poses - prior.pose
-        off[:, 2] = _wrap(off[:, 2])
-        away = np.einsum("hi,ij,hj->h", off, np.linalg.inv(prior.covariance), off)
+        off[..., 2] = _wrap(off[..., 2])
+        away = np.einsum("...i,ij,...j->...", off, np.linalg.inv(prior.covariance), off)
         logs.append(-0.5 * (away + np.linalg.slogdet(prior.covariance)[1]))
     return np.asarray(np.logaddexp.reduce(logs))
 
 
-def _gains(sums: Float64, usual_reward: float, rules: SearchRules) -> Float64:
-    """Return what rewards say for poses; more than is usual for the object says little more."""
-    usual = max(usual_reward, 1.0)
-    beyond = rules.surplus * np.log(np.maximum(sums, usual) / usual)
-    share = rules.sharpness * min(1.0, rules.informative_points / usual)
-    return np.asarray(share * np.minimum(sums, usual) + beyond)
+def _around_best(score: Float64, best: tuple[np.intp, ...], possible: float) -> Bool:
+    """Tell which poses are possible and hang together with the best: another object's do not."""
+    groups, _ = ndimage.label(score > score[best] - possible, np.ones((3, 3, 3)))
+    return np.asarray(groups == groups[best])
 
 
-def _judge(
-    shape: ObjectShape,
-    table: Float32,
-    points_xy_m: Float64,
-    weights: Float64,
-    pose: Float64,
-    reach: Float64,
-    steps: tuple[int, int, int],
-) -> tuple[Float64, Float64]:
-    """Return (H, 3) poses of a lattice and (H,) the summed rewards of all points at each."""
-    along, across, around = (np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))
-    yaws = pose[2] + around
-    cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
-    x, y = (points_xy_m - pose[:2]).T
-    u, v = shape.cells_of(cos * x + sin * y, cos * y - sin * x)  # (yaws, N)
-    rows, columns = table.shape
-    cell = 1 / shape.rules.cell_m
-    i = np.clip(np.rint(u[..., None] - cell * along), 0, rows - 1).astype(np.int32) * columns
-    j = np.clip(np.rint(v[..., None] - cell * across), 0, columns - 1).astype(np.int32)
-    worth = table.ravel().take(i[:, :, :, None] + j[:, :, None, :])  # (yaws, N, along, across)
-    sums = np.einsum("n,ynuv->yuv", weights.astype(np.float32), worth)
-    cos, sin = cos[:, :, None], sin[:, :, None]
-    du, dv = along[None, :, None], across[None, None, :]
-    places = np.stack(
-        [
-            pose[0] + cos * du - sin * dv,
-            pose[1] + sin * du + cos * dv,
-            np.broadcast_to(yaws[:, None, None], sums.shape),
-        ],
-        axis=-1,
-    )
-    return places.reshape(-1, 3), sums.ravel().astype(np.float64)
+def _moments(poses: Float64, score: Float64, rows: Bool) -> PoseBelief:
+    """Return mean and covariance of some poses, each as likely as its score says."""
+    chosen, score = poses[rows], score[rows]
+    chances = np.exp(score - score.max())
+    chances /= chances.sum()
+    mean = chances @ chosen  # yaws of one lattice do not wrap
+    off = chosen - mean
+    return PoseBelief(mean, (off * chances[:, None]).T @ off)
 
 
 def _blurred(table: Float32, deviation_cells: float) -> Float32:
@@ -197,11 +247,10 @@ def _blurred(table: Float32, deviation_cells: float) -> Float32:
     return np.asarray(cv2.GaussianBlur(table, (0, 0), deviation_cells))
 
 
-def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
-    """Return (N, 2) places along and left of a pose."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    x, y = (points_xy_m - pose[:2]).T
-    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+def _spread(yaw_rad: float, covariance: Float64) -> Float64:
+    """Return (3,) the deviations along, across and around."""
+    axes = _turn(yaw_rad)
+    return np.sqrt(np.maximum(np.diag(axes.T @ covariance @ axes), 0))
 
 
 def _turn(yaw_rad: float) -> Float64:
