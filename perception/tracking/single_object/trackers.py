@@ -4,10 +4,18 @@ from collections.abc import Callable
 
 from perception.errors import UsageError
 from perception.sensor import LidarModel
+from perception.tracking.single_object.colored_points import colored_points_tracker
+from perception.tracking.single_object.fusion_tracker import FusionTracker
+from perception.tracking.single_object.lidar_baselines import kalman_tracker, mean_shift_tracker
 from perception.tracking.single_object.tracker import SingleObjectTracker
 
 # Best first. A tracker is made anew for every object that is followed.
-_MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {}
+_MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
+    "h-fus": FusionTracker,
+    "l-fus": colored_points_tracker,
+    "3d-ms": mean_shift_tracker,
+    "3d-kf": kalman_tracker,
+}
 
 TRACKERS = tuple(_MAKERS)
 

@@ -1,0 +1,72 @@
+"""From a place in the image back to space, by the LiDAR points seen around it (5.3.4)."""
+
+import numpy as np
+
+from perception.geometry.camera import project
+from perception.types import Float, Float64
+
+
+def back_project(center_px: Float64, points_velo: Float, image_P_velo: Float64) -> Float64 | None:
+    """Return (3,) the place in the LiDAR frame that is seen at a place in the image.
+
+    The nearest point in each of the four quadrants around it tells how far away it is: between the upper
+    two and between the lower two at its column, then between these at its row. Inverse depths are what
+    is interpolated, as over a plane they are linear in the image; so the place lies on the line of sight.
+    With fewer quadrants, the points of those there are weigh the same.
+
+    Args:
+        center_px: (2,) column and row.
+        points_velo: (N, 3+) of the object and near it.
+        image_P_velo: (3, 4).
+
+    Returns:
+        None where no point is before the camera.
+    """
+    pixels, depths_m = project(image_P_velo, points_velo)
+    in_front = np.isfinite(pixels).all(axis=1)
+    away_px, depths_m = pixels[in_front] - center_px, depths_m[in_front]
+    corners = [_nearest_of(quadrant, away_px) for quadrant in _quadrants(away_px)]
+    found = [corner for corner in corners if corner is not None]
+    if not found:
+        return None
+    weights = _bilinear(away_px[found]) if len(found) == 4 else np.full(len(found), 1 / len(found))
+    depth_m = 1 / float(weights @ (1 / depths_m[found]))
+    return _at_depth(center_px, depth_m, image_P_velo)
+
+
+def _quadrants(away_px: Float64) -> list[np.ndarray]:
+    """Return which points lie to the upper left, upper right, lower left and lower right, axes with both."""
+    right, down = away_px.T
+    return [
+        np.flatnonzero((side * right >= 0) & (level * down >= 0))
+        for level in (-1, 1)
+        for side in (-1, 1)
+    ]
+
+
+def _nearest_of(rows: np.ndarray, away_px: Float64) -> int | None:
+    if len(rows) == 0:
+        return None
+    return int(rows[np.argmin((away_px[rows] ** 2).sum(axis=1))])
+
+
+def _bilinear(corners_px: Float64) -> Float64:
+    """Return (4,) weights with which the corners' mean lies at 0: upper left, upper right, lower two."""
+    (upper, upper_row), (lower, lower_row) = _at_column(corners_px[:2]), _at_column(corners_px[2:])
+    height = lower_row - upper_row
+    share = -upper_row / height if height > 0 else 0.5
+    return np.concatenate([upper * (1 - share), lower * share])
+
+
+def _at_column(pair_px: Float64) -> tuple[Float64, float]:
+    """Return (2,) weights of a left and a right point where the line between them has column 0; and its row."""
+    (left, _), (right, _) = pair_px
+    share = -left / (right - left) if right > left else 0.5
+    weights = np.array([1 - share, share])
+    return weights, float(weights @ pair_px[:, 1])
+
+
+def _at_depth(center_px: Float64, depth_m: float, image_P_velo: Float64) -> Float64:
+    """Return (3,) the place on a line of sight at a depth before the camera."""
+    homogeneous = depth_m * np.append(center_px, 1.0)
+    return np.asarray(np.linalg.solve(image_P_velo[:, :3], homogeneous - image_P_velo[:, 3]))

@@ -1,0 +1,136 @@
+"""The thesis' fusion tracker, H-Fus: LiDAR and camera each find the object, a filter fuses both (5.3)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.sensor import LidarModel
+from perception.tracking.single_object.back_projection import back_project
+from perception.tracking.single_object.color_side import ColorSide
+from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
+from perception.tracking.single_object.point_tracker import (
+    MotionRules,
+    PointTracker,
+    PointTrackerRules,
+    View,
+)
+from perception.tracking.single_object.window import Window
+from perception.types import Float64
+
+
+@dataclass(frozen=True)
+class FusionRules:
+    """How two places become one, (5.15) and (5.16); values of the author's code unless said otherwise.
+
+    Attributes:
+        climb: the mean shift in the scan.
+        noise: of the state, which moves as (5.17) has it.
+        lidar_variance: of a place found in the scan, in m².
+        image_variance: of a place found in the image.
+        search: size of the area whose points tell how far away a place in the image is, in boxes.
+    """
+
+    climb: ClimbRules = field(default_factory=ClimbRules)
+    noise: NoiseLevels = field(default_factory=lambda: NoiseLevels(process=3.0, first=1.0))
+    lidar_variance: float = 1.0
+    image_variance: float = 3.0
+    search: float = 2.0
+
+
+@dataclass(frozen=True)
+class FusionTrackerRules:
+    """Every value of the fusion tracker, beside those of the images: `color_model`, `image_mean_shift`.
+
+    Attributes:
+        point: shared by all trackers of a point.
+        fusion: how LiDAR and image become one.
+        motion: how the fused point moves.
+    """
+
+    point: PointTrackerRules = field(default_factory=PointTrackerRules)
+    fusion: FusionRules = field(default_factory=FusionRules)
+    motion: MotionRules = field(default_factory=MotionRules)
+
+
+class FusedLocalizer:
+    """Finds an object in scan and image, each on its own, and fuses both places."""
+
+    def __init__(self, rules: FusionRules) -> None:
+        self._rules = rules
+        self.colors = ColorSide()
+
+    def begin(self, view: View) -> Float64 | None:
+        """Learn the object in its first box."""
+        self.colors = ColorSide()
+        seen = middle_of(view.around.points_world, view.window)
+        place = view.window.place_m if seen is None else seen
+        self._fused = EvenAcceleration.at_rest(place, self._rules.noise)
+        self._learn(view, view.window, place)
+        return seen
+
+    def locate(self, view: View) -> Float64 | None:
+        """Fuse what is found within the gate; alone, each of both is enough."""
+        self._fused = self._fused.predicted(view.elapsed_s, self._rules.noise)
+        rules = self._rules
+        candidates = (
+            (self._in_scan(view), rules.lidar_variance),
+            (self._in_image(view), rules.image_variance),
+        )
+        found = [
+            (place, variance)
+            for place, variance in candidates
+            if place is not None and view.gate.holds(place[None])[0]
+        ]
+        if not found:
+            return None
+        places, variances = zip(*found, strict=True)
+        self._fused = self._fused.corrected(np.array(places), np.array(variances))
+        self._learn(view, view.window.moved(self._fused.place), self._fused.place)
+        return self._fused.place
+
+    def _in_scan(self, view: View) -> Float64 | None:
+        climbed = climb(view.around.points_world, view.window, self._rules.climb)
+        return None if climbed is None else middle_of(view.around.points_world, climbed)
+
+    def _in_image(self, view: View) -> Float64 | None:
+        center_px = self.colors.locate(view.moment, view.window.place_m)
+        if center_px is None or view.moment.image_P_velo is None:
+            return None
+        near = view.window.scaled(self._rules.search).holds(view.around.points_world)
+        place_velo = back_project(
+            center_px, view.around.points_velo[near], view.moment.image_P_velo
+        )
+        if place_velo is None:
+            return None
+        return np.asarray((view.moment.world_SE3_velo @ np.append(place_velo, 1.0))[:3])
+
+    def _learn(self, view: View, window: Window, place: Float64) -> None:
+        held = window.holds(view.around.points_world)
+        self.colors.learn(view.moment, view.around.points_velo[held], place)
+
+
+def middle_of(points_world: Float64, window: Window) -> Float64 | None:
+    """Return (3,) the middle of the points over a window: their mean, but halfway up; None without points.
+
+    Window panes return little, and the ground's removal takes the foot: the mean height depends on both.
+    """
+    held = points_world[window.holds(points_world)]
+    if len(held) == 0:
+        return None
+    low_m, high_m = held[:, 2].min(), held[:, 2].max()
+    return np.append(held[:, :2].mean(axis=0), (low_m + high_m) / 2)
+
+
+class FusionTracker(PointTracker):
+    """H-Fus; implements `SingleObjectTracker`. Where there is no camera, the LiDAR alone finds the object."""
+
+    def __init__(self, sensor: LidarModel, rules: FusionTrackerRules | None = None) -> None:
+        rules = rules or FusionTrackerRules()
+        self._fused = FusedLocalizer(rules.fusion)
+        super().__init__(self._fused, sensor, rules.point, rules.motion)
+
+    @property
+    def colors(self) -> ColorSide:
+        """What it knows of the object's looks."""
+        return self._fused.colors

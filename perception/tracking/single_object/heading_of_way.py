@@ -1,0 +1,43 @@
+"""Where a followed point is heading: the way that it went since the last scan (5.3.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.types import Float64
+
+
+@dataclass(frozen=True)
+class FreezeRules:
+    """When a change of heading is taken for noise; values of the author's code.
+
+    Attributes:
+        slow_m_s: what is slower moves less in one scan than its points do.
+        most_turn_rad: a slow object that turns more keeps its heading.
+    """
+
+    slow_m_s: float
+    most_turn_rad: float
+
+
+_WALKERS_AND_CYCLISTS = FreezeRules(slow_m_s=0.5, most_turn_rad=0.4)
+_VEHICLES = FreezeRules(slow_m_s=4.0, most_turn_rad=0.15)
+_VEHICLE_VOLUME_M3 = 4.0
+
+
+def freeze_rules_of(size_m: Float64) -> FreezeRules:
+    """Return the rules for an object of (3,) a size; the author's classes are volumes."""
+    return _WALKERS_AND_CYCLISTS if size_m.prod() <= _VEHICLE_VOLUME_M3 else _VEHICLES
+
+
+def heading_of_way(
+    way_m: Float64, elapsed_s: float, last_yaw_rad: float, rules: FreezeRules
+) -> float:
+    """Return the direction of (2+,) a way, or the last heading where the way is too short to tell."""
+    length_m = float(np.hypot(way_m[0], way_m[1]))
+    if length_m == 0 or elapsed_s <= 0:
+        return last_yaw_rad
+    yaw_rad = float(np.arctan2(way_m[1], way_m[0]))
+    turn_rad = abs(np.angle(np.exp(1j * (yaw_rad - last_yaw_rad))))
+    is_slow = length_m < rules.slow_m_s * elapsed_s
+    return last_yaw_rad if is_slow and turn_rad > rules.most_turn_rad else yaw_rad

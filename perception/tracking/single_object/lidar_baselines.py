@@ -1,0 +1,52 @@
+"""The trackers in scans alone that the fusion tracker is compared with (App. A.1)."""
+
+from perception.sensor import LidarModel
+from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
+from perception.tracking.single_object.point_tracker import (
+    MotionRules,
+    PointTracker,
+    PointTrackerRules,
+    View,
+)
+from perception.types import Float64
+
+
+class GateLocalizer:
+    """3D-KF: the object is the mean of all points in the gate."""
+
+    def begin(self, view: View) -> Float64 | None:
+        """Take the middle of the first box, as the author does."""
+        return view.window.place_m
+
+    def locate(self, view: View) -> Float64 | None:
+        """Return the mean, or None of an empty gate."""
+        points = view.around.points_world[view.gate.holds(view.around.points_world)]
+        return points.mean(axis=0) if len(points) else None
+
+
+class MeanShiftLocalizer:
+    """3D-MS: the object is where points are densest near its last place."""
+
+    def __init__(self, rules: ClimbRules) -> None:
+        self._rules = rules
+
+    def begin(self, view: View) -> Float64 | None:
+        """Take the middle of the first box, as the author does."""
+        return view.window.place_m
+
+    def locate(self, view: View) -> Float64 | None:
+        """Climb from the expected place."""
+        climbed = climb(view.around.points_world, view.window, self._rules)
+        return None if climbed is None else climbed.place_m
+
+
+def kalman_tracker(sensor: LidarModel, rules: PointTrackerRules | None = None) -> PointTracker:
+    """Make the tracker 3D-KF: a filter with constant acceleration, and a gate."""
+    return PointTracker(GateLocalizer(), sensor, rules, MotionRules())
+
+
+def mean_shift_tracker(
+    sensor: LidarModel, rules: PointTrackerRules | None = None, iterations: int = 3
+) -> PointTracker:
+    """Make the tracker 3D-MS: three shifts are its best (App. A.1), to 5 cm as in the author's code."""
+    return PointTracker(MeanShiftLocalizer(ClimbRules(iterations)), sensor, rules)

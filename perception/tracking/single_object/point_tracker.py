@@ -1,0 +1,260 @@
+"""The loop that the thesis' trackers share: expect, look around, find the point, follow it."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, Protocol, Self
+
+import numpy as np
+
+from perception.errors import PerceptionError
+from perception.sensor import LidarModel
+from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.heading_of_way import freeze_rules_of, heading_of_way
+from perception.tracking.single_object.near_obstacles import NearObstacles, obstacles_near
+from perception.tracking.single_object.pitch_ground import PitchFilter, PitchRules
+from perception.tracking.single_object.point_model import (
+    PointModel,
+    answer,
+    check_start_box,
+    point_model_of,
+)
+from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.window import Window
+from perception.types import Boxes3D, Float64, GroundModel
+
+
+@dataclass(frozen=True)
+class PointTrackerRules:
+    """What all trackers of a point have in common.
+
+    Attributes:
+        ground: the thesis' plane that pitches, or the ground of the obstacle stage.
+        pitch: of the former.
+        least_height_m: what is lower over the ground is ground.
+        headroom_m: what is higher over the ground than the box by more is not the object.
+        gate: length and width of the gate around the expected place, in those of the box.
+        lost_after_s: an object unseen for longer is lost, and waited for where it was expected.
+        longest_gap_s: a scan that comes later, or before the last one, is not of the same drive.
+    """
+
+    ground: Literal["pitch", "stage"] = "pitch"
+    pitch: PitchRules = field(default_factory=PitchRules)
+    least_height_m: float = 0.20  # d_min, Table 7.5
+    headroom_m: float = (
+        0.5  # ours; the author's local grid ends 2 m over the ground for all objects
+    )
+    gate: float = 2.0  # author's code: the best gate of App. A reaches one box to each side
+    lost_after_s: float = 1.0  # ours
+    longest_gap_s: float = 1.0  # ours
+
+
+@dataclass(frozen=True)
+class MotionRules:
+    """The filter of the point's motion (5.17); values of the author's code.
+
+    Attributes:
+        noise: of the state.
+        measured_variance: of one found place, in m².
+    """
+
+    noise: NoiseLevels = field(default_factory=lambda: NoiseLevels(process=3.0, first=1.0))
+    measured_variance: float = 1.0
+
+
+class Memory(Protocol):
+    """What is remembered of a point's motion."""
+
+    @property
+    def place(self) -> Float64:
+        """(3,)."""
+        ...
+
+    @property
+    def velocity(self) -> Float64:
+        """(3,)."""
+        ...
+
+    def predicted(self, elapsed_s: float, noise: NoiseLevels) -> Self:
+        """Go on for a while."""
+        ...
+
+    def corrected(self, places: Float64, variances: Float64) -> Self:
+        """Take in (K, 3) found places with their variances (K,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class LastPlace:
+    """The memory of a tracker without a filter: a point stays where it was last found.
+
+    Attributes:
+        place: (3,).
+        velocity: (3,) by which it got there.
+        elapsed_s: since it was found.
+    """
+
+    place: Float64
+    velocity: Float64
+    elapsed_s: float = 0.0
+
+    def predicted(self, elapsed_s: float, noise: NoiseLevels) -> Self:
+        """Stay."""
+        del noise
+        return replace(self, elapsed_s=self.elapsed_s + elapsed_s)
+
+    def corrected(self, places: Float64, variances: Float64) -> Self:
+        """Go to the found place."""
+        del variances
+        place = places.mean(axis=0)
+        return type(self)(place, (place - self.place) / self.elapsed_s)
+
+
+@dataclass(frozen=True)
+class View:
+    """What a localizer is shown.
+
+    Attributes:
+        moment: what the sensors saw.
+        around: the obstacles near the expected object.
+        window: the box at its expected place, in the world.
+        gate: where the object may be, in the world.
+        elapsed_s: since the last view.
+    """
+
+    moment: Moment
+    around: NearObstacles
+    window: Window
+    gate: Window
+    elapsed_s: float
+
+
+class Localizer(Protocol):
+    """Finds the point that stands for an object."""
+
+    def begin(self, view: View) -> Float64 | None:
+        """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
+
+        Raises:
+            PerceptionError: the view lacks what the localizer cannot do without.
+        """
+        ...
+
+    def locate(self, view: View) -> Float64 | None:
+        """Return (3,) the object's place in the world, or None where it is not found in the gate."""
+        ...
+
+
+class PointTracker:
+    """Follows the point that a localizer finds; implements `SingleObjectTracker`."""
+
+    def __init__(
+        self,
+        localizer: Localizer,
+        sensor: LidarModel,
+        rules: PointTrackerRules | None = None,
+        motion: MotionRules | None = None,
+    ) -> None:
+        """Set up.
+
+        Args:
+            localizer: finds the point.
+            sensor: the LiDAR.
+            rules: what all trackers of a point have in common.
+            motion: how its motion is filtered; without, the point is where it was found.
+        """
+        self._localizer, self._sensor = localizer, sensor
+        self._rules, self._motion_rules = rules or PointTrackerRules(), motion
+        self._model: PointModel | None = None
+
+    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+        """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
+
+        Raises:
+            PerceptionError: the box is not one finite box of positive size, or the localizer lacks
+                what it cannot do without.
+        """
+        check_start_box(box_velo)
+        self._pitch = PitchFilter(self._sensor.height_m, self._rules.pitch)
+        self._stamp_s, self._unseen_s = moment.stamp_s, 0.0
+        self._model = point_model_of(box_velo, moment.world_SE3_velo)
+        place = self._localizer.begin(self._view(moment, self._model, 0.0))
+        self._state = FollowState.PREDICTED if place is None else FollowState.SEEN
+        self._memory = self._remembered(self._model.place_m if place is None else place)
+        return answer(self._model, moment, self._state)
+
+    def follow(self, moment: Moment) -> FollowedObject:
+        """Say where the object is at the next moment.
+
+        Raises:
+            PerceptionError: no object was begun with.
+        """
+        if self._model is None:
+            raise PerceptionError(
+                "tracker of one object", expected="start before follow", found="no object"
+            )
+        elapsed_s, self._stamp_s = moment.stamp_s - self._stamp_s, moment.stamp_s
+        # A scan that is given twice is no second witness.
+        if elapsed_s != 0:
+            self._model = self._followed(self._model, moment, elapsed_s)
+        return answer(self._model, moment, self._state)
+
+    def _followed(self, last: PointModel, moment: Moment, elapsed_s: float) -> PointModel:
+        if not 0 < elapsed_s <= self._rules.longest_gap_s:
+            return self._lose(last)
+        noise = self._motion_rules.noise if self._motion_rules else NoiseLevels(0.0, 0.0)
+        expected = self._memory.predicted(elapsed_s, noise)
+        place = self._localizer.locate(
+            self._view(moment, replace(last, place_m=expected.place), elapsed_s)
+        )
+        if place is None:
+            return self._miss(last, expected, elapsed_s)
+        variance = self._motion_rules.measured_variance if self._motion_rules else 0.0
+        self._memory = expected.corrected(place[None], np.array([variance]))
+        self._state, self._unseen_s = FollowState.SEEN, 0.0
+        return self._moved(last, elapsed_s)
+
+    def _miss(self, last: PointModel, expected: Memory, elapsed_s: float) -> PointModel:
+        """Let the prediction stand, but not for ever."""
+        self._unseen_s += elapsed_s
+        if self._unseen_s > self._rules.lost_after_s:
+            return self._lose(last)
+        self._memory, self._state = expected, FollowState.PREDICTED
+        return self._moved(last, elapsed_s)
+
+    def _lose(self, last: PointModel) -> PointModel:
+        """Wait where the object was last expected."""
+        self._memory, self._state = self._remembered(last.place_m), FollowState.LOST
+        return replace(last, velocity_m_s=np.zeros(3))
+
+    def _moved(self, last: PointModel, elapsed_s: float) -> PointModel:
+        way_m = self._memory.place - last.place_m
+        rules = freeze_rules_of(last.size_m)
+        yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, rules)
+        return PointModel(self._memory.place, last.size_m, yaw_rad, self._memory.velocity)
+
+    def _remembered(self, place_m: Float64) -> Memory:
+        if self._motion_rules is None:
+            return LastPlace(place_m, np.zeros(3))
+        return EvenAcceleration.at_rest(place_m, self._motion_rules.noise)
+
+    def _view(self, moment: Moment, model: PointModel, elapsed_s: float) -> View:
+        rules = self._rules
+        window = Window(model.place_m, model.size_m[:2], model.yaw_rad)
+        gate = window.scaled(rules.gate)
+        # From the middle of the gate to beyond its corners, by as much as a window may leave it.
+        reach_m = float(np.hypot(*gate.size_m) + np.hypot(*window.size_m)) / 2
+        heights_m = (rules.least_height_m, float(model.size_m[2]) + rules.headroom_m)
+        ground = self._ground(moment, elapsed_s)
+        around = obstacles_near(moment, ground, model.place_m, reach_m, heights_m)
+        return View(moment, around, window, gate, elapsed_s)
+
+    def _ground(self, moment: Moment, elapsed_s: float) -> GroundModel:
+        if self._rules.ground == "pitch":
+            return self._pitch.update(moment.points_velo, elapsed_s)
+        if moment.ground is None:
+            raise PerceptionError(
+                "tracker of one object",
+                expected="the ground of the obstacle stage",
+                found="none",
+                advice="choose the ground that pitches",
+            )
+        return moment.ground
