@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
 from perception.errors import UsageError
@@ -12,11 +11,11 @@ from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
 from perception.render.overlay import draw_overlay
-from perception.render.palette import Color
+from perception.render.panels import FittedImage, LegendEntry, draw_legend, place_panel
 from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.stage_bar import draw_stage_bar
 from perception.render.surface import Surface, sample_surface
-from perception.render.text import Align, draw_text, text_width_px
+from perception.render.text import Align, draw_text
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
@@ -30,9 +29,7 @@ _BAR_SHARES = (0.27, 0.86)
 _GUTTER_PX = 4
 # The bird's-eye view shows a little more than the area that is searched.
 _SURROUND_M = 1.0
-# What stands in the legend: a word and its colours, of which each thing has one.
-_Entry = tuple[str, tuple[Color, ...]]
-_LEGEND: tuple[_Entry, ...] = (
+_LEGEND: tuple[LegendEntry, ...] = (
     ("ground", (palette.GROUND,)),
     ("static", (palette.STATIC,)),
     ("moving", (palette.MOVING,)),
@@ -79,12 +76,12 @@ class Composition:
         camera = _draw_camera(scene, (left_px, round(body_px * _CAMERA_SHARE)))
         behind_top_px = len(camera) + _GUTTER_PX if len(camera) else 0
         behind = _draw_from_behind(scene, (left_px, body_px - behind_top_px))
-        _place(canvas, camera, (0, 0), "Camera")
-        _place(canvas, behind, (0, behind_top_px), "3D, from behind the vehicle")
+        place_panel(canvas, camera, (0, 0), "Camera")
+        place_panel(canvas, behind, (0, behind_top_px), "3D, from behind the vehicle")
         # Right: the same from above.
         right_px = left_px + _GUTTER_PX
         above = self._draw_from_above(scene, (width - right_px, body_px))
-        _place(canvas, above, (right_px, 0), "From above")
+        place_panel(canvas, above, (right_px, 0), "From above")
         # Below: what the colours mean, and where the time went.
         is_tracking = trails is not None or len(result.tracks) > 0
         self._draw_footer(canvas[body_px:], result, _LEGEND[: None if is_tracking else -1])
@@ -108,10 +105,10 @@ class Composition:
         scene.draw_tracks(panel, view.image_P_velo)
         return panel
 
-    def _draw_footer(self, canvas: UInt8, result: Result, legend: Sequence[_Entry]) -> None:
+    def _draw_footer(self, canvas: UInt8, result: Result, legend: Sequence[LegendEntry]) -> None:
         height, width = canvas.shape[:2]
         text_px = round(0.19 * height)
-        _draw_legend(canvas, legend, text_px)
+        draw_legend(canvas, legend, text_px)
         start, stop = (round(share * width) for share in _BAR_SHARES)
         draw_stage_bar(canvas[:, start:stop], result.timings_s, self.turn_s, round(0.85 * text_px))
         total_s = sum(result.timings_s.values())
@@ -152,53 +149,13 @@ def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:
         return np.zeros((0, largest_px[0], 3), np.uint8)
     image_P_velo = calibration.image_P_velo
     overlay = draw_overlay(image, image_P_velo, scene.surface, scene.result.obstacles)
-    scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
-    width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
-    interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    shown = np.asarray(cv2.resize(overlay, (width, height), interpolation=interpolation), np.uint8)
+    fitted = FittedImage.within(overlay, largest_px)
     # Lines and letters are drawn at the size at which they are seen.
-    scene.draw_tracks(shown, _scaled(image_P_velo, width / image.shape[1], height / image.shape[0]))
-    strip = blank_canvas((largest_px[0], height), palette.PANEL)
-    left = (largest_px[0] - width) // 2
-    strip[:, left : left + width] = shown
-    return strip
-
-
-def _scaled(image_P_velo: Float64, along_columns: float, along_rows: float) -> Float64:
-    """Return the projection to an image resized by these factors; pixel centres are whole numbers."""
-    resize = np.diag([along_columns, along_rows, 1.0])
-    resize[:2, 2] = (along_columns - 1) / 2, (along_rows - 1) / 2
-    return resize @ image_P_velo
+    scene.draw_tracks(fitted.picture, fitted.resizing.project(image_P_velo))
+    return fitted.on_strip(largest_px[0])
 
 
 def _draw_from_behind(scene: _Scene, size_px: tuple[int, int]) -> UInt8:
     panel = draw_perspective(size_px, scene.result, scene.surface)
     scene.draw_tracks(panel, chase_camera(size_px))
     return panel
-
-
-def _place(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) -> None:
-    """Put a panel, with its title in its upper left corner, into the canvas."""
-    if not len(panel):
-        return
-    column, row = corner_px
-    height, width = panel.shape[:2]
-    target = canvas[row : row + height, column : column + width]
-    target[:] = panel
-    text_px = max(round(canvas.shape[0] / 80), 7)
-    margin = text_px
-    tag = target[: 2 * text_px + 4, : text_width_px(title, text_px) + 2 * margin]
-    tag[:] = tag // 3
-    draw_text(target, title, (margin, 1.5 * text_px + 2), height_px=text_px)
-
-
-def _draw_legend(canvas: UInt8, legend: Sequence[_Entry], text_px: int) -> None:
-    column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
-    for name, colors in legend:
-        top = round(baseline - 1.25 * text_px)
-        edges = np.rint(np.linspace(column, column + swatch_px, len(colors) + 1)).astype(int)
-        for color, left, right in zip(colors, edges[:-1], edges[1:], strict=True):
-            canvas[top : round(top + swatch_px) + 1, left : right + 1] = color
-        column += swatch_px + 0.7 * text_px
-        draw_text(canvas, name, (column, baseline), height_px=text_px)
-        column += text_width_px(name, text_px) + 1.8 * text_px

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 
 from perception.geometry.camera import project
+from perception.geometry.se3 import from_euler
 from perception.render import palette
 from perception.render.canvas import blank_canvas, is_inside
 from perception.render.overlay import OverlayStyle, draw_overlay
@@ -21,8 +22,13 @@ _FIXED_POINT_BITS = 4
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
 
-def chase_camera(size_px: tuple[int, int]) -> Float64:
-    """Return (3, 4) image_P_velo of a camera behind and above the vehicle, looking ahead and down."""
+def chase_camera(size_px: tuple[int, int], turn_rad: float = 0.0) -> Float64:
+    """Return (3, 4) image_P_velo of a camera behind and above the vehicle, looking ahead and down.
+
+    Args:
+        size_px: (width, height) of its image.
+        turn_rad: from ahead to where it looks, to the left; it goes around the vehicle.
+    """
     width, height = size_px
     focal_px = width / 2 / np.tan(_FIELD_OF_VIEW_RAD / 2)
     forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
@@ -30,7 +36,8 @@ def chase_camera(size_px: tuple[int, int]) -> Float64:
     right /= np.linalg.norm(right)
     cam_R_velo = np.stack([right, np.cross(forward, right), forward])
     image_K_cam = np.array([[focal_px, 0, width / 2], [0, focal_px, height / 2], [0, 0, 1]])
-    return np.asarray(image_K_cam @ np.column_stack([cam_R_velo, -cam_R_velo @ _EYE_M]))
+    image_P_straight = image_K_cam @ np.column_stack([cam_R_velo, -cam_R_velo @ _EYE_M])
+    return np.asarray(image_P_straight @ from_euler(0.0, 0.0, -turn_rad))
 
 
 def draw_perspective(size_px: tuple[int, int], result: Result, surface: Surface) -> UInt8:
@@ -40,7 +47,7 @@ def draw_perspective(size_px: tuple[int, int], result: Result, surface: Surface)
     _draw_points(image, image_P_velo, result)
     image = draw_overlay(image, image_P_velo, surface, result.obstacles, _SOLID)
     ground_height_m = float(result.ground.height_m(np.zeros((1, 2)))[0])
-    _draw_vehicle(image, image_P_velo, ground_height_m)
+    draw_vehicle(image, image_P_velo, ground_height_m)
     return image
 
 
@@ -55,9 +62,11 @@ def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
     image[row, column] = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
 
 
-def _draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:
-    faces = [face for face in vehicle_faces(ground_height_m) if _faces_camera(face)]
-    for face in sorted(faces, key=lambda face: (-_distance_m(face), face.is_glass)):
+def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:
+    """Draw the vehicle standing on the ground at that z, lit from behind and above."""
+    eye_m = np.asarray(-np.linalg.solve(image_P_velo[:, :3], image_P_velo[:, 3]), np.float64)
+    faces = [face for face in vehicle_faces(ground_height_m) if _faces(face, eye_m)]
+    for face in sorted(faces, key=lambda face: (-_distance_m(face, eye_m), face.is_glass)):
         pixels, _ = project(image_P_velo, face.corners_m)
         corners = np.rint(pixels * 2**_FIXED_POINT_BITS).astype(np.int32)
         light = 0.55 + 0.45 * max(float(face.outward @ _TO_LIGHT), 0.0)
@@ -66,9 +75,9 @@ def _draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -
         cv2.fillPoly(image, [corners], color, cv2.LINE_AA, _FIXED_POINT_BITS)
 
 
-def _faces_camera(face: Face) -> bool:
-    return bool(face.outward @ (_EYE_M - face.corners_m[0]) > 0)
+def _faces(face: Face, eye_m: Float64) -> bool:
+    return bool(face.outward @ (eye_m - face.corners_m[0]) > 0)
 
 
-def _distance_m(face: Face) -> float:
-    return float(np.linalg.norm(face.corners_m.mean(axis=0) - _EYE_M))
+def _distance_m(face: Face, eye_m: Float64) -> float:
+    return float(np.linalg.norm(face.corners_m.mean(axis=0) - eye_m))

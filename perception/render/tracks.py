@@ -54,10 +54,26 @@ def draw_tracks(
         figures: of (T) tracks.
         style: how large.
     """
-    count = len(figures.tracks)
-    if not count:
+    if not len(figures.tracks):
         return
     colors = [palette.track_color(track) for track in figures.tracks.ids.tolist()]
+    outlines = draw_track_figures(canvas, image_P_velo, figures, colors, style)
+    draw_track_labels(canvas, outlines, figures, style.text_px)
+
+
+def draw_track_figures(
+    canvas: UInt8,
+    image_P_velo: Float64,
+    figures: TrackFigures,
+    colors: Sequence[Color],
+    style: TrackStyle,
+) -> Float64:
+    """Draw tracks without their names, each in a colour of its own.
+
+    Returns:
+        (T, 4) x1 y1 x2 y2 around each box; x1 > x2 where it is not seen.
+    """
+    count = len(figures.tracks)
     strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
     boxes = slice(Part.BOX * count, Part.ARROW * count)
     outlines = outlines_px(strokes.ends_px, strokes.owners, len(Part) * count)[boxes]
@@ -70,7 +86,7 @@ def draw_tracks(
     # A dark seam keeps boxes and arrows legible on any picture.
     draw_seam(canvas, strokes.since(Part.BOX * count), palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
-    draw_track_labels(canvas, outlines, figures, style.text_px)
+    return np.asarray(outlines)
 
 
 def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
