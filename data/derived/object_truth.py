@@ -86,9 +86,10 @@ class DriveObjects:
     def _row(self, frame: int, track_id: int) -> "_Row | None":
         """Return one object in one frame, or None where nobody knows where it is."""
         posed = None if self.truth is None else self.truth.posed[frame]
-        labels = self.seen[frame] if posed is None else posed.labels
-        seen = self.seen[frame][self.seen[frame].track_ids == track_id]
-        boxes = labels.boxes_velo[labels.track_ids == track_id]
+        seen = _of_track(self.seen[frame], track_id)
+        # Exact truth knows who is hidden, labels know who is far.
+        known = seen if posed is None else _of_track(posed.labels, track_id)
+        boxes = known.boxes_velo if len(known) else seen.boxes_velo
         if len(boxes) == 0:
             return None
         velocity_m_s = np.full(2, np.nan)
@@ -103,6 +104,10 @@ class DriveObjects:
             velocity_m_s=velocity_m_s,
             occlusion=int(seen.occlusion[0]) if len(seen) else _OUT_OF_SIGHT,
         )
+
+
+def _of_track(labels: Labels, track_id: int) -> Labels:
+    return labels[labels.track_ids == track_id]
 
 
 @dataclass(frozen=True)

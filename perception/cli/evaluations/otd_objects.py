@@ -17,8 +17,6 @@ from perception.errors import DriveError, UsageError
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 
-MIN_FRAMES = 15  # of an object of the set `present`
-
 
 @dataclass(frozen=True)
 class ObjectRequest:
@@ -31,6 +29,7 @@ class ObjectRequest:
         track_id: only this object, or None for all.
         frames: only so many from the start of each drive, or None for all.
         sensor: name of a LiDAR model or a .json file, or None for what the drive says.
+        min_frames: in which an object of the set `present` is labelled.
     """
 
     root: Path
@@ -39,6 +38,7 @@ class ObjectRequest:
     track_id: int | None = None
     frames: int | None = None
     sensor: str | None = None
+    min_frames: int = 15
 
     def __post_init__(self) -> None:
         """Refuse no frames."""
@@ -101,7 +101,7 @@ def objects_at_hand(request: ObjectRequest) -> ObjectsAtHand:
         raise DriveError(
             request.root,
             expected=f"labelled objects of the set {request.objects}",
-            found="; ".join(reasons) or f"none with {MIN_FRAMES} labelled frames",
+            found="; ".join(reasons) or f"none with {request.min_frames} labelled frames",
             advice="follow whatever is labelled with --set present" if reasons else None,
         )
     return found
@@ -112,9 +112,9 @@ def _present(request: ObjectRequest) -> Iterator[DriveAtHand]:
     for name in names:
         drive = _open(request, name)
         labelled = DriveObjects.of(drive)
-        wanted = [one for one in labelled.sequences(MIN_FRAMES) if _is_asked(one, request)]
+        wanted = [one for one in labelled.sequences(request.min_frames) if _is_asked(one, request)]
         cut = [_cut(one, drive, labelled, request.frames) for one in wanted]
-        objects = [one for one in cut if one is not None and len(one.truth) >= MIN_FRAMES]
+        objects = [one for one in cut if one is not None and len(one.truth) >= request.min_frames]
         if objects:
             yield DriveAtHand(drive, objects)
 

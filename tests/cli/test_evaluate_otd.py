@@ -1,0 +1,181 @@
+"""The command on a small synthetic drive, with trackers that know the truth, stay, or refuse."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.derived.object_truth import DriveObjects
+from data.open_drive import open_drive
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.writer import write_tracking
+from perception.cli.evaluations import otd as command
+from perception.cli.evaluations.otd_objects import ObjectRequest, objects_at_hand
+from perception.cli.main import main
+from perception.errors import DriveError, PerceptionError, UsageError
+from perception.geometry.boxes import transform_boxes
+from perception.geometry.se3 import inverse
+from perception.sensor import VLP_16
+from perception.tracking.single_object import trackers
+from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.types import Boxes3D
+
+FRAMES = 16
+
+
+class Knowing:
+    """A tracker that was told all labels, of every object and frame."""
+
+    def __init__(self, labelled: DriveObjects) -> None:
+        self._labelled = labelled
+
+    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+        frame = round(moment.stamp_s * 10)
+        tracks = {one.track_id: self._labelled.track(one) for one in self._labelled.sequences(2)}
+        self._track = next(
+            track
+            for track in tracks.values()
+            if frame in track.frames
+            and np.allclose(track.boxes_velo.bottom_m[track.frames == frame], box_velo.bottom_m)
+        )
+        return self.follow(moment)
+
+    def follow(self, moment: Moment) -> FollowedObject:
+        rows = self._track.frames == round(moment.stamp_s * 10)
+        box = self._track.boxes_velo[rows]
+        return FollowedObject(FollowState.SEEN, box, self._track.velocities_m_s[rows][0], None)
+
+
+class Staying:
+    """A tracker for which nothing ever moves."""
+
+    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+        self._box_world = transform_boxes(moment.world_SE3_velo, box_velo)
+        return FollowedObject(FollowState.SEEN, box_velo, np.zeros(2), None)
+
+    def follow(self, moment: Moment) -> FollowedObject:
+        box = transform_boxes(inverse(moment.world_SE3_velo), self._box_world)
+        return FollowedObject(FollowState.PREDICTED, box, np.zeros(2), None)
+
+
+class NeedsImage:
+    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+        raise PerceptionError("image tracker", expected="an image", found="none")
+
+    def follow(self, moment: Moment) -> FollowedObject:
+        raise AssertionError("a tracker that refused is asked no more")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    drive = SyntheticDrive(FRAMES, sensor=VLP_16, images=False)
+    return write_tracking(drive, tmp_path_factory.mktemp("drive"), 0, lambda: None)
+
+
+@pytest.fixture
+def fakes(folder: Path, monkeypatch) -> None:
+    labelled = DriveObjects.of(open_drive(folder))
+    makers = {
+        "knows": lambda sensor: Knowing(labelled),
+        "stays": lambda sensor: Staying(),
+        "needs-image": lambda sensor: NeedsImage(),
+    }
+    monkeypatch.setattr(trackers, "_MAKERS", makers)
+    monkeypatch.setattr(command, "TRACKERS", tuple(makers))
+
+
+def test_the_command_compares_trackers_on_every_labelled_track(
+    folder: Path, fakes: None, tmp_path: Path, capsys
+):
+    out, plots = tmp_path / "figures.json", tmp_path / "plots"
+    words = ["otd", str(folder), "--set", "present", "--json", str(out), "--plots", str(plots)]
+    assert main(["evaluate", *words]) == 0
+    printed = capsys.readouterr().out
+    written = json.loads(out.read_text())
+    results = written["results"]
+    together = results["together"]
+    assert len(results["objects"]) >= 2
+    assert together["knows"]["center_m"] == 0.0
+    assert together["knows"]["success"] == together["knows"]["overlap_success"] == 1.0
+    assert together["knows"]["velocity_m_s"] == pytest.approx(0.0, abs=1e-9)
+    assert together["knows"]["seen"] == 1.0
+    # Parked cars stay where they were, up to registration by 16 rings; those that drive do not.
+    stays = [one["scores"]["stays"] for one in results["objects"]]
+    assert min(score["center_m"] for score in stays) < 0.3
+    assert max(score["center_m"] for score in stays) > 1.0
+    assert together["stays"]["predicted"] == pytest.approx(1 - together["stays"]["seen"])
+    assert together["needs-image"] is None
+    assert "needs-image does not follow track" in printed
+    assert "expected an image, found none." in printed
+    assert "E3D (7.3)" in printed
+    assert "stays: velocity error" in printed
+    assert written["protocol"]["values"]["follow"]["overlap"] == 0.25
+    assert written["protocol"]["challenges"]["POS"].startswith("its heading")
+    assert written["data"]["drives"] == [{"drive": "0000", "sensor": "VLP-16", "frames": FRAMES}]
+    assert sorted(path.name for path in plots.iterdir()) == [
+        "heading.png",
+        "location.png",
+        "one_pass.png",
+        "overlap.png",
+    ]
+
+
+def test_one_object_and_one_tracker(folder: Path, fakes: None, capsys):
+    track_id = DriveObjects.of(open_drive(folder)).sequences(15)[-1].track_id
+    words = ["otd", str(folder), "--set", "present", "--trackers", "stays", "--frames", "15"]
+    assert main(["evaluate", *words, "--track-id", str(track_id)]) == 0
+    printed = capsys.readouterr().out
+    assert ": 1 of 1 sequences of the set present" in printed
+    assert "knows" not in printed
+    assert "together" not in printed
+    assert "0-14" in printed
+
+
+def test_the_sets_of_the_thesis_are_not_looked_for_in_a_synthetic_drive(
+    folder: Path, fakes: None, capsys
+):
+    assert main(["evaluate", "otd", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert "found a synthetic drive; no scans of sequence 0001" in said
+    assert "--set present" in said
+
+
+def test_what_cannot_work_is_said(folder: Path, fakes: None, capsys):
+    words = ["evaluate", "otd", str(folder), "--set", "present"]
+    for flags, expected in [
+        (["--trackers", "stays,nobody"], "some of knows, stays, needs-image, with commas"),
+        (["--trackers", "stays,stays"], "each once"),
+        (["--frames", "1"], "at least 2"),
+        (["--track-id", "4321"], "found none with 15 labelled frames"),
+    ]:
+        assert main([*words, *flags]) == 2
+        assert expected in capsys.readouterr().err
+
+
+def test_published_sequences_at_hand_and_absent(kitti_root: Path):
+    root = kitti_root / "tracking"
+    found = objects_at_hand(ObjectRequest(root, "all", frames=20))
+    (at_hand,) = found.drives
+    assert [one.sequence.name for one in at_hand.objects] == [
+        "3.2 (1) = OTD 1",
+        "3.2 (2) = OTD 2",
+        "OTD 3",
+    ]
+    assert [len(one.truth) for one in at_hand.objects] == [20, 20, 12]  # the third begins at 8
+    assert [one.whole_frames for one in at_hand.objects] == [154, 154, 101]
+    assert len(found.absent) == 50
+    assert found.absent[0].reason == "no scans of sequence 0001"
+    with pytest.raises(DriveError, match="found not labelled in the frames here"):
+        objects_at_hand(ObjectRequest(root, "3d-otd", sequence="0", track_id=3, frames=9))
+
+
+def test_object_frames_do_not_follow_each_other(kitti_root: Path):
+    with pytest.raises(DriveError, match="frames that follow each other"):
+        objects_at_hand(ObjectRequest(kitti_root / "object", "present"))
+
+
+def test_an_unknown_tracker_is_answered_with_those_there_are(fakes: None):
+    assert isinstance(trackers.single_object_tracker("stays", VLP_16), Staying)
+    with pytest.raises(UsageError, match="one of knows, stays, needs-image, found nobody"):
+        trackers.single_object_tracker("nobody", VLP_16)
