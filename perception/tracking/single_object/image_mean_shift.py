@@ -23,24 +23,6 @@ class Climb:
     center_px: Float64 | None
 
 
-def localize(
-    image: UInt8,
-    region: ImageRegion,
-    ratios: Float64,
-    iterations: int = 4,
-    tolerance_px: float = 1.0,
-    start_px: Float64 | None = None,
-) -> tuple[Float64 | None, ImageRegion]:
-    """Find the object of a colour model near a region; arguments as of `climb`.
-
-    Returns:
-        the centroid of the confidence, or None where the image shows none of the object's colours (the
-        region then stays where it was), and the region moved there.
-    """
-    found = climb(image, region, ratios, iterations, tolerance_px, start_px)
-    return found.center_px, found.regions[-1]
-
-
 def climb(
     image: UInt8,
     region: ImageRegion,

@@ -106,12 +106,6 @@ def region_of(points_px: Float, image_size_px: tuple[int, int]) -> ImageRegion |
     return region if region.is_inside.any() else None
 
 
-def region_of_box(box_px: Float64, image_size_px: tuple[int, int]) -> ImageRegion:
-    """Return the region of a (4,) upright rectangle x1 y1 x2 y2."""
-    x1, y1, x2, y2 = box_px
-    return ImageRegion.within(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]), image_size_px)
-
-
 def _expanded(hull_px: Float64) -> Float64:
     center_px = _centroid(hull_px)
     return np.asarray(center_px + _EXPANSION * (hull_px - center_px))

@@ -24,13 +24,18 @@ OPENCV_TRACKERS = {
 _LEAST_SIDE_PX, _ROOM_PX = 8, 2
 
 
+def missing_opencv_trackers() -> frozenset[str]:
+    """Return the names of those that the OpenCV that is installed does not bring."""
+    return frozenset(name for name in OPENCV_TRACKERS if _maker(name) is None)
+
+
 def opencv_tracker(name: str) -> ImageOnlyTracker:
     """Make one of `OPENCV_TRACKERS`.
 
     Raises:
         UsageError: the OpenCV that is installed does not bring it.
     """
-    maker = getattr(cv2, f"{OPENCV_TRACKERS[name]}_create", None)
+    maker = _maker(name)
     if maker is None:
         raise UsageError(
             f"tracker {name}",
@@ -69,6 +74,10 @@ class OpenCvFinder:
         """Let OpenCV draw the same numbers whatever else has drawn some, so that runs can be repeated."""
         cv2.setRNGSeed(self._frames)
         self._frames += 1
+
+
+def _maker(name: str) -> Any:  # noqa: ANN401
+    return getattr(cv2, f"{OPENCV_TRACKERS[name]}_create", None)
 
 
 def _workable_window(box_px: Float64, image: UInt8) -> tuple[int, int, int, int]:

@@ -6,7 +6,16 @@ from perception.errors import UsageError
 from perception.sensor import LidarModel
 from perception.tracking.single_object.colored_points import colored_points_tracker
 from perception.tracking.single_object.fusion_tracker import FusionTracker
+from perception.tracking.single_object.histogram_finders import (
+    BackProjectionFinder,
+    CorrectedHistogramFinder,
+)
+from perception.tracking.single_object.image_only_tracker import ImageOnlyTracker
 from perception.tracking.single_object.lidar_baselines import kalman_tracker, mean_shift_tracker
+from perception.tracking.single_object.opencv_trackers import (
+    missing_opencv_trackers,
+    opencv_tracker,
+)
 from perception.tracking.single_object.tracker import SingleObjectTracker
 
 # Best first. A tracker is made anew for every object that is followed.
@@ -15,9 +24,15 @@ _MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
     "l-fus": colored_points_tracker,
     "3d-ms": mean_shift_tracker,
     "3d-kf": kalman_tracker,
+    "ms-i": lambda _: ImageOnlyTracker("ms-i", BackProjectionFinder()),
+    "cbwh": lambda _: ImageOnlyTracker("cbwh", CorrectedHistogramFinder()),
+    "opencv-mil": lambda _: opencv_tracker("opencv-mil"),
+    "opencv-kcf": lambda _: opencv_tracker("opencv-kcf"),
+    "opencv-csrt": lambda _: opencv_tracker("opencv-csrt"),
 }
 
-TRACKERS = tuple(_MAKERS)
+# Those that run on the OpenCV that is installed.
+TRACKERS = tuple(name for name in _MAKERS if name not in missing_opencv_trackers())
 
 
 def single_object_tracker(name: str, sensor: LidarModel) -> SingleObjectTracker:
