@@ -19,12 +19,13 @@ class ColorSide:
     Attributes:
         colors: the colour model.
         regions: of the last climb, from where it began to where it ended.
+        region: the object's outline when it was last learned.
     """
 
     def __init__(self) -> None:
         self.colors = AdaptiveColors()
         self.regions: tuple[ImageRegion, ...] = ()
-        self._region: ImageRegion | None = None
+        self.region: ImageRegion | None = None
         self._anchor_px = np.zeros(2)
         self._center_px: Float64 | None = None
 
@@ -38,11 +39,11 @@ class ColorSide:
             expected_world: (3,) where the object is expected.
         """
         anchor_px = _seen_at(moment, expected_world)
-        if moment.image is None or self._region is None or anchor_px is None:
+        if moment.image is None or self.region is None or anchor_px is None:
             return None
         height, width = moment.image.shape[:2]
         by_px = anchor_px - self._anchor_px
-        region = self._region.shifted(by_px, (width, height))
+        region = self.region.shifted(by_px, (width, height))
         start_px = None if self._center_px is None else self._center_px + by_px
         found = climb(moment.image, region, self.colors.ratios, start_px=start_px)
         self.regions = found.regions
@@ -65,7 +66,7 @@ class ColorSide:
         if region is None:
             return
         self.colors.update(color_ratios(moment.image, region))
-        self._region, self._anchor_px = region, anchor_px
+        self.region, self._anchor_px = region, anchor_px
         self._center_px = confidence_centroid(moment.image, region, self.colors.ratios)
 
 

@@ -1,5 +1,7 @@
 """The trackers in scans alone that the fusion tracker is compared with (App. A.1)."""
 
+import numpy as np
+
 from perception.sensor import LidarModel
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.tracking.single_object.point_tracker import (
@@ -8,6 +10,7 @@ from perception.tracking.single_object.point_tracker import (
     PointTrackerRules,
     View,
 )
+from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
 
@@ -15,13 +18,12 @@ class GateLocalizer:
     """3D-KF: the object is the mean of all points in the gate."""
 
     def begin(self, view: View) -> Float64 | None:
-        """Take the middle of the first box, as the author does."""
-        return view.window.place_m
+        """Take the mean of the points in the first box."""
+        return mean_over(view.window, view)
 
     def locate(self, view: View) -> Float64 | None:
         """Return the mean, or None of an empty gate."""
-        points = view.around.points_world[view.gate.holds(view.around.points_world)]
-        return points.mean(axis=0) if len(points) else None
+        return mean_over(view.gate, view)
 
 
 class MeanShiftLocalizer:
@@ -31,13 +33,19 @@ class MeanShiftLocalizer:
         self._rules = rules
 
     def begin(self, view: View) -> Float64 | None:
-        """Take the middle of the first box, as the author does."""
-        return view.window.place_m
+        """Take the mean of the points in the first box."""
+        return mean_over(view.window, view)
 
     def locate(self, view: View) -> Float64 | None:
         """Climb from the expected place."""
         climbed = climb(view.around.points_world, view.window, self._rules)
         return None if climbed is None else climbed.place_m
+
+
+def mean_over(window: Window, view: View) -> Float64 | None:
+    """Return (3,) the mean of the points over a window, or None where there are none."""
+    points = view.around.points_world[window.holds(view.around.points_world)]
+    return np.asarray(points.mean(axis=0)) if len(points) else None
 
 
 def kalman_tracker(sensor: LidarModel, rules: PointTrackerRules | None = None) -> PointTracker:

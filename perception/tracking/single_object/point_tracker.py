@@ -208,28 +208,29 @@ class PointTracker:
         if place is None:
             return self._miss(last, expected, elapsed_s)
         variance = self._motion_rules.measured_variance if self._motion_rules else 0.0
-        self._memory = expected.corrected(place[None], np.array([variance]))
         self._state, self._unseen_s = FollowState.SEEN, 0.0
-        return self._moved(last, elapsed_s)
+        return self._move(last, expected.corrected(place[None], np.array([variance])), elapsed_s)
 
     def _miss(self, last: PointModel, expected: Memory, elapsed_s: float) -> PointModel:
         """Let the prediction stand, but not for ever."""
         self._unseen_s += elapsed_s
         if self._unseen_s > self._rules.lost_after_s:
             return self._lose(last)
-        self._memory, self._state = expected, FollowState.PREDICTED
-        return self._moved(last, elapsed_s)
+        self._state = FollowState.PREDICTED
+        return self._move(last, expected, elapsed_s)
 
     def _lose(self, last: PointModel) -> PointModel:
         """Wait where the object was last expected."""
         self._memory, self._state = self._remembered(last.place_m), FollowState.LOST
         return replace(last, velocity_m_s=np.zeros(3))
 
-    def _moved(self, last: PointModel, elapsed_s: float) -> PointModel:
-        way_m = self._memory.place - last.place_m
+    def _move(self, last: PointModel, memory: Memory, elapsed_s: float) -> PointModel:
+        """Remember the point, and turn its box along the way from where it was remembered before."""
+        way_m = memory.place - self._memory.place
         rules = freeze_rules_of(last.size_m)
         yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, rules)
-        return PointModel(self._memory.place, last.size_m, yaw_rad, self._memory.velocity)
+        self._memory = memory
+        return PointModel(memory.place, last.size_m, yaw_rad, memory.velocity)
 
     def _remembered(self, place_m: Float64) -> Memory:
         if self._motion_rules is None:
