@@ -59,7 +59,8 @@ class BoxTracker:
         return self._tell(self._stamp_s, world_SE3_velo)
 
     def _predict(self, elapsed_s: float) -> None:
-        tracks = self._tracks
+        """Move the tracks to now; over a long gap in time nothing is carried."""
+        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._rules.life)]
         headings = follow_way(tracks, elapsed_s, self._rules.heading)
         states = motion_model.predict(tracks.states, elapsed_s, self._rules.motion)
         turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))

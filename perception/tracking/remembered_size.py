@@ -29,8 +29,8 @@ class SizeRules:
     """
 
     settling_sights: int = 4
-    complete_sights: int = 3
-    complete_angle_rad: float = float(np.radians(8.0))
+    complete_sights: int = 5
+    complete_angle_rad: float = float(np.radians(10.0))
     vehicle_width_m: float = 1.3
     vehicle_length_m: float = 2.4
     length_per_width: float = 2.4

@@ -13,15 +13,25 @@ class LifeRules:
     """When a track is believed, and when it ends.
 
     Attributes:
-        confirming_sights: M, how often a thing must be seen moving before it is told of.
-        confirming_s: how long that may take; three scans at 10 Hz are N.
-        coasting_s: how long a confirmed track lives unseen.
-        telling_s: how long a confirmed track is told of unseen.
-        standing_s: how long a track lives on sights of something that stands.
+        confirming_sights: M, how often a plain thing must be seen moving before it is told of.
+        doubtful_sights: the same of a thing of few points.
+        plain_points: in all sights together, from which on a thing is plain.
+        confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
+            second scan may miss it.
+        travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
+        least_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
+            and there in a hedge gets nowhere.
+        coasting_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
+        telling_s: how long a track that was seen often is told of unseen.
+        telling_sights: how often.
+        telling_standing_s: how long a track that lives on standing things is told of.
+        standing_s: how long such a track lives.
+        stopping_s: how long after its last sight a track may be continued by a standing thing.
+        stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
     """
 
     confirming_sights: int = 2
-    doubtful_sights: int = 4
+    doubtful_sights: int = 5
     plain_points: int = 50
     confirming_s: float = 0.25
     travel_m: float = 0.15
