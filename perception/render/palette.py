@@ -17,6 +17,14 @@ TRACKS: tuple[Color, ...] = (
     (250, 190, 190),
 )
 
+# One object that is followed, its region of the image and the ring around it (as in thesis Fig. 5.13),
+# the way of the vehicle itself, and the truth where it is known.
+FOLLOWED: Color = (255, 168, 36)
+INSIDE: Color = (60, 132, 255)
+RING: Color = (240, 62, 54)
+EGO_WAY: Color = (232, 84, 232)
+TRUTH: Color = (120, 235, 160)
+
 # The picture around it.
 BACKGROUND: Color = (13, 15, 20)
 PANEL: Color = (20, 23, 31)

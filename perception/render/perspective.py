@@ -22,15 +22,20 @@ _FIXED_POINT_BITS = 4
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
 
-def chase_camera(size_px: tuple[int, int], turn_rad: float = 0.0) -> Float64:
+def chase_camera(
+    size_px: tuple[int, int],
+    turn_rad: float = 0.0,
+    field_of_view_rad: float = _FIELD_OF_VIEW_RAD,
+) -> Float64:
     """Return (3, 4) image_P_velo of a camera behind and above the vehicle, looking ahead and down.
 
     Args:
         size_px: (width, height) of its image.
         turn_rad: from ahead to where it looks, to the left; it goes around the vehicle.
+        field_of_view_rad: from the left edge to the right.
     """
     width, height = size_px
-    focal_px = width / 2 / np.tan(_FIELD_OF_VIEW_RAD / 2)
+    focal_px = width / 2 / np.tan(field_of_view_rad / 2)
     forward = (_TARGET_M - _EYE_M) / np.linalg.norm(_TARGET_M - _EYE_M)
     right = np.cross(forward, (0, 0, 1))
     right /= np.linalg.norm(right)
