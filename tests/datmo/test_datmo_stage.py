@@ -1,0 +1,154 @@
+"""What goes wrong in a drive ends tracks or not, but never a run, and never lends an id twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.synthetic.drive import SyntheticDrive
+from perception.datmo.detector import SegmentedScan
+from perception.datmo.stage import DatmoMethod, datmo_stage
+from perception.errors import PoseError
+from perception.geometry import se3
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Tracks
+
+FRAMES = 24
+METHODS: tuple[DatmoMethod, ...] = ("default", "thesis", "author")
+
+
+@pytest.fixture(scope="module")
+def drive() -> SyntheticDrive:
+    return SyntheticDrive(FRAMES, seed=3, images=False)
+
+
+@pytest.fixture(scope="module")
+def scans(drive: SyntheticDrive) -> list[SegmentedScan]:
+    pipeline = Pipeline(drive.sensor, PipelineConfig(datmo="none"))
+    return [pipeline.segment(frame)[1] for frame in drive]
+
+
+def follow(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
+    stage = datmo_stage(method, drive.sensor, PipelineConfig().area)
+    assert stage is not None
+    answers = [stage.update(scan) for scan in scans]
+    for tracks in answers:
+        assert np.isfinite(tracks.boxes.bottom_m).all()
+        assert np.isfinite(tracks.velocities_m_s).all()
+        assert (np.diff(tracks.ids) > 0).all()
+    return answers
+
+
+def ids_of(answers: list[Tracks]) -> set[int]:
+    return {int(track_id) for tracks in answers for track_id in tracks.ids}
+
+
+def with_stamps(scans: list[SegmentedScan], stamps_s: list[float]) -> list[SegmentedScan]:
+    return [replace(scan, stamp_s=s) for scan, s in zip(scans, stamps_s, strict=True)]
+
+
+def emptied(scan: SegmentedScan) -> SegmentedScan:
+    return replace(scan, points_velo=scan.points_velo[:0], point_states=scan.point_states[:0])
+
+
+def moved(scan: SegmentedScan, shift: np.ndarray) -> SegmentedScan:
+    return replace(
+        scan,
+        world_SE3_velo=shift @ scan.world_SE3_velo,
+        ins_world_SE3_velo=shift @ scan.ins_world_SE3_velo,
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_street_has_tracks(scans, drive, method):
+    answers = follow(scans, method, drive)
+    assert ids_of(answers)
+
+
+def test_no_method_is_no_stage(drive):
+    assert datmo_stage("none", drive.sensor) is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
+    twice = [scans[i] for i in range(FRAMES) for _ in range(2)]
+    answers = follow(twice, method, drive)
+    for first, second in zip(answers[::2], answers[1::2], strict=True):
+        assert np.array_equal(first.ids, second.ids)
+        assert np.allclose(first.boxes.bottom_m, second.boxes.bottom_m)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_short_gap_keeps_ids_rising(scans, drive, method):
+    """Three frames are missing; what is known goes on or ends."""
+    kept = scans[:10] + scans[13:]
+    answers = follow(kept, method, drive)
+    newcomers = ids_of(answers[10:]) - ids_of(answers[:10])
+    assert not newcomers or min(newcomers) > max(ids_of(answers[:8]))
+
+
+def test_the_default_survives_a_short_gap(scans, drive):
+    answers = follow(scans[:12] + scans[14:], "default", drive)
+    assert set(answers[12].ids) & set(answers[11].ids)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_after_a_long_gap_everything_is_new(scans, drive, method):
+    stamps = [scan.stamp_s + (60.0 if i >= 12 else 0.0) for i, scan in enumerate(scans)]
+    far = np.eye(4)
+    far[:3, 3] = 300.0, 200.0, 0.0
+    later = with_stamps([*scans[:12], *(moved(scan, far) for scan in scans[12:])], stamps)
+    answers = follow(later, method, drive)
+    assert not ids_of(answers[:12]) & ids_of(answers[13:])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_jump_of_the_pose_ends_no_run(scans, drive, method):
+    """The INS jumps by 50 m and says nothing: tracks of before are left behind."""
+    jump = se3.from_euler(0, 0, np.radians(30), np.array([50.0, -20.0, 0.5]))
+    answers = follow([*scans[:12], *(moved(scan, jump) for scan in scans[12:])], method, drive)
+    newcomers = ids_of(answers[16:]) - ids_of(answers[:12])
+    assert not newcomers or min(newcomers) > max(ids_of(answers[:12]))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_reset_ends_all_tracks(scans, drive, method):
+    scans = [replace(scan, is_reset=i == 12) for i, scan in enumerate(scans)]
+    answers = follow(scans, method, drive)
+    assert not ids_of(answers[:12]) & ids_of(answers[12:])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_empty_scan_passes(scans, drive, method):
+    holed = [emptied(scan) if i in (0, 11, 12) else scan for i, scan in enumerate(scans)]
+    answers = follow(holed, method, drive)
+    assert ids_of(answers)
+
+
+def test_the_default_survives_an_empty_scan(scans, drive):
+    holed = [emptied(scan) if i == 12 else scan for i, scan in enumerate(scans)]
+    answers = follow(holed, "default", drive)
+    assert set(answers[11].ids) & set(answers[12].ids) & set(answers[13].ids)
+    assert not answers[12].is_seen.any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_without_ins_objects_are_tracked(drive, method):
+    pipeline = Pipeline(drive.sensor, PipelineConfig(datmo=method))
+    ids = set()
+    for index in range(12):
+        frame = replace(drive[index], world_SE3_velo=None)
+        ids |= set(pipeline.step(frame).tracks.ids.tolist())
+    assert ids
+
+
+def test_a_jumping_ins_is_an_error_of_the_pipeline_and_tracks_go_on_without_the_frame(drive):
+    pipeline = Pipeline(drive.sensor)
+    for index in range(12):
+        before = pipeline.step(drive[index]).tracks
+    far = drive[12].world_SE3_velo.copy()
+    far[:3, 3] += 500.0
+    with pytest.raises(PoseError):
+        pipeline.step(replace(drive[12], world_SE3_velo=far))
+    after = pipeline.step(drive[13]).tracks
+    assert set(before.ids) & set(after.ids)
