@@ -9,6 +9,7 @@ from data.derived.moving_truth import MovingTruth, moving_truth
 from data.derived.single_object import ObjectSequence
 from data.drive import Labels
 from data.kitti.sequence import KittiSequence
+from data.synthetic.drive import SyntheticDrive
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D, Float64
 
@@ -35,7 +36,7 @@ class DriveObjects:
     truth: MovingTruth | None
 
     @classmethod
-    def of(cls, drive: KittiSequence) -> "DriveObjects":
+    def of(cls, drive: KittiSequence | SyntheticDrive) -> "DriveObjects":
         """Read the labels of a drive.
 
         Raises:
@@ -44,7 +45,7 @@ class DriveObjects:
         """
         return cls(
             sequence=drive.name,
-            stamps_s=[drive.clock.stamp_s(number) for number in drive.scans.numbers],
+            stamps_s=[_stamp_s(drive, index) for index in range(len(drive))],
             seen=[drive.labels(index) for index in range(len(drive))],
             truth=moving_truth(drive) if drive.has_poses else None,
         )
@@ -104,6 +105,12 @@ class DriveObjects:
             velocity_m_s=velocity_m_s,
             occlusion=int(seen.occlusion[0]) if len(seen) else _OUT_OF_SIGHT,
         )
+
+
+def _stamp_s(drive: KittiSequence | SyntheticDrive, index: int) -> float:
+    if isinstance(drive, SyntheticDrive):
+        return drive.stamp_s(index)
+    return drive.clock.stamp_s(drive.scans.numbers[index])
 
 
 def _of_track(labels: Labels, track_id: int) -> Labels:

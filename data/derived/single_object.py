@@ -7,6 +7,7 @@ from the track lists of the author's released code. Frames are numbered from 0 a
     meant, not said which. 1 and 2 have their types swapped in print; "C" there holds vans and trucks too.
     12 and 13 are overlapping parts of one track, 23 and 24 parts of another.
     Of Table 3.2, the last frame of 5 is open; 4 is the only track that fits; the others are certain.
+    Beside its rows are the errors that Tables 7.6 and 7.7 print of H-Fus.
 
 The author's ground offsets, tuned by hand for each sequence, are left out: no tracker here wants them.
 """

@@ -48,7 +48,7 @@ def plot_success(path: Path, title: str, panels: Sequence[SuccessPanel]) -> None
             axes.plot(
                 np.linspace(0, panel.x_last, len(curve)),
                 curve,
-                _LINES[number // len(palette.STAGES) % len(_LINES)],
+                _LINES[number % len(_LINES)],
                 color=rgb(palette.STAGES[number % len(palette.STAGES)]),
                 linewidth=1.8,
                 label=f"{name}  {panel.values[name]}",
@@ -57,7 +57,7 @@ def plot_success(path: Path, title: str, panels: Sequence[SuccessPanel]) -> None
         axes.set(xlim=(0, panel.x_last), ylim=(0, 1.02))
         axes.grid(alpha=0.25)
         if panel.curves:
-            axes.legend(fontsize=7.5)
+            axes.legend(fontsize=7.5, frameon=True, framealpha=0.8, edgecolor="none")
         else:
             axes.text(0.5, 0.5, "no frames", ha="center", transform=axes.transAxes, color="grey")
     for axes in grid[len(panels) :]:

@@ -9,9 +9,11 @@ from data.derived.challenges import Challenge
 from perception.cli.evaluations.otd_objects import AbsentObject
 from perception.cli.evaluations.otd_report import ObjectReport, OtdReport
 from perception.cli.table import Cell, format_table
+from perception.evaluation.single_object.curves import FollowRule
 from perception.evaluation.single_object.scores import FollowScores
 
 _TOGETHER = "together"
+_PRINTED = "thesis H-Fus"
 _Figure = Callable[[FollowScores], Cell]
 
 
@@ -19,7 +21,7 @@ def otd_tables(report: OtdReport) -> str:
     """Return the figures for people: what is followed, trackers side by side, then each in detail."""
     tables = [
         _objects_table(report),
-        *_side_by_side(report),
+        *(_side_by_side(report, one) for one in _comparisons(report.protocol.follow)),
         *_challenge_tables(report),
         *(_detail_table(report, name) for name in report.trackers),
     ]
@@ -64,35 +66,65 @@ def _objects_table(report: OtdReport) -> str:
     return format_table("What is followed; challenges told from the labels", header, rows)
 
 
-def _side_by_side(report: OtdReport) -> list[str]:
-    follow = report.protocol.follow
-    figures: dict[str, _Figure] = {
-        "E3D (7.3): mean distance of the box centres [m]": lambda s: s.center_m,
-        "E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]": (
-            lambda s: _digits(s.center_px, 1)
-        ),
-        "E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]": lambda s: s.folded_heading_rad,
-        "Heading error, mean, 0..pi [rad]": lambda s: s.heading_rad,
-        f"Overlap success (A.1): frames with 3D IoU above {follow.overlap:.0%}": (
-            lambda s: _percent(s.overlap_success)
-        ),
-        f"Heading success (A.2): frames within {follow.heading_deg:g}°": (
-            lambda s: _percent(s.heading_success)
-        ),
-        f"Location success (A.3): frames within {follow.location_px:g} px": (
-            lambda s: _percent(s.location_success)
-        ),
-        "Success, one-pass evaluation: area under 3D overlap 0..1, in percent": (
-            lambda s: _percent(s.success)
-        ),
-        f"Precision, one-pass evaluation: area under centre error 0..{follow.reach_m:g} m, in percent": (
-            lambda s: _percent(s.precision)
-        ),
-    }
-    return [_tracker_columns(report, title, figure) for title, figure in figures.items()]
+@dataclasses.dataclass(frozen=True)
+class _Comparison:
+    """One figure of all trackers, side by side.
+
+    Attributes:
+        title: what it is, and by which protocol.
+        figure: taken from the scores.
+        printed: the name under which a sequence states what the thesis prints of H-Fus, if it does.
+    """
+
+    title: str
+    figure: _Figure
+    printed: str | None = None
 
 
-def _tracker_columns(report: OtdReport, title: str, figure: _Figure) -> str:
+def _comparisons(rule: FollowRule) -> list[_Comparison]:
+    return [
+        _Comparison(
+            "E3D (7.3): mean distance of the box centres [m]",
+            lambda s: s.center_m,
+            "printed_E3D_m",
+        ),
+        _Comparison(
+            "E2D (7.3): mean distance of the rectangles' centres in the image, clipped to it [px]",
+            lambda s: _digits(s.center_px, 1),
+            "printed_E2D_px",
+        ),
+        _Comparison(
+            "E_phi (7.4): mean heading error, folded to 0..pi/2 [rad]",
+            lambda s: s.folded_heading_rad,
+            "printed_E_phi_rad",
+        ),
+        _Comparison("Heading error, mean, 0..pi [rad]", lambda s: s.heading_rad),
+        _Comparison(
+            f"Overlap success (A.1): frames with 3D IoU above {rule.overlap:.0%}, in percent",
+            lambda s: _percent(s.overlap_success),
+        ),
+        _Comparison(
+            f"Heading success (A.2): frames within {rule.heading_deg:g}°, in percent",
+            lambda s: _percent(s.heading_success),
+        ),
+        _Comparison(
+            f"Location success (A.3): frames within {rule.location_px:g} px, in percent",
+            lambda s: _percent(s.location_success),
+        ),
+        _Comparison(
+            "Success, one-pass evaluation: area under 3D overlap 0..1, in percent",
+            lambda s: _percent(s.success),
+        ),
+        _Comparison(
+            f"Precision, one-pass evaluation: area under centre error 0..{rule.reach_m:g} m, in percent",
+            lambda s: _percent(s.precision),
+        ),
+    ]
+
+
+def _side_by_side(report: OtdReport, comparison: _Comparison) -> str:
+    """Return one figure with a row a sequence and a column a tracker, as Tables 7.6 and 7.7 have it."""
+    figure, key = comparison.figure, comparison.printed
     rows: list[list[Cell]] = [
         [one.sequence.name, *(_cell(one.scores.get(name), figure) for name in report.trackers)]
         for one in report.objects
@@ -100,7 +132,12 @@ def _tracker_columns(report: OtdReport, title: str, figure: _Figure) -> str:
     if len(rows) > 1:
         together = (_cell(report.scores_of(name), figure) for name in report.trackers)
         rows.append([_TOGETHER, *together])
-    return format_table(title, ("", *report.trackers), rows)
+    header = ["", *report.trackers]
+    if key is not None and any(key in one.sequence.stated for one in report.objects):
+        header.append(_PRINTED)
+        printed = [*(one.sequence.stated.get(key) for one in report.objects), None]
+        rows = [[*row, value] for row, value in zip(rows, printed, strict=False)]
+    return format_table(comparison.title, header, rows)
 
 
 def _challenge_tables(report: OtdReport) -> list[str]:
@@ -109,10 +146,10 @@ def _challenge_tables(report: OtdReport) -> list[str]:
         return []
     header = ["", *(f"{one} ({len(report.objects_with(one))})" for one in groups)]
     figures: dict[str, _Figure] = {
-        "Overlap success by challenge, all frames of its sequences": (
+        "Overlap success by challenge, all frames of its sequences, in percent": (
             lambda s: _percent(s.overlap_success)
         ),
-        "Heading success by challenge": lambda s: _percent(s.heading_success),
+        "Heading success by challenge, in percent": lambda s: _percent(s.heading_success),
     }
     return [
         format_table(

@@ -49,7 +49,7 @@ PROTOCOL_WORDS = {
     "off": "share of frames whose answer shares nothing with the object",
     "lost_from": "first frame from which on the answer never shares anything with the object again",
     "ms": "of one tracker on one object, without what it shares with others: reading, poses, ground",
-    "together": "all frames of all sequences, each frame once, not a mean of the sequences",
+    "together": "over all frames of all sequences, not a mean of the sequences",
 }
 
 

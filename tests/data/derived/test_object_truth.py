@@ -54,6 +54,17 @@ def test_a_synthetic_object_is_where_it_is_and_moves_as_it_does(
     assert moving >= 1
 
 
+def test_a_drive_in_memory_has_the_same_objects(folder: Path, exact: SyntheticDrive):
+    written, drawn = DriveObjects.of(open_drive(folder)), DriveObjects.of(exact)
+    assert [one.track_id for one in drawn.sequences(2)] == [
+        one.track_id for one in written.sequences(2)
+    ]
+    one = drawn.sequences(FRAMES)[0]
+    mine, theirs = drawn.track(one), written.track(one)
+    np.testing.assert_allclose(mine.boxes_velo.bottom_m, theirs.boxes_velo.bottom_m, atol=1e-4)
+    np.testing.assert_allclose(mine.stamps_s, theirs.stamps_s)
+
+
 def test_what_the_camera_does_not_see_is_still_there(folder: Path):
     drive = open_drive(folder)
     whole = DriveObjects.of(drive)
