@@ -1,1 +1,1 @@
-"""Labels computed from labels: which objects move."""
+"""What follows from labels, and from the thesis about them: what moves, and whom it follows through which frames."""
