@@ -38,6 +38,7 @@ class ColorSide:
             moment: with the next image.
             expected_world: (3,) where the object is expected.
         """
+        self.regions = ()
         anchor_px = _seen_at(moment, expected_world)
         if moment.image is None or self.region is None or anchor_px is None:
             return None
@@ -65,7 +66,9 @@ class ColorSide:
         region = region_of(pixels, (width, height))
         if region is None:
             return
-        self.colors.update(color_ratios(moment.image, region))
+        self.measured = color_ratios(moment.image, region)
+        self.colors.update(self.measured)
+        self.regions = self.regions or (region,)
         self.region, self._anchor_px = region, anchor_px
         self._center_px = confidence_centroid(moment.image, region, self.colors.ratios)
 

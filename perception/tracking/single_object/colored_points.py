@@ -5,14 +5,14 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.geometry.camera import project
 from perception.sensor import LidarModel
-from perception.tracking.single_object.color_model import BINS, color_bins
-from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
-from perception.tracking.single_object.point_tracker import (
+from perception.tracking.single_object.centroid_tracker import (
+    CentroidTracker,
+    CentroidTrackerRules,
     MotionRules,
-    PointTracker,
-    PointTrackerRules,
     View,
 )
+from perception.tracking.single_object.color_model import BINS, color_bins
+from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.types import Bool, Float64, Int
 
 
@@ -76,7 +76,7 @@ def colors_of_points(view: View) -> tuple[Int, Bool]:
 
 
 def colored_points_tracker(
-    sensor: LidarModel, rules: PointTrackerRules | None = None
-) -> PointTracker:
+    sensor: LidarModel, rules: CentroidTrackerRules | None = None
+) -> CentroidTracker:
     """Make the tracker L-Fus."""
-    return PointTracker(ColoredPointsLocalizer(ClimbRules()), sensor, rules, MotionRules())
+    return CentroidTracker(ColoredPointsLocalizer(ClimbRules()), sensor, rules, MotionRules())

@@ -6,15 +6,15 @@ import numpy as np
 
 from perception.sensor import LidarModel
 from perception.tracking.single_object.back_projection import back_project
+from perception.tracking.single_object.centroid_tracker import (
+    CentroidTracker,
+    CentroidTrackerRules,
+    MotionRules,
+    View,
+)
 from perception.tracking.single_object.color_side import ColorSide
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
-from perception.tracking.single_object.point_tracker import (
-    MotionRules,
-    PointTracker,
-    PointTrackerRules,
-    View,
-)
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
@@ -48,7 +48,7 @@ class FusionTrackerRules:
         motion: how the fused point moves.
     """
 
-    point: PointTrackerRules = field(default_factory=PointTrackerRules)
+    point: CentroidTrackerRules = field(default_factory=CentroidTrackerRules)
     fusion: FusionRules = field(default_factory=FusionRules)
     motion: MotionRules = field(default_factory=MotionRules)
 
@@ -122,7 +122,7 @@ def middle_of(points_world: Float64, window: Window) -> Float64 | None:
     return np.append(held[:, :2].mean(axis=0), (low_m + high_m) / 2)
 
 
-class FusionTracker(PointTracker):
+class FusionTracker(CentroidTracker):
     """H-Fus; implements `SingleObjectTracker`. Where there is no camera, the LiDAR alone finds the object."""
 
     def __init__(self, sensor: LidarModel, rules: FusionTrackerRules | None = None) -> None:

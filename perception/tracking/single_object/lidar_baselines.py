@@ -3,13 +3,13 @@
 import numpy as np
 
 from perception.sensor import LidarModel
-from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
-from perception.tracking.single_object.point_tracker import (
+from perception.tracking.single_object.centroid_tracker import (
+    CentroidTracker,
+    CentroidTrackerRules,
     MotionRules,
-    PointTracker,
-    PointTrackerRules,
     View,
 )
+from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
@@ -48,13 +48,15 @@ def mean_over(window: Window, view: View) -> Float64 | None:
     return np.asarray(points.mean(axis=0)) if len(points) else None
 
 
-def kalman_tracker(sensor: LidarModel, rules: PointTrackerRules | None = None) -> PointTracker:
+def kalman_tracker(
+    sensor: LidarModel, rules: CentroidTrackerRules | None = None
+) -> CentroidTracker:
     """Make the tracker 3D-KF: a filter with constant acceleration, and a gate."""
-    return PointTracker(GateLocalizer(), sensor, rules, MotionRules())
+    return CentroidTracker(GateLocalizer(), sensor, rules, MotionRules())
 
 
 def mean_shift_tracker(
-    sensor: LidarModel, rules: PointTrackerRules | None = None, iterations: int = 3
-) -> PointTracker:
+    sensor: LidarModel, rules: CentroidTrackerRules | None = None, iterations: int = 3
+) -> CentroidTracker:
     """Make the tracker 3D-MS: three shifts are its best (App. A.1), to 5 cm as in the author's code."""
-    return PointTracker(MeanShiftLocalizer(ClimbRules(iterations)), sensor, rules)
+    return CentroidTracker(MeanShiftLocalizer(ClimbRules(iterations)), sensor, rules)

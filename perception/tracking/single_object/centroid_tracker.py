@@ -23,7 +23,7 @@ from perception.types import Boxes3D, Float64, GroundModel
 
 
 @dataclass(frozen=True)
-class PointTrackerRules:
+class CentroidTrackerRules:
     """What all trackers of a point have in common.
 
     Attributes:
@@ -143,14 +143,14 @@ class Localizer(Protocol):
         ...
 
 
-class PointTracker:
+class CentroidTracker:
     """Follows the point that a localizer finds; implements `SingleObjectTracker`."""
 
     def __init__(
         self,
         localizer: Localizer,
         sensor: LidarModel,
-        rules: PointTrackerRules | None = None,
+        rules: CentroidTrackerRules | None = None,
         motion: MotionRules | None = None,
     ) -> None:
         """Set up.
@@ -162,7 +162,7 @@ class PointTracker:
             motion: how its motion is filtered; without, the point is where it was found.
         """
         self._localizer, self._sensor = localizer, sensor
-        self._rules, self._motion_rules = rules or PointTrackerRules(), motion
+        self._rules, self._motion_rules = rules or CentroidTrackerRules(), motion
         self._model: PointModel | None = None
 
     def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
