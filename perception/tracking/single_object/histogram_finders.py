@@ -7,7 +7,7 @@ from perception.tracking.single_object.color_model import BINS, BINS_PER_CHANNEL
 from perception.types import Float32, Float64, Int, UInt8
 
 # Both stop after so many shifts, or at a shift of less than so many pixels.
-_ITERATIONS, _TOLERANCE_PX = 15, 0.5
+_ITERATIONS, _TOLERANCE_PX = 15, 0.1
 _CHANNELS, _RANGES = [0, 1, 2], [0.0, 256.0] * 3
 
 

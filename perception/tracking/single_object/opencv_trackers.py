@@ -20,8 +20,9 @@ OPENCV_TRACKERS = {
     "opencv-kcf": "TrackerKCF",
     "opencv-csrt": "TrackerCSRT",
 }
-# Without room for a window beside the object MIL refuses, and on fewer pixels it never returns.
-_LEAST_SIDE_PX, _ROOM_PX = 8, 2
+# MIL learns from windows beside the object and refuses an image without room for them; on fewer pixels it
+# never returns.
+_LEAST_SIDE_PX, _ROOM_PX = 8, 16
 
 
 def missing_opencv_trackers() -> frozenset[str]:
@@ -47,7 +48,11 @@ def opencv_tracker(name: str) -> ImageOnlyTracker:
 
 
 class OpenCvFinder:
-    """Lets a tracker of OpenCV find the object; implements `ImageFinder`."""
+    """Lets a tracker of OpenCV find the object; implements `ImageFinder`.
+
+    MIL draws numbers from generators of the C library and of OpenCV that a process has but once: the same
+    run gives the same answers, but an object followed again within it may be found a few pixels elsewhere.
+    """
 
     def __init__(self, maker: Any) -> None:  # noqa: ANN401  (OpenCV names no common type)
         """Choose which, by the function that makes one."""
@@ -57,23 +62,15 @@ class OpenCvFinder:
         """Start a new tracker on the rectangle, or on a window around it that OpenCV can work with."""
         window = _workable_window(box_px, image)
         self._share = (box_px.reshape(2, 2) - window[:2]) / window[2:]
-        self._frames = 0
         self._tracker = self._maker()
-        self._seed()
         self._tracker.init(_as_bgr(image), window)
 
     def find(self, image: UInt8) -> Float64 | None:
         """Let the tracker find it; the rectangle moves and grows as the tracker's window does."""
-        self._seed()
         is_found, window = self._tracker.update(_as_bgr(image))
         if not is_found or not np.isfinite(window).all():
             return None
         return np.asarray(self._share * window[2:] + window[:2]).ravel()
-
-    def _seed(self) -> None:
-        """Let OpenCV draw the same numbers whatever else has drawn some, so that runs can be repeated."""
-        cv2.setRNGSeed(self._frames)
-        self._frames += 1
 
 
 def _maker(name: str) -> Any:  # noqa: ANN401
