@@ -47,7 +47,7 @@ def otd(  # noqa: PLR0913 - flags of a command
     Args:
         root: KITTI's tracking data, or a synthetic drive.
         set: table-3.2 (8 sequences), 3d-otd (Table A.1, 50), both, or every labelled track with 15 frames that is present.
-        trackers: names with commas between; else all.
+        trackers: names with commas between, as default,h-fus,3d-kf; else all there are, which takes long.
         sequence: only this drive, as 0000.
         track_id: only this object.
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
