@@ -20,22 +20,23 @@ def frame_count(drive: Drive, limit: int | None) -> int:
 
 
 def read_frames(
-    drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None
+    drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None, first: int = 0
 ) -> Iterator[Frame]:
     """Yield the frames of a drive in order, reading the next while this one is worked on.
 
     Args:
         drive: what to read.
         on_bad_frame: raise at a damaged or missing frame, or log one sentence and go on without it.
-        limit: at most so many frames from the drive's start.
+        limit: none from this many frames after the drive's start on.
+        first: how many frames at the drive's start are passed over.
 
     Raises:
         PerceptionError: a frame cannot be read and `on_bad_frame` is "stop".
     """
     count = frame_count(drive, limit)
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="reader") as reader:
-        ahead = reader.submit(drive.__getitem__, 0) if count else None
-        for index in range(count):
+        ahead = reader.submit(drive.__getitem__, first) if first < count else None
+        for index in range(first, count):
             assert ahead is not None
             current = ahead
             ahead = reader.submit(drive.__getitem__, index + 1) if index + 1 < count else None

@@ -19,6 +19,7 @@ from perception.errors import PerceptionError
 COMMANDS = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the stages on a drive; write results, a video and a summary",
+    "track": "follow one object: its trajectory, speed and box, and a video",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read everything once; report what is missing, damaged or implausible",
     "evaluate": "measure ground, obstacles, objects and tracks against labels or exact truth",

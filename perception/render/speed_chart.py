@@ -37,7 +37,8 @@ def draw_speed_chart(
     """
     height, width = canvas.shape[:2]
     left, top, bottom = 4 * text_px, round(0.14 * height), round(0.70 * height)
-    columns = left + (width - 1 - left) * np.arange(frame_count + 1) / max(frame_count, 1)
+    count = max(frame_count, len(states), 1)
+    columns = left + (width - 1 - left) * np.arange(count + 1) / count
     speeds = np.array(speeds_km_h, np.float64)
     known = speeds[np.isfinite(speeds)]
     ceiling = _TICK_KM_H * np.ceil(max(known.max(initial=0.0), 1.0) / _TICK_KM_H)
@@ -57,10 +58,8 @@ def draw_speed_chart(
     middles = (columns[:-1] + columns[1:]) / 2
     strip = slice(bottom + 3, bottom + 3 + max(text_px // 2, 3))
     for frame, state in enumerate(states):
-        start, stop = (
-            round(columns[frame]),
-            max(round(columns[frame + 1]), round(columns[frame]) + 1),
-        )
+        start = round(columns[frame])
+        stop = max(round(columns[frame + 1]), start + 1)
         canvas[strip, start:stop] = STATE_COLORS[state]
         if frame and np.isfinite(rows[frame - 1 : frame + 1]).all():
             before, here = ((round(middles[i]), round(rows[i])) for i in (frame - 1, frame))

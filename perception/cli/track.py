@@ -1,0 +1,257 @@
+"""`trifuse track`: follow one object through a drive; its trajectory, its speed, and a video."""
+
+import logging
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.frames import OnBadFrame, frame_count, read_frames
+from data.open_drive import open_drive
+from perception import __version__
+from perception.cli.documents import write_json, write_yaml
+from perception.cli.follow_files import FollowedFile, FollowedRows
+from perception.cli.follow_start import FollowStart, StartRequest, find_start
+from perception.cli.follow_summary import FollowSummary
+from perception.cli.results_folder import new_results_folder
+from perception.errors import UsageError
+from perception.evaluation.single_object.track import TrueTrack
+from perception.geometry.boxes import points_inside
+from perception.geometry.threads import one_blas_thread
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.render.color_model_plots import ColorModelScene, plot_color_model
+from perception.render.follow_composition import FollowComposition
+from perception.render.follow_scene import FollowScene, FollowTrail
+from perception.render.video import PictureSink, video_or_none
+from perception.sensor import LidarModel
+from perception.tracking.single_object.color_model import color_ratios
+from perception.tracking.single_object.fusion_tracker import FusionTracker
+from perception.tracking.single_object.hand_over import moment_of
+from perception.tracking.single_object.image_region import ImageRegion
+from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
+from perception.types import Boxes3D, Result
+
+log = logging.getLogger(__name__)
+
+TrackerMaker = Callable[[str, LidarModel], SingleObjectTracker]
+
+
+def track(  # noqa: PLR0913 - flags of a command
+    drive: Path,
+    *,
+    track_id: int | None = None,
+    box: str | None = None,
+    sequence: str | None = None,
+    start_frame: int | None = None,
+    frames: int | None = None,
+    tracker: str = TRACKERS[0],
+    out: Path | None = None,
+    sensor: str | None = None,
+    video: bool = True,
+    on_bad_frame: OnBadFrame = "stop",
+) -> None:
+    """Follow one object through a drive, by LiDAR and camera; write its trajectory, speed and box, and a video.
+
+    Example: trifuse track kitti/tracking --sequence 0000 --track-id 1 --out results/cyclist
+
+    Args:
+        drive: a KITTI raw drive, a tracking folder, or a synthetic drive.
+        track_id: the labelled object to follow, from its first label on, and to be compared with.
+        box: or its box as x,y,z,length,width,height,yaw, in metres and radians: x y z is the middle of the
+            bottom in the LiDAR frame of the start frame. Write --box=-5,... where the first is negative.
+        sequence: which one, where there are several.
+        start_frame: in which the object is; else the first.
+        frames: only so many from there; else all.
+        tracker: which one; an unknown name is answered with all names.
+        out: folder for the results; else results/<time>, with results/latest pointing to it.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        video: whether to draw the video.
+        on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
+    """
+    request = StartRequest(track_id, box, start_frame)
+    plan = FollowPlan(tracker, frames, video, on_bad_frame)
+    opened = open_drive(drive, sequence=sequence, sensor=sensor)
+    start = find_start(opened, request)
+    summary = follow_drive(opened, start, out or new_results_folder(Path("results")), plan)
+    print(summary.table(opened.calibration))
+
+
+@dataclass(frozen=True)
+class FollowPlan:
+    """How an object is followed.
+
+    Attributes:
+        tracker: name of the tracker.
+        frames: only so many, or None.
+        video: whether to draw the video.
+        on_bad_frame: stop or skip.
+        pipeline: what comes before the tracker.
+        make: a tracker of a name.
+    """
+
+    tracker: str = TRACKERS[0]
+    frames: int | None = None
+    video: bool = True
+    on_bad_frame: OnBadFrame = "stop"
+    pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig(datmo="none"))
+    make: TrackerMaker = single_object_tracker
+
+    def __post_init__(self) -> None:
+        """Refuse to follow through no frames."""
+        if self.frames is not None and self.frames < 1:
+            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+
+
+def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) -> FollowSummary:
+    """Follow one object and write what becomes of it, whole at every moment.
+
+    Raises:
+        PerceptionError: the tracker cannot begin, or a frame cannot be used; what was done before it stays.
+    """
+    follower = _Follower(plan.make(plan.tracker, drive.sensor), start)
+    summary = FollowSummary(drive.name, plan.tracker, start, out)
+    last = frame_count(drive, None if plan.frames is None else start.frame + plan.frames)
+    pictures = _Pictures(start, last - start.frame)
+    pipeline = Pipeline(drive.sensor, plan.pipeline)
+    frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
+    bar = tqdm(frames, drive.name, last - start.frame, unit="frame", file=sys.stderr)
+    with ExitStack() as files:
+        lines = files.enter_context(closing(FollowedFile(out / "trajectory.jsonl")))
+        rows = files.enter_context(
+            closing(
+                FollowedRows(out / "trajectory.txt", drive.calibration, start.object_id, start.kind)
+            )
+        )
+        _write_configuration(out, drive, start, plan)
+        path = out / "video.mp4" if plan.video else None
+        video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
+        try:
+            for frame in bar:
+                result, _ = pipeline.segment(frame)
+                moment = moment_of(result, plan.pipeline.body)
+                answer = follower.see(moment)
+                if not summary.frames:
+                    summary.points_at_start = _points_in(start.box_velo, moment)
+                lines.write(result, answer.followed)
+                rows.write(result, answer.followed)
+                summary.add(result, answer.followed, answer.seconds)
+                if plan.video:
+                    pictures.add(video, result, answer)
+                if len(summary.frames) == 1 + (last - start.frame) // 2:
+                    _draw_colors(out / "color-model.png", start, result, follower.tracker)
+        finally:
+            write_json(out / "summary.json", summary.to_json(drive.calibration))
+    return summary
+
+
+def _points_in(box_velo: Boxes3D, moment: Moment) -> int:
+    count = int(np.count_nonzero(points_inside(box_velo, moment.points_velo)))
+    if not count:
+        log.warning("no point of the scan lies in the first box; the tracker goes on from it alone")
+    return count
+
+
+def _draw_colors(
+    path: Path, start: FollowStart, result: Result, tracker: SingleObjectTracker
+) -> None:
+    """Draw what a tracker that looks at colours knows of them (Fig. 5.16); nothing of another."""
+    path.unlink(missing_ok=True)
+    image, region = result.frame.image, region_of_tracker(tracker)
+    if not isinstance(tracker, FusionTracker) or image is None or region is None:
+        return
+    scene = ColorModelScene(
+        image=image,
+        regions=tracker.colors.regions or (region,),
+        measured=color_ratios(image, region),
+        filtered=tracker.colors.colors.ratios,
+    )
+    plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)
+
+
+def _write_configuration(out: Path, drive: Drive, start: FollowStart, plan: FollowPlan) -> None:
+    document = {
+        "trifuse": __version__,
+        "drive": drive.root.resolve(),
+        "name": drive.name,
+        "sensor": drive.sensor.name,
+        "object": {"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},
+        "plan": {
+            "tracker": plan.tracker,
+            "frames": plan.frames,
+            "video": plan.video,
+            "on_bad_frame": plan.on_bad_frame,
+            "pipeline": plan.pipeline,
+        },
+    }
+    write_yaml(out / "config.yaml", document)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What a tracker says of one frame, how long it took, and where it looks in the image."""
+
+    followed: FollowedObject
+    seconds: float
+    region: ImageRegion | None
+
+
+class _Follower:
+    """A tracker with a clock."""
+
+    def __init__(self, tracker: SingleObjectTracker, start: FollowStart) -> None:
+        self.tracker, self._start = tracker, start
+        self._has_begun = False
+
+    def see(self, moment: Moment) -> _Answer:
+        """Begin, or go on."""
+        start_s = time.perf_counter()
+        with one_blas_thread():
+            if self._has_begun:
+                followed = self.tracker.follow(moment)
+            else:
+                followed = self.tracker.start(moment, self._start.box_velo)
+        self._has_begun = True
+        return _Answer(followed, time.perf_counter() - start_s, region_of_tracker(self.tracker))
+
+
+def region_of_tracker(tracker: SingleObjectTracker) -> ImageRegion | None:
+    """Return where a tracker last saw the object's colours, or None of one that does not look at them."""
+    return tracker.colors.region if isinstance(tracker, FusionTracker) else None
+
+
+class _Pictures:
+    """Draws the video, remembering where the object was."""
+
+    def __init__(self, start: FollowStart, frame_count: int) -> None:
+        self._trail, self._truth = FollowTrail(), start.truth
+        self._composition = FollowComposition(frame_count=frame_count, name=start.name)
+
+    def add(self, video: PictureSink, result: Result, answer: _Answer) -> None:
+        """Draw one frame."""
+        self._trail.add(result, answer.followed)
+        scene = FollowScene(
+            result=result,
+            followed=answer.followed,
+            way_velo=self._trail.way_velo(result),
+            ego_way_velo=self._trail.ego_way_velo(result),
+            speeds_km_h=self._trail.speeds_km_h,
+            states=self._trail.states,
+            seconds=answer.seconds,
+            region=answer.region,
+            truth=_true_box(self._truth, result.frame.index),
+        )
+        video.add(self._composition.draw(scene))
+
+
+def _true_box(truth: TrueTrack | None, frame: int) -> Boxes3D | None:
+    if truth is None:
+        return None
+    rows = np.flatnonzero(truth.frames == frame)
+    return truth.boxes_velo[rows] if len(rows) else None

@@ -1,0 +1,55 @@
+"""From tracks of many objects to a tracker of one: what the thesis suggests for its DATMO system (5.3)."""
+
+from perception.errors import UsageError
+from perception.geometry.grids import VehicleBody
+from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.types import Result
+
+
+def moment_of(result: Result, body: VehicleBody) -> Moment:
+    """Return what a tracker of one object is shown of a frame that the pipeline has seen.
+
+    Args:
+        result: pose and ground of the frame.
+        body: the vehicle's own outline, whose returns are left out.
+    """
+    frame = result.frame
+    return Moment(
+        stamp_s=frame.stamp_s,
+        points_velo=frame.points_velo[~body.contains_xy(frame.points_velo)],
+        world_SE3_velo=result.world_SE3_velo,
+        ground=result.ground,
+        image=frame.image,
+        image_P_velo=None if frame.calibration is None else frame.calibration.image_P_velo,
+    )
+
+
+class HandOver:
+    """Gives one track of the pipeline to a tracker of one object, in the first frame that has it.
+
+    From there on the tracker is on its own: it may keep what the pipeline loses, and lose what the
+    pipeline keeps.
+    """
+
+    def __init__(self, track_id: int, tracker: SingleObjectTracker, body: VehicleBody) -> None:
+        """Wait for a track.
+
+        Args:
+            track_id: of the pipeline.
+            tracker: that takes it over.
+            body: the vehicle's own outline.
+        """
+        if track_id < 0:
+            raise UsageError("track to follow", expected="an id of 0 or more", found=str(track_id))
+        self.track_id, self._tracker, self._body = track_id, tracker, body
+        self.has_begun = False
+
+    def update(self, result: Result) -> FollowedObject | None:
+        """Follow the object on; None as long as the pipeline has not given its track."""
+        if self.has_begun:
+            return self._tracker.follow(moment_of(result, self._body))
+        track = result.tracks[result.tracks.ids == self.track_id]
+        if not len(track):
+            return None
+        self.has_begun = True
+        return self._tracker.start(moment_of(result, self._body), track.boxes)

@@ -1,0 +1,264 @@
+"""Following one object from the command line: files, table, and what is refused."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from data.derived.object_truth import DriveObjects
+from data.kitti.tracking_rows import read_result_rows
+from data.open_drive import open_drive
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.follow_files import FollowedRows, followed_line
+from perception.cli.follow_start import FollowStart, StartRequest, find_start, parse_box
+from perception.cli.follow_summary import FollowSummary, way_length_m
+from perception.cli.main import main
+from perception.cli.track import FollowPlan, follow_drive
+from perception.errors import PerceptionError, UsageError
+from perception.pipeline import Pipeline
+from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.types import Boxes3D
+
+FRAMES = 5
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def labelled_id(street) -> int:
+    """Return the nearest object that is labelled in every frame."""
+    labels = [open_drive(street).labels(index) for index in range(FRAMES)]
+    always = set.intersection(*(set(one.track_ids.tolist()) for one in labels))
+    far_m = np.hypot(*labels[0].boxes_velo.bottom_m[:, :2].T)
+    return min(always, key=lambda track: far_m[labels[0].track_ids == track][0])
+
+
+@pytest.fixture(scope="module")
+def results(street, labelled_id, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("followed")
+    words = ["track", str(street), "--track-id", str(labelled_id), "--tracker", "h-fus"]
+    assert main([*words, "--out", str(out)]) == 0
+    return out
+
+
+@dataclass
+class Scripted:
+    """A tracker that answers as it is told, with its first box."""
+
+    states: list[FollowState]
+    in_space: bool = True
+
+    def start(self, moment, box_velo):
+        self._box = box_velo
+        return self._answer()
+
+    def follow(self, moment):
+        return self._answer()
+
+    def _answer(self):
+        box = self._box if self.in_space else None
+        box_px = None if self.in_space else np.array([10.0, 20, 30, 40])
+        return FollowedObject(self.states.pop(0), box, np.array([3.0, 4.0]), box_px)
+
+
+def follow_scripted(street, out, states, *, in_space=True, start=None) -> FollowSummary:
+    drive = open_drive(street)
+    start = start or FollowStart(
+        0, Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
+    )
+    plan = FollowPlan(
+        "scripted", len(states), video=False, make=lambda *_: Scripted(list(states), in_space)
+    )
+    return follow_drive(drive, start, out, plan)
+
+
+def lines_of(path: Path) -> list[dict]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+def test_every_file_is_there(results):
+    names = {path.name for path in results.iterdir()}
+    assert names == {
+        "color-model.png", "config.yaml", "summary.json", "trajectory.jsonl", "trajectory.txt",
+        "video.mp4",
+    }  # fmt: skip
+    with av.open(str(results / "video.mp4")) as container:
+        assert sum(1 for _ in container.decode(video=0)) == FRAMES
+    assert cv2.imread(str(results / "color-model.png")).std() > 5
+
+
+def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelled_id):
+    lines = lines_of(results / "trajectory.jsonl")
+    assert [line["frame"] for line in lines] == list(range(FRAMES))
+    assert lines[0]["state"] == "seen"
+    labels = open_drive(street).labels(0)
+    box = labels.boxes_velo[labels.track_ids == labelled_id]
+    np.testing.assert_allclose(lines[0]["velo"]["position_m"], box.bottom_m[0], atol=1.0)
+    np.testing.assert_allclose(lines[0]["size_m"], box.size_m[0], atol=0.01)
+    for line in lines:
+        world_m_s = np.linalg.norm(line["world"]["velocity_m_s"])
+        assert world_m_s == pytest.approx(line["speed_m_s"], abs=1e-3)
+
+
+def test_the_rows_are_those_of_the_benchmark(results, labelled_id):
+    rows = read_result_rows(results / "trajectory.txt", FRAMES)
+    assert set(rows.ids.tolist()) == {labelled_id}
+    assert rows.frames.tolist() == list(range(FRAMES))
+
+
+def test_configuration_and_summary_say_what_was_followed(results, labelled_id):
+    config = yaml.safe_load((results / "config.yaml").read_text())
+    assert config["plan"]["tracker"] == "h-fus"
+    assert f"track {labelled_id} (" in config["object"]["name"]
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["frames"] == sum(summary["states"].values()) == FRAMES
+    assert summary["against_labels"]["frames"] == FRAMES
+    assert summary["against_labels"]["center_m"] > 0
+
+
+def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
+    states = [FollowState.SEEN, FollowState.PREDICTED, FollowState.LOST]
+    summary = follow_scripted(street, tmp_path, states)
+    assert list(summary.counts.values()) == [1, 1, 1]
+    assert len(summary.places_world) == 2
+    table = summary.table(None)
+    assert "predicted       1  33.3 %" in table
+    assert "speed 18.0 km/h on average" in table
+    assert "against its" not in table
+    assert read_result_rows(tmp_path / "trajectory.txt").frames.tolist() == [0, 1]
+    assert [line["state"] for line in lines_of(tmp_path / "trajectory.jsonl")] == states
+
+
+def test_a_tracker_in_the_image_gives_rectangles_and_no_place(street, tmp_path):
+    summary = follow_scripted(street, tmp_path, [FollowState.SEEN] * 2, in_space=False)
+    line = lines_of(tmp_path / "trajectory.jsonl")[1]
+    assert line["velo"] is None
+    assert line["world"] is None
+    assert line["box_px"] == [10, 20, 30, 40]
+    rows = read_result_rows(tmp_path / "trajectory.txt")
+    np.testing.assert_array_equal(rows.boxes_px, [[10, 20, 30, 40]] * 2)
+    assert (rows.sizes_hwl_m == -1).all()
+    assert "in the image alone" in summary.table(None)
+
+
+def test_a_box_without_points_is_said(street, tmp_path, caplog):
+    high = Boxes3D(np.array([[9.0, 0, 60]]), np.full((1, 3), 2.0), np.zeros(1))
+    summary = follow_scripted(street, tmp_path, [FollowState.PREDICTED], start=FollowStart(0, high))
+    assert summary.points_at_start == 0
+    assert "no point of the scan lies in the first box" in caplog.text
+    assert "first box: 0 points" in summary.table(None)
+
+
+def test_a_later_start_begins_there(street, tmp_path):
+    box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
+    states = [FollowState.SEEN] * 2
+    follow_scripted(street, tmp_path, states, start=FollowStart(2, box))
+    assert [line["frame"] for line in lines_of(tmp_path / "trajectory.jsonl")] == [2, 3]
+
+
+def test_a_box_begins_in_the_frame_named(street):
+    start = find_start(open_drive(street), StartRequest(box="9,0,-1.7,4,1.8,1.5,0.1", frame=3))
+    assert start.frame == 3
+    assert start.truth is None
+    assert start.name == "the object"
+    np.testing.assert_array_equal(start.box_velo.size_m, [[4, 1.8, 1.5]])
+
+
+@pytest.mark.parametrize("text", ["1,2,3,4,5,6,7", "1 2 3 4 5 6 7", "[1, 2, 3, 4, 5, 6, 7]"])
+def test_a_box_is_seven_numbers(text):
+    box = parse_box(text)
+    assert (box.bottom_m.tolist(), box.size_m.tolist(), box.yaw_rad.tolist()) == (
+        [[1, 2, 3]],
+        [[4, 5, 6]],
+        [7],
+    )
+
+
+@pytest.mark.parametrize("text", ["", "1,2,3", "1,2,3,4,5,6,x", "1,2,3,4,5,6,nan"])
+def test_what_is_no_box_is_refused(text):
+    with pytest.raises(UsageError, match="x,y,z,length,width,height,yaw: seven numbers"):
+        parse_box(text)
+
+
+def test_a_flat_box_is_refused():
+    with pytest.raises(UsageError, match="length, width and height above 0"):
+        parse_box("1,2,3,4,0,6,7")
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        ([], "expected either --track-id or --box, found neither"),
+        (["--track-id", "1", "--box", "1,2,3,4,5,6,7"], "found both"),
+        (["--track-id", "9999"], "expected a labelled object of"),
+        (["--box", "1,2,3,4,5,6,7", "--start-frame", "5"], "0 to 4, found 5"),
+        (["--box", "1,2,3,4,5,6,7", "--start-frame", "-1"], "0 or more, found -1"),
+        (["--box", "1,2,3,4,5,6,7", "--frames", "0"], "at least 1, found 0"),
+        (["--box", "1,2,3,4,5,6,7", "--tracker", "goat"], "found goat"),
+        (["--box=-80,0,-1.7,4,2,2,0", "--tracker", "ms-i"], "in view of the camera"),
+    ],
+)
+def test_what_cannot_be_is_answered_in_one_sentence(street, tmp_path, flags, said, capsys):
+    assert main(["track", str(street), "--out", str(tmp_path), *flags]) == 2
+    assert said in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_an_unlabelled_frame_is_answered_with_those_that_are(kitti_root):
+    drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
+    late = next(one for one in DriveObjects.of(drive).sequences(1) if one.first_frame > 0)
+    said = f"track {late.track_id} is labelled, of {late.first_frame} to {late.last_frame}, found 0"
+    with pytest.raises(UsageError, match=said):
+        find_start(drive, StartRequest(track_id=late.track_id, frame=0))
+
+
+def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
+    drive = open_drive(street, images=False)
+    box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
+    with pytest.raises(PerceptionError, match="camera's image"):
+        follow_drive(drive, FollowStart(0, box), tmp_path, FollowPlan("ms-i", 1, video=False))
+
+
+def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
+    write_drives(tmp_path, Recipe(layout="object", frames=1))
+    assert main(["track", str(tmp_path), "--box", "1,2,3,4,5,6,7"]) == 2
+    assert "frames that follow each other" in capsys.readouterr().err
+
+
+def test_who_stands_and_trembles_goes_nowhere():
+    trembling = np.random.default_rng(0).normal(0, 0.05, (200, 3))
+    assert way_length_m(trembling) == 0
+    steps = np.column_stack([np.arange(0, 10, 0.25), np.zeros(40), np.zeros(40)])
+    assert way_length_m(steps) == pytest.approx(9.5)
+    assert way_length_m(np.zeros((0, 3))) == 0
+
+
+def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
+    drive = open_drive(street, images=False)
+    result, _ = Pipeline(drive.sensor).segment(drive[0])
+    box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
+    followed = FollowedObject(FollowState.SEEN, box, np.zeros(2), None)
+    rows = FollowedRows(tmp_path / "rows.txt", None, 0, None)
+    rows.write(result, followed)
+    rows.close()
+    assert not (tmp_path / "rows.txt").exists()
+    assert followed_line(result, replace(followed, box_velo=None))["speed_m_s"] is None
+
+
+def test_real_cyclist_from_its_label(kitti_root, tmp_path, capsys):
+    words = ["track", str(kitti_root / "tracking"), "--sequence", "0000", "--track-id", "1"]
+    flags = ["--tracker", "h-fus", "--frames", "6", "--video", "false", "--out", str(tmp_path)]
+    assert main([*words, *flags]) == 0
+    printed = capsys.readouterr().out
+    assert "0000, track 1 (Cyclist), tracker h-fus: frames 0 to 5" in printed
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["against_labels"]["center_m"] < 0.6
+    assert summary["states"]["seen"] == 6
