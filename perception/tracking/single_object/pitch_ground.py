@@ -4,12 +4,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
 
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
 from perception.types import Float, Float64
 
 _BIN_RAD = np.radians(0.01)
 _STEEPEST_RAD = np.radians(12.0)
+# Height of a peak, and over its surroundings, in that of the highest (author's code).
+_LEAST_PEAK = 0.25
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,9 @@ def most_frequent(angles_rad: Float, within_rad: tuple[float, float]) -> float |
     The density is that of a Gaussian kernel, over bins of a hundredth of a degree.
 
     Returns:
-        None where there is no peak, as where there are no angles or the density only rises to one side.
+        None where there is no peak, as where there are no angles or the density rises to a side only.
     """
-    count = np.abs(angles_rad) < _STEEPEST_RAD
-    angles_rad = angles_rad[count]
+    angles_rad = angles_rad[np.abs(angles_rad) < _STEEPEST_RAD]
     if len(angles_rad) == 0:
         return None
     bins = round(2 * _STEEPEST_RAD / _BIN_RAD)
@@ -128,13 +130,13 @@ def most_frequent(angles_rad: Float, within_rad: tuple[float, float]) -> float |
     histogram = np.bincount(rows, minlength=bins).astype(np.float64)
     width_bins = max(bandwidth(angles_rad) / _BIN_RAD, 1.0)
     density = gaussian_filter1d(histogram, width_bins, mode="constant")
-    middles_rad = (np.arange(len(density)) + 0.5) * _BIN_RAD - _STEEPEST_RAD
-    is_peak = np.zeros(len(density), bool)
-    is_peak[1:-1] = (density[1:-1] > density[:-2]) & (density[1:-1] >= density[2:])
-    peaks = np.flatnonzero(
-        is_peak & (middles_rad >= within_rad[0]) & (middles_rad <= within_rad[1])
-    )
-    return float(middles_rad[peaks[density[peaks].argmax()]]) if len(peaks) else None
+    least = _LEAST_PEAK * density.max()
+    peaks, _ = find_peaks(density, height=least, prominence=least)
+    middles_rad = (peaks + 0.5) * _BIN_RAD - _STEEPEST_RAD
+    within = (middles_rad >= within_rad[0]) & (middles_rad <= within_rad[1])
+    if not within.any():
+        return None
+    return float(middles_rad[within][density[peaks[within]].argmax()])
 
 
 def bandwidth(angles_rad: Float) -> float:
