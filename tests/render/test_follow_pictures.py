@@ -25,7 +25,7 @@ BOX = Boxes3D(np.array([[12.0, 1, -1.73]]), np.array([[4.0, 1.8, 1.6]]), np.zero
 
 def rectangle(x1, y1, x2, y2, size_px) -> ImageRegion:
     hull_px = np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]], float)
-    return ImageRegion.within(hull_px, size_px)
+    return ImageRegion(hull_px, size_px)
 
 
 def followed_in(state: FollowState, box: Boxes3D | None = BOX, **changes) -> FollowedObject:

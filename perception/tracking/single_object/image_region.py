@@ -5,6 +5,7 @@ region where its centre lies within the region's outline.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import cv2
@@ -18,31 +19,34 @@ _EXPANSION = float(np.sqrt(2))
 
 @dataclass(frozen=True)
 class ImageRegion:
-    """An object's convex outline and the pixels of one image within and around it.
+    """An object's convex outline in an image, and on demand the pixels within and around it.
 
     The outline is kept whole where it reaches beyond the image; only the pixels end there. So an object
     that leaves the image has ever fewer pixels, at last none, and gets them back when it returns.
 
     Attributes:
         hull_px: (V, 2) columns and rows of the corners of Ω.
-        corner_px: (2,) column and row of the upper left pixel of the window that holds Ω†.
-        is_inside: (h, w) which pixels of the window lie within Ω.
-        is_ring: (h, w) which lie within Ω† but not within Ω.
+        image_size_px: width and height of the image.
     """
 
     hull_px: Float64
-    corner_px: Int
-    is_inside: Bool
-    is_ring: Bool
+    image_size_px: tuple[int, int]
 
-    @classmethod
-    def within(cls, hull_px: Float64, image_size_px: tuple[int, int]) -> Self:
-        """Find the pixels of a (width, height) image within and around a convex outline."""
-        outer_px = _expanded(hull_px)
-        low = np.clip(np.ceil(outer_px.min(axis=0)), 0, image_size_px).astype(int)
-        high = np.clip(np.floor(outer_px.max(axis=0)) + 1, low, image_size_px).astype(int)
-        is_inside = _pixels_within(hull_px, low, high)
-        return cls(hull_px, low, is_inside, _pixels_within(outer_px, low, high) & ~is_inside)
+    @cached_property
+    def corner_px(self) -> Int:
+        """(2,) column and row of the upper left pixel of the window that holds Ω†."""
+        low = np.ceil(self.outer_px.min(axis=0))
+        return np.asarray(np.clip(low, 0, self.image_size_px).astype(int))
+
+    @cached_property
+    def is_inside(self) -> Bool:
+        """(h, w) which pixels of the window lie within Ω."""
+        return self._pixels_within(self.hull_px)
+
+    @cached_property
+    def is_ring(self) -> Bool:
+        """(h, w) which pixels of the window lie within Ω† but not within Ω."""
+        return self._pixels_within(self.outer_px) & ~self.is_inside
 
     @property
     def inside_px(self) -> Int:
@@ -60,12 +64,12 @@ class ImageRegion:
         (column, row), (height, width) = self.corner_px, self.is_inside.shape
         return slice(row, row + height), slice(column, column + width)
 
-    @property
+    @cached_property
     def outer_px(self) -> Float64:
         """(V, 2) corners of Ω†, the outline of the ring."""
-        return _expanded(self.hull_px)
+        return self.center_px + _EXPANSION * (self.hull_px - self.center_px)
 
-    @property
+    @cached_property
     def center_px(self) -> Float64:
         """(2,) centroid of the area of Ω."""
         return _centroid(self.hull_px)
@@ -76,8 +80,13 @@ class ImageRegion:
         return np.concatenate([self.hull_px.min(axis=0), self.hull_px.max(axis=0)])
 
     def shifted(self, by_px: Float64, image_size_px: tuple[int, int]) -> Self:
-        """Return the region moved by columns and rows; without pixels where it has left the image."""
-        return self.within(self.hull_px + by_px, image_size_px)
+        """Return the region moved by columns and rows in the next image; no pixel where it has left that."""
+        return type(self)(self.hull_px + by_px, image_size_px)
+
+    def _pixels_within(self, outline_px: Float64) -> Bool:
+        high = np.floor(self.outer_px.max(axis=0)) + 1
+        end_px = np.clip(high, self.corner_px, self.image_size_px).astype(int)
+        return _pixels_within(outline_px, self.corner_px, end_px)
 
     def _places(self, mask: Bool) -> Int:
         rows, columns = np.nonzero(mask)
@@ -102,13 +111,8 @@ def region_of(points_px: Float, image_size_px: tuple[int, int]) -> ImageRegion |
     hull_px = np.asarray(finite[np.asarray(corners).ravel()], np.float64)
     if len(hull_px) < 3:
         return None
-    region = ImageRegion.within(hull_px, image_size_px)
+    region = ImageRegion(hull_px, image_size_px)
     return region if region.is_inside.any() else None
-
-
-def _expanded(hull_px: Float64) -> Float64:
-    center_px = _centroid(hull_px)
-    return np.asarray(center_px + _EXPANSION * (hull_px - center_px))
 
 
 def _centroid(hull_px: Float64) -> Float64:

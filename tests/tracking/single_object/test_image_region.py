@@ -29,7 +29,7 @@ def test_the_ring_is_as_large_as_the_inside_and_apart_from_it():
 def test_the_centre_is_that_of_the_area_however_many_corners_one_side_has():
     many = np.column_stack([np.full(50, 40.0), np.linspace(11, 29, 50)])
     outline_px = np.vstack([SQUARE_PX[:2], many, SQUARE_PX[2:]])
-    region = ImageRegion.within(outline_px, SIZE_PX)
+    region = ImageRegion(outline_px, SIZE_PX)
     np.testing.assert_allclose(region.center_px, [30, 20])
 
 
@@ -38,7 +38,7 @@ def test_pixels_are_those_of_a_test_of_each(turn):
     rng = np.random.default_rng(2)
     for _ in range(20):
         hull_px = region_of(rng.uniform((-30, -20), (130, 80), (7, 2)), SIZE_PX).hull_px
-        region = ImageRegion.within(hull_px[::turn], SIZE_PX)
+        region = ImageRegion(hull_px[::turn], SIZE_PX)
         found = np.zeros(SIZE_PX[::-1], bool)
         found[region.window] = region.is_inside
         contour = hull_px.astype(np.float32)[:, None]
@@ -98,6 +98,6 @@ def test_points_behind_the_camera_are_left_out():
 
 
 def test_an_outline_without_area_has_no_pixel():
-    region = ImageRegion.within(np.array([[5.0, 5], [20, 5], [9, 5]]), SIZE_PX)
+    region = ImageRegion(np.array([[5.0, 5], [20, 5], [9, 5]]), SIZE_PX)
     assert len(region.inside_px) == 0
     np.testing.assert_allclose(region.center_px, [34 / 3, 5])
