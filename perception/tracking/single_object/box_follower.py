@@ -2,39 +2,38 @@
 
 1. Motion says where the box should be: along its heading, as fast and as curved as before.
 2. The points above the ground there are compared with the object's shape: the sides of its box that
-   face the sensor, and what was seen of it so far.
+   face the sensor, and what was seen of it so far. What stood beside it a moment ago is left out.
 3. What is left possible corrects the motion. Where too few points speak for the object it is
-   predicted, the search widens, and a place is taken only if the shape fits it.
+   predicted, the search widens, and a place is taken only if shape, height and motion fit it.
+
+The LiDAR alone is used. The box keeps the size of the first one.
 """
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from perception.errors import PerceptionError
-from perception.geometry.se3 import inverse
+from perception.geometry.boxes import transform_boxes
+from perception.sensor import LidarModel
 from perception.tracking.single_object import turning_motion as motion
-from perception.tracking.single_object.ground_below import (
-    GroundBelow,
-    lowest_around_m,
-    stage_height_m,
-)
+from perception.tracking.single_object.followed_box import FollowedBox
+from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
 from perception.tracking.single_object.object_shape import ObjectShape, ShapeRules
+from perception.tracking.single_object.point_model import PointModel, answer, check_start_box
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
     SearchRules,
-    Sight,
-    into_frame,
-    reward_at,
     search,
+    squared_distance,
 )
+from perception.tracking.single_object.sight import Sight, points_around, sight_of
 from perception.tracking.single_object.surroundings import Surroundings
 from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
-from perception.tracking.single_object.turning_motion import MovingState, TurningRules
-from perception.types import Boxes3D, Float64
+from perception.types import Boxes3D
 
-logger = logging.getLogger(__name__)
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -42,235 +41,173 @@ class FollowRules:
     """When an object is seen, and what belongs to it.
 
     Attributes:
+        start_m: standard deviation of the first box along x and y.
+        start_rad: of its heading.
         clearance_m: points so near the ground may be ground.
         headroom_m: points so far above the box are not the object's.
-        thin_m: points are averaged by cells of this edge.
+        thin_m: points are gathered by cells of this edge.
+        look_around_m: how far around the box is looked at, least and most.
         own_margin_m: what lies farther outside the box is something else.
         known_weight: of a point where something else stood a moment ago.
         least_reward: of the points at the best pose, each worth up to 1, to be seen.
+        least_contrast: of what speaks for it, against what speaks against it.
+        gate: squared deviations from what is expected; 99 % of true ones are closer (chi-squared, 3).
         least_share: of the reward that the object used to have at this distance.
+        return_share: the same of an object that was hidden.
+        return_top_m: by so much the top of an object that returns may differ from what it was, besides
+            what the beams miss.
         lost_after_s: without being seen.
-        vehicle_m: length and width from which an object is a vehicle.
-        walker_length_m: shorter objects walk.
+        least_speed_m_s: what goes backwards faster, but cannot, faces the wrong way.
+        shape: of the object.
+        search: of its pose.
     """
 
+    start_m: float = 0.1
+    start_rad: float = 0.08
     clearance_m: float = 0.2
     headroom_m: float = 0.3
     thin_m: float = 0.1
+    look_around_m: tuple[float, float] = (3.0, 6.0)
     own_margin_m: float = 0.4
     known_weight: float = 0.1
     least_reward: float = 1.2
+    least_contrast: float = 0.5
+    gate: float = 11.3
     least_share: float = 0.1
+    return_share: float = 0.25
+    return_top_m: float = 0.25
     lost_after_s: float = 3.0
-    vehicle_m: tuple[float, float] = (2.4, 1.2)
-    walker_length_m: float = 1.3
-
-
-@dataclass(frozen=True)
-class _Followed:
-    """What is known of the object after a moment."""
-
-    stamp_s: float
-    seen_s: float
-    state: MovingState
-    ground: GroundBelow
-    rise_m: float
-    shape: ObjectShape
-    surroundings: Surroundings
-    usual_reward: float
-    answer_state: FollowState
+    least_speed_m_s: float = 0.4
+    shape: ShapeRules = field(default_factory=ShapeRules)
+    search: SearchRules = field(default_factory=SearchRules)
 
 
 class BoxFollower:
-    """Follows one object by fitting its box to the points above the ground; needs no camera."""
+    """Follows one object by fitting its box; implements `SingleObjectTracker`."""
 
-    def __init__(
-        self,
-        rules: FollowRules | None = None,
-        shape_rules: ShapeRules | None = None,
-        search_rules: SearchRules | None = None,
-    ) -> None:
+    def __init__(self, sensor: LidarModel, rules: FollowRules | None = None) -> None:
+        self._sensor = sensor
         self._rules = rules or FollowRules()
-        self._shape_rules = shape_rules or ShapeRules()
-        self._search_rules = search_rules or SearchRules()
-        self._followed: _Followed | None = None
+        self._followed: FollowedBox | None = None
 
     def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
-        """Begin with the box; forget any object before."""
-        _check_box(box_velo)
-        size_m = box_velo.size_m[0].astype(np.float64)
-        self._motion = self._kind(size_m)
-        world = moment.world_SE3_velo
-        bottom = world[:3, :3] @ box_velo.bottom_m[0] + world[:3, 3]
-        yaw = box_velo.yaw_rad[0] + np.arctan2(world[1, 0], world[0, 0])
-        state = motion.begin(np.array([*bottom[:2], yaw]), np.array([0.1, 0.1, 0.08]), self._motion)
-        shape = ObjectShape.of_box(size_m, self._shape_rules)
-        self._followed = _Followed(
-            moment.stamp_s,
-            moment.stamp_s,
-            state,
-            GroundBelow(bottom[2], 0.05**2),
-            0.0,
-            shape,
-            Surroundings(),
-            0.0,
-            FollowState.SEEN,
+        """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
+
+        Raises:
+            PerceptionError: the box is not one finite box of positive size.
+        """
+        check_start_box(box_velo)
+        _logger.info("The box tracker follows by LiDAR alone; images are not used.")
+        rules, box_world = self._rules, transform_boxes(moment.world_SE3_velo, box_velo)
+        size_m = box_world.size_m[0].astype(np.float64)
+        pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
+        spread = np.array([rules.start_m, rules.start_m, rules.start_rad])
+        self._motion = motion.rules_for(size_m)
+        self._followed = FollowedBox(
+            stamp_s=moment.stamp_s,
+            seen_s=moment.stamp_s,
+            state=motion.begin(pose, spread, self._motion),
+            ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
+            shape=ObjectShape.of_box(size_m, rules.shape),
+            surroundings=Surroundings(),
         )
-        self._followed = self._remember(self._followed, self._sight(moment, self._followed, 4.0))
-        return self._answer(moment)
+        _, sight = self._look(moment, self._followed)
+        self._followed = self._followed.seen(sight, rules.own_margin_m)
+        return self._answer(moment, self._followed)
 
     def follow(self, moment: Moment) -> FollowedObject:
-        """Say where the object is at the next moment."""
-        before = self._followed
-        if before is None:
-            raise PerceptionError("BoxFollower", expected="start before follow", found="no object")
-        elapsed_s = moment.stamp_s - before.stamp_s
-        if elapsed_s <= 0:
-            return self._answer(moment)
-        size_m = before.shape.size_m
-        state = motion.predict(before.state, elapsed_s, size_m[0], self._motion)
-        way_m = abs(before.state.mean[3]) * elapsed_s
-        followed = replace(
-            before, stamp_s=moment.stamp_s, state=state, ground=before.ground.moved(way_m)
+        """Say where the object is at the next moment.
+
+        Raises:
+            PerceptionError: no object was given to follow.
+        """
+        if self._followed is None:
+            raise PerceptionError("tracker", expected="start before follow", found="no object")
+        if moment.stamp_s > self._followed.stamp_s:  # a scan that is given twice says nothing new
+            self._followed = self._followed_to(moment, self._followed)
+        return self._answer(moment, self._followed)
+
+    def _followed_to(self, moment: Moment, before: FollowedBox) -> FollowedBox:
+        """Predict, look, search, and take in what was found."""
+        expected = self._predicted(before, moment.stamp_s)
+        expected, sight = self._look(moment, expected)
+        belief = self._find(before, expected, sight)
+        if belief is None:
+            return expected.missed(sight)
+        state = motion.correct(expected.state, belief.pose, belief.covariance)
+        state = motion.facing_its_way(state, self._motion, self._rules.least_speed_m_s)
+        return replace(expected, state=state).seen(sight, self._rules.own_margin_m)
+
+    def _predicted(self, before: FollowedBox, stamp_s: float) -> FollowedBox:
+        if self._is_lost(before):
+            return replace(before, stamp_s=stamp_s)  # the last guess stays
+        length_m = float(before.shape.size_m[0])
+        elapsed_s = min(stamp_s - before.stamp_s, 2 * self._rules.lost_after_s)
+        state = motion.predict(before.state, elapsed_s, length_m, self._motion)
+        way_m = abs(float(before.state.mean[3])) * elapsed_s
+        return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
+
+    def _look(self, moment: Moment, expected: FollowedBox) -> tuple[FollowedBox, Sight]:
+        """Return the object with the ground below it, and what is seen above that ground."""
+        rules, size_m = self._rules, expected.shape.size_m
+        deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
+        look_m = np.clip(rules.search.reach * deviation_m, *rules.look_around_m)
+        reach_m = float(np.hypot(*size_m[:2]) / 2 + rules.shape.rim_m + look_m)
+        around = points_around(moment, expected.place_world, reach_m)
+        ground = ground_seen(
+            expected.ground, expected.place_world, float(size_m[0]), moment, around
         )
-        followed = self._with_ground(moment, followed)
-        reach_m = 2.5 * np.sqrt(np.linalg.eigvalsh(state.covariance[:2, :2])[-1]) + 0.3
-        sight = self._sight(moment, followed, float(np.clip(reach_m, 3.0, 6.0)))
-        least = max(self._rules.least_reward, self._rules.least_share * sight.usual_reward)
-        belief = None
-        if len(sight.weights):
-            priors = self._priors(before, state)
-            belief = search(followed.shape, sight, priors, self._search_rules)
-            if reward_at(followed.shape, sight, belief.pose) < least:
-                belief = None
-        if belief is not None:
-            state = motion.correct(state, belief.pose, belief.covariance)
-            state = motion.facing_its_way(state, self._motion, 0.4)
-            followed = replace(
-                followed, state=state, seen_s=moment.stamp_s, answer_state=FollowState.SEEN
-            )
-            followed = self._remember(followed, sight)
-        else:
-            hidden_s = moment.stamp_s - followed.seen_s
-            is_lost = hidden_s > self._rules.lost_after_s
-            followed = replace(
-                followed, answer_state=FollowState.LOST if is_lost else FollowState.PREDICTED
-            )
-        self._followed = followed
-        return self._answer(moment)
+        above_m = around[:, 2] - ground.z_world_m
+        stands = (above_m > rules.clearance_m) & (above_m < size_m[2] + rules.headroom_m)
+        sight = sight_of(around[stands], moment.world_SE3_velo[:2, 3], rules.thin_m)
+        known = expected.surroundings.hold(sight.points_xy_m)
+        return replace(expected, ground=ground), sight.doubting(known, rules.known_weight)
 
-    def _priors(self, before: _Followed, now: MovingState) -> tuple[PoseBelief, ...]:
-        """Return where the object is expected: further on, or where it was if it may stand."""
-        expected = PoseBelief(now.mean[:3], now.covariance[:3, :3])
-        was = before.state
-        if abs(was.mean[3]) > 2 * np.sqrt(was.covariance[3, 3]):
-            return (expected,)
-        spread = was.covariance[:3, :3] + np.diag([0.02, 0.02, 0.02]) ** 2
-        return expected, PoseBelief(was.mean[:3], spread)
-
-    def _kind(self, size_m: Float64) -> TurningRules:
-        if size_m[0] >= self._rules.vehicle_m[0] and size_m[1] >= self._rules.vehicle_m[1]:
-            return motion.VEHICLE
-        return motion.WALKER if size_m[0] < self._rules.walker_length_m else motion.TWO_WHEELER
-
-    def _around(self, moment: Moment, followed: _Followed, reach_m: float) -> Float64:
-        """Return the points around the object in the world."""
-        velo = inverse(moment.world_SE3_velo)
-        center = np.array([*followed.state.mean[:2], followed.ground.z_world_m])
-        x, y = (velo[:3, :3] @ center + velo[:3, 3])[:2]
-        points = moment.points_velo
-        near = (np.abs(points[:, 0] - np.float32(x)) < reach_m) & (
-            np.abs(points[:, 1] - np.float32(y)) < reach_m
+    def _find(self, before: FollowedBox, expected: FollowedBox, sight: Sight) -> PoseBelief | None:
+        """Return where the object is seen, or None."""
+        if len(sight) == 0:
+            return None
+        rules, usual_reward = self._rules, expected.usual_reward_in(sight)
+        priors = _priors(before, expected)
+        belief = search(expected.shape, sight, priors, usual_reward, rules.search)
+        support = expected.support(sight, belief.pose)
+        share = rules.return_share if before.is_hidden else rules.least_share
+        least = max(
+            rules.least_reward, rules.least_contrast * support.penalty, share * usual_reward
         )
-        world = moment.world_SE3_velo
-        return points[np.flatnonzero(near), :3].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
-
-    def _with_ground(self, moment: Moment, followed: _Followed) -> _Followed:
-        size_m = followed.shape.size_m
-        around = self._around(moment, followed, float(size_m[0] / 2 + 2.5))
-        ground = followed.ground
-        local_m = lowest_around_m(around, ground.z_world_m, 0.4)
-        center = np.array([*followed.state.mean[:2], ground.z_world_m])
-        velo = inverse(moment.world_SE3_velo)
-        center_velo = velo[:3, :3] @ center + velo[:3, 3]
-        lift = ground.z_world_m - center_velo[2]
-        stage_m = stage_height_m(
-            moment.ground, center_velo, None if local_m is None else local_m - lift, 0.2
+        fits = (
+            support.reward >= least
+            and min(squared_distance(belief, prior) for prior in priors) <= rules.gate
+            and (not before.is_hidden or self._is_as_high(expected, sight, support.top_m))
         )
-        if stage_m is not None:
-            ground = ground.measured(stage_m + lift, 0.05)
-        elif local_m is not None:
-            ground = ground.measured(local_m - 0.03, 0.15)
-        return replace(followed, ground=ground)
+        return belief if fits else None
 
-    def _sight(self, moment: Moment, followed: _Followed, reach_m: float) -> Sight:
-        """Return what is seen above the ground around the object."""
-        size_m = followed.shape.size_m
-        around = self._around(moment, followed, float(np.hypot(*size_m[:2]) / 2 + 0.6 + reach_m))
-        above_m = around[:, 2] - followed.ground.z_world_m
-        keep = (above_m > self._rules.clearance_m) & (above_m < size_m[2] + self._rules.headroom_m)
-        sensor = moment.world_SE3_velo[:2, 3]
-        usual = followed.usual_reward / _squared_distance(sensor, followed.state.mean[:2])
-        points, weights = _thinned(around[keep, :2], self._rules.thin_m)
-        is_known = followed.surroundings.hold(points)
-        weights = np.where(is_known, self._rules.known_weight * weights, weights)
-        return Sight(points, weights, sensor, usual)
+    def _is_as_high(self, expected: FollowedBox, sight: Sight, top_m: float) -> bool:
+        """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
+        missed_m = self._sensor.elevation_step_rad * sight.distance_m(expected.pose[:2])
+        off_m = top_m - expected.ground.z_world_m - expected.usual_top_m
+        return bool(abs(off_m) <= self._rules.return_top_m + missed_m)
 
-    def _remember(self, followed: _Followed, sight: Sight) -> _Followed:
-        if not len(sight.weights):
-            return followed
-        pose, shape = followed.state.mean[:3], followed.shape
-        u, v = into_frame(sight.points_xy_m, pose).T
-        inside = (np.abs(u) < shape.size_m[0] / 2 + 0.1) & (np.abs(v) < shape.size_m[1] / 2 + 0.1)
-        reward = reward_at(shape, sight, pose) * _squared_distance(sight.sensor_xy_m, pose[:2])
-        usual = followed.usual_reward
-        usual = reward if usual == 0 else usual + 0.1 * (reward - usual)
-        outside_m = np.maximum(np.abs(u) - shape.size_m[0] / 2, np.abs(v) - shape.size_m[1] / 2)
-        others = sight.points_xy_m[outside_m > self._rules.own_margin_m]
-        return replace(
-            followed,
-            shape=shape.remembering(u[inside], v[inside], sight.weights[inside]),
-            usual_reward=float(usual),
-            surroundings=followed.surroundings.seen(others),
-        )
+    def _is_lost(self, followed: FollowedBox) -> bool:
+        return followed.stamp_s - followed.seen_s > self._rules.lost_after_s
 
-    def _answer(self, moment: Moment) -> FollowedObject:
-        followed = self._followed
-        assert followed is not None
-        velo = inverse(moment.world_SE3_velo)
-        turn = np.arctan2(velo[1, 0], velo[0, 0])
-        bottom = np.array([*followed.state.mean[:2], followed.ground.z_world_m + followed.rise_m])
-        box = Boxes3D(
-            (velo[:3, :3] @ bottom + velo[:3, 3])[None],
-            followed.shape.size_m[None],
-            np.array([followed.state.mean[2] + turn]),
-        )
-        velocity = velo[:2, :2] @ followed.state.velocity_world_m_s
-        return FollowedObject(followed.answer_state, box, velocity, None)
+    def _answer(self, moment: Moment, followed: FollowedBox) -> FollowedObject:
+        size_m, velocity = followed.shape.size_m, followed.state.velocity_world_m_s
+        state = FollowState.SEEN
+        if followed.is_hidden:
+            state = FollowState.LOST if self._is_lost(followed) else FollowState.PREDICTED
+        middle = followed.place_world + np.array([0.0, 0.0, size_m[2] / 2])
+        model = PointModel(middle, size_m, float(followed.pose[2]), np.append(velocity, 0.0))
+        return answer(model, moment, state)
 
 
-def _squared_distance(sensor_xy_m: Float64, xy_m: Float64) -> float:
-    """Return the squared distance, by which the points of an object get fewer."""
-    return max(float(((sensor_xy_m - xy_m) ** 2).sum()), 25.0)
+def _priors(before: FollowedBox, expected: FollowedBox) -> tuple[PoseBelief, ...]:
+    """Return where the object is expected: further on, or where it was if it may stand."""
+    speed_m_s, deviation = before.state.mean[3], np.sqrt(before.state.covariance[3, 3])
+    if abs(speed_m_s) > 2 * deviation:
+        return (expected.belief,)
+    was = before.belief
+    return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
 
 
-def _thinned(points_xy_m: Float64, cell_m: float) -> tuple[Float64, Float64]:
-    """Average (N, 2) points by cells; a cell weighs more the more points it holds."""
-    if not len(points_xy_m):
-        return points_xy_m, np.zeros(0)
-    cells = np.floor(points_xy_m / cell_m).astype(np.int64)
-    cells -= cells.min(axis=0)
-    keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
-    _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    means = np.column_stack([np.bincount(which, column) / counts for column in points_xy_m.T])
-    return means, np.sqrt(np.minimum(counts, 4.0)) / 2
-
-
-def _check_box(box_velo: Boxes3D) -> None:
-    if len(box_velo) != 1:
-        raise PerceptionError("start box", expected="one box", found=str(len(box_velo)))
-    numbers = np.concatenate([box_velo.bottom_m[0], box_velo.size_m[0], box_velo.yaw_rad])
-    if not (np.isfinite(numbers).all() and (box_velo.size_m > 0).all()):
-        raise PerceptionError(
-            "start box", expected="finite numbers and a positive size", found=str(box_velo)
-        )
+_PLAY = 0.02  # of what stands, in metres and radians: pose and annotation drift

@@ -4,9 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.geometry.se3 import inverse
+from perception.tracking.single_object.tracker import Moment
 from perception.types import Float64, GroundModel
 
-_CELL_M = 0.5
+_CELL_M = 0.5  # the lowest point of each cell may be ground
+_LEAST_CELLS = 4
+_AROUND_M = 2.5  # beyond the object
+_BAND_M = 0.4  # around what is expected
+_TRUST_M = 0.2  # between the stage and the points around the object
+_SLOPE = 0.03  # by which a road rises or falls, one deviation
+_DRIFT_M = 0.01  # a scan, of poses
+_STAGE_M, _LOCAL_M = 0.05, 0.15  # deviations of both heights
+_ABOVE_M = 0.03  # the usual lowest point of a cell lies so far over the ground
 
 
 @dataclass(frozen=True)
@@ -21,9 +31,14 @@ class GroundBelow:
     z_world_m: float
     variance: float
 
+    @classmethod
+    def of_box(cls, bottom_m: float) -> "GroundBelow":
+        """Return the ground that the first box stands on."""
+        return cls(bottom_m, _STAGE_M**2)
+
     def moved(self, way_m: float) -> "GroundBelow":
-        """Return what is known after the object went some way: roads rise and fall by some per cent."""
-        return GroundBelow(self.z_world_m, self.variance + (0.03 * way_m) ** 2 + 0.01**2)
+        """Return what is known after the object went some way."""
+        return GroundBelow(self.z_world_m, self.variance + (_SLOPE * way_m) ** 2 + _DRIFT_M**2)
 
     def measured(self, z_world_m: float, deviation_m: float) -> "GroundBelow":
         """Take in one more height; one that is far off counts less."""
@@ -33,7 +48,43 @@ class GroundBelow:
         return GroundBelow(self.z_world_m + gain * off, (1 - gain) * self.variance)
 
 
-def lowest_around_m(points: Float64, expected_m: float, band_m: float) -> float | None:
+def ground_seen(
+    ground: GroundBelow,
+    place_world: Float64,
+    length_m: float,
+    moment: Moment,
+    around_world: Float64,
+) -> GroundBelow:
+    """Return the ground after a scan, by the ground stage, else by the lowest points around the object.
+
+    Args:
+        ground: as expected.
+        place_world: (3,) the middle of the object's bottom.
+        length_m: of the object.
+        moment: with the ground of the stage, or without.
+        around_world: (N, 3) points around the object.
+    """
+    off_m = np.abs(around_world[:, :2] - place_world[:2]).max(axis=1, initial=0.0)
+    local_m = _lowest_m(around_world[off_m < length_m / 2 + _AROUND_M], ground.z_world_m)
+    velo = inverse(moment.world_SE3_velo)
+    place_velo = velo[:3, :3] @ place_world + velo[:3, 3]
+    stage_m = _stage_m(moment.ground, place_velo)
+    if stage_m is not None:
+        stage_m += place_world[2] - place_velo[2]
+        # Beyond its area the stage's surface goes on as a plane, which may leave the road.
+        if local_m is None or abs(stage_m - local_m) < _TRUST_M:
+            return ground.measured(stage_m, _STAGE_M)
+    return ground if local_m is None else ground.measured(local_m - _ABOVE_M, _LOCAL_M)
+
+
+def _stage_m(ground: GroundModel | None, place_velo: Float64) -> float | None:
+    if ground is None:
+        return None
+    height_m = float(ground.height_m(place_velo[None, :2])[0])
+    return height_m if np.isfinite(height_m) else None
+
+
+def _lowest_m(points: Float64, expected_m: float) -> float | None:
     """Return the usual height of the lowest points of (N, 3), cell by cell, near what is expected."""
     cells = np.floor(points[:, :2] / _CELL_M).astype(np.int64)
     order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0]))
@@ -41,20 +92,5 @@ def lowest_around_m(points: Float64, expected_m: float, band_m: float) -> float 
     is_first = np.ones(len(z), bool)
     is_first[1:] = (cells[1:] != cells[:-1]).any(axis=1)
     low_m = z[is_first]
-    low_m = low_m[np.abs(low_m - expected_m) < band_m]
-    return float(np.median(low_m)) if len(low_m) >= 4 else None
-
-
-def stage_height_m(
-    ground: GroundModel | None, center_velo: Float64, local_m: float | None, trust_m: float
-) -> float | None:
-    """Return what the ground stage says below (3,) a place, unless the points around it speak against it.
-
-    Beyond its area the stage's surface goes on as a plane, which may leave the road.
-    """
-    if ground is None:
-        return None
-    height_m = float(ground.height_m(center_velo[None, :2])[0])
-    if not np.isfinite(height_m) or (local_m is not None and abs(height_m - local_m) > trust_m):
-        return None
-    return height_m
+    low_m = low_m[np.abs(low_m - expected_m) < _BAND_M]
+    return float(np.median(low_m)) if len(low_m) >= _LEAST_CELLS else None

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from perception.tracking.single_object.sight import Sight
 from perception.types import Float32, Float64
 
 
@@ -28,10 +29,14 @@ class ShapeRules:
         deep_reward: of a point inside, far from the sides that face the sensor.
         rim_penalty: of a point outside.
         tolerance_m: outside the box by so much, a point may still belong to it.
+        edge_m: from there a point's worth falls to the penalty.
         vehicle_width_m: what is narrower has no sides, but a middle.
+        near_share: share of its width by which the points of a body lie before its middle.
+        spread_share: share of its length and width by which they spread.
         memory_share: how much of the reward comes from what was seen, once enough was.
         memory_scans: after how many scans that is half so.
         memory_fading: share of what was seen that one more scan replaces.
+        blur_m: around what was seen.
     """
 
     cell_m: float = 0.05
@@ -40,10 +45,14 @@ class ShapeRules:
     deep_reward: float = 0.3
     rim_penalty: float = 0.7
     tolerance_m: float = 0.1
+    edge_m: float = 0.15
     vehicle_width_m: float = 1.3
+    near_share: float = 0.15
+    spread_share: float = 0.35
     memory_share: float = 0.5
     memory_scans: float = 3.0
     memory_fading: float = 0.02
+    blur_m: float = 0.08
 
 
 @dataclass(frozen=True)
@@ -74,45 +83,41 @@ class ObjectShape:
         scale = 1 / self.rules.cell_m
         return along_m * scale + (rows - 1) / 2, left_m * scale + (columns - 1) / 2
 
-    def remembering(self, along_m: Float64, left_m: Float64, weights: Float64) -> "ObjectShape":
-        """Return the shape with the points of one more scan, given in the object's frame."""
-        u, v = self.cells_of(along_m, left_m)
-        rows, columns = self.seen.shape
-        inside = (u >= 1) & (u < rows - 2) & (v >= 1) & (v < columns - 2)
-        cells = np.rint(u[inside]).astype(int) * columns + np.rint(v[inside]).astype(int)
-        news = np.bincount(cells, weights[inside], self.seen.size).reshape(self.seen.shape)
-        fading = self.rules.memory_fading
-        return replace(
-            self,
-            seen=((1 - fading) * self.seen + np.minimum(news, 1.0)).astype(np.float32),
-            scans=self.scans + 1,
-        )
+    def outside_m(self, along_m: Float64, left_m: Float64) -> Float64:
+        """Return how far outside the box places in the object's frame lie; negative inside."""
+        half_m = self.size_m / 2
+        return np.asarray(np.maximum(np.abs(along_m) - half_m[0], np.abs(left_m) - half_m[1]))
 
-    def rewards_from(self, sensor_xy_m: Float64, pose: Float64) -> Float32:
-        """Return (U, V) what a point in each cell is worth at a (3,) pose, seen from (2,) a place."""
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        x, y = sensor_xy_m - pose[:2]
-        return self.rewards(np.array([cos * x + sin * y, cos * y - sin * x]))
+    def remembering(self, sight: Sight, pose: Float64) -> "ObjectShape":
+        """Return the shape with what one more scan showed, the object being at (3,) a pose."""
+        along_m, left_m = into_frame(sight.points_xy_m, pose).T
+        rows = self.outside_m(along_m, left_m) < self.rules.tolerance_m
+        u, v = self.cells_of(along_m[rows], left_m[rows])
+        columns = self.seen.shape[1]
+        cells = np.rint(u).astype(np.int64) * columns + np.rint(v).astype(np.int64)
+        news = np.bincount(cells, sight.weights[rows], self.seen.size).reshape(self.seen.shape)
+        seen = (1 - self.rules.memory_fading) * self.seen + np.minimum(news, 1.0)
+        return replace(self, seen=seen.astype(np.float32), scans=self.scans + 1)
 
     def kept_by(self, blurred: Float32, table: Float32) -> float:
         """Return the share of the reward of what was seen so far that a blurred table still gives."""
         sharp = float((self.seen * np.maximum(table, 0)).sum())
         return float((self.seen * np.maximum(blurred, 0)).sum()) / sharp if sharp > 0 else 1.0
 
-    def rewards(self, sensor_m: Float64) -> Float32:
-        """Return (U, V) what a point in each cell is worth, seen from (2,) along and left of the middle."""
+    def rewards(self, sensor_xy_m: Float64, pose: Float64) -> Float32:
+        """Return (U, V) what a point in each cell is worth at (3,) a pose, seen from (2,) a place."""
+        sensor_m = into_frame(sensor_xy_m[None], pose)[0]
         u, v = self._axes_m()
-        outside_m = np.maximum(np.abs(u) - self.size_m[0] / 2, np.abs(v) - self.size_m[1] / 2)
         is_vehicle = self.size_m[1] >= self.rules.vehicle_width_m
-        box = self._sides(u, v, sensor_m) if is_vehicle else self._middle(u, v, sensor_m)
-        reward = box
-        share = self.rules.memory_share * self.scans / (self.scans + self.rules.memory_scans)
+        reward = self._sides(u, v, sensor_m) if is_vehicle else self._middle(u, v, sensor_m)
         if self.scans:
-            reward = (1 - share) * box + share * self._memory()
-        rim = np.clip((outside_m - self.rules.tolerance_m) / 0.15, 0, 1)
+            share = self.rules.memory_share * self.scans / (self.scans + self.rules.memory_scans)
+            reward = (1 - share) * reward + share * self._memory()
+        outside = (self.outside_m(u, v) - self.rules.tolerance_m) / self.rules.edge_m
+        rim = np.clip(outside, 0.0, 1.0)
         reward = (1 - rim) * reward - rim * self.rules.rim_penalty
-        reward[[0, -1]] = 0
-        reward[:, [0, -1]] = 0
+        reward[[0, -1]] = 0.0  # what lies farther away says nothing
+        reward[:, [0, -1]] = 0.0
         return reward.astype(np.float32)
 
     def _axes_m(self) -> tuple[Float64, Float64]:
@@ -134,14 +139,22 @@ class ObjectShape:
 
     def _middle(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
         """Reward what lies near the middle of a body that does not fill its box."""
-        push_m = 0.15 * self.size_m[1] * sensor_m / max(np.linalg.norm(sensor_m), 1e-6)
-        spread_m = 0.35 * self.size_m[:2]
+        sight_m = sensor_m / max(float(np.hypot(*sensor_m)), 1e-6)
+        push_m = self.rules.near_share * self.size_m[1] * sight_m
+        spread_m = self.rules.spread_share * self.size_m[:2]
         along, left = (u - push_m[0]) / spread_m[0], (v - push_m[1]) / spread_m[1]
         return np.asarray(np.exp(-0.5 * (along**2 + left**2)))
 
     def _memory(self) -> Float32:
         """Return how often each place was seen, against the places seen most."""
-        smooth = cv2.GaussianBlur(self.seen, (0, 0), 0.08 / self.rules.cell_m)
+        smooth = cv2.GaussianBlur(self.seen, (0, 0), self.rules.blur_m / self.rules.cell_m)
         seen = smooth[smooth > 0.02]
         top = float(np.quantile(seen, 0.9)) if len(seen) else 1.0
         return np.asarray(np.minimum(smooth / top, 1.0))
+
+
+def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
+    """Return (N, 2) places along and left of (3,) a pose."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = (points_xy_m - pose[:2]).T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x])

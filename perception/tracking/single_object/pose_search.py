@@ -11,8 +11,11 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from perception.tracking.single_object.object_shape import ObjectShape
+from perception.tracking.single_object.object_shape import ObjectShape, into_frame
+from perception.tracking.single_object.sight import Sight
 from perception.types import Bool, Float32, Float64
+
+_OWN_WORTH = 0.2  # a point that is worth more is the object's
 
 
 @dataclass(frozen=True)
@@ -20,8 +23,12 @@ class SearchRules:
     """How poses are searched.
 
     Attributes:
-        steps: of the lattices along the heading, across and around, coarse to fine.
+        first_steps: most steps of the first lattice along the heading, across and around.
+        first_spacing: of the first lattice, as a share of the object's length and width.
+        first_spacing_rad: the same around.
+        later_steps: of the lattices after it.
         reach: of the first lattice in standard deviations of what is expected.
+        most_reach_m: of the first lattice.
         least_reach_m: of the first lattice along and across.
         least_reach_rad: around.
         finest_m: lattices need not reach less far.
@@ -35,8 +42,12 @@ class SearchRules:
         floor_rad: of its yaw.
     """
 
-    steps: tuple[tuple[int, int, int], ...] = ((13, 9, 7), (9, 9, 7), (7, 7, 7))
+    first_steps: tuple[int, int, int] = (25, 25, 7)
+    first_spacing: float = 0.15
+    first_spacing_rad: float = 0.07
+    later_steps: tuple[tuple[int, int, int], ...] = ((9, 9, 7), (7, 7, 7))
     reach: float = 2.5
+    most_reach_m: float = 6.0
     least_reach_m: float = 0.25
     least_reach_rad: float = 0.06
     finest_m: float = 0.04
@@ -58,34 +69,11 @@ class PoseBelief:
     covariance: Float64
 
 
-@dataclass(frozen=True)
-class Sight:
-    """What one scan shows around the place where the object is expected.
-
-    Attributes:
-        points_xy_m: (N, 2) above the ground, in the world.
-        weights: (N,).
-        sensor_xy_m: (2,).
-        usual_reward: what the object's points used to be worth, at this distance.
-    """
-
-    points_xy_m: Float64
-    weights: Float64
-    sensor_xy_m: Float64
-    usual_reward: float
-
-    def near(self, xy_m: Float64, radius_m: float, most: int) -> "Sight":
-        """Return what lies near a place, thinned evenly to at most so many points."""
-        off = self.points_xy_m - xy_m
-        rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
-        stride = max(1, -(-len(rows) // most))
-        rows = rows[::stride]
-        return Sight(
-            self.points_xy_m[rows],
-            self.weights[rows] * stride,
-            self.sensor_xy_m,
-            self.usual_reward,
-        )
+def squared_distance(belief: PoseBelief, prior: PoseBelief) -> float:
+    """Return how far a belief's mean is from what was expected, in squared deviations."""
+    off = belief.pose - prior.pose
+    off[2] = _wrap(off[2])
+    return float(off @ np.linalg.solve(prior.covariance, off))
 
 
 @dataclass(frozen=True)
@@ -110,7 +98,11 @@ class _Judged:
 
 
 def search(
-    shape: ObjectShape, sight: Sight, priors: tuple[PoseBelief, ...], rules: SearchRules
+    shape: ObjectShape,
+    sight: Sight,
+    priors: tuple[PoseBelief, ...],
+    usual_reward: float,
+    rules: SearchRules,
 ) -> PoseBelief:
     """Return what is believed after a scan.
 
@@ -118,58 +110,77 @@ def search(
         shape: of the object.
         sight: what the scan shows.
         priors: what is believed before: one of these, the first as a rule.
+        usual_reward: what the object's points used to be worth, at this distance.
         rules: how to search.
     """
-    table = shape.rewards_from(sight.sensor_xy_m, priors[0].pose)
-    lattice = _first_lattice(priors[0], rules)
-    usual = sight.usual_reward
+    table = shape.rewards(sight.sensor_xy_m, priors[0].pose)
+    lattice = _first_lattice(priors[0], shape, rules)
     radius_m = float(np.hypot(*(shape.size_m[:2] / 2 + shape.rules.rim_m)))
-    for number, steps in enumerate(rules.steps):
-        lattice = _Lattice(lattice.pose, lattice.reach, steps)
+    for steps in (*rules.later_steps, None):
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.rules.cell_m)
         reach_m = radius_m + float(np.hypot(*lattice.reach[:2]))
         near = sight.near(lattice.pose[:2], reach_m, rules.most_points)
         judged = _judge(shape, smooth, near, lattice)
-        kept = usual * shape.kept_by(smooth, table)
+        kept = usual_reward * shape.kept_by(smooth, table)
         score = _gains(judged.rewards, kept, rules) + _log_prior(judged.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
-        usual = max(usual, float(judged.rewards[best]))
+        usual_reward = max(usual_reward, float(judged.rewards[best]))
         belief = _moments(judged.poses, score, _around_best(score, best, rules.possible))
-        if number + 1 < len(rules.steps):
-            lattice = _finer(lattice, belief, rules)
+        if steps is not None:
+            lattice = _finer(lattice, belief, steps, rules)
     axes = _turn(belief.pose[2])
     floor = axes @ np.diag(np.square([rules.floor_m, rules.floor_m, rules.floor_rad])) @ axes.T
     return PoseBelief(belief.pose, belief.covariance + floor)
 
 
-def reward_at(shape: ObjectShape, sight: Sight, pose: Float64) -> float:
-    """Return how much speaks for one pose: its points, each worth up to 1."""
-    table = shape.rewards_from(sight.sensor_xy_m, pose)
+@dataclass(frozen=True)
+class Support:
+    """What the points say of one pose.
+
+    Attributes:
+        reward: for it, each point up to 1.
+        penalty: against it.
+        top_m: z of the highest point that speaks for it; -inf where none does.
+    """
+
+    reward: float
+    penalty: float
+    top_m: float
+
+
+def support_at(shape: ObjectShape, sight: Sight, pose: Float64) -> Support:
+    """Return what speaks for and against one pose."""
+    table = shape.rewards(sight.sensor_xy_m, pose)
     u, v = shape.cells_of(*into_frame(sight.points_xy_m, pose).T)
     rows, columns = table.shape
     i = np.clip(np.rint(u), 0, rows - 1).astype(np.int64)
     j = np.clip(np.rint(v), 0, columns - 1).astype(np.int64)
-    return float(sight.weights @ np.maximum(table[i, j], 0))
+    worth = table[i, j]
+    return Support(
+        reward=float(sight.weights @ np.maximum(worth, 0)),
+        penalty=float(sight.weights @ np.maximum(-worth, 0)),
+        top_m=float(sight.tops_m[worth > _OWN_WORTH].max(initial=-np.inf)),
+    )
 
 
-def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
-    """Return (N, 2) places along and left of a pose."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    x, y = (points_xy_m - pose[:2]).T
-    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
-
-
-def _first_lattice(prior: PoseBelief, rules: SearchRules) -> _Lattice:
+def _first_lattice(prior: PoseBelief, shape: ObjectShape, rules: SearchRules) -> _Lattice:
     least = np.array([rules.least_reach_m, rules.least_reach_m, rules.least_reach_rad])
+    most = np.array([rules.most_reach_m, rules.most_reach_m, np.pi / 2])
     spread = _spread(prior.pose[2], prior.covariance)
-    return _Lattice(prior.pose, np.maximum(rules.reach * spread, least), rules.steps[0])
+    reach = np.clip(rules.reach * spread, least, most)
+    length_m, width_m = np.clip(rules.first_spacing * shape.size_m[:2], 0.1, 0.3)
+    spacing = np.array([length_m, width_m, rules.first_spacing_rad])
+    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, rules.first_steps)
+    return _Lattice(prior.pose, reach, (int(along), int(across), int(around)))
 
 
-def _finer(lattice: _Lattice, belief: PoseBelief, rules: SearchRules) -> _Lattice:
+def _finer(
+    lattice: _Lattice, belief: PoseBelief, steps: tuple[int, int, int], rules: SearchRules
+) -> _Lattice:
     spread = _spread(belief.pose[2], belief.covariance)
     reach = np.minimum(np.maximum(2.5 * spread, 1.5 * lattice.spacing), lattice.reach)
     finest = np.array([rules.finest_m, rules.finest_m, rules.finest_rad])
-    return _Lattice(belief.pose, np.maximum(reach, finest), lattice.steps)
+    return _Lattice(belief.pose, np.maximum(reach, finest), steps)
 
 
 def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) -> _Judged:

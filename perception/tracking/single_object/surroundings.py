@@ -1,4 +1,4 @@
-"""What stood around a followed object a moment ago: what stands there still is not the object."""
+"""What stands around a followed object: what lies where something else stood is not the object."""
 
 from dataclasses import dataclass
 
@@ -11,31 +11,62 @@ _CELL_M = 0.15
 
 
 @dataclass(frozen=True)
+class _Others:
+    """The (N, 2) points in the world that one scan showed beside the object; all, where it was hidden."""
+
+    points_xy_m: Float64
+    is_hidden: bool
+
+
+@dataclass(frozen=True)
 class Surroundings:
-    """The points of the last few scans that were not the object's.
+    """The last scans without the object.
+
+    While the object is seen, whatever else is there is something else at once. While it is hidden it
+    may be among the rest, and only what stays is something else.
 
     Attributes:
-        points_xy_m: of each scan (N, 2) in the world, newest first.
-        scans: how many are kept.
+        scans: newest first.
+        recent: how far back what was seen beside the object counts.
+        kept: how many scans are kept to see what stays.
+        least_hidden: so many scans tell what stays.
+        staying: in this share of them.
     """
 
-    points_xy_m: tuple[Float64, ...] = ()
-    scans: int = 4
+    scans: tuple[_Others, ...] = ()
+    recent: int = 4
+    kept: int = 10
+    least_hidden: int = 6
+    staying: float = 0.7
 
-    def seen(self, points_xy_m: Float64) -> "Surroundings":
+    def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "Surroundings":
         """Return the surroundings after one more scan."""
-        return Surroundings((points_xy_m, *self.points_xy_m)[: self.scans], self.scans)
+        scans = (_Others(points_xy_m, is_hidden), *self.scans)[: self.kept]
+        return Surroundings(scans, self.recent, self.kept, self.least_hidden, self.staying)
 
     def hold(self, points_xy_m: Float64) -> Bool:
         """Tell which (N, 2) points lie where something else stood."""
-        if not self.points_xy_m or not len(points_xy_m):
+        if not self.scans or not len(points_xy_m):
             return np.zeros(len(points_xy_m), bool)
         low_m = points_xy_m.min(axis=0) - 2 * _CELL_M
-        shape = np.floor((points_xy_m.max(axis=0) - low_m) / _CELL_M).astype(np.int64) + 3
-        stood = np.zeros(shape, np.uint8)
-        cells = np.floor((np.concatenate(self.points_xy_m) - low_m) / _CELL_M).astype(np.int64)
-        cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)]
-        stood[cells[:, 0], cells[:, 1]] = 1
-        wide = cv2.dilate(stood, np.ones((3, 3), np.uint8))
+        shape = tuple(np.floor((points_xy_m.max(axis=0) - low_m) / _CELL_M).astype(int) + 3)
         own = np.floor((points_xy_m - low_m) / _CELL_M).astype(np.int64)
-        return np.asarray(wide[own[:, 0], own[:, 1]] > 0)
+        beside = [scan for scan in self.scans[: self.recent] if not scan.is_hidden]
+        holds = _count(beside, low_m, shape)[own[:, 0], own[:, 1]] > 0
+        hidden = [scan for scan in self.scans if scan.is_hidden]
+        if len(hidden) >= self.least_hidden:
+            stays = _count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
+            holds |= stays >= self.staying * len(hidden)
+        return np.asarray(holds)
+
+
+def _count(scans: list[_Others], low_m: Float64, shape: tuple[int, ...]) -> Float64:
+    """Return in how many scans something was in each cell or beside it."""
+    counts = np.zeros(shape)
+    for scan in scans:
+        cells = np.floor((scan.points_xy_m - low_m) / _CELL_M).astype(np.int64)
+        cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)]
+        occupied = np.zeros(shape, np.uint8)
+        occupied[cells[:, 0], cells[:, 1]] = 1
+        counts += cv2.dilate(occupied, np.ones((3, 3), np.uint8))
+    return counts

@@ -23,7 +23,8 @@ class TurningRules:
     Attributes:
         acceleration_m_s2: along the heading.
         sideways_m_s: of a velocity across the heading that lasts for one scan.
-        turn_acceleration_rad_s2: of the rate at which the heading turns.
+        turn_rad_s: of the rate at which the heading turns.
+        turn_lasts_s: after so long a turn is forgotten but for a third.
         first_speed_m_s: of an object of which one box is known.
         first_turn_rad_s: of the same.
         axle_share: of its length by which the middle of a vehicle lies before its rear axle.
@@ -32,16 +33,29 @@ class TurningRules:
 
     acceleration_m_s2: float
     sideways_m_s: float
-    turn_acceleration_rad_s2: float
+    turn_rad_s: float
+    turn_lasts_s: float
     first_speed_m_s: float
     first_turn_rad_s: float
     axle_share: float
     may_reverse: bool
 
 
-VEHICLE = TurningRules(3.0, 0.15, 0.6, 7.0, 0.2, 0.3, may_reverse=True)
-TWO_WHEELER = TurningRules(2.0, 0.25, 1.5, 4.0, 0.3, 0.2, may_reverse=False)
-WALKER = TurningRules(1.5, 0.4, 2.5, 1.2, 0.5, 0.0, may_reverse=False)
+VEHICLE = TurningRules(3.0, 0.15, 0.35, 1.5, 7.0, 0.2, 0.3, may_reverse=True)
+TWO_WHEELER = TurningRules(2.0, 0.25, 0.6, 1.0, 4.0, 0.3, 0.2, may_reverse=False)
+WALKER = TurningRules(1.5, 0.3, 1.0, 0.5, 1.2, 0.5, 0.0, may_reverse=False)
+
+
+_VEHICLE_M = (2.4, 1.2)  # length and width from which an object is a vehicle
+_WALKER_M = 1.3  # shorter objects walk
+_STEP_S = 0.15  # longer times are predicted in steps
+
+
+def rules_for(size_m: Float64) -> TurningRules:
+    """Return how an object of (3,) a size moves."""
+    if size_m[0] >= _VEHICLE_M[0] and size_m[1] >= _VEHICLE_M[1]:
+        return VEHICLE
+    return WALKER if size_m[0] < _WALKER_M else TWO_WHEELER
 
 
 @dataclass(frozen=True)
@@ -60,7 +74,7 @@ class MovingState:
     def velocity_world_m_s(self) -> Float64:
         """(2,) of the middle of the box, as if it went straight on."""
         yaw, speed = self.mean[2:4]
-        return np.array([np.cos(yaw), np.sin(yaw)]) * speed
+        return np.array([speed * np.cos(yaw), speed * np.sin(yaw)])
 
 
 def begin(pose: Float64, deviations: Float64, rules: TurningRules) -> MovingState:
@@ -73,7 +87,17 @@ def predict(
     state: MovingState, elapsed_s: float, length_m: float, rules: TurningRules
 ) -> MovingState:
     """Let the object go on as it went, for a time."""
+    steps = max(1, int(np.ceil(elapsed_s / _STEP_S)))
+    for _ in range(steps):
+        state = _predict_step(state, elapsed_s / steps, length_m, rules)
+    return state
+
+
+def _predict_step(
+    state: MovingState, elapsed_s: float, length_m: float, rules: TurningRules
+) -> MovingState:
     x, y, yaw, speed, turn = state.mean
+    left = np.exp(-elapsed_s / rules.turn_lasts_s)
     middle_yaw = yaw + turn * elapsed_s / 2
     cos, sin = np.cos(middle_yaw), np.sin(middle_yaw)
     way_m, swing_m = speed * elapsed_s, turn * elapsed_s * rules.axle_share * length_m
@@ -83,7 +107,7 @@ def predict(
             y + sin * way_m + cos * swing_m,
             yaw + turn * elapsed_s,
             speed,
-            turn,
+            turn * left,
         ]
     )
     arm_m = rules.axle_share * length_m
@@ -94,6 +118,7 @@ def predict(
     transition[:2, 3] = np.array([cos, sin]) * elapsed_s
     transition[:2, 4] = (by_yaw / 2 + across * arm_m) * elapsed_s
     transition[2, 4] = elapsed_s
+    transition[4, 4] = left
     return MovingState(
         mean,
         transition @ state.covariance @ transition.T
@@ -110,7 +135,9 @@ def _process_noise(
     push[3, 0] = elapsed_s
     push[2:5:2, 1] = elapsed_s**2 / 2, elapsed_s
     push[:2, 2] = across * elapsed_s
-    spread = (rules.acceleration_m_s2, rules.turn_acceleration_rad_s2, rules.sideways_m_s)
+    # In the long run the rate of turning is as spread as the rules say (Ornstein-Uhlenbeck).
+    turn_push = rules.turn_rad_s * np.sqrt(2 / (rules.turn_lasts_s * elapsed_s))
+    spread = (rules.acceleration_m_s2, turn_push, rules.sideways_m_s)
     return np.asarray((push * np.square(spread)) @ push.T)
 
 

@@ -1,0 +1,105 @@
+"""What the box tracker knows of its object from one scan to the next."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.tracking.single_object.ground_below import GroundBelow
+from perception.tracking.single_object.object_shape import ObjectShape, into_frame
+from perception.tracking.single_object.pose_search import (
+    PoseBelief,
+    Support,
+    support_at,
+)
+from perception.tracking.single_object.sight import Sight
+from perception.tracking.single_object.surroundings import Surroundings
+from perception.tracking.single_object.turning_motion import POSE, MovingState
+from perception.types import Float64
+
+_LEARNING = 0.1  # share of what is usual that one scan replaces
+
+
+@dataclass(frozen=True)
+class FollowedBox:
+    """One object in the world.
+
+    Attributes:
+        stamp_s: of the last scan.
+        seen_s: when it was seen last.
+        state: where it is and how it moves.
+        ground: below it.
+        shape: of its box, and what was seen in it.
+        surroundings: what stands around it.
+        usual_reward: what its points are worth, times the squared distance.
+        usual_top_m: of its highest point over the ground; 0 before any.
+    """
+
+    stamp_s: float
+    seen_s: float
+    state: MovingState
+    ground: GroundBelow
+    shape: ObjectShape
+    surroundings: Surroundings
+    usual_reward: float = 0.0
+    usual_top_m: float = 0.0
+
+    @property
+    def pose(self) -> Float64:
+        """(3,) x, y, yaw."""
+        return self.state.mean[POSE]
+
+    @property
+    def place_world(self) -> Float64:
+        """(3,) middle of the bottom."""
+        return np.append(self.state.mean[:2], self.ground.z_world_m)
+
+    @property
+    def belief(self) -> PoseBelief:
+        """What the state says of the pose."""
+        return PoseBelief(self.pose, self.state.covariance[POSE, POSE])
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether the last scan did not show it."""
+        return self.seen_s < self.stamp_s
+
+    def usual_reward_in(self, sight: Sight) -> float:
+        """Return what its points should be worth where it is expected."""
+        return self.usual_reward / sight.distance_m(self.pose[:2]) ** 2
+
+    def support(self, sight: Sight, pose: Float64) -> Support:
+        """Return what speaks for and against (3,) a pose."""
+        return support_at(self.shape, sight, pose)
+
+    def seen(self, sight: Sight, own_margin_m: float) -> "FollowedBox":
+        """Return what is known after the object was seen where it is now.
+
+        Args:
+            sight: what was seen.
+            own_margin_m: what lies farther outside the box is something else.
+        """
+        if len(sight) == 0:
+            return replace(self, seen_s=self.stamp_s)
+        support = self.support(sight, self.pose)
+        reward = support.reward * sight.distance_m(self.pose[:2]) ** 2
+        top_m = max(support.top_m - self.ground.z_world_m, 0.0)
+        outside_m = self.shape.outside_m(*into_frame(sight.points_xy_m, self.pose).T)
+        return replace(
+            self,
+            seen_s=self.stamp_s,
+            shape=self.shape.remembering(sight, self.pose),
+            surroundings=self.surroundings.seen(
+                sight.points_xy_m[outside_m > own_margin_m], is_hidden=False
+            ),
+            usual_reward=_learned(self.usual_reward, reward),
+            usual_top_m=_learned(self.usual_top_m, top_m),
+        )
+
+    def missed(self, sight: Sight) -> "FollowedBox":
+        """Return what is known after the object was not seen."""
+        surroundings = self.surroundings.seen(sight.points_xy_m, is_hidden=True)
+        return replace(self, surroundings=surroundings)
+
+
+def _learned(usual: float, news: float) -> float:
+    return news if usual == 0.0 else usual + _LEARNING * (news - usual)
