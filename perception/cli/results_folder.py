@@ -5,6 +5,7 @@ frames.jsonl         one line a frame: time, pose, counts, seconds by stage
 poses.txt            world_SE3_velo after registration, KITTI's 12 numbers a row
 tracks/NAME.txt      result rows of KITTI's tracking benchmark; only where there is a camera, only what it sees
 tracks.jsonl         one line a frame: every track's id, size, speed, place and heading
+followed.jsonl       one line a frame: the track that is followed by itself; only where one is
 labels/NNNNNN.label  one uint32 a point in SemanticKITTI's numbers: 40 ground, 9 static, 251 moving
 obstacles/NNNNNN.npz static and moving voxels, and the ground's height on a 1 m lattice
 video.mp4            camera, 3D and bird's-eye view

@@ -13,6 +13,7 @@ from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.confusion_figures import confusion_table, with_ratios
 from perception.cli.drive_results import drive_results
+from perception.cli.follow_on import Following, FollowOn, NobodyFollowed
 from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.table import format_table
 from perception.errors import PerceptionError, UsageError
@@ -24,6 +25,8 @@ from perception.pipeline import PipelineConfig
 from perception.render.composition import Composition
 from perception.render.trails import Trails
 from perception.render.video import video_or_none
+from perception.tracking.single_object.hand_over import HandOver
+from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import PointState, Result
 
 log = logging.getLogger(__name__)
@@ -37,6 +40,7 @@ def run(  # noqa: PLR0913 - flags of a command
     sensor: str | None = None,
     frames: int | None = None,
     video: bool = True,
+    follow: int | None = None,
     on_bad_frame: OnBadFrame = "stop",
     pipeline: PipelineConfig = PipelineConfig(),  # noqa: B008 - frozen
 ) -> None:
@@ -51,11 +55,14 @@ def run(  # noqa: PLR0913 - flags of a command
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         frames: only so many from the start; else all.
         video: whether to draw the video.
+        follow: id of a track that the default tracker of one object takes over in its first frame.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
         pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
     """
-    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video)
-    plan = RunPlan(frames, video, on_bad_frame, pipeline)
+    # A tracker of one object may look at images that nobody draws.
+    has_use = video or follow is not None
+    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=has_use)
+    plan = RunPlan(frames, video, on_bad_frame, pipeline, follow)
     summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
     print(summary.table())
 
@@ -69,12 +76,14 @@ class RunPlan:
         video: whether to draw the video.
         on_bad_frame: stop or skip.
         pipeline: choices of the pipeline.
+        follow: id of the track that is followed by itself, or None.
     """
 
     frames: int | None = None
     video: bool = True
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    follow: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse a run of no frames."""
@@ -217,13 +226,14 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
         folder.write_configuration(drive, plan)
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
+        following = files.enter_context(_following(drive, out, plan))
         try:
-            for result in results:
+            for result in map(following.see, results):
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
                 if plan.video:
                     trails.add(result)
-                    picture = composition.draw(result, trails)
+                    picture = composition.draw(following.shown(result), trails, following.figure)
                     video.add(picture)
                     if summary.frames == 1 + frame_count(drive, plan.frames) // 2:
                         folder.write_picture(picture)
@@ -234,3 +244,12 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
             summary.elapsed_s = time.perf_counter() - start
             folder.write_summary(summary.to_json())
     return summary
+
+
+def _following(drive: Drive, out: Path, plan: RunPlan) -> Following:
+    """Return who follows the object of a plan, or nobody."""
+    if plan.follow is None:
+        return NobodyFollowed()
+    tracker = single_object_tracker(TRACKERS[0], drive.sensor)
+    hand_over = HandOver(plan.follow, tracker, plan.pipeline.body)
+    return FollowOn(out / "followed.jsonl", hand_over)

@@ -1,7 +1,7 @@
 """One picture that explains one frame: camera, scene in 3D, bird's-eye view, legend, stage times."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
+from perception.render.follow_figures import FollowFigure
 from perception.render.overlay import draw_overlay
 from perception.render.panels import FittedImage, LegendEntry, draw_legend, place_panel
 from perception.render.perspective import chase_camera, draw_perspective
@@ -35,6 +36,7 @@ _LEGEND: tuple[LegendEntry, ...] = (
     ("moving", (palette.MOVING,)),
     ("tracks", palette.TRACKS),
 )
+_FOLLOWED: LegendEntry = ("followed", (palette.FOLLOWED,))
 
 
 @dataclass(frozen=True)
@@ -61,15 +63,21 @@ class Composition:
                 found=f"{width}x{height}",
             )
 
-    def draw(self, result: Result, trails: Trails | None = None) -> UInt8:
+    def draw(
+        self,
+        result: Result,
+        trails: Trails | None = None,
+        followed: FollowFigure | None = None,
+    ) -> UInt8:
         """Return the (height, width, 3) picture of one frame.
 
         Args:
             result: what the pipeline made of it.
             trails: where its tracks were before, or None where nobody remembers.
+            followed: one object drawn over all others, or None.
         """
         width, height = self.size_px
-        scene = self._scene(result, trails)
+        scene = self._scene(result, trails, followed)
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
         body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
         # Left: what the camera sees, and below it the same in 3D; without a camera, 3D alone.
@@ -84,15 +92,21 @@ class Composition:
         place_panel(canvas, above, (right_px, 0), "From above")
         # Below: what the colours mean, and where the time went.
         is_tracking = trails is not None or len(result.tracks) > 0
-        self._draw_footer(canvas[body_px:], result, _LEGEND[: None if is_tracking else -1])
+        legend = list(_LEGEND if is_tracking else _LEGEND[:-1])
+        if followed is not None:
+            legend.append(_FOLLOWED)
+        self._draw_footer(canvas[body_px:], result, legend)
         return canvas
 
-    def _scene(self, result: Result, trails: Trails | None) -> "_Scene":
+    def _scene(
+        self, result: Result, trails: Trails | None, followed: FollowFigure | None
+    ) -> "_Scene":
         here = result.tracks.boxes.bottom_m[:, None]
         paths_velo = list(here) if trails is None else trails.paths_velo(result)
         surface = sample_surface(result.ground, self.area)
         figures = track_figures(result.tracks, paths_velo)
-        return _Scene(result, surface, figures, TrackStyle.of_height(self.size_px[1]))
+        style = TrackStyle.of_height(self.size_px[1])
+        return _Scene(result, surface, figures, style, followed)
 
     def _draw_from_above(self, scene: "_Scene", size_px: tuple[int, int]) -> UInt8:
         shown = LocalArea(
@@ -108,8 +122,9 @@ class Composition:
     def _draw_footer(self, canvas: UInt8, result: Result, legend: Sequence[LegendEntry]) -> None:
         height, width = canvas.shape[:2]
         text_px = round(0.19 * height)
-        draw_legend(canvas, legend, text_px)
+        legend_px = draw_legend(canvas, legend, text_px)
         start, stop = (round(share * width) for share in _BAR_SHARES)
+        start = max(start, legend_px)
         draw_stage_bar(canvas[:, start:stop], result.timings_s, self.turn_s, round(0.85 * text_px))
         total_s = sum(result.timings_s.values())
         lines = [f"frame {result.frame.index}   {result.frame.stamp_s:.1f} s"]
@@ -130,16 +145,21 @@ class _Scene:
         surface: its ground, sampled.
         figures: its tracks.
         style: how large tracks are drawn.
+        followed: the object that is followed by itself, or None.
     """
 
     result: Result
     surface: Surface
     figures: TrackFigures
     style: TrackStyle
+    followed: FollowFigure | None
 
     def draw_tracks(self, panel: UInt8, image_P_velo: Float64) -> None:
         """Draw the tracks over a view."""
         draw_tracks(panel, image_P_velo, self.figures, self.style)
+        if self.followed is not None:
+            bold = replace(self.style, line_px=self.style.line_px + 1)
+            self.followed.draw(panel, image_P_velo, bold)
 
 
 def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:

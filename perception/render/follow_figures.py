@@ -36,12 +36,13 @@ class FollowFigure:
     color: Color
 
     @classmethod
-    def of(cls, followed: FollowedObject, way_velo: Float64 | None) -> Self | None:
+    def of(cls, followed: FollowedObject, way_velo: Float64 | None, name: str = "") -> Self | None:
         """Make the figure of an object; None of one without a box.
 
         Args:
             followed: the object.
             way_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
+            name: what it is called among other tracks, whose labels its words are then like.
         """
         if followed.box_velo is None:
             return None
@@ -54,7 +55,9 @@ class FollowFigure:
             is_seen=np.array([followed.state is FollowState.SEEN]),
         )
         figures = track_figures(track, [np.zeros((0, 3)) if way_velo is None else way_velo])
-        return cls(figures, _words(followed), palette.FAINT_TEXT if is_lost else palette.FOLLOWED)
+        return cls(
+            figures, _words(followed, name), palette.FAINT_TEXT if is_lost else palette.FOLLOWED
+        )
 
     def draw(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:
         """Draw it, and its words over its box or under it."""
@@ -62,11 +65,15 @@ class FollowFigure:
         draw_tag(canvas, self.words, outline_px, self.color, style.text_px)
 
 
-def _words(followed: FollowedObject) -> str:
-    if followed.state is FollowState.LOST:
-        return "lost"
-    speed = f"{KM_H * float(np.hypot(*followed.velocity_m_s)):.1f} km/h"
-    return speed if followed.state is FollowState.SEEN else f"predicted {speed}"
+def _words(followed: FollowedObject, name: str) -> str:
+    speed_m_s = float(np.hypot(*followed.velocity_m_s))
+    speed = f"{speed_m_s:.1f} m/s" if name else f"{KM_H * speed_m_s:.1f} km/h"
+    said = {
+        FollowState.SEEN: speed,
+        FollowState.PREDICTED: f"predicted {speed}",
+        FollowState.LOST: "lost",
+    }[followed.state]
+    return f"{name}  {said}".strip()
 
 
 def draw_tag(canvas: UInt8, words: str, outline_px: Float64, color: Color, text_px: int) -> None:

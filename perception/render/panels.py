@@ -31,8 +31,8 @@ def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: 
     draw_text(target, title, (margin, 1.5 * text_px + 2), height_px=text_px)
 
 
-def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> None:
-    """Draw swatches with their words in a row at half height, from the left."""
+def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:
+    """Draw swatches with their words in a row at half height, from the left; return where it ends."""
     column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
     for name, colors in legend:
         top = round(baseline - 1.25 * text_px)
@@ -42,6 +42,7 @@ def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> N
         column += swatch_px + 0.7 * text_px
         draw_text(canvas, name, (column, baseline), height_px=text_px)
         column += text_width_px(name, text_px) + 1.8 * text_px
+    return round(column)
 
 
 @dataclass(frozen=True)

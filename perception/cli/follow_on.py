@@ -1,0 +1,125 @@
+"""`--follow` of a run: one track of the pipeline, handed to a tracker of one object, written and drawn."""
+
+import logging
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+from perception.cli.follow_files import FollowedFile
+from perception.geometry.threads import one_blas_thread
+from perception.render.follow_figures import FollowFigure
+from perception.render.follow_scene import FollowTrail
+from perception.tracking.single_object.hand_over import HandOver
+from perception.types import Result
+
+log = logging.getLogger(__name__)
+
+STAGE = "one object"
+# Of the way, so many places are drawn: a few seconds, as of the other tracks.
+_DRAWN_PLACES = 40
+
+
+class Following(Protocol):
+    """What a run asks of whoever follows an object beside it."""
+
+    figure: FollowFigure | None
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def see(self, result: Result) -> Result:
+        """Take in one frame; return it with the time that this took."""
+        ...
+
+    def shown(self, result: Result) -> Result:
+        """Return what is left for the pipeline's own tracks to be drawn of."""
+        ...
+
+
+class NobodyFollowed:
+    """Follows nothing, where nothing is to be followed."""
+
+    figure: FollowFigure | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def see(self, result: Result) -> Result:
+        """Return the frame as it is."""
+        return result
+
+    def shown(self, result: Result) -> Result:
+        """Return the frame as it is."""
+        return result
+
+
+class FollowOn:
+    """Follows one track on from its first frame, and writes where it is; a context manager.
+
+    Attributes:
+        figure: of the last frame, or None while there is nothing to draw.
+    """
+
+    def __init__(self, path: Path, hand_over: HandOver) -> None:
+        """Open the file.
+
+        Args:
+            path: gets a line a frame from the first that has the track.
+            hand_over: that waits for it.
+        """
+        self.figure: FollowFigure | None = None
+        self._hand_over, self._trail = hand_over, FollowTrail()
+        self._file = FollowedFile(path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file; say so where the track never came."""
+        self._file.close()
+        if error is None and not self._hand_over.has_begun:
+            log.warning(
+                "--follow %d: no frame had this track; tracks.jsonl holds the ids that there were",
+                self._hand_over.track_id,
+            )
+
+    def see(self, result: Result) -> Result:
+        """Follow the object in one frame, write where it is, and make its figure."""
+        start_s = time.perf_counter()
+        with one_blas_thread():
+            followed = self._hand_over.update(result)
+        seconds = time.perf_counter() - start_s
+        if followed is not None:
+            self._file.write(result, followed)
+            self._trail.add(result, followed)
+            way_velo = self._trail.way_velo(result)[-_DRAWN_PLACES:]
+            name = str(self._hand_over.track_id)
+            self.figure = FollowFigure.of(followed, way_velo, name)
+        return replace(result, timings_s={**result.timings_s, STAGE: seconds})
+
+    def shown(self, result: Result) -> Result:
+        """Return the frame without the pipeline's own track of what is drawn as followed."""
+        if self.figure is None:
+            return result
+        others = result.tracks.ids != self._hand_over.track_id
+        return replace(result, tracks=result.tracks[others])

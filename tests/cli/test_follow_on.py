@@ -1,0 +1,109 @@
+"""A run that hands one of its tracks to a tracker of one object."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.open_drive import open_drive
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.follow_on import STAGE, FollowOn, NobodyFollowed
+from perception.cli.main import main
+from perception.geometry.grids import VehicleBody
+from perception.pipeline import Pipeline
+from perception.render import palette
+from perception.render.composition import Composition
+from perception.tracking.single_object.hand_over import HandOver
+from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.types import Boxes3D, Result, Tracks
+
+FRAMES = 6
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(street) -> Result:
+    drive = open_drive(street)
+    boxes = Boxes3D(np.array([[9.0, 2, -1.7], [12, -2, -1.7]]), np.full((2, 3), 2.0), np.zeros(2))
+    tracks = Tracks(np.array([3, 8]), boxes, np.ones((2, 2)), np.ones(2, bool))
+    return replace(Pipeline(drive.sensor).step(drive[0]), tracks=tracks)
+
+
+class StandingTracker:
+    """Answers with the first box, always."""
+
+    def start(self, moment, box_velo):
+        self._answer = FollowedObject(FollowState.SEEN, box_velo, np.array([3.0, 4.0]), None)
+        return self._answer
+
+    def follow(self, moment):
+        return self._answer
+
+
+def hand_over_of(track_id: int) -> HandOver:
+    return HandOver(track_id, StandingTracker(), VehicleBody())
+
+
+def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
+    path = tmp_path / "followed.jsonl"
+    with FollowOn(path, hand_over_of(8)) as following:
+        before = following.see(replace(result, tracks=Tracks.empty()))
+        assert STAGE in before.timings_s
+        assert following.figure is None
+        assert following.shown(before) is before
+        seen = following.see(result)
+        assert following.figure.words == "8  5.0 m/s"
+        assert following.shown(seen).tracks.ids.tolist() == [3]
+        # Its own track is gone; it is followed on.
+        following.see(replace(result, tracks=Tracks.empty()))
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]] * 2
+
+
+def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
+    with FollowOn(tmp_path / "followed.jsonl", hand_over_of(99)) as following:
+        following.see(result)
+    assert "--follow 99: no frame had this track" in caplog.text
+
+
+def test_where_nobody_is_followed_nothing_changes(result):
+    with NobodyFollowed() as following:
+        assert following.see(result) is result
+        assert following.shown(result) is result
+        assert following.figure is None
+
+
+def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
+    with FollowOn(tmp_path / "followed.jsonl", hand_over_of(8)) as following:
+        following.see(result)
+        plain = Composition().draw(result)
+        picture = Composition().draw(following.shown(result), None, following.figure)
+    counts = [int((one == palette.FOLLOWED).all(axis=2).sum()) for one in (plain, picture)]
+    assert counts[0] < 50
+    assert counts[1] > 500
+
+
+def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
+    assert main(["run", str(street), "--out", str(tmp_path), "--follow", "0"]) == 0
+    assert STAGE in capsys.readouterr().out
+    given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
+    ids = [[track["id"] for track in line["tracks"]] for line in given]
+    first = next(number for number, there in enumerate(ids) if 0 in there)
+    lines = [json.loads(line) for line in (tmp_path / "followed.jsonl").read_text().splitlines()]
+    assert [line["frame"] for line in lines] == list(range(first, FRAMES))
+    track = next(track for track in given[first]["tracks"] if track["id"] == 0)
+    np.testing.assert_allclose(
+        lines[0]["velo"]["position_m"], track["velo"]["position_m"], atol=1.0
+    )
+
+
+def test_a_number_below_zero_is_refused(street, tmp_path, capsys):
+    assert main(["run", str(street), "--out", str(tmp_path), "--follow", "-1"]) == 2
+    assert "an id of 0 or more, found -1" in capsys.readouterr().err
