@@ -142,6 +142,13 @@ class Localizer(Protocol):
         """Return (3,) the object's place in the world, or None where it is not found in the gate."""
         ...
 
+    def wait(self, place_m: Float64) -> None:
+        """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
+
+        Of no concern to a localizer that keeps no motion.
+        """
+        del place_m
+
 
 class CentroidTracker:
     """Follows the point that a localizer finds; implements `SingleObjectTracker`."""
@@ -222,6 +229,8 @@ class CentroidTracker:
     def _lose(self, last: PointModel) -> PointModel:
         """Wait where the object was last expected."""
         self._memory, self._state = self._remembered(last.place_m), FollowState.LOST
+        self._unseen_s = np.inf
+        self._localizer.wait(last.place_m)
         return replace(last, velocity_m_s=np.zeros(3))
 
     def _move(self, last: PointModel, memory: Memory, elapsed_s: float) -> PointModel:

@@ -8,6 +8,7 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
     CentroidTrackerRules,
+    Localizer,
     MotionRules,
     View,
 )
@@ -16,7 +17,7 @@ from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.types import Bool, Float64, Int
 
 
-class ColoredPointsLocalizer:
+class ColoredPointsLocalizer(Localizer):
     """Climbs to where points of the object's colours are densest.
 
     The colours are those of the points in the first box, counted once (author's code). Points that the image

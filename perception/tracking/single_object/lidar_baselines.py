@@ -6,6 +6,7 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
     CentroidTrackerRules,
+    Localizer,
     MotionRules,
     View,
 )
@@ -14,7 +15,7 @@ from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
 
-class GateLocalizer:
+class GateLocalizer(Localizer):
     """3D-KF: the object is the mean of all points in the gate."""
 
     def begin(self, view: View) -> Float64 | None:
@@ -26,7 +27,7 @@ class GateLocalizer:
         return mean_over(view.gate, view)
 
 
-class MeanShiftLocalizer:
+class MeanShiftLocalizer(Localizer):
     """3D-MS: the object is where points are densest near its last place."""
 
     def __init__(self, rules: ClimbRules) -> None:
