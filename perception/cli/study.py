@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from tqdm import tqdm
@@ -10,7 +11,10 @@ from tqdm import tqdm
 from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
+from data.synthetic.scenarios import KINDS, Kind
+from perception.cli.evaluations.otd import trackers_named
 from perception.cli.studies.dense_cloud import study_dense_cloud
+from perception.cli.studies.following import FollowingPlan, study_following
 from perception.cli.studies.gates import study_gates
 from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
 from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
@@ -26,6 +30,7 @@ from perception.types import Frame
 
 _RESULTS = Path("results") / "study"
 _SYNTHETIC_FRAMES = 40
+_KINDS: dict[str, Kind] = {kind.lower(): kind for kind in KINDS}
 
 
 def ground_error(
@@ -242,6 +247,32 @@ def motion_grid(
     publish(study_motion_grid(opened, out, _bar, frame=frame, preset=preset), out)
 
 
+def following(
+    trackers: str = "default,h-fus,l-fus,3d-ms,3d-kf",
+    kind: Literal["car", "cyclist", "pedestrian"] = "car",
+    duration: float = 6.0,
+    seed: int = 0,
+    sensor: str = "HDL-64E",
+    out: Path = _RESULTS / "following.png",
+) -> None:
+    """Measure trackers of one object while it is hidden, turns, changes its pace, or the light changes.
+
+    Example: trifuse study following --kind cyclist --trackers default,h-fus,opencv-kcf
+
+    Args:
+        trackers: names with commas between; an unknown one is answered with all.
+        kind: what is followed.
+        duration: of each scene, in seconds; what happens is stretched with it.
+        seed: of the street, of looks and of noise.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file.
+        out: the picture; the numbers are written beside it.
+    """
+    plan = FollowingPlan(
+        trackers_named(trackers), _KINDS[kind], duration, seed, sensor_named(sensor)
+    )
+    publish(study_following(out, plan), out)
+
+
 COMMANDS = {
     "ground-error": ground_error,
     "speed": speed,
@@ -252,6 +283,7 @@ COMMANDS = {
     "motion-grid": motion_grid,
     "ins-error": ins_error,
     "sensors": sensors,
+    "following": following,
 }
 
 

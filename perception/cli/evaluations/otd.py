@@ -56,7 +56,7 @@ def otd(  # noqa: PLR0913 - flags of a command
         plots: gets the plots of Figs A.1 to A.3 and of one-pass evaluation as PNG.
         json: gets the same figures with protocol, data and configuration.
     """
-    chosen = _trackers_named(trackers)
+    chosen = trackers_named(trackers)
     request = ObjectRequest(root, set, sequence, track_id, frames, sensor)
     found = objects_at_hand(request)
     report = measure_otd(found, chosen, on_bad_frame=on_bad_frame)
@@ -124,7 +124,12 @@ def _describe(request: ObjectRequest, found: ObjectsAtHand) -> str:
     return f"{line}; absent:\n{absent_lines(found.absent)}" if found.absent else line
 
 
-def _trackers_named(words: str | None) -> tuple[str, ...]:
+def trackers_named(words: str | None) -> tuple[str, ...]:
+    """Split names at commas; all trackers where none is named.
+
+    Raises:
+        UsageError: a name is unknown, or there twice.
+    """
     chosen = TRACKERS if words is None else tuple(word.strip() for word in words.split(","))
     if not set(chosen) <= set(TRACKERS) or len(set(chosen)) < len(chosen) or not chosen:
         raise UsageError(

@@ -1,0 +1,182 @@
+"""What makes one object hard to follow, one difficulty at a time and all together, with exact truth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from data.derived.single_object import ObjectSequence
+from data.synthetic.scenario_truth import true_track
+from data.synthetic.scenarios import FOLLOWED_ID, Kind, Scenario, ScenarioDrive, all_scenarios
+from perception.cli.evaluations.otd_steps import Following, ObjectToFollow, follow_objects
+from perception.cli.studies.output import Study
+from perception.cli.table import Cell, format_table
+from perception.evaluation.single_object.errors import FollowErrors, follow_errors
+from perception.evaluation.single_object.scores import FollowScores, score_errors
+from perception.evaluation.single_object.track import TrueTrack
+from perception.render.following_plots import FollowingPanel, plot_following
+from perception.sensor import HDL_64E, LidarModel
+from perception.tracking.single_object.tracker import FollowState
+from perception.types import Bool, Float64
+
+# After an object was hidden, it is found again once it is seen so near its place.
+_FOUND_M = 1.0
+_COLUMNS = (
+    *("scene", "tracker", "E3D m", "E2D px", "heading deg"),
+    *("seen", "predicted", "lost", "beside it", "found again", "ms"),
+)
+
+
+@dataclass(frozen=True)
+class FollowingPlan:
+    """What to measure.
+
+    Attributes:
+        trackers: names, the first of them emphasised.
+        kind: KITTI's type of the object.
+        duration_s: of each scene.
+        seed: of the street, of looks and of noise.
+        sensor: the LiDAR.
+    """
+
+    trackers: Sequence[str]
+    kind: Kind = "Car"
+    duration_s: float = 6.0
+    seed: int = 0
+    sensor: LidarModel = field(default_factory=lambda: HDL_64E)
+
+
+@dataclass(frozen=True)
+class FollowingFigures:
+    """How one tracker did in one scene.
+
+    Attributes:
+        scores: over all frames.
+        hidden_frames: in which nobody sees the object.
+        found_again_s: after the object was hidden, until the tracker has it again; infinite where it never
+            has, NaN where the object was never hidden.
+        refusal: why the tracker could not begin, or None.
+    """
+
+    scores: FollowScores
+    hidden_frames: int
+    found_again_s: float
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """One scene and what became of it."""
+
+    scenario: Scenario
+    truth: TrueTrack
+    errors: Mapping[str, FollowErrors]
+    figures: Mapping[str, FollowingFigures]
+
+    @property
+    def is_hidden(self) -> Bool:
+        """(K,) in which frames nobody sees the object."""
+        return np.asarray(np.isnan(self.truth.boxes_px[:, 0]))
+
+    def panel(self) -> FollowingPanel:
+        """Return what is drawn of it: the trackers that answer in space."""
+        times_s, errors_m = self.truth.stamps_s, {}
+        for name, errors in self.errors.items():
+            if errors.gives_boxes:
+                errors_m[name] = _at(times_s, self.truth, errors)
+        return FollowingPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
+
+
+def study_following(picture: Path, plan: FollowingPlan) -> Study:
+    """Let trackers follow the same object through every scene, and draw how far off they are."""
+    scenes = [_measure(one, plan) for one in all_scenarios(plan.kind, plan.duration_s)]
+    title = f"Following a {plan.kind.lower()} by {plan.sensor.name}: centre error over time"
+    plot_following(picture, title, [scene.panel() for scene in scenes])
+    return Study(
+        name="following",
+        figure="the challenges of Table 3.2 and A.1, on scenes with exact truth",
+        table=_table(plan, scenes),
+        numbers={scene.scenario.name: dict(scene.figures) for scene in scenes},
+        conditions={"plan": plan, "found_again_m": _FOUND_M},
+    )
+
+
+def _measure(scenario: Scenario, plan: FollowingPlan) -> _Scene:
+    drive = ScenarioDrive(scenario, seed=plan.seed, sensor=plan.sensor)
+    truth = true_track(drive)
+    last = len(drive) - 1
+    sequence = ObjectSequence(scenario.name, drive.name, FOLLOWED_ID, scenario.kind, 0, last)
+    wanted = ObjectToFollow(sequence, truth, len(drive))
+    (followings,) = follow_objects(drive, [wanted], plan.trackers)
+    errors = {
+        name: follow_errors(truth, following.track, drive.calibration)
+        for name, following in followings.items()
+    }
+    figures = {name: _figures(truth, errors[name], followings[name]) for name in followings}
+    return _Scene(scenario, truth, errors, figures)
+
+
+def _figures(truth: TrueTrack, errors: FollowErrors, following: Following) -> FollowingFigures:
+    hidden_frames = int(np.isnan(truth.boxes_px[:, 0]).sum())
+    found_again_s = found_again(truth, errors)
+    return FollowingFigures(score_errors(errors), hidden_frames, found_again_s, following.refusal)
+
+
+def found_again(truth: TrueTrack, errors: FollowErrors) -> float:
+    """Return the seconds from the last frame in which the object is hidden to the first in which it is found.
+
+    Found is what the tracker calls seen and is less than `_FOUND_M` off, or, in the image alone, shares
+    something with the object.
+    """
+    hidden = np.flatnonzero(np.isnan(truth.boxes_px[:, 0]))
+    if not len(hidden):
+        return np.nan
+    last_s = truth.stamps_s[hidden[-1]]
+    is_near = np.where(np.isnan(errors.center_m), errors.overlap_px > 0, errors.center_m < _FOUND_M)
+    stamps_s = truth.stamps_s[np.isin(truth.frames, errors.frames)]
+    is_found = is_near & (errors.states == FollowState.SEEN) & (stamps_s > last_s)
+    return float(stamps_s[is_found][0] - last_s) if is_found.any() else np.inf
+
+
+def _at(times_s: Float64, truth: TrueTrack, errors: FollowErrors) -> Float64:
+    """Return (K,) the centre errors in all frames of the truth, NaN where there is none."""
+    found = np.full(len(times_s), np.nan)
+    found[np.isin(truth.frames, errors.frames)] = errors.center_m
+    return found
+
+
+def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
+    rows: list[list[Cell]] = [
+        [scene.scenario.name, name, *_cells(figures)]
+        for scene in scenes
+        for name, figures in scene.figures.items()
+    ]
+    frames = len(scenes[0].truth)
+    title = (
+        f"following a {plan.kind.lower()} by {plan.sensor.name}, {frames} frames a scene; errors are means "
+        f"over all frames, hidden ones too; found again: s until seen and less than {_FOUND_M:g} m off"
+    )
+    return format_table(title, _COLUMNS, rows)
+
+
+def _cells(figures: FollowingFigures) -> list[Cell]:
+    if figures.refusal is not None:
+        return [None] * (len(_COLUMNS) - 2)
+    scores = figures.scores
+    again_s = figures.found_again_s
+    return [
+        _digits(scores.center_m, 2),
+        _digits(scores.center_px, 1),
+        _digits(np.degrees(scores.heading_rad), 1),
+        *(
+            f"{100 * share:.0f} %"
+            for share in (scores.seen, scores.predicted, scores.lost, scores.off)
+        ),
+        "never" if np.isinf(again_s) else _digits(again_s, 1),
+        _digits(scores.ms_per_frame, 1),
+    ]
+
+
+def _digits(value: float, digits: int) -> str | None:
+    return f"{value:.{digits}f}" if np.isfinite(value) else None
