@@ -69,7 +69,8 @@ def track(  # noqa: PLR0913 - flags of a command
         sequence: which one, where there are several.
         start_frame: in which the object is; else the first.
         frames: only so many from there; else all.
-        tracker: which one; an unknown name is answered with all names.
+        tracker: default, h-fus, l-fus, 3d-ms, 3d-kf, or, in the image alone, ms-i, cbwh, opencv-kcf,
+            opencv-csrt, opencv-mil.
         out: folder for the results; else results/<time>, with results/latest pointing to it.
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         video: whether to draw the video.

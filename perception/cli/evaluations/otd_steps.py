@@ -10,15 +10,14 @@ from tqdm import tqdm
 from data.derived.single_object import ObjectSequence
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.datmo.detector import SegmentedScan
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
 from perception.geometry.threads import one_blas_thread
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
+from perception.tracking.single_object.hand_over import moment_of
 from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
 from perception.tracking.single_object.trackers import single_object_tracker
-from perception.types import Frame
 
 TrackerMaker = Callable[[str, LidarModel], SingleObjectTracker]
 
@@ -82,8 +81,8 @@ def follow_objects(
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
     for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
-        _, scan = pipeline.segment(frame)
-        moment = moment_of(frame, scan)
+        result, _ = pipeline.segment(frame)
+        moment = moment_of(result, pipeline.config.body)
         with one_blas_thread():
             for by_name in followers:
                 for follower in by_name.values():
@@ -94,19 +93,6 @@ def follow_objects(
 def pipeline_config() -> PipelineConfig:
     """Return the choices of the pipeline up to what trackers of one object are shown."""
     return PipelineConfig(datmo="none")
-
-
-def moment_of(frame: Frame, scan: SegmentedScan) -> Moment:
-    """Return what trackers of one object are shown of a frame."""
-    calibration = frame.calibration
-    return Moment(
-        stamp_s=scan.stamp_s,
-        points_velo=scan.points_velo,
-        world_SE3_velo=scan.world_SE3_velo,
-        ground=scan.ground,
-        image=frame.image,
-        image_P_velo=None if calibration is None else calibration.image_P_velo,
-    )
 
 
 class _Follower:
