@@ -17,9 +17,9 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.geometry.boxes import transform_boxes
 from perception.sensor import LidarModel
-from perception.tracking.single_object import turning_motion as motion
 from perception.tracking.single_object.followed_box import FollowedBox
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
+from perception.tracking.single_object.object_motion import motion_of
 from perception.tracking.single_object.object_shape import ObjectShape, ShapeRules
 from perception.tracking.single_object.point_model import PointModel, answer, check_start_box
 from perception.tracking.single_object.pose_search import (
@@ -33,6 +33,7 @@ from perception.tracking.single_object.surroundings import Surroundings
 from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
 from perception.types import Boxes3D
 
+_PLAY = 0.02  # of what stands, in metres and radians: poses drift
 _logger = logging.getLogger(__name__)
 
 
@@ -57,7 +58,6 @@ class FollowRules:
         return_top_m: by so much the top of an object that returns may differ from what it was, besides
             what the beams miss.
         lost_after_s: without being seen.
-        least_speed_m_s: what goes backwards faster, but cannot, faces the wrong way.
         shape: of the object.
         search: of its pose.
     """
@@ -77,7 +77,6 @@ class FollowRules:
     return_share: float = 0.25
     return_top_m: float = 0.25
     lost_after_s: float = 3.0
-    least_speed_m_s: float = 0.4
     shape: ShapeRules = field(default_factory=ShapeRules)
     search: SearchRules = field(default_factory=SearchRules)
 
@@ -102,11 +101,11 @@ class BoxFollower:
         size_m = box_world.size_m[0].astype(np.float64)
         pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
         spread = np.array([rules.start_m, rules.start_m, rules.start_rad])
-        self._motion = motion.rules_for(size_m)
+        self._motion = motion_of(size_m)
         self._followed = FollowedBox(
             stamp_s=moment.stamp_s,
             seen_s=moment.stamp_s,
-            state=motion.begin(pose, spread, self._motion),
+            state=self._motion.begin(pose, spread),
             ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
             shape=ObjectShape.of_box(size_m, rules.shape),
             surroundings=Surroundings(),
@@ -134,17 +133,15 @@ class BoxFollower:
         belief = self._find(before, expected, sight)
         if belief is None:
             return expected.missed(sight)
-        state = motion.correct(expected.state, belief.pose, belief.covariance)
-        state = motion.facing_its_way(state, self._motion, self._rules.least_speed_m_s)
+        state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
         return replace(expected, state=state).seen(sight, self._rules.own_margin_m)
 
     def _predicted(self, before: FollowedBox, stamp_s: float) -> FollowedBox:
         if self._is_lost(before):
             return replace(before, stamp_s=stamp_s)  # the last guess stays
-        length_m = float(before.shape.size_m[0])
         elapsed_s = min(stamp_s - before.stamp_s, 2 * self._rules.lost_after_s)
-        state = motion.predict(before.state, elapsed_s, length_m, self._motion)
-        way_m = abs(float(before.state.mean[3])) * elapsed_s
+        state = self._motion.predict(before.state, elapsed_s)
+        way_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
         return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
 
     def _look(self, moment: Moment, expected: FollowedBox) -> tuple[FollowedBox, Sight]:
@@ -168,7 +165,7 @@ class BoxFollower:
         if len(sight) == 0:
             return None
         rules, usual_reward = self._rules, expected.usual_reward_in(sight)
-        priors = _priors(before, expected)
+        priors = self._priors(before, expected)
         belief = search(expected.shape, sight, priors, usual_reward, rules.search)
         support = expected.support(sight, belief.pose)
         share = rules.return_share if before.is_hidden else rules.least_share
@@ -182,6 +179,13 @@ class BoxFollower:
         )
         return belief if fits else None
 
+    def _priors(self, before: FollowedBox, expected: FollowedBox) -> tuple[PoseBelief, ...]:
+        """Return where the object is expected: further on, or where it was if it may stand."""
+        if not self._motion.may_stand(before.state):
+            return (expected.belief,)
+        was = before.belief
+        return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
+
     def _is_as_high(self, expected: FollowedBox, sight: Sight, top_m: float) -> bool:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
         missed_m = self._sensor.elevation_step_rad * sight.distance_m(expected.pose[:2])
@@ -192,22 +196,10 @@ class BoxFollower:
         return followed.stamp_s - followed.seen_s > self._rules.lost_after_s
 
     def _answer(self, moment: Moment, followed: FollowedBox) -> FollowedObject:
-        size_m, velocity = followed.shape.size_m, followed.state.velocity_world_m_s
+        size_m, velocity = followed.shape.size_m, self._motion.velocity_m_s(followed.state)
         state = FollowState.SEEN
         if followed.is_hidden:
             state = FollowState.LOST if self._is_lost(followed) else FollowState.PREDICTED
         middle = followed.place_world + np.array([0.0, 0.0, size_m[2] / 2])
         model = PointModel(middle, size_m, float(followed.pose[2]), np.append(velocity, 0.0))
         return answer(model, moment, state)
-
-
-def _priors(before: FollowedBox, expected: FollowedBox) -> tuple[PoseBelief, ...]:
-    """Return where the object is expected: further on, or where it was if it may stand."""
-    speed_m_s, deviation = before.state.mean[3], np.sqrt(before.state.covariance[3, 3])
-    if abs(speed_m_s) > 2 * deviation:
-        return (expected.belief,)
-    was = before.belief
-    return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
-
-
-_PLAY = 0.02  # of what stands, in metres and radians: pose and annotation drift

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.tracking.single_object.ground_below import GroundBelow
+from perception.tracking.single_object.object_motion import POSE, MovingState
 from perception.tracking.single_object.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
@@ -13,7 +14,6 @@ from perception.tracking.single_object.pose_search import (
 )
 from perception.tracking.single_object.sight import Sight
 from perception.tracking.single_object.surroundings import Surroundings
-from perception.tracking.single_object.turning_motion import POSE, MovingState
 from perception.types import Float64
 
 _LEARNING = 0.1  # share of what is usual that one scan replaces
