@@ -13,6 +13,7 @@ from perception.tracking.single_object.centroid_tracker import (
     View,
 )
 from perception.tracking.single_object.color_model import BINS, color_bins
+from perception.tracking.single_object.lidar_baselines import mean_over
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.types import Bool, Float64, Int
 
@@ -21,7 +22,8 @@ class ColoredPointsLocalizer(Localizer):
     """Climbs to where points of the object's colours are densest.
 
     The colours are those of the points in the first box, counted once (author's code). Points that the image
-    does not show have no colour and no weight; where it shows none, all weigh the same.
+    does not show have no colour and no weight; where it shows none, or did not in the beginning, all weigh
+    the same.
     """
 
     def __init__(self, rules: ClimbRules) -> None:
@@ -32,19 +34,19 @@ class ColoredPointsLocalizer(Localizer):
         """Count the colours of the points in the first box.
 
         Raises:
-            PerceptionError: there is no image, or no point of the object in it.
+            PerceptionError: there is no image, or no camera.
         """
-        bins, is_seen = colors_of_points(view)
-        held = view.window.holds(view.around.points_world)
-        if not held[is_seen].any():
+        if view.moment.image is None or view.moment.image_P_velo is None:
             raise PerceptionError(
                 "tracker of coloured points",
-                expected="points of the start box in an image",
-                found="none" if view.moment.image is not None else "no image",
+                expected="an image of the first moment",
+                found="none",
                 advice="begin where the camera sees the object, or follow it by LiDAR alone",
             )
+        bins, is_seen = colors_of_points(view)
+        held = view.window.holds(view.around.points_world)
         self._counts = np.bincount(bins[held[is_seen]], minlength=BINS).astype(np.float64)
-        return np.asarray(view.around.points_world[held].mean(axis=0))
+        return mean_over(view.window, view)
 
     def locate(self, view: View) -> Float64 | None:
         """Climb from the expected place; None beyond the gate."""
@@ -55,7 +57,7 @@ class ColoredPointsLocalizer(Localizer):
 
     def _weights(self, view: View) -> Float64 | None:
         bins, is_seen = colors_of_points(view)
-        if not is_seen.any():
+        if not is_seen.any() or not self._counts.any():
             return None
         weights = np.zeros(len(is_seen))
         weights[is_seen] = self._counts[bins]

@@ -152,9 +152,7 @@ def test_without_a_camera_the_scan_is_enough(name):
 
 def test_coloured_points_need_an_image_to_begin():
     scene = Scene()
-    with pytest.raises(
-        PerceptionError, match="points of the start box in an image, found no image"
-    ):
+    with pytest.raises(PerceptionError, match="expected an image of the first moment, found none"):
         single_object_tracker("l-fus", HDL_64E).start(
             scene.moment(0, has_image=False), scene.box(0)
         )
@@ -224,7 +222,7 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
     assert center_of(found)[0] == pytest.approx(place[0] + 0.5, abs=0.35)
 
 
-@pytest.mark.parametrize("name", ["h-fus", "3d-ms", "3d-kf"])
+@pytest.mark.parametrize("name", NAMES)
 def test_a_start_box_without_points_is_a_prediction(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
