@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from benchmarks.chain import ChainFigures
 
 Part = Literal[
-    "all", "chain", "registration", "ground", "voxels", "motion", "objects", "map", "filters"
-]
+    "all", "chain", "registration", "ground", "voxels", "motion",
+    "objects", "map", "filters", "following", "colors",
+]  # fmt: skip
 
 
 def bench(  # noqa: PLR0913 - flags of a command
@@ -52,12 +53,13 @@ def bench(  # noqa: PLR0913 - flags of a command
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
-    chain, stages, moving_objects = _benchmarks()
+    chain, stages, moving_objects, following = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
+    shows = part in ("all", "following")
     opened: Drive = (
-        SyntheticDrive(frames, sensor=model, images=False)
+        SyntheticDrive(frames, sensor=model, images=shows)
         if drive is None
-        else open_drive(drive, sequence=sequence, sensor=sensor, images=False)
+        else open_drive(drive, sequence=sequence, sensor=sensor, images=shows)
     )
     config = PipelineConfig()
     machine = describe_machine()
@@ -81,6 +83,8 @@ def bench(  # noqa: PLR0913 - flags of a command
         "objects": moving_objects.compare_moving_objects,
         "map": moving_objects.compare_short_term_maps,
         "filters": moving_objects.compare_filters,
+        "following": following.compare_following,
+        "colors": following.compare_color_filters,
     }
     chosen = [name for name in comparisons if part in ("all", name)]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
@@ -93,10 +97,10 @@ def bench(  # noqa: PLR0913 - flags of a command
         write_json(json, document)
 
 
-def _benchmarks() -> tuple[ModuleType, ModuleType, ModuleType]:
+def _benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, moving_objects, stages
+        from benchmarks import chain, following, moving_objects, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -104,7 +108,7 @@ def _benchmarks() -> tuple[ModuleType, ModuleType, ModuleType]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages, moving_objects
+    return chain, stages, moving_objects, following
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

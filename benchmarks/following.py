@@ -1,0 +1,71 @@
+"""Following one object: every tracker on the same frames, and the filters of its colours."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.measure import Contender, take_turns
+from benchmarks.naive_color_filters import time_color_filters
+from benchmarks.stages import Comparison, Prepared
+from perception.errors import DriveError
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.tracking.single_object.hand_over import moment_of
+from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
+from perception.types import Boxes3D
+
+_COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
+
+
+def compare_following(prepared: Prepared) -> Comparison:
+    """Let every tracker follow the object that stays longest of those labelled in the first frame."""
+    config = PipelineConfig(datmo="none")
+    pipeline = Pipeline(prepared.drive.sensor, config)
+    moments = [moment_of(pipeline.step(frame), config.body) for frame in prepared.frames]
+    track_id, box_velo = _longest(prepared)
+
+    def contender(name: str) -> Contender:
+        tracker = single_object_tracker(name, prepared.drive.sensor)
+        return Contender(name, _following(tracker.start, tracker.follow, moments, box_velo))
+
+    names = [name for name in TRACKERS if moments[0].image is not None or not _needs_image(name)]
+    timings = take_turns([contender(name) for name in names], len(moments))
+    return Comparison(f"following one object, track {track_id}", timings, {})
+
+
+def compare_color_filters(_: Prepared) -> Comparison:
+    """The bank of filters over the bins of a colour model, beside a loop over them."""
+    title = f"colour model, {_COLORS_IN_USE} of 512 bins in use"
+    return Comparison(title, time_color_filters(_COLORS_IN_USE), {})
+
+
+def _following(
+    start: Callable[[Moment, Boxes3D], object],
+    follow: Callable[[Moment], object],
+    moments: list[Moment],
+    box_velo: Boxes3D,
+) -> Callable[[int], object]:
+    return lambda i: follow(moments[i]) if i else start(moments[0], box_velo)
+
+
+def _longest(prepared: Prepared) -> tuple[int, Boxes3D]:
+    """Return the track of the first frame that is labelled in most frames, and its first box."""
+    if not prepared.drive.has_labels:
+        raise DriveError(
+            prepared.drive.root, expected="labels, to know what to follow", found="none"
+        )
+    labels = [prepared.drive.labels(frame.index) for frame in prepared.frames]
+    later = np.concatenate([of_frame.track_ids for of_frame in labels])
+    stays = [int(np.count_nonzero(later == track_id)) for track_id in labels[0].track_ids]
+    if not stays or max(stays) < 2:
+        raise DriveError(
+            prepared.drive.root,
+            expected="a labelled object in the first frame",
+            found="none that stays",
+        )
+    longest = int(np.argmax(stays))
+    return int(labels[0].track_ids[longest]), labels[0].boxes_velo[longest : longest + 1]
+
+
+def _needs_image(name: str) -> bool:
+    return name in ("ms-i", "cbwh") or name.startswith("opencv-")
