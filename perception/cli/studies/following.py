@@ -12,6 +12,7 @@ from data.synthetic.scenarios import FOLLOWED_ID, Kind, Scenario, ScenarioDrive,
 from perception.cli.evaluations.otd_steps import Following, ObjectToFollow, follow_objects
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
+from perception.evaluation.single_object.curves import FollowRule
 from perception.evaluation.single_object.errors import FollowErrors, follow_errors
 from perception.evaluation.single_object.scores import FollowScores, score_errors
 from perception.evaluation.single_object.track import TrueTrack
@@ -20,8 +21,8 @@ from perception.sensor import HDL_64E, LidarModel
 from perception.tracking.single_object.tracker import FollowState
 from perception.types import Bool, Float64
 
-# After an object was hidden, it is found again once it is seen so near its place.
-_FOUND_M = 1.0
+# After an object was hidden, it is found again once it is seen and so much of both boxes is shared (A.1).
+_FOUND_OVERLAP = FollowRule().overlap
 _COLUMNS = (
     *("scene", "tracker", "E3D m", "E2D px", "heading deg"),
     *("seen", "predicted", "lost", "beside it", "found again", "ms"),
@@ -98,7 +99,7 @@ def study_following(picture: Path, plan: FollowingPlan) -> Study:
         figure="the challenges of Table 3.2 and A.1, on scenes with exact truth",
         table=_table(plan, scenes),
         numbers={scene.scenario.name: dict(scene.figures) for scene in scenes},
-        conditions={"plan": plan, "found_again_m": _FOUND_M},
+        conditions={"plan": plan, "found_again_overlap": _FOUND_OVERLAP},
     )
 
 
@@ -126,16 +127,16 @@ def _figures(truth: TrueTrack, errors: FollowErrors, following: Following) -> Fo
 def found_again(truth: TrueTrack, errors: FollowErrors) -> float:
     """Return the seconds from the last frame in which the object is hidden to the first in which it is found.
 
-    Found is what the tracker calls seen and is less than `_FOUND_M` off, or, in the image alone, shares
-    something with the object.
+    Found is what the tracker calls seen and overlaps the object enough, in space or else in the image.
     """
     hidden = np.flatnonzero(np.isnan(truth.boxes_px[:, 0]))
     if not len(hidden):
         return np.nan
     last_s = truth.stamps_s[hidden[-1]]
-    is_near = np.where(np.isnan(errors.center_m), errors.overlap_px > 0, errors.center_m < _FOUND_M)
+    overlap = errors.overlap if errors.gives_boxes else errors.overlap_px
     stamps_s = truth.stamps_s[np.isin(truth.frames, errors.frames)]
-    is_found = is_near & (errors.states == FollowState.SEEN) & (stamps_s > last_s)
+    is_seen = (errors.states == FollowState.SEEN) & (stamps_s > last_s)
+    is_found = is_seen & (overlap > _FOUND_OVERLAP)
     return float(stamps_s[is_found][0] - last_s) if is_found.any() else np.inf
 
 
@@ -155,7 +156,7 @@ def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
     frames = len(scenes[0].truth)
     title = (
         f"following a {plan.kind.lower()} by {plan.sensor.name}, {frames} frames a scene; errors are means "
-        f"over all frames, hidden ones too; found again: s until seen and less than {_FOUND_M:g} m off"
+        f"over all frames, hidden ones too; found again: s until seen with an overlap over {_FOUND_OVERLAP:g}"
     )
     return format_table(title, _COLUMNS, rows)
 
