@@ -9,7 +9,8 @@ from perception.errors import PerceptionError
 from perception.sensor import LidarModel
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
 from perception.tracking.single_object.heading_of_way import freeze_rules_of, heading_of_way
-from perception.tracking.single_object.near_obstacles import NearObstacles, obstacles_near
+from perception.tracking.single_object.localizer import Localizer, View
+from perception.tracking.single_object.near_obstacles import obstacles_near
 from perception.tracking.single_object.pitch_ground import PitchFilter, PitchRules
 from perception.tracking.single_object.point_model import (
     PointModel,
@@ -39,9 +40,7 @@ class CentroidTrackerRules:
     ground: Literal["pitch", "stage"] = "pitch"
     pitch: PitchRules = field(default_factory=PitchRules)
     least_height_m: float = 0.20  # d_min, Table 7.5
-    headroom_m: float = (
-        0.5  # ours; the author's local grid ends 2 m over the ground for all objects
-    )
+    headroom_m: float = 0.5  # ours; the author's local grid ends 2 m up, for all objects
     gate: float = 2.0  # author's code: the best gate of App. A reaches one box to each side
     lost_after_s: float = 1.0  # ours
     longest_gap_s: float = 1.0  # ours
@@ -106,48 +105,6 @@ class LastPlace:
         del variances
         place = places.mean(axis=0)
         return type(self)(place, (place - self.place) / self.elapsed_s)
-
-
-@dataclass(frozen=True)
-class View:
-    """What a localizer is shown.
-
-    Attributes:
-        moment: what the sensors saw.
-        around: the obstacles near the expected object.
-        window: the box at its expected place, in the world.
-        gate: where the object may be, in the world.
-        elapsed_s: since the last view.
-    """
-
-    moment: Moment
-    around: NearObstacles
-    window: Window
-    gate: Window
-    elapsed_s: float
-
-
-class Localizer(Protocol):
-    """Finds the point that stands for an object."""
-
-    def begin(self, view: View) -> Float64 | None:
-        """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
-
-        Raises:
-            PerceptionError: the view lacks what the localizer cannot do without.
-        """
-        ...
-
-    def locate(self, view: View) -> Float64 | None:
-        """Return (3,) the object's place in the world, or None where it is not found in the gate."""
-        ...
-
-    def wait(self, place_m: Float64) -> None:
-        """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
-
-        Of no concern to a localizer that keeps no motion.
-        """
-        del place_m
 
 
 class CentroidTracker:

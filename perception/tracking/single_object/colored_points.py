@@ -8,12 +8,11 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
     CentroidTrackerRules,
-    Localizer,
     MotionRules,
-    View,
 )
 from perception.tracking.single_object.color_model import BINS, color_bins
 from perception.tracking.single_object.lidar_baselines import mean_over
+from perception.tracking.single_object.localizer import Localizer, View
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.types import Bool, Float64, Int
 

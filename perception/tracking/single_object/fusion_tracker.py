@@ -9,12 +9,11 @@ from perception.tracking.single_object.back_projection import back_project
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
     CentroidTrackerRules,
-    Localizer,
     MotionRules,
-    View,
 )
 from perception.tracking.single_object.color_side import ColorSide
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.localizer import Localizer, View
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64

@@ -6,10 +6,9 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
     CentroidTrackerRules,
-    Localizer,
     MotionRules,
-    View,
 )
+from perception.tracking.single_object.localizer import Localizer, View
 from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64

@@ -1,0 +1,51 @@
+"""What finds the point that stands for an object, and what it is shown for that."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from perception.tracking.single_object.near_obstacles import NearObstacles
+from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.window import Window
+from perception.types import Float64
+
+
+@dataclass(frozen=True)
+class View:
+    """What a localizer is shown.
+
+    Attributes:
+        moment: what the sensors saw.
+        around: the obstacles near the expected object.
+        window: the box at its expected place, in the world.
+        gate: where the object may be, in the world.
+        elapsed_s: since the last view.
+    """
+
+    moment: Moment
+    around: NearObstacles
+    window: Window
+    gate: Window
+    elapsed_s: float
+
+
+class Localizer(Protocol):
+    """Finds the point that stands for an object."""
+
+    def begin(self, view: View) -> Float64 | None:
+        """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
+
+        Raises:
+            PerceptionError: the view lacks what the localizer cannot do without.
+        """
+        ...
+
+    def locate(self, view: View) -> Float64 | None:
+        """Return (3,) the object's place in the world, or None where it is not found in the gate."""
+        ...
+
+    def wait(self, place_m: Float64) -> None:
+        """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
+
+        Of no concern to a localizer that keeps no motion.
+        """
+        del place_m
