@@ -14,6 +14,7 @@ README = (ROOT / "README.md").read_text()
 SHORT = {
     "run": ["--frames", "3"],
     "evaluate": ["--frames", "3"],
+    "track": ["--frames", "3"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
     "synth": ["--frames", "3"],
 }
