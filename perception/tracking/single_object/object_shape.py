@@ -41,7 +41,7 @@ class ShapeRules:
 
     cell_m: float = 0.05
     rim_m: float = 0.6
-    side_deviation_m: float = 0.15
+    side_deviation_m: float = 0.2
     deep_reward: float = 0.3
     rim_penalty: float = 0.7
     tolerance_m: float = 0.1

@@ -52,7 +52,7 @@ class SearchRules:
     least_reach_rad: float = 0.06
     finest_m: float = 0.04
     finest_rad: float = 0.01
-    informative_points: float = 40.0
+    informative_points: float = 15.0
     sharpness: float = 3.0
     surplus: float = 3.0
     most_points: int = 250
