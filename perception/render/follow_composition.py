@@ -10,7 +10,7 @@ from perception.render.follow_scene import KM_H, FollowScene
 from perception.render.follow_views import FollowViews
 from perception.render.panels import LegendEntry, draw_legend, place_panel
 from perception.render.speed_chart import STATE_COLORS, draw_speed_chart
-from perception.render.text import Align, draw_text
+from perception.render.text import Align, draw_text, text_width_px
 from perception.render.tracks import TrackStyle
 from perception.types import Boxes3D, UInt8
 
@@ -64,9 +64,7 @@ class FollowComposition:
         start, stop = (round(share * width) for share in _CHART_SHARES)
         chart = canvas[:, start:stop]
         draw_speed_chart(chart, scene.speeds_km_h, scene.states, self.frame_count, text_px)
-        words = "km/h over the drive; the strip says seen, predicted or lost"
-        at = (4.0 * text_px, height - 0.35 * text_px)
-        draw_text(chart, words, at, color=palette.FAINT_TEXT, height_px=round(0.8 * text_px))
+        _write_chart_words(chart, round(0.8 * text_px), 4.0 * text_px)
         _write_state(canvas, scene, text_px)
 
 
@@ -81,6 +79,16 @@ def _legends(scene: FollowScene) -> list[list[LegendEntry]]:
     if scene.truth is not None:
         further.append(("label", (palette.TRUTH,)))
     return [entries, further]
+
+
+def _write_chart_words(chart: UInt8, text_px: int, left_px: float) -> None:
+    """Say under the chart what it shows, each state in its colour."""
+    words = [("km/h over the drive, object", palette.FAINT_TEXT)]
+    words += [(str(state), color) for state, color in STATE_COLORS.items()]
+    baseline = chart.shape[0] - 0.45 * text_px
+    for said, color in words:
+        draw_text(chart, said, (left_px, baseline), color=color, height_px=text_px)
+        left_px += text_width_px(said, text_px) + text_px
 
 
 def _write_state(canvas: UInt8, scene: FollowScene, text_px: int) -> None:

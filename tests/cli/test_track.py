@@ -227,6 +227,16 @@ def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
         follow_drive(drive, FollowStart(0, box), tmp_path, FollowPlan("ms-i", 1, video=False))
 
 
+def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
+    start = find_start(open_drive(street), StartRequest(track_id=labelled_id))
+    bare = replace(open_drive(street, images=False), calibration=None)
+    summary = follow_drive(bare, start, tmp_path, FollowPlan("default", 2))
+    assert len(summary.places_world) == 2
+    assert (tmp_path / "video.mp4").is_file()
+    assert not (tmp_path / "trajectory.txt").exists()
+    assert not (tmp_path / "color-model.png").exists()
+
+
 def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
     write_drives(tmp_path, Recipe(layout="object", frames=1))
     assert main(["track", str(tmp_path), "--box", "1,2,3,4,5,6,7"]) == 2
