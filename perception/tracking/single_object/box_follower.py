@@ -48,7 +48,6 @@ class FollowRules:
         headroom_m: points so far above the box are not the object's.
         thin_m: points are gathered by cells of this edge.
         look_around_m: how far around the box is looked at, least and most.
-        own_margin_m: what lies farther outside the box is something else.
         known_weight: of a point where something else stood a moment ago.
         least_reward: of the points at the best pose, each worth up to 1, to be seen.
         least_contrast: of what speaks for it, against what speaks against it.
@@ -68,7 +67,6 @@ class FollowRules:
     headroom_m: float = 0.3
     thin_m: float = 0.1
     look_around_m: tuple[float, float] = (3.0, 6.0)
-    own_margin_m: float = 0.4
     known_weight: float = 0.1
     least_reward: float = 1.2
     least_contrast: float = 0.5
@@ -111,7 +109,7 @@ class BoxFollower:
             surroundings=Surroundings(),
         )
         _, sight = self._look(moment, self._followed)
-        self._followed = self._followed.seen(sight, rules.own_margin_m)
+        self._followed = self._followed.seen(sight)
         return self._answer(moment, self._followed)
 
     def follow(self, moment: Moment) -> FollowedObject:
@@ -134,7 +132,7 @@ class BoxFollower:
         if belief is None:
             return expected.missed(sight)
         state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
-        return replace(expected, state=state).seen(sight, self._rules.own_margin_m)
+        return replace(expected, state=state).seen(sight)
 
     def _predicted(self, before: FollowedBox, stamp_s: float) -> FollowedBox:
         if self._is_lost(before):
@@ -149,7 +147,7 @@ class BoxFollower:
         rules, size_m = self._rules, expected.shape.size_m
         deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
         look_m = np.clip(rules.search.reach * deviation_m, *rules.look_around_m)
-        reach_m = float(np.hypot(*size_m[:2]) / 2 + rules.shape.rim_m + look_m)
+        reach_m = expected.shape.radius_m + float(look_m)
         around = points_around(moment, expected.place_world, reach_m)
         ground = ground_seen(
             expected.ground, expected.place_world, float(size_m[0]), moment, around

@@ -71,13 +71,8 @@ class FollowedBox:
         """Return what speaks for and against (3,) a pose."""
         return support_at(self.shape, sight, pose)
 
-    def seen(self, sight: Sight, own_margin_m: float) -> "FollowedBox":
-        """Return what is known after the object was seen where it is now.
-
-        Args:
-            sight: what was seen.
-            own_margin_m: what lies farther outside the box is something else.
-        """
+    def seen(self, sight: Sight) -> "FollowedBox":
+        """Return what is known after the object was seen where it is now."""
         if len(sight) == 0:
             return replace(self, seen_s=self.stamp_s)
         support = self.support(sight, self.pose)
@@ -89,7 +84,7 @@ class FollowedBox:
             seen_s=self.stamp_s,
             shape=self.shape.remembering(sight, self.pose),
             surroundings=self.surroundings.seen(
-                sight.points_xy_m[outside_m > own_margin_m], is_hidden=False
+                sight.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
             ),
             usual_reward=_learned(self.usual_reward, reward),
             usual_top_m=_learned(self.usual_top_m, top_m),

@@ -24,7 +24,10 @@ class ShapeRules:
 
     Attributes:
         cell_m: of the raster.
-        rim_m: how far outside the box points still speak against it.
+        rim_share: share of its width by which points outside the box still speak against it.
+        rim_m: least and most of that.
+        own_share: share of its width beyond which points outside the box are something else's.
+        own_m: least and most of that.
         side_deviation_m: of points from the side they lie on.
         deep_reward: of a point inside, far from the sides that face the sensor.
         rim_penalty: of a point outside.
@@ -40,15 +43,18 @@ class ShapeRules:
     """
 
     cell_m: float = 0.05
-    rim_m: float = 0.6
+    rim_share: float = 0.5
+    rim_m: tuple[float, float] = (0.35, 0.6)
+    own_share: float = 0.3
+    own_m: tuple[float, float] = (0.2, 0.4)
     side_deviation_m: float = 0.2
     deep_reward: float = 0.3
     rim_penalty: float = 0.7
     tolerance_m: float = 0.1
     edge_m: float = 0.15
     vehicle_width_m: float = 1.3
-    near_share: float = 0.15
-    spread_share: float = 0.35
+    near_share: float = 0.2
+    spread_share: float = 0.25
     memory_share: float = 0.5
     memory_scans: float = 3.0
     memory_fading: float = 0.02
@@ -74,8 +80,20 @@ class ObjectShape:
     @classmethod
     def of_box(cls, size_m: Float64, rules: ShapeRules) -> "ObjectShape":
         """Return the shape of an object of which only the box is known."""
-        cells = np.ceil((size_m[:2] / 2 + rules.rim_m) / rules.cell_m).astype(int) * 2 + 3
+        reach_m = size_m[:2] / 2 + _clipped(rules.rim_share * size_m[1], rules.rim_m)
+        cells = np.ceil(reach_m / rules.cell_m).astype(int) * 2 + 3
         return cls(size_m, np.zeros(cells, np.float32), 0, rules)
+
+    @property
+    def radius_m(self) -> float:
+        """How far from the middle points may say something."""
+        rim_m = _clipped(self.rules.rim_share * self.size_m[1], self.rules.rim_m)
+        return float(np.hypot(*(self.size_m[:2] / 2 + rim_m)))
+
+    @property
+    def own_margin_m(self) -> float:
+        """How far outside the box points may still be the object's."""
+        return _clipped(self.rules.own_share * self.size_m[1], self.rules.own_m)
 
     def cells_of(self, along_m: Float64, left_m: Float64) -> tuple[Float64, Float64]:
         """Return places in cells, not rounded, along both axes; the raster's middle is the box's."""
@@ -158,3 +176,7 @@ def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     x, y = (points_xy_m - pose[:2]).T
     return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+
+
+def _clipped(value: float, least_most: tuple[float, float]) -> float:
+    return float(np.clip(value, *least_most))

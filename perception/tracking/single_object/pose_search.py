@@ -115,10 +115,9 @@ def search(
     """
     table = shape.rewards(sight.sensor_xy_m, priors[0].pose)
     lattice = _first_lattice(priors[0], shape, rules)
-    radius_m = float(np.hypot(*(shape.size_m[:2] / 2 + shape.rules.rim_m)))
     for steps in (*rules.later_steps, None):
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.rules.cell_m)
-        reach_m = radius_m + float(np.hypot(*lattice.reach[:2]))
+        reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
         near = sight.near(lattice.pose[:2], reach_m, rules.most_points)
         judged = _judge(shape, smooth, near, lattice)
         kept = usual_reward * shape.kept_by(smooth, table)
