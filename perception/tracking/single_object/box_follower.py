@@ -25,6 +25,7 @@ from perception.tracking.single_object.point_model import PointModel, answer, ch
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
     SearchRules,
+    Support,
     search,
     squared_distance,
 )
@@ -109,7 +110,8 @@ class BoxFollower:
             surroundings=Surroundings(),
         )
         _, sight = self._look(moment, self._followed)
-        self._followed = self._followed.seen(sight)
+        support = self._followed.support(sight, self._followed.pose)
+        self._followed = self._followed.seen(sight, support)
         return self._answer(moment, self._followed)
 
     def follow(self, moment: Moment) -> FollowedObject:
@@ -128,11 +130,12 @@ class BoxFollower:
         """Predict, look, search, and take in what was found."""
         expected = self._predicted(before, moment.stamp_s)
         expected, sight = self._look(moment, expected)
-        belief = self._find(before, expected, sight)
-        if belief is None:
+        found = self._find(before, expected, sight)
+        if found is None:
             return expected.missed(sight)
+        belief, support = found
         state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
-        return replace(expected, state=state).seen(sight)
+        return replace(expected, state=state).seen(sight, support)
 
     def _predicted(self, before: FollowedBox, stamp_s: float) -> FollowedBox:
         if self._is_lost(before):
@@ -158,8 +161,10 @@ class BoxFollower:
         known = expected.surroundings.hold(sight.points_xy_m)
         return replace(expected, ground=ground), sight.doubting(known, rules.known_weight)
 
-    def _find(self, before: FollowedBox, expected: FollowedBox, sight: Sight) -> PoseBelief | None:
-        """Return where the object is seen, or None."""
+    def _find(
+        self, before: FollowedBox, expected: FollowedBox, sight: Sight
+    ) -> tuple[PoseBelief, Support] | None:
+        """Return where the object is seen and what supports it, or None."""
         if len(sight) == 0:
             return None
         rules, usual_reward = self._rules, expected.usual_reward_in(sight)
@@ -175,7 +180,7 @@ class BoxFollower:
             and min(squared_distance(belief, prior) for prior in priors) <= rules.gate
             and (not before.is_hidden or self._is_as_high(expected, sight, support.top_m))
         )
-        return belief if fits else None
+        return (belief, support) if fits else None
 
     def _priors(self, before: FollowedBox, expected: FollowedBox) -> tuple[PoseBelief, ...]:
         """Return where the object is expected: further on, or where it was if it may stand."""

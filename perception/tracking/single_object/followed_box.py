@@ -71,11 +71,10 @@ class FollowedBox:
         """Return what speaks for and against (3,) a pose."""
         return support_at(self.shape, sight, pose)
 
-    def seen(self, sight: Sight) -> "FollowedBox":
-        """Return what is known after the object was seen where it is now."""
+    def seen(self, sight: Sight, support: Support) -> "FollowedBox":
+        """Return what is known after the object was seen where it is now, with that support."""
         if len(sight) == 0:
             return replace(self, seen_s=self.stamp_s)
-        support = self.support(sight, self.pose)
         reward = support.reward * sight.distance_m(self.pose[:2]) ** 2
         top_m = max(support.top_m - self.ground.z_world_m, 0.0)
         outside_m = self.shape.outside_m(*into_frame(sight.points_xy_m, self.pose).T)

@@ -64,8 +64,10 @@ def ground_seen(
         moment: with the ground of the stage, or without.
         around_world: (N, 3) points around the object.
     """
-    off_m = np.abs(around_world[:, :2] - place_world[:2]).max(axis=1, initial=0.0)
-    local_m = _lowest_m(around_world[off_m < length_m / 2 + _AROUND_M], ground.z_world_m)
+    x, y = np.abs(around_world[:, :2].T - place_world[:2, None])
+    reach_m = length_m / 2 + _AROUND_M
+    is_low = around_world[:, 2] < ground.z_world_m + _BAND_M
+    local_m = _lowest_m(around_world[is_low & (x < reach_m) & (y < reach_m)], ground.z_world_m)
     velo = inverse(moment.world_SE3_velo)
     place_velo = velo[:3, :3] @ place_world + velo[:3, 3]
     stage_m = _stage_m(moment.ground, place_velo)
@@ -86,11 +88,13 @@ def _stage_m(ground: GroundModel | None, place_velo: Float64) -> float | None:
 
 def _lowest_m(points: Float64, expected_m: float) -> float | None:
     """Return the usual height of the lowest points of (N, 3), cell by cell, near what is expected."""
+    if len(points) == 0:
+        return None
     cells = np.floor(points[:, :2] / _CELL_M).astype(np.int64)
-    order = np.lexsort((points[:, 2], cells[:, 1], cells[:, 0]))
-    cells, z = cells[order], points[order, 2]
-    is_first = np.ones(len(z), bool)
-    is_first[1:] = (cells[1:] != cells[:-1]).any(axis=1)
-    low_m = z[is_first]
+    cells -= cells.min(axis=0)
+    keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
+    order = np.argsort(keys)
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    low_m = np.minimum.reduceat(points[order, 2], starts)
     low_m = low_m[np.abs(low_m - expected_m) < _BAND_M]
     return float(np.median(low_m)) if len(low_m) >= _LEAST_CELLS else None
