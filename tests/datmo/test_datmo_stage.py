@@ -11,7 +11,7 @@ from perception.datmo.stage import DatmoMethod, datmo_stage
 from perception.errors import PoseError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.types import Tracks
+from perception.types import Frame, Tracks
 
 FRAMES = 24
 METHODS: tuple[DatmoMethod, ...] = ("default", "thesis", "author")
@@ -23,9 +23,14 @@ def drive() -> SyntheticDrive:
 
 
 @pytest.fixture(scope="module")
-def scans(drive: SyntheticDrive) -> list[SegmentedScan]:
+def frames(drive: SyntheticDrive) -> list[Frame]:
+    return list(drive)
+
+
+@pytest.fixture(scope="module")
+def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
     pipeline = Pipeline(drive.sensor, PipelineConfig(datmo="none"))
-    return [pipeline.segment(frame)[1] for frame in drive]
+    return [pipeline.segment(frame)[1] for frame in frames]
 
 
 def follow(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
@@ -133,22 +138,24 @@ def test_the_default_survives_an_empty_scan(scans, drive):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_without_ins_objects_are_tracked(drive, method):
+def test_without_ins_objects_are_tracked(drive, frames, method):
     pipeline = Pipeline(drive.sensor, PipelineConfig(datmo=method))
     ids = set()
-    for index in range(12):
-        frame = replace(drive[index], world_SE3_velo=None)
-        ids |= set(pipeline.step(frame).tracks.ids.tolist())
+    for frame in frames[:12]:
+        tracks = pipeline.step(replace(frame, world_SE3_velo=None)).tracks
+        ids |= set(tracks.ids.tolist())
     assert ids
 
 
-def test_a_jumping_ins_is_an_error_of_the_pipeline_and_tracks_go_on_without_the_frame(drive):
+def test_a_jumping_ins_is_an_error_of_the_pipeline_and_tracks_go_on_without_the_frame(
+    drive, frames
+):
     pipeline = Pipeline(drive.sensor)
-    for index in range(12):
-        before = pipeline.step(drive[index]).tracks
-    far = drive[12].world_SE3_velo.copy()
+    for frame in frames[:12]:
+        before = pipeline.step(frame).tracks
+    far = frames[12].world_SE3_velo.copy()
     far[:3, 3] += 500.0
     with pytest.raises(PoseError):
-        pipeline.step(replace(drive[12], world_SE3_velo=far))
-    after = pipeline.step(drive[13]).tracks
+        pipeline.step(replace(frames[12], world_SE3_velo=far))
+    after = pipeline.step(frames[13]).tracks
     assert set(before.ids) & set(after.ids)
