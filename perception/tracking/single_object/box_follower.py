@@ -11,6 +11,7 @@ The LiDAR alone is used. The box keeps the size of the first one.
 
 import logging
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -95,7 +96,7 @@ class BoxFollower:
             PerceptionError: the box is not one finite box of positive size.
         """
         check_start_box(box_velo)
-        _logger.info("The box tracker follows by LiDAR alone; images are not used.")
+        _say_what_it_needs()
         rules, box_world = self._rules, transform_boxes(moment.world_SE3_velo, box_velo)
         size_m = box_world.size_m[0].astype(np.float64)
         pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
@@ -206,3 +207,9 @@ class BoxFollower:
         middle = followed.place_world + np.array([0.0, 0.0, size_m[2] / 2])
         model = PointModel(middle, size_m, float(followed.pose[2]), np.append(velocity, 0.0))
         return answer(model, moment, state)
+
+
+@cache
+def _say_what_it_needs() -> None:
+    """Say once, however many objects are followed, that no camera is used."""
+    _logger.info("The default tracker follows by LiDAR alone; images are not used.")

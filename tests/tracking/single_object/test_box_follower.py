@@ -11,6 +11,7 @@ from data.open_drive import open_drive
 from perception.errors import PerceptionError
 from perception.geometry import se3
 from perception.sensor import HDL_64E
+from perception.tracking.single_object import box_follower
 from perception.tracking.single_object.box_follower import BoxFollower
 from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
 from perception.tracking.single_object.trackers import single_object_tracker
@@ -278,10 +279,12 @@ def test_refuses_to_follow_what_was_never_given() -> None:
         BoxFollower(HDL_64E).follow(_moment(0.0))
 
 
-def test_says_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture) -> None:
+def test_says_once_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture) -> None:
+    box_follower._say_what_it_needs.cache_clear()
     with caplog.at_level(logging.INFO):
         _started(_Thing(CAR_M, (10.0, 5.0)))
-    assert "by LiDAR alone" in caplog.text
+        _started(_Thing(CAR_M, (10.0, 5.0)))
+    assert caplog.text.count("by LiDAR alone") == 1
 
 
 @pytest.mark.parametrize(("track_id", "limit_m"), [(1, 0.20), (0, 0.60)], ids=["cyclist", "van"])
