@@ -17,6 +17,7 @@ POSE = slice(0, 3)
 _VEHICLE_M = (2.4, 1.2)  # length and width from which an object is a vehicle
 _WALKER_M = 1.3  # shorter objects walk
 _STEP_S = 0.15  # longer times are predicted in steps
+_SCAN_S = 0.1  # over which an acceleration of a walker lasts
 
 
 @dataclass(frozen=True)
@@ -234,15 +235,31 @@ class Feet:
         return bool(velocity @ np.linalg.solve(spread, velocity) <= 6.0)
 
 
-_SCAN_S = 0.1  # over which an acceleration lasts
-WALKER = Feet()
-
-
 def motion_of(size_m: Float64) -> Motion:
     """Return how an object of (3,) a size moves."""
     length_m, width_m = float(size_m[0]), float(size_m[1])
     if length_m >= _VEHICLE_M[0] and width_m >= _VEHICLE_M[1]:
-        return Wheels(3.0, 0.15, 0.35, 1.5, 2.0, 7.0, 0.2, 0.3 * length_m, may_reverse=True)
+        return Wheels(
+            acceleration_m_s2=3.0,  # a car brakes so
+            sideways_m_s=0.15,
+            turn_rad_s=0.35,
+            turn_lasts_s=1.5,
+            turn_speed_m_s=2.0,
+            first_speed_m_s=7.0,
+            first_turn_rad_s=0.2,
+            axle_m=0.3 * length_m,
+            may_reverse=True,
+        )
     if length_m < _WALKER_M:
-        return WALKER
-    return Wheels(2.0, 0.25, 0.6, 1.0, 1.0, 4.0, 0.3, 0.2 * length_m, may_reverse=False)
+        return Feet()
+    return Wheels(
+        acceleration_m_s2=2.0,
+        sideways_m_s=0.25,
+        turn_rad_s=0.6,
+        turn_lasts_s=1.0,
+        turn_speed_m_s=1.0,
+        first_speed_m_s=4.0,
+        first_turn_rad_s=0.3,
+        axle_m=0.2 * length_m,
+        may_reverse=False,
+    )
