@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Part = Literal[
     "all", "chain", "registration", "ground", "voxels", "motion",
-    "objects", "map", "filters", "following", "colors",
+    "objects", "map", "filters", "following", "colors", "maps",
 ]  # fmt: skip
 
 
@@ -53,7 +53,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
-    chain, stages, moving_objects, following = _benchmarks()
+    chain, stages, moving_objects, following, maps = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
     shows = part in ("all", "following")
     opened: Drive = (
@@ -85,6 +85,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         "filters": moving_objects.compare_filters,
         "following": following.compare_following,
         "colors": following.compare_color_filters,
+        "maps": maps.compare_maps,
     }
     chosen = [name for name in comparisons if part in ("all", name)]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
@@ -100,7 +101,7 @@ def bench(  # noqa: PLR0913 - flags of a command
 def _benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, following, moving_objects, stages
+        from benchmarks import chain, following, maps, moving_objects, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -108,7 +109,7 @@ def _benchmarks() -> tuple[ModuleType, ...]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages, moving_objects, following
+    return chain, stages, moving_objects, following, maps
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

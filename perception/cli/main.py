@@ -20,6 +20,7 @@ COMMANDS = {
     "demo": "make a short synthetic drive and run every stage on it; needs no data",
     "run": "run the stages on a drive; write results, a video and a summary",
     "track": "follow one object: its trajectory, speed and box, and a video",
+    "maps": "make dense depth and reflectance maps from scans, as the camera sees them",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read everything once; report what is missing, damaged or implausible",
     "evaluate": "measure ground, obstacles, objects and tracks against labels or exact truth",

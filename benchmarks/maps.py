@@ -1,0 +1,106 @@
+"""Dense maps by every method on the same scans: time, and how well returns that were left out are told."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
+from benchmarks.measure import Contender, take_turns
+from benchmarks.stages import Comparison, Prepared
+from perception.cli.table import Cell
+from perception.errors import DriveError
+from perception.maps.densify import FILLINGS
+from perception.maps.filling import Filling
+from perception.maps.projection import SparseMaps, project_scan
+from perception.types import Bool, Calibration, Float64, Frame
+
+_LEFT_OUT = 0.1
+_RELATIVE, _ABSOLUTE_M = 0.05, 0.5
+
+_CONTENDERS: Mapping[str, Callable[[SparseMaps], Filling]] = {
+    "ours": FILLINGS["default"],
+    "thesis: Delaunay, nearest vertex (SciPy)": FILLINGS["thesis"],
+    "nearest return": FILLINGS["nearest"],
+    "linear in triangles (SciPy)": FILLINGS["linear"],
+    "nearest return, OpenCV's chamfer": fill_nearest_by_chamfer,
+    "morphology, as IP-Basic": fill_by_morphology,
+}
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors at K returns that a method was not shown.
+
+    Attributes:
+        depth_m: (K,) absolute.
+        is_close: (K,) within 5 % or 0.5 m.
+        reflectance: (K,) absolute.
+    """
+
+    depth_m: Float64
+    is_close: Bool
+    reflectance: Float64
+
+
+def compare_maps(prepared: Prepared) -> Comparison:
+    """Project and fill both maps of every frame; judge each method by a tenth of the returns, left out."""
+    inputs = [_in_camera(frame) for frame in prepared.frames]
+    sparse = [
+        project_scan(f.points_velo, c, s) for f, (c, s) in zip(prepared.frames, inputs, strict=True)
+    ]
+
+    def contender(name: str, fill: Callable[[SparseMaps], Filling]) -> Contender:
+        def run(i: int) -> Filling:
+            return fill(project_scan(prepared.frames[i].points_velo, *inputs[i]))
+
+        return Contender(name, run)
+
+    timings = take_turns([contender(*item) for item in _CONTENDERS.items()], len(inputs))
+    figures: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
+    for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
+        figures["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
+        figures["within %"][name] = f"{100 * errors.is_close.mean():.2f}"
+        figures["reflectance MAE"][name] = f"{errors.reflectance.mean():.4f}"
+    return Comparison("depth and reflectance map", timings, figures)
+
+
+def held_out_errors(scans: list[SparseMaps], generator: np.random.Generator) -> dict[str, HeldOut]:
+    """Leave a tenth of the returns of each scan out; compare where all methods know something."""
+    parts: dict[str, list[HeldOut]] = {name: [] for name in _CONTENDERS}
+    for sparse in scans:
+        is_out = generator.random(len(sparse)) < _LEFT_OUT
+        shown, out = sparse[~is_out], sparse[is_out]
+        column, row = out.pixels.T
+        fillings = {name: fill(shown) for name, fill in _CONTENDERS.items()}
+        known = np.all([f.depth_m[row, column] > 0 for f in fillings.values()], axis=0)
+        for name, filling in fillings.items():
+            parts[name].append(_errors(filling, out[known]))
+    return {name: _joined(of_scans) for name, of_scans in parts.items()}
+
+
+def _errors(filling: Filling, out: SparseMaps) -> HeldOut:
+    column, row = out.pixels.T
+    depth_m = np.abs(filling.depth_m[row, column] - out.depth_m).astype(np.float64)
+    return HeldOut(
+        depth_m=depth_m,
+        is_close=np.asarray((depth_m < _RELATIVE * out.depth_m) | (depth_m < _ABSOLUTE_M)),
+        reflectance=np.abs(filling.reflectance[row, column] - out.reflectance).astype(np.float64),
+    )
+
+
+def _joined(parts: list[HeldOut]) -> HeldOut:
+    return HeldOut(
+        np.concatenate([part.depth_m for part in parts]),
+        np.concatenate([part.is_close for part in parts]),
+        np.concatenate([part.reflectance for part in parts]),
+    )
+
+
+def _in_camera(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
+    """Return what projects a frame; where there is no image, it is of KITTI's size."""
+    if frame.calibration is None:
+        raise DriveError(frame.source, expected="a camera's calibration", found="none")
+    if frame.image is not None:
+        return frame.calibration, (frame.image.shape[1], frame.image.shape[0])
+    return frame.calibration, frame.calibration.image_size_px or (1242, 375)

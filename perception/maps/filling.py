@@ -1,0 +1,36 @@
+"""What every way of making maps dense returns."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from perception.maps.projection import SparseMaps
+from perception.types import Float32
+
+
+@dataclass(frozen=True)
+class Filling:
+    """Both maps over the whole image, as far as a method can tell.
+
+    Attributes:
+        depth_m: (H, W), 0 where the method says nothing.
+        reflectance: (H, W), 0 there too.
+    """
+
+    depth_m: Float32
+    reflectance: Float32
+
+    @classmethod
+    def empty(cls, size_px: tuple[int, int]) -> Self:
+        """Return maps of (width, height) that say nothing."""
+        shape = size_px[::-1]
+        return cls(np.zeros(shape, np.float32), np.zeros(shape, np.float32))
+
+    def with_measured(self, sparse: SparseMaps) -> Self:
+        """Return it with every return at its own pixel."""
+        rows, columns = sparse.pixels[:, 1], sparse.pixels[:, 0]
+        depth_m, reflectance = self.depth_m.copy(), self.reflectance.copy()
+        depth_m[rows, columns] = sparse.depth_m
+        reflectance[rows, columns] = sparse.reflectance
+        return type(self)(depth_m, reflectance)

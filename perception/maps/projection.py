@@ -1,0 +1,106 @@
+"""The scan in the image: which pixel holds a return, how deep it lies, how much it reflects (6.1)."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from perception.errors import PerceptionError
+from perception.geometry.camera import project
+from perception.types import Bool, Calibration, Float, Float32, Float64, Int
+
+# What is nearer than this is the vehicle itself.
+_NEAREST_M = 0.5
+
+
+@dataclass(frozen=True)
+class SparseMaps:
+    """N returns in an image, at most one a pixel, the farthest first.
+
+    Attributes:
+        pixels: (N, 2) column and row.
+        depth_m: (N,) along the optical axis, above zero.
+        reflectance: (N,) from 0 to 1.
+        size_px: (width, height) of the image.
+    """
+
+    pixels: Int
+    depth_m: Float32
+    reflectance: Float32
+    size_px: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        count = len(self.depth_m)
+        if self.pixels.shape != (count, 2) or self.reflectance.shape != (count,):
+            raise PerceptionError(
+                "SparseMaps",
+                expected=f"{count} pixels and reflectances, as many as depths",
+                found=f"shapes {self.pixels.shape} and {self.reflectance.shape}",
+            )
+
+    def __len__(self) -> int:
+        """Return N."""
+        return len(self.depth_m)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the returns of a mask, of indices, or of a slice."""
+        return type(self)(
+            self.pixels[rows], self.depth_m[rows], self.reflectance[rows], self.size_px
+        )
+
+    def scattered(self, values: Float32) -> Float32:
+        """Return (N,) values in an (H, W) map, 0 where there is no return."""
+        dense = np.zeros(self.size_px[::-1], np.float32)
+        dense[self.pixels[:, 1], self.pixels[:, 0]] = values
+        return dense
+
+    @property
+    def is_measured(self) -> Bool:
+        """(H, W) which pixels hold a return."""
+        measured: Bool = np.zeros(self.size_px[::-1], bool)
+        measured[self.pixels[:, 1], self.pixels[:, 0]] = True
+        return measured
+
+
+def project_scan(
+    points_velo: Float, calibration: Calibration, size_px: tuple[int, int]
+) -> SparseMaps:
+    """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
+    points = points_velo[_may_be_in_view(points_velo, calibration.image_P_velo, size_px)]
+    exact_px, depth_m = project(calibration.image_P_velo, points)
+    with np.errstate(invalid="ignore"):
+        rounded = np.rint(exact_px)
+        is_inside = (rounded >= 0).all(axis=1) & (rounded < size_px).all(axis=1)
+    rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
+    rows = rows[np.argsort(-depth_m[rows], kind="stable")]
+    pixels = rounded[rows].astype(np.int32)
+    nearest = _last_of_each(pixels, size_px)
+    return SparseMaps(
+        pixels[nearest],
+        depth_m[rows][nearest].astype(np.float32),
+        points[rows, 3][nearest].astype(np.float32),
+        size_px,
+    )
+
+
+def _may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
+    """Pass over, in single precision and with a pixel to spare, most of what is out of view.
+
+    A turn of the LiDAR has six times the returns that a camera sees; only those are worth a division.
+    """
+    matrix = image_P_velo.astype(np.float32)
+    x, y, depth = matrix[:, :3] @ points_velo[:, :3].T + matrix[:, 3:]
+    width, height = (np.float32(size + 1) for size in size_px)
+    return np.asarray(
+        (depth > 0) & (x > -depth) & (x < width * depth) & (y > -depth) & (y < height * depth)
+    )
+
+
+def _last_of_each(pixels: Int, size_px: tuple[int, int]) -> Bool:
+    """Tell which of (N, 2) pixels no later one equals."""
+    flat = pixels[:, 1] * np.int32(size_px[0]) + pixels[:, 0]
+    order = np.arange(len(flat), dtype=np.int32)
+    owner = np.empty(size_px[0] * size_px[1], np.int32)
+    owner[flat] = order
+    return np.asarray(owner[flat] == order)

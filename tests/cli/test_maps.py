@@ -1,0 +1,39 @@
+"""`trifuse maps` writes pictures of one frame, or of all."""
+
+import cv2
+import pytest
+
+from perception.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    root = tmp_path_factory.mktemp("street")
+    assert main(["synth", str(root), "--frames", "2", "--layout", "object"]) == 0
+    return root
+
+
+def test_one_frame_gets_both_maps_and_a_figure(drive, tmp_path, capsys):
+    assert main(["maps", str(drive), "--frame", "1", "--out", str(tmp_path)]) == 0
+    depth = cv2.imread(str(tmp_path / "depth" / "000001.png"), cv2.IMREAD_UNCHANGED)
+    reflectance = cv2.imread(str(tmp_path / "reflectance" / "000001.png"), cv2.IMREAD_UNCHANGED)
+    assert depth.ndim == 2
+    assert depth.dtype == "uint8"
+    assert depth.shape == reflectance.shape
+    # Near is dark: the road at the car's bonnet against what is far.
+    assert depth[-5:].mean() + 50 < depth[depth.shape[0] // 2 + 10].mean()
+    assert (tmp_path / "maps_000001.png").is_file()
+    assert "natural" in capsys.readouterr().out
+
+
+def test_all_frames_get_both_maps(drive, tmp_path):
+    assert main(["maps", str(drive), "--all", "true", "--out", str(tmp_path)]) == 0
+    for kind in ("depth", "reflectance"):
+        names = sorted(path.name for path in (tmp_path / kind).iterdir())
+        assert names == ["000000.png", "000001.png"]
+    assert not list(tmp_path.glob("maps_*.png"))
+
+
+def test_frame_that_is_not_there_is_named(drive, tmp_path, capsys):
+    assert main(["maps", str(drive), "--frame", "9", "--out", str(tmp_path)]) == 2
+    assert "--frame: expected a frame of" in capsys.readouterr().err

@@ -1,0 +1,34 @@
+"""Maps as 8-bit pictures."""
+
+import numpy as np
+import pytest
+
+from perception.errors import UsageError
+from perception.maps.encoding import encode_depth, encode_reflectance
+
+
+def test_depth_is_inverse_and_rounded():
+    depth_m = np.array([[5, 10, 20, 40, 80]], np.float32)
+    # 255 * 80 (z - 5) / (75 z): 0, 136, 204, 238, 255.
+    assert encode_depth(depth_m).tolist() == [[0, 136, 204, 238, 255]]
+    # 255 * 80 * 0.13 / (75 * 5.13) = 6.89: 7, where the floor would be 6.
+    assert encode_depth(np.array([[5.13]], np.float32)).item() == 7
+
+
+def test_depth_beyond_the_limits_takes_the_limits_value():
+    assert encode_depth(np.array([[0, 1, 4.9, 81, 500]], np.float32)).tolist() == [
+        [0, 0, 0, 255, 255]
+    ]
+    assert encode_depth(np.array([[10, 20]], np.float32), 10, 20).tolist() == [[0, 255]]
+
+
+def test_limits_that_cannot_be_are_refused():
+    for nearest_m, farthest_m in ((0, 80), (80, 5), (5, 5)):
+        with pytest.raises(UsageError, match="nearest < farthest"):
+            encode_depth(np.ones((1, 1), np.float32), nearest_m, farthest_m)
+
+
+def test_reflectance_is_scaled_and_rounded():
+    assert encode_reflectance(np.array([[0, 0.1, 0.5, 1]], np.float32)).tolist() == [
+        [0, 26, 128, 255]
+    ]

@@ -1,0 +1,63 @@
+"""Which pixel holds which return: homogeneous, rounded, the nearest wins, nothing from behind."""
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_maps import project_by_loop
+from perception.errors import PerceptionError
+from perception.maps.projection import SparseMaps, project_scan
+from perception.types import Calibration
+
+# x forward of the LiDAR is z of the camera; 10 px of focal length, principal point (8, 4), and an
+# offset as KITTI's P2 has one.
+CALIBRATION = Calibration(
+    image_P_cam=np.array([[10.0, 0, 8, 2.0], [0, 10, 4, 0], [0, 0, 1, 0]]),
+    cam_SE3_velo=np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+)
+SIZE = (17, 9)
+
+
+def points(*rows):
+    return np.array(rows, np.float32).reshape(-1, 4)
+
+
+def test_offset_of_the_projection_counts_whatever_the_reflectance():
+    # u = 10 * (-y) / x + 8 + 2 / x = 8 + 2 / 2 at x = 2, whether it reflects or not.
+    for reflectance in (0.0, 0.9):
+        sparse = project_scan(points([2, 0, 0, reflectance]), CALIBRATION, SIZE)
+        assert sparse.pixels.tolist() == [[9, 4]]
+        assert sparse.depth_m.tolist() == [2.0]
+        assert sparse.reflectance.tolist() == [np.float32(reflectance)]
+
+
+def test_nearest_wins_a_pixel_whatever_the_order():
+    near, far = [10, 0, 0, 0.2], [12, 0, 0, 0.7]
+    for scan in (points(near, far), points(far, near)):
+        sparse = project_scan(scan, CALIBRATION, SIZE)
+        assert sparse.depth_m.tolist() == [10.0]
+        assert sparse.scattered(sparse.reflectance).sum() == np.float32(0.2)
+        assert np.argwhere(sparse.is_measured).tolist() == [[4, 8]]
+
+
+def test_nothing_behind_beside_or_too_near_is_seen():
+    scan = points([-10, 0, 0, 1], [10, 30, 0, 1], [10, 0, 9, 1], [0.3, 0, 0, 1], [0, 0, 0, 1])
+    assert len(project_scan(scan, CALIBRATION, SIZE)) == 0
+    assert len(project_scan(points(), CALIBRATION, SIZE)) == 0
+
+
+def test_equals_a_loop_over_points():
+    generator = np.random.default_rng(3)
+    scan = generator.uniform((-20, -20, -9, 0), (40, 20, 9, 1), (2000, 4)).astype(np.float32)
+    sparse = project_scan(scan, CALIBRATION, SIZE)
+    expected = project_by_loop(scan, CALIBRATION, SIZE)
+    assert len(sparse) == len(expected) > 50
+    for pixel, depth, reflectance in zip(
+        sparse.pixels.tolist(), sparse.depth_m, sparse.reflectance, strict=True
+    ):
+        assert expected[tuple(pixel)] == pytest.approx((depth, reflectance), rel=1e-6)
+    assert (np.diff(sparse.depth_m) <= 0).all()
+
+
+def test_arrays_of_different_lengths_are_refused():
+    with pytest.raises(PerceptionError, match="as many as depths"):
+        SparseMaps(np.zeros((2, 2), int), np.ones(3, np.float32), np.ones(3, np.float32), SIZE)

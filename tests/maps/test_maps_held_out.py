@@ -1,0 +1,17 @@
+"""Returns that were left out are told better than by the thesis' triangles, on a real scan."""
+
+import numpy as np
+
+from benchmarks.maps import held_out_errors
+from data.open_drive import open_drive
+from perception.cli.maps import sparse_maps
+
+
+def test_default_tells_left_out_returns_better_than_triangles(kitti_root):
+    frame = open_drive(kitti_root / "object")[12]
+    errors = held_out_errors([sparse_maps(frame)], np.random.default_rng(0))
+    ours, thesis = errors["ours"], errors["thesis: Delaunay, nearest vertex (SciPy)"]
+    assert len(ours.depth_m) > 1000
+    assert ours.depth_m.mean() < 0.8 * thesis.depth_m.mean()
+    assert ours.is_close.mean() > thesis.is_close.mean() + 0.01
+    assert ours.reflectance.mean() < thesis.reflectance.mean()
