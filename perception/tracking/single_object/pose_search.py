@@ -254,7 +254,7 @@ def _moments(poses: Float64, score: Float64, rows: Bool) -> PoseBelief:
 def _blurred(table: Float32, deviation_cells: float) -> Float32:
     if deviation_cells < 0.6:
         return table
-    blurred = np.asarray(cv2.GaussianBlur(table, (0, 0), deviation_cells))
+    blurred = np.asarray(cv2.GaussianBlur(table, (0, 0), deviation_cells), np.float32)
     blurred[[0, -1]] = blurred[:, [0, -1]] = 0.0  # where all that lies farther away is counted
     return blurred
 
