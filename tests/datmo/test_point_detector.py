@@ -84,10 +84,18 @@ def test_things_reach_down_to_the_ground_under_them():
     assert found.moving.points.tolist() == [18]
 
 
-def test_what_touches_a_standing_thing_does_not_move():
+def test_what_few_beams_find_touching_a_standing_thing_does_not_move():
     hedge = wall((5, 4), (20, 4))
-    found = detect([wall((10, 3.9), (10.6, 3.9)), wall((15, 3), (15.5, 3))], [hedge])
+    found = detect([wall((10, 3.9), (10.6, 3.9)), wall((15, 3), (15.5, 3))], [hedge], VLP_16)
     np.testing.assert_allclose(found.moving.centroids_m, [[15.25, 3]], atol=1e-5)
+
+
+def test_a_walker_whom_many_beams_cross_may_brush_a_hedge():
+    """1.2 m of him at 10 m are crossed by 16 beams of an HDL-64E, and at 20 m by 8."""
+    hedge = wall((5, 4), (25, 4))
+    near, far = wall((10, 3.9), (10.6, 3.9)), wall((20, 3.9), (20.6, 3.9))
+    found = detect([near, far], [hedge], HDL_64E)
+    np.testing.assert_allclose(found.moving.centroids_m, [[10.3, 3.9]], atol=1e-5)
 
 
 def test_a_walker_who_passes_a_post_moves():
