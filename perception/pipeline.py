@@ -11,7 +11,7 @@ import numpy as np
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import DatmoMethod, datmo_stage
 from perception.errors import UsageError
-from perception.geometry.grids import LocalArea, VehicleBody
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea, VehicleBody
 from perception.geometry.mounting import check_mounting
 from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
 from perception.geometry.threads import one_blas_thread
@@ -23,11 +23,6 @@ from perception.sensor import HDL_64E, LidarModel
 from perception.types import Float32, Frame, GroundModel, PointState, Result
 
 Method = Literal["default", "thesis"]
-
-
-def _both_areas() -> LocalArea:
-    """Return what holds the thesis' area of obstacles (7.1.1) and that of moving objects (5.2.2)."""
-    return LocalArea(ahead_m=30.0, behind_m=10.0)
 
 
 @dataclass(frozen=True)
@@ -48,7 +43,7 @@ class PipelineConfig:
     method: Method = "default"
     datmo: DatmoMethod = "default"
     previous_scans: int = 6
-    area: LocalArea = field(default_factory=_both_areas)
+    area: LocalArea = MOVING_OBJECT_AREA
     body: VehicleBody = field(default_factory=VehicleBody)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     seed: int = 0

@@ -9,7 +9,7 @@ from perception.datmo.elevation import ElevationRules
 from perception.datmo.grid_objects import ObjectRules
 from perception.datmo.short_term_map import MapRules
 from perception.errors import UsageError
-from perception.geometry.grids import LocalArea
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 
 # Over what heights are measured: thesis and author know the LiDAR's mounting height alone; the ground
 # that the stage before has found follows hills and pitch.
@@ -73,13 +73,12 @@ class GridRules:
             )
 
 
-# The area of 5.2.2, and the larger one on which the author's code works. The heights of a `LocalArea`
-# are not asked here; `ElevationRules` says which points count.
-_AREA = LocalArea(ahead_m=30.0, behind_m=10.0, side_m=10.0)
+# On which the author's code works. The heights of a `LocalArea` are not asked here; `ElevationRules` says
+# which points count.
 _WORK_AREA = LocalArea(ahead_m=40.0, behind_m=20.0, side_m=12.0)
 
 THESIS = GridRules(
-    area=_AREA,
+    area=MOVING_OBJECT_AREA,
     work_area=_WORK_AREA,  # from the code: 5.2.2 says only what is kept
     cell_m=0.2,  # υ = 20 (Table 7.4), "20 cm" in the text
     height_reference="level plane",  # code
@@ -104,7 +103,7 @@ THESIS = GridRules(
 """The values of the thesis: Table 7.4, and the author's code where it is silent."""
 
 AUTHOR = GridRules(
-    area=_AREA,
+    area=MOVING_OBJECT_AREA,
     work_area=_WORK_AREA,
     cell_m=0.2,
     height_reference="level plane",

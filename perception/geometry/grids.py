@@ -41,6 +41,10 @@ class LocalArea:
         )
 
 
+# Where the thesis looks for moving objects (5.2.2). It holds the area of obstacles, `LocalArea()`, too.
+MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
+
+
 @dataclass(frozen=True)
 class VehicleBody:
     """The outline of the vehicle around its LiDAR: what returns from inside it is the vehicle itself.

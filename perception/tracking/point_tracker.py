@@ -7,14 +7,14 @@ The author's released program does several of these otherwise. Each difference i
 can be had, and `THESIS` and `AUTHOR` name the two whole.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
 
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
-from perception.geometry.grids import LocalArea
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.geometry.se3 import inverse
 from perception.tracking.association import Association, assign_nearest_in_turn
 from perception.tracking.kalman import Gaussians, predict, update
@@ -56,7 +56,7 @@ class PointTrackerRules:
     gate_around: Literal["prediction", "last estimate"] = "prediction"
     on_miss: Literal["predict", "hold"] = "predict"
     confirms: bool = True
-    area: LocalArea = field(default_factory=lambda: LocalArea(ahead_m=30.0, behind_m=10.0))
+    area: LocalArea = MOVING_OBJECT_AREA
     kept_beyond_area_m: float = 0.0
 
     def __post_init__(self) -> None:

@@ -1,6 +1,6 @@
 """What was there in a frame, for the measures of moving objects: which objects must be tracked, and where."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,15 +8,10 @@ from perception.errors import PerceptionError, UsageError
 from perception.evaluation.objects import LabelledObjects, Motion
 from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.geometry.grids import LocalArea
+from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
 
 _DONT_CARE_SHARE = 0.5  # of a box in the image, from which on it is in a DontCare region
-
-
-def grid_area() -> LocalArea:
-    """Return the area of the thesis' elevation grid (5.2.2)."""
-    return LocalArea(ahead_m=30.0, behind_m=10.0, side_m=10.0)
 
 
 @dataclass(frozen=True)
@@ -32,7 +27,7 @@ class MovingObjectRule:
             the reach, or an overlap (IoU) of as much.
     """
 
-    area: LocalArea = field(default_factory=grid_area)
+    area: LocalArea = MOVING_OBJECT_AREA
     min_points: int = 20
     clearance_m: float = 0.2
     reach_m: float = 2.0
