@@ -15,6 +15,7 @@ import numpy as np
 
 from data.drive import Labels
 from perception.errors import LabelError
+from perception.geometry.angles import wrap
 from perception.types import Boxes3D, Calibration, Float64
 
 DONT_CARE = "DontCare"
@@ -121,7 +122,7 @@ def _boxes_from_cam(columns: Float64, calibration: Calibration) -> Boxes3D:
     return Boxes3D(
         bottom_m=columns[:, 3:6] @ velo_SE3_cam[:3, :3].T + velo_SE3_cam[:3, 3],
         size_m=columns[:, [2, 1, 0]],
-        yaw_rad=_wrap(-columns[:, 6] - np.pi / 2),
+        yaw_rad=wrap(-columns[:, 6] - np.pi / 2),
     )
 
 
@@ -129,7 +130,7 @@ def boxes_to_cam(boxes_velo: Boxes3D, calibration: Calibration) -> Float64:
     """Return (M, 7) h w l x y z ry: the inverse of `_boxes_from_cam`."""
     cam_SE3_velo = calibration.cam_SE3_velo
     bottom_cam = boxes_velo.bottom_m @ cam_SE3_velo[:3, :3].T + cam_SE3_velo[:3, 3]
-    heading = _wrap(-boxes_velo.yaw_rad - np.pi / 2)
+    heading = wrap(-boxes_velo.yaw_rad - np.pi / 2)
     return np.column_stack([boxes_velo.size_m[:, ::-1], bottom_cam, heading])
 
 
@@ -140,11 +141,7 @@ def alphas_rad(boxes_velo: Boxes3D, headings_rad: Float64) -> Float64:
     at most, measured).
     """
     bottom_m = boxes_velo.bottom_m
-    return _wrap(headings_rad + np.arctan2(bottom_m[:, 1], bottom_m[:, 0]))
-
-
-def _wrap(angle_rad: Float64) -> Float64:
-    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return wrap(headings_rad + np.arctan2(bottom_m[:, 1], bottom_m[:, 0]))
 
 
 def format_tracking_labels(frame: int, labels: Labels, calibration: Calibration) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 
 from data.kitti.track_results import to_tracking_rows
 from data.kitti.tracking_rows import format_result_rows
+from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
 from perception.types import Calibration, Float64, Result
 
@@ -89,4 +90,4 @@ def _rounded(numbers: Float64) -> list[float]:
 
 def _angle(angle_rad: float) -> float:
     """Return an angle from -pi to pi."""
-    return round(float((angle_rad + np.pi) % (2 * np.pi) - np.pi), 6)
+    return round(float(wrap(angle_rad)), 6)

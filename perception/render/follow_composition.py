@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.geometry.angles import wrap
 from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.follow_scene import KM_H, FollowScene
@@ -114,5 +115,5 @@ def _write_state(canvas: UInt8, scene: FollowScene, text_px: int) -> None:
 def _off_the_label(box: Boxes3D, truth: Boxes3D) -> str:
     middle = np.array([0, 0, 0.5])
     off_m = (box.bottom_m + middle * box.size_m) - (truth.bottom_m + middle * truth.size_m)
-    turn_rad = (box.yaw_rad - truth.yaw_rad + np.pi) % (2 * np.pi) - np.pi
+    turn_rad = wrap(box.yaw_rad - truth.yaw_rad)
     return f"{np.linalg.norm(off_m):.2f} m, {abs(np.degrees(turn_rad[0])):.0f} deg off its label"

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from perception.geometry import se3
+from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
@@ -13,7 +14,7 @@ from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
 from perception.tracking.box_rules import BoxTrackerRules
 from perception.tracking.fragments import join_fragments, lie_within
-from perception.tracking.heading import follow_way, wrap
+from perception.tracking.heading import follow_way
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
 from perception.tracking.sights import first_sight, measure_all, see_again
 from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand

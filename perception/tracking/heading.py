@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.geometry.angles import wrap
 from perception.geometry.footprints import Footprints
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import reaches
@@ -54,11 +55,6 @@ class Headings:
 
     yaw_rad: Float64
     variance: Float64
-
-
-def wrap(angle_rad: Float64, period_rad: float = 2 * np.pi) -> Float64:
-    """Return the same angle within half a period of 0."""
-    return np.asarray((angle_rad + period_rad / 2) % period_rad - period_rad / 2)
 
 
 def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
+from perception.geometry.angles import wrap
 from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.box_overlap_3d import paired_iou_3d
 from perception.geometry.box_overlap_px import paired_iou_px
@@ -83,7 +84,7 @@ def follow_errors(
         frames=truth.frames,
         states=followed.states[theirs],
         center_m=_norm(_centers_m(boxes) - _centers_m(truth.boxes_velo)),
-        heading_rad=_wrap(boxes.yaw_rad - truth.boxes_velo.yaw_rad),
+        heading_rad=wrap(boxes.yaw_rad - truth.boxes_velo.yaw_rad),
         overlap=overlap if has_box.any() else np.full(len(truth), np.nan),
         velocity_m_s=np.where(has_box, _norm(off_m_s), np.nan),
         center_px=_norm(_centers_px(outlines) - _centers_px(truth.boxes_px)),
@@ -111,7 +112,3 @@ def _centers_px(boxes_px: Float64) -> Float64:
 
 def _norm(vectors: Float64) -> Float64:
     return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def _wrap(angle_rad: Float64) -> Float64:
-    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)

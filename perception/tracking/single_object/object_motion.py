@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from perception.geometry.angles import wrap
 from perception.types import Float64
 
 POSE = slice(0, 3)
@@ -212,8 +213,7 @@ class Feet:
             return state
         across = np.array([-state.mean[4], state.mean[3]]) / speed_m_s
         spread = float(across @ state.covariance[3:, 3:] @ across) / speed_m_s**2
-        off_rad = np.arctan2(state.mean[4], state.mean[3]) - state.mean[2]
-        off_rad = (off_rad + np.pi) % (2 * np.pi) - np.pi
+        off_rad = float(wrap(np.arctan2(state.mean[4], state.mean[3]) - state.mean[2]))
         noise = self.way_rad**2 + spread
         gain = state.covariance[2, 2] / (state.covariance[2, 2] + noise)
         if abs(off_rad) > np.pi / 2 and spread < self.way_rad**2:

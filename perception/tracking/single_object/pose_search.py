@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from perception.geometry.angles import wrap
 from perception.tracking.single_object.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.sight import Sight
 from perception.types import Bool, Float32, Float64
@@ -72,7 +73,7 @@ class PoseBelief:
 def squared_distance(belief: PoseBelief, prior: PoseBelief) -> float:
     """Return how far a belief's mean is from what was expected, in squared deviations."""
     off = belief.pose - prior.pose
-    off[2] = _wrap(off[2])
+    off[2] = wrap(off[2])
     return float(off @ np.linalg.solve(prior.covariance, off))
 
 
@@ -229,7 +230,7 @@ def _log_prior(poses: Float64, priors: tuple[PoseBelief, ...]) -> Float64:
     logs = []
     for prior in priors:
         off = poses - prior.pose
-        off[..., 2] = _wrap(off[..., 2])
+        off[..., 2] = wrap(off[..., 2])
         away = np.einsum("...i,ij,...j->...", off, np.linalg.inv(prior.covariance), off)
         logs.append(-0.5 * (away + np.linalg.slogdet(prior.covariance)[1]))
     return np.asarray(np.logaddexp.reduce(logs))
@@ -269,7 +270,3 @@ def _turn(yaw_rad: float) -> Float64:
     """Return (3, 3) the axes along, across and around as columns."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _wrap(angle_rad: Float64) -> Float64:
-    return np.asarray((angle_rad + np.pi) % (2 * np.pi) - np.pi)
