@@ -1,3 +1,5 @@
+import ctypes
+
 import cv2
 import numpy as np
 import pytest
@@ -19,6 +21,13 @@ from perception.types import Boxes3D
 IMAGE_P_VELO = np.array([[160.0, -100, 0, 0], [100.0, 0, -100, 0], [1.0, 0, 0, 0]])
 BOX = Boxes3D(np.array([[10.0, 0, -2]]), np.array([[1e-6, 4.0, 4.0]]), np.zeros(1))
 NAMES = ("ms-i", "cbwh", "opencv-mil")
+
+
+@pytest.fixture(autouse=True)
+def the_same_draws():
+    """MIL draws from the generators of the C library and of OpenCV, of which a process has but one each."""
+    ctypes.CDLL(None).srand(0)
+    cv2.setRNGSeed(0)
 
 
 def image_with_square(column: int, row: int) -> np.ndarray:
