@@ -9,11 +9,10 @@ from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
 from benchmarks.measure import Contender, take_turns
 from benchmarks.stages import Comparison, Prepared
 from perception.cli.table import Cell
-from perception.errors import DriveError
 from perception.maps.densify import FILLINGS
 from perception.maps.filling import Filling
-from perception.maps.projection import SparseMaps, project_scan
-from perception.types import Bool, Calibration, Float64, Frame
+from perception.maps.projection import SparseMaps, project_frame
+from perception.types import Bool, Float64
 
 _LEFT_OUT = 0.1
 _RELATIVE, _ABSOLUTE_M = 0.05, 0.5
@@ -45,18 +44,15 @@ class HeldOut:
 
 def compare_maps(prepared: Prepared) -> Comparison:
     """Project and fill both maps of every frame; judge each method by a tenth of the returns, left out."""
-    inputs = [_in_camera(frame) for frame in prepared.frames]
-    sparse = [
-        project_scan(f.points_velo, c, s) for f, (c, s) in zip(prepared.frames, inputs, strict=True)
-    ]
+    sparse = [project_frame(frame) for frame in prepared.frames]
 
     def contender(name: str, fill: Callable[[SparseMaps], Filling]) -> Contender:
         def run(i: int) -> Filling:
-            return fill(project_scan(prepared.frames[i].points_velo, *inputs[i]))
+            return fill(project_frame(prepared.frames[i]))
 
         return Contender(name, run)
 
-    timings = take_turns([contender(*item) for item in _CONTENDERS.items()], len(inputs))
+    timings = take_turns([contender(*item) for item in _CONTENDERS.items()], len(sparse))
     figures: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
     for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
         figures["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
@@ -95,12 +91,3 @@ def _joined(parts: list[HeldOut]) -> HeldOut:
         np.concatenate([part.is_close for part in parts]),
         np.concatenate([part.reflectance for part in parts]),
     )
-
-
-def _in_camera(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
-    """Return what projects a frame; where there is no image, it is of KITTI's size."""
-    if frame.calibration is None:
-        raise DriveError(frame.source, expected="a camera's calibration", found="none")
-    if frame.image is not None:
-        return frame.calibration, (frame.image.shape[1], frame.image.shape[0])
-    return frame.calibration, frame.calibration.image_size_px or (1242, 375)

@@ -53,6 +53,10 @@ class DriveError(PerceptionError):
     """A drive folder is not laid out as expected, or lacks what a stage needs."""
 
 
+class ModelError(PerceptionError):
+    """A model file or checkpoint is unreadable, or made for other inputs or classes."""
+
+
 class UsageError(PerceptionError):
     """An option has a value that cannot work."""
 

@@ -266,6 +266,40 @@ class Tracks:
 
 
 @dataclass(frozen=True)
+class Detections:
+    """M objects that a detector sees in one image.
+
+    Attributes:
+        boxes_px: (M, 4) x1 y1 x2 y2.
+        scores: (M,) 0..1.
+        types: (M,) class names, spelled as in labels: Car ...
+    """
+
+    boxes_px: Float64
+    scores: Float64
+    types: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        _require_shape("Detections.boxes_px", self.boxes_px, ("M", 4))
+        _require_shape("Detections.scores", self.scores, (len(self.boxes_px),))
+        _require_shape("Detections.types", self.types, (len(self.boxes_px),))
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.boxes_px)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the detections of a mask, of indices, or of a slice."""
+        return type(self)(self.boxes_px[rows], self.scores[rows], self.types[rows])
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return no detections."""
+        return cls(np.zeros((0, 4)), np.zeros(0), np.zeros(0, np.str_))
+
+
+@dataclass(frozen=True)
 class Result:
     """What the pipeline made of one frame.
 

@@ -19,6 +19,8 @@ _PROJECTION_KEYS = ("P2",)
 _RECTIFICATION_KEYS = ("R0_rect", "R_rect")
 _VELO_TO_CAM_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam")
 _IMU_TO_VELO_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
+# Raw recordings state it; of the benchmarks, only synthetic drives do, which may have no image to ask.
+_IMAGE_SIZE_KEYS = ("S_rect_02",)
 
 CAM_TO_CAM = "calib_cam_to_cam.txt"
 VELO_TO_CAM = "calib_velo_to_cam.txt"
@@ -116,6 +118,7 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
     camera = Calibration(
         image_P_cam=text.matrix(_PROJECTION_KEYS, (3, 4)),
         cam_SE3_velo=_rectify(rectification, _homogeneous(text.matrix(_VELO_TO_CAM_KEYS, (3, 4)))),
+        image_size_px=_image_size_px(text) if text.has(_IMAGE_SIZE_KEYS) else None,
         source=str(path),
     )
     has_imu = text.has(_IMU_TO_VELO_KEYS)
@@ -139,15 +142,19 @@ def read_raw_calibration(folder: Path) -> DriveCalibration:
 
 def _read_raw_camera(folder: Path) -> Calibration:
     cameras = CalibrationText.read(folder / CAM_TO_CAM)
-    width, height = cameras.matrix(("S_rect_02",), (2,))
     return Calibration(
         image_P_cam=cameras.matrix(("P_rect_02",), (3, 4)),
         cam_SE3_velo=_rectify(
             cameras.matrix(("R_rect_00",), (3, 3)), _read_raw_transform(folder / VELO_TO_CAM)
         ),
-        image_size_px=(int(width), int(height)),
+        image_size_px=_image_size_px(cameras),
         source=str(cameras.path),
     )
+
+
+def _image_size_px(text: CalibrationText) -> tuple[int, int]:
+    width, height = text.matrix(_IMAGE_SIZE_KEYS, (2,))
+    return int(width), int(height)
 
 
 def _read_raw_transform(path: Path) -> Float64:
@@ -171,6 +178,8 @@ def format_benchmark_calibration(calibration: DriveCalibration) -> str:
         rows |= {f"P{camera}": calibration.camera.image_P_cam for camera in range(4)}
         rows["R0_rect"] = np.eye(3)
         rows["Tr_velo_to_cam"] = calibration.camera.cam_SE3_velo[:3]
+        if calibration.camera.image_size_px is not None:
+            rows["S_rect_02"] = np.array(calibration.camera.image_size_px, np.float64)
     if calibration.velo_SE3_imu is not None:
         rows["Tr_imu_to_velo"] = calibration.velo_SE3_imu[:3]
     return _format_rows(rows)

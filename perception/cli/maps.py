@@ -15,9 +15,8 @@ from perception.cli.table import format_table
 from perception.errors import DriveError, UsageError
 from perception.maps.densify import FILLINGS, DenseMaps, MapMethod, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
-from perception.maps.projection import SparseMaps, project_scan
+from perception.maps.projection import project_frame
 from perception.render.map_figures import plot_maps
-from perception.types import Frame
 
 
 def maps(
@@ -46,11 +45,11 @@ def maps(
     if all:
         for one in tqdm(read_frames(opened), "frames", len(opened), file=sys.stderr):
             name = f"{_number(opened, one.index):06d}.png"
-            write_maps(densify(sparse_maps(one), method), folder, name)
+            write_maps(densify(project_frame(one), method), folder, name)
         print(f"{len(opened)} depth and reflectance maps in {folder}")
         return
     chosen = opened[_index(opened, frame)]
-    sparse = sparse_maps(chosen)
+    sparse = project_frame(chosen)
     by_method = {
         name: densify(sparse, name) for name in sorted(FILLINGS, key=lambda m: m != method)
     }
@@ -58,22 +57,6 @@ def maps(
     title = f"{opened.name}, frame {frame}"
     plot_maps(folder / f"maps_{frame:06d}.png", title, chosen.image, sparse, by_method)
     print(_table(title, by_method))
-
-
-def sparse_maps(frame: Frame) -> SparseMaps:
-    """Project the scan of a frame into its image.
-
-    Raises:
-        DriveError: the frame has no camera, or nothing says how large its image is.
-    """
-    if frame.calibration is None:
-        raise DriveError(frame.source, expected="a camera's calibration, to project", found="none")
-    size_px = frame.calibration.image_size_px
-    if frame.image is not None:
-        size_px = frame.image.shape[1], frame.image.shape[0]
-    if size_px is None:
-        raise DriveError(frame.source, expected="an image, to know its size", found="none")
-    return project_scan(frame.points_velo, frame.calibration, size_px)
 
 
 def write_maps(dense: DenseMaps, folder: Path, name: str) -> None:

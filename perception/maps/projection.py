@@ -5,9 +5,9 @@ from typing import Self
 
 import numpy as np
 
-from perception.errors import PerceptionError
+from perception.errors import CalibrationError, PerceptionError
 from perception.geometry.camera import project
-from perception.types import Bool, Calibration, Float, Float32, Float64, Int
+from perception.types import Bool, Calibration, Float, Float32, Float64, Frame, Int
 
 # What is nearer than this is the vehicle itself.
 _NEAREST_M = 0.5
@@ -82,6 +82,28 @@ def project_scan(
         points[rows, 3][nearest].astype(np.float32),
         size_px,
     )
+
+
+def project_frame(frame: Frame) -> SparseMaps:
+    """Project the scan of a frame into its camera's image.
+
+    Raises:
+        CalibrationError: the frame has no camera, or nothing says how large its image is.
+    """
+    calibration = frame.calibration
+    if calibration is None:
+        raise CalibrationError(frame.source, expected="a camera's calibration", found="none")
+    size_px = calibration.image_size_px
+    if frame.image is not None:
+        size_px = frame.image.shape[1], frame.image.shape[0]
+    if size_px is None:
+        raise CalibrationError(
+            calibration.source,
+            expected="the size of the camera's image",
+            found="neither an image nor its size",
+            advice="add a row such as S_rect_02: 1242 375",
+        )
+    return project_scan(frame.points_velo, calibration, size_px)
 
 
 def _may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:

@@ -4,12 +4,12 @@ import numpy as np
 
 from benchmarks.maps import held_out_errors
 from data.open_drive import open_drive
-from perception.cli.maps import sparse_maps
+from perception.maps.projection import project_frame
 
 
 def test_default_tells_left_out_returns_better_than_triangles(kitti_root):
     frame = open_drive(kitti_root / "object")[12]
-    errors = held_out_errors([sparse_maps(frame)], np.random.default_rng(0))
+    errors = held_out_errors([project_frame(frame)], np.random.default_rng(0))
     ours, thesis = errors["ours"], errors["thesis: Delaunay, nearest vertex (SciPy)"]
     assert len(ours.depth_m) > 1000
     assert ours.depth_m.mean() < 0.8 * thesis.depth_m.mean()

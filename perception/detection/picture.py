@@ -1,0 +1,46 @@
+"""What the networks look at: depth, height over the road and reflectance as one 8-bit picture.
+
+     channel 0            channel 1               channel 2
+depth, near 0, 80 m 255   height, see below    reflectance 0..1 as 0..255      0: nothing known
+     (6.2)                                            (B.2.1)
+"""
+
+import cv2
+import numpy as np
+
+from perception.maps.densify import DenseMaps
+from perception.maps.encoding import encode_depth, encode_reflectance
+from perception.types import Float64, UInt8
+
+CHANNELS = ("depth", "height", "reflectance")
+# From a little below the road to above a lorry; 1 to 255, as 0 says that nothing is known.
+_LOWEST_M, _HIGHEST_M = -1.0, 4.0
+
+
+def camera_picture(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: float) -> UInt8:
+    """Return (H, W, 3), the channels of `CHANNELS`.
+
+    Args:
+        dense: depth and reflectance.
+        image_P_velo: (3, 4) projection that they were made with.
+        lidar_height_m: of the LiDAR's origin over the road.
+    """
+    height_m = heights_m(dense.depth_m, image_P_velo, lidar_height_m)
+    scale = 254 / (_HIGHEST_M - _LOWEST_M)
+    clipped = np.clip(height_m, _LOWEST_M, _HIGHEST_M)
+    height = cv2.convertScaleAbs(clipped, alpha=scale, beta=1 - scale * _LOWEST_M)
+    channels = (encode_depth(dense.depth_m), height, encode_reflectance(dense.reflectance))
+    return np.asarray(np.stack(channels, axis=-1) * dense.is_valid[..., None], np.uint8)
+
+
+def heights_m(depth_m: np.ndarray, image_P_velo: Float64, lidar_height_m: float) -> np.ndarray:
+    """Return (H, W) heights over the road: what a pixel shows lies `depth` along the pixel's ray.
+
+    depth * (u, v, 1) = P p + t, hence z = depth * (r . (u, v, 1)) - r . t with r the last row of the
+    inverse of P.
+    """
+    row = np.linalg.inv(image_P_velo[:, :3])[2]
+    v, u = np.arange(depth_m.shape[0]), np.arange(depth_m.shape[1])
+    of_ray = (row[1] * v + row[2])[:, None].astype(np.float32) + (row[0] * u).astype(np.float32)
+    offset_m = np.float32(lidar_height_m - row @ image_P_velo[:, 3])
+    return np.asarray(depth_m * of_ray + offset_m, np.float32)
