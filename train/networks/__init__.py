@@ -1,0 +1,1 @@
+"""Networks as plain modules of torch; whoever trains them is elsewhere."""

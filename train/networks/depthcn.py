@@ -1,0 +1,229 @@
+"""The networks that say whether a window shows a vehicle: that of the thesis, and the default.
+
+Both take M crops of 66 x 112 pixels with values 0..255 as `perception.detection.picture` makes them,
+and the windows (M, 4) that they were cut from; both return M logits of a vehicle and M boxes in pixels.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from perception.detection.picture import CHANNELS
+from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
+from perception.errors import ModelError
+from train.checkpoints import read_checkpoint, weights_of
+
+Method = Literal["default", "thesis"]
+MODEL = "depthcn"  # what the checkpoints say that they are of
+
+
+class VehicleVerifier(nn.Module, ABC):
+    """What both networks have in common."""
+
+    @abstractmethod
+    def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M,) logits and (M, 4) boxes x1 y1 x2 y2 as shares of the window."""
+
+    def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M,) logits and (M, 4) boxes in pixels of the picture.
+
+        Args:
+            crops: (M, C, 66, 112), uint8 or float, 0..255.
+            windows_px: (M, 4) x1 y1 x2 y2 that they were cut from.
+        """
+        logits, shares = self.heads(crops)
+        origin_px = windows_px[:, :2]
+        size_px = windows_px[:, 2:] - origin_px
+        return logits, origin_px.repeat(1, 2) + shares * size_px.repeat(1, 2)
+
+
+class ThesisVerifier(VehicleVerifier):
+    """Fig. 6.5: two convolutions with pooling, two full layers; the window is the box.
+
+    depth 1 x 66 x 112 - conv 32 - pool 32 x 32 x 55 - conv 64 - pool 64 x 15 x 27 - 64 - 2
+    """
+
+    mean_picture: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        # Subtracted first: the mean picture of the training set.
+        self.register_buffer("mean_picture", torch.zeros(1, CROP_HEIGHT_PX, CROP_WIDTH_PX))
+        self.features = nn.Sequential(
+            nn.Conv2d(1, 32, 5, padding=2),
+            nn.ReLU(),
+            nn.MaxPool2d(3, 2),
+            nn.Conv2d(32, 64, 5, padding=2),
+            nn.ReLU(),
+            nn.MaxPool2d(3, 2),
+        )
+        self.classifier = nn.Sequential(
+            nn.Flatten(),
+            nn.Linear(64 * 15 * 27, 64),
+            nn.ReLU(),
+            nn.Dropout(0.5),
+            nn.Linear(64, 2),
+        )
+        self._set_first_weights()
+
+    def _set_first_weights(self) -> None:
+        """Draw weights as the author's code does: N(0, 0.0001²) in the first layer, 0.01² after it."""
+        layers = [layer for layer in self.modules() if isinstance(layer, nn.Conv2d | nn.Linear)]
+        for number, layer in enumerate(layers):
+            nn.init.normal_(layer.weight, std=0.01 if number else 0.0001)
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)
+
+    def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the logits, and the whole window as the box."""
+        classes = self.classifier(self.features(crops.float() - self.mean_picture))
+        whole = torch.tensor((0.0, 0.0, 1.0, 1.0), device=crops.device)
+        # The softmax of two outputs is the sigmoid of their difference.
+        return classes[:, 1] - classes[:, 0], whole.expand(len(crops), 4)
+
+    def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M,) logits and the windows themselves."""
+        return self.heads(crops)[0], windows_px
+
+
+class Verifier(VehicleVerifier):
+    """The default: light, with batch norm, and says where in the window the vehicle's box is."""
+
+    # (filters, stride) of the 3 x 3 convolutions, and the units of the full layer.
+    _LAYERS = ((16, 2), (32, 2), (32, 1), (64, 2), (64, 1), (96, 2))
+    _UNITS = 64
+    # Where the box of a car is before anything is learned: the middle of the window's lower half.
+    _FIRST_BOX = (0.3, 0.45, 0.7, 0.85)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.scene = SceneChannels()
+        blocks, before = [], self.scene.COUNT
+        for filters, stride in self._LAYERS:
+            blocks.append(_block(before, filters, stride))
+            before = filters
+        self.features = nn.Sequential(*blocks, nn.Flatten())
+        self.full = nn.Sequential(
+            nn.Linear(before * 5 * 7, self._UNITS, bias=False),
+            nn.BatchNorm1d(self._UNITS),
+            nn.ReLU(),
+            nn.Dropout(0.2),
+        )
+        self.vehicle = nn.Linear(self._UNITS, 1)
+        self.box = nn.Linear(self._UNITS, 4)
+        nn.init.normal_(self.box.weight, std=0.01)
+        with torch.no_grad():
+            self.box.bias.copy_(torch.tensor(self._FIRST_BOX))
+
+    def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M,) logits and (M, 4) shares of the window, which may lie outside 0..1."""
+        features = self.full(self.features(self.scene(crops)))
+        return self.vehicle(features)[:, 0], self.box(features)
+
+
+class SceneChannels(nn.Module):
+    """From 8-bit pictures to what a network learns easily; unknown pixels are 0 in every channel.
+
+    known      1 where something is known, else 0
+    range      inverse depth as encoded, about -1..1
+    shape      metres behind (positive) or before the middle of the window, -1..1 for 8 m
+    height     over the road, about -1..1
+    brightness reflectance 0..1
+    """
+
+    COUNT = 5
+    _SHAPE_RANGE_M = 8.0
+
+    def forward(self, crops: Tensor) -> Tensor:
+        """Return (M, 5, H, W) from (M, 3, H, W) depth, height and reflectance of 0..255."""
+        depth, height, reflectance = (crops.float() / 255).chunk(3, dim=1)
+        known = (height > 0).float()  # heights are 1..255
+        channels = (
+            torch.ones_like(known),
+            2 * depth - 1,
+            self._shape(depth, known),
+            2 * height - 1,
+            reflectance,
+        )
+        return torch.cat(channels, dim=1) * known
+
+    def _shape(self, depth: Tensor, known: Tensor) -> Tensor:
+        """Tell how far each pixel lies behind the mean of those where a candidate stands."""
+        middle = (..., slice(30, 54), slice(48, 64))
+        share = (depth * known)[middle].sum((2, 3)) / known[middle].sum((2, 3)).clamp(min=1)
+        behind_m: Tensor = _meters(depth) - _meters(share)[..., None, None]
+        return (behind_m / self._SHAPE_RANGE_M).clamp(-1, 1)
+
+
+def _meters(encoded: Tensor) -> Tensor:
+    """Return depths from 0..1 of (6.2) between 5 and 80 m."""
+    return 400 * (80 - 75 * encoded).reciprocal()
+
+
+def _block(before: int, filters: int, stride: int) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(before, filters, 3, stride, padding=1, bias=False),
+        nn.BatchNorm2d(filters),
+        nn.ReLU(),
+    )
+
+
+@dataclass(frozen=True)
+class VerifierForm:
+    """What one of the networks looks at.
+
+    Attributes:
+        channels: of the picture, names of `CHANNELS`.
+        window: how a crop is cut around a proposal.
+    """
+
+    channels: tuple[str, ...]
+    window: WindowKind
+
+
+FORMS: dict[Method, VerifierForm] = {
+    "default": VerifierForm(CHANNELS, "metric"),
+    "thesis": VerifierForm(CHANNELS[:1], "box"),
+}
+
+
+def make_verifier(method: Method) -> VehicleVerifier:
+    """Return an untrained network."""
+    return ThesisVerifier() if method == "thesis" else Verifier()
+
+
+def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
+    """Return a trained network, ready to judge, and what a model file says of it.
+
+    Raises:
+        ModelError: where the checkpoint is damaged, or of another network.
+    """
+    content = read_checkpoint(checkpoint, MODEL)
+    noted = content["hyper_parameters"]
+    network = make_verifier(noted["method"])
+    try:
+        network.load_state_dict(weights_of(content, "network"))
+    except RuntimeError as error:
+        found = "weights of other sizes"
+        raise ModelError(checkpoint, expected=f"weights of {MODEL}", found=found) from error
+    return network.eval(), _notes(noted) | {"epochs": str(content["epoch"] + 1)}
+
+
+def _notes(noted: dict[str, object]) -> dict[str, str]:
+    method: Method = "thesis" if noted["method"] == "thesis" else "default"
+    form = FORMS[method]
+    kept = {"training_data": "unknown", "revision": "unknown"}
+    kept |= {name: str(noted[name]) for name in kept if name in noted}
+    return kept | {
+        "kind": MODEL,
+        "method": method,
+        "window": form.window,
+        "channels": ",".join(form.channels),
+        "classes": "Car",
+        "input_height": str(CROP_HEIGHT_PX),
+        "input_width": str(CROP_WIDTH_PX),
+    }
