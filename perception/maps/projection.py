@@ -90,6 +90,15 @@ def project_frame(frame: Frame) -> SparseMaps:
     Raises:
         CalibrationError: the frame has no camera, or nothing says how large its image is.
     """
+    return project_scan(frame.points_velo, *camera_of(frame))
+
+
+def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
+    """Return the calibration of a frame's camera, and (width, height) of its image.
+
+    Raises:
+        CalibrationError: the frame has no camera, or nothing says how large its image is.
+    """
     calibration = frame.calibration
     if calibration is None:
         raise CalibrationError(frame.source, expected="a camera's calibration", found="none")
@@ -103,7 +112,7 @@ def project_frame(frame: Frame) -> SparseMaps:
             found="neither an image nor its size",
             advice="add a row such as S_rect_02: 1242 375",
         )
-    return project_scan(frame.points_velo, calibration, size_px)
+    return calibration, size_px
 
 
 def _may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
