@@ -83,7 +83,7 @@ class ThesisVerifier(VehicleVerifier):
         classes = self.classifier(self.features(crops.float() - self.mean_picture))
         whole = torch.tensor((0.0, 0.0, 1.0, 1.0), device=crops.device)
         # The softmax of two outputs is the sigmoid of their difference.
-        return classes[:, 1] - classes[:, 0], whole.expand(len(crops), 4)
+        return classes[:, 1] - classes[:, 0], whole.expand(crops.shape[0], 4)
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
         """Return (M,) logits and the windows themselves."""
@@ -128,11 +128,9 @@ class Verifier(VehicleVerifier):
 class SceneChannels(nn.Module):
     """From 8-bit pictures to what a network learns easily; unknown pixels are 0 in every channel.
 
-    known      1 where something is known, else 0
-    range      inverse depth as encoded, about -1..1
-    shape      metres behind (positive) or before the middle of the window, -1..1 for 8 m
-    height     over the road, about -1..1
-    brightness reflectance 0..1
+    depth, height, reflectance   as they are, 0..1
+    known                        1 where something is known
+    shape                        metres behind the middle of the window, -1..1 for 8 m to both sides
     """
 
     COUNT = 5
@@ -140,22 +138,16 @@ class SceneChannels(nn.Module):
 
     def forward(self, crops: Tensor) -> Tensor:
         """Return (M, 5, H, W) from (M, 3, H, W) depth, height and reflectance of 0..255."""
-        depth, height, reflectance = (crops.float() / 255).chunk(3, dim=1)
+        pictures = crops.float() / 255
+        depth, height = pictures[:, :1], pictures[:, 1:2]
         known = (height > 0).float()  # heights are 1..255
-        channels = (
-            torch.ones_like(known),
-            2 * depth - 1,
-            self._shape(depth, known),
-            2 * height - 1,
-            reflectance,
-        )
-        return torch.cat(channels, dim=1) * known
+        return torch.cat((pictures, known, known * self._shape(depth, known)), dim=1)
 
     def _shape(self, depth: Tensor, known: Tensor) -> Tensor:
         """Tell how far each pixel lies behind the mean of those where a candidate stands."""
         middle = (..., slice(30, 54), slice(48, 64))
-        share = (depth * known)[middle].sum((2, 3)) / known[middle].sum((2, 3)).clamp(min=1)
-        behind_m: Tensor = _meters(depth) - _meters(share)[..., None, None]
+        mean = depth[middle].sum((2, 3)) / known[middle].sum((2, 3)).clamp(min=1)
+        behind_m: Tensor = _meters(depth) - _meters(mean)[..., None, None]
         return (behind_m / self._SHAPE_RANGE_M).clamp(-1, 1)
 
 
