@@ -4,6 +4,7 @@ Libraries raise them; only the command line turns one into a sentence and exit c
 """
 
 from pathlib import Path
+from typing import Any
 
 
 class PerceptionError(Exception):
@@ -23,6 +24,18 @@ class PerceptionError(Exception):
         self.where, self.expected, self.found, self.advice = str(where), expected, found, advice
         sentence = f"{where}: expected {expected}, found {found}"
         super().__init__(f"{sentence}; {advice}." if advice else f"{sentence}.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let the error of a worker process reach the one that waits for it."""
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(
+    kind: type[PerceptionError], args: tuple[Any, ...], fields: dict[str, Any]
+) -> PerceptionError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(fields)
+    return error
 
 
 class ScanError(PerceptionError):
