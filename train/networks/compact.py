@@ -1,0 +1,109 @@
+"""The detector that ships: YOLOv2's head behind a trunk light enough to run three times a frame.
+
+    stride  2 ── 4 ── 8 ───────────────────────────── + ── conv ──> head, a cell of 8 pixels
+                      │                               ^
+                     16 ──────────── + ── conv ── up ─┘
+                      │              ^
+                     32 ── conv ─ up ┘
+
+A cell of 8 pixels sees a car 25 pixels high in KITTI's images, 13 at 192x640, as one and a half cells, and
+keeps cars parked side by side apart. Only plain 3x3 convolutions, ReLU and sums: what 8-bit integers do well.
+"""
+
+from collections.abc import Sequence
+
+from torch import Tensor, nn
+
+from train.networks.grid_detector import GridDetector
+from train.networks.grid_head import GridHead
+
+STRIDE_PX = 8
+# For Car at 192x640, from KITTI's 7481 labelled frames (train/anchors.py).
+KITTI_CAR_ANCHORS_PX = ((16.0, 11.0), (31.0, 18.0), (56.0, 30.0), (66.0, 56.0), (123.0, 76.0))
+
+
+class ReluUnit(nn.Sequential):
+    """Convolution 3x3, batch norm, ReLU."""
+
+    def __init__(self, channels_in: int, channels_out: int, stride: int = 1) -> None:
+        super().__init__(
+            nn.Conv2d(channels_in, channels_out, 3, stride, padding=1, bias=False),
+            nn.BatchNorm2d(channels_out),
+            nn.ReLU(),
+        )
+
+
+class Residual(nn.Module):
+    """Two units and a way around them."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.body = nn.Sequential(ReluUnit(channels, channels), ReluUnit(channels, channels))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Return maps of the same shape."""
+        changed: Tensor = maps + self.body(maps)
+        return changed
+
+
+class CompactTrunk(nn.Module):
+    """Down to a thirty-second, and back up to an eighth with what was seen from afar."""
+
+    def __init__(self, channels: int, widths: tuple[int, int, int, int, int]) -> None:
+        super().__init__()
+        half, quarter, eighth, sixteenth, coarse = widths
+        self.eighth = nn.Sequential(
+            ReluUnit(channels, half, 2),
+            ReluUnit(half, quarter, 2),
+            ReluUnit(quarter, eighth, 2),
+            Residual(eighth),
+        )
+        self.sixteenth = nn.Sequential(ReluUnit(eighth, sixteenth, 2), Residual(sixteenth))
+        self.coarse = nn.Sequential(ReluUnit(sixteenth, coarse, 2), Residual(coarse))
+        self.lift_coarse = _lift(coarse, sixteenth)
+        self.join_sixteenth = ReluUnit(sixteenth, sixteenth)
+        self.lift_sixteenth = _lift(sixteenth, eighth)
+        self.join_eighth = ReluUnit(eighth, eighth)
+        self.out_channels = eighth
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        """Return (B, out_channels, H / 8, W / 8)."""
+        eighth = self.eighth(pictures)
+        sixteenth = self.sixteenth(eighth)
+        coarse = self.coarse(sixteenth)
+        sixteenth = self.join_sixteenth(sixteenth + self.lift_coarse(coarse))
+        joined: Tensor = self.join_eighth(eighth + self.lift_sixteenth(sixteenth))
+        return joined
+
+
+class CompactDetector(GridDetector):
+    """The default detector of each modality."""
+
+    def __init__(
+        self,
+        class_names: Sequence[str] = ("Car",),
+        anchors_px: Sequence[tuple[float, float]] = KITTI_CAR_ANCHORS_PX,
+        channels: int = 3,
+        widths: tuple[int, int, int, int, int] = (16, 32, 64, 128, 256),
+    ) -> None:
+        """Build it with random weights.
+
+        Args:
+            class_names: what it detects.
+            anchors_px: widths and heights of boxes to correct, at the input's scale.
+            channels: 3, or 1 for maps.
+            widths: channels at a half, a quarter, an eighth, a sixteenth and a thirty-second of the input.
+        """
+        trunk = CompactTrunk(channels, widths)
+        super().__init__(
+            channels, trunk, GridHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names)
+        )
+
+
+def _lift(channels_in: int, channels_out: int) -> nn.Sequential:
+    """Return what brings a coarse map to twice its size and to the channels of the finer one."""
+    return nn.Sequential(
+        nn.Conv2d(channels_in, channels_out, 1, bias=False),
+        nn.BatchNorm2d(channels_out),
+        nn.Upsample(scale_factor=2, mode="nearest"),
+    )

@@ -1,0 +1,112 @@
+"""What YOLOv2 ends with: boxes told cell by cell, as corrections of a few anchor boxes.
+
+    map of C channels ---1x1---> raw (B, A, 5 + classes, rows, columns)
+
+B images, A anchors, K = rows * columns * A boxes. A cell is `stride` pixels of the input wide and high.
+The second axis but one holds x, y, width, height, objectness, and one number a class, in this order.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from perception.errors import UsageError
+
+BOX = slice(0, 4)
+OBJECTNESS = 4
+CLASSES = slice(5, None)
+# exp of more would only be reached by a network that diverges, and then overflow half precision.
+_LARGEST_LOG_SCALE = 8.0
+
+
+class DecodedBoxes(NamedTuple):
+    """What a grid of predictions says.
+
+    Attributes:
+        boxes_px: (B, K, 4) x1 y1 x2 y2 in pixels of the network's input; K runs over rows, columns, anchors.
+        scores: (B, K, classes) objectness times the class' share, 0..1.
+    """
+
+    boxes_px: Tensor
+    scores: Tensor
+
+
+class GridHead(nn.Module):
+    """Predict boxes from a map, and read them.
+
+    Attributes:
+        class_names: in the order of the raw channels.
+        stride_px: width and height of a cell.
+        anchors_px: (A, 2) widths and heights at the input's scale.
+    """
+
+    anchors_px: Tensor
+
+    def __init__(
+        self,
+        channels: int,
+        stride_px: int,
+        anchors_px: Sequence[tuple[float, float]],
+        class_names: Sequence[str],
+    ) -> None:
+        super().__init__()
+        _require_anchors_and_classes(anchors_px, class_names)
+        self.class_names = tuple(class_names)
+        self.stride_px = stride_px
+        self.register_buffer("anchors_px", torch.tensor(anchors_px, dtype=torch.float32))
+        self.convolution = nn.Conv2d(channels, len(anchors_px) * (5 + len(class_names)), 1)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return raw predictions (B, A, 5 + classes, rows, columns)."""
+        maps = self.convolution(features)
+        batch, _, rows, columns = maps.shape
+        return maps.reshape(batch, len(self.anchors_px), 5 + len(self.class_names), rows, columns)
+
+    def decode(self, raw: Tensor) -> DecodedBoxes:
+        """Return what the raw predictions say, in float32."""
+        raw = raw.float()
+        boxes = box_corners(self.decode_boxes(raw))
+        shares = raw[:, :, CLASSES].softmax(dim=2)
+        scores = raw[:, :, OBJECTNESS, None].sigmoid() * shares
+        return DecodedBoxes(_as_list(boxes), _as_list(scores))
+
+    def decode_boxes(self, raw: Tensor) -> Tensor:
+        """Return (B, A, 4, rows, columns) centres, widths and heights in pixels.
+
+        b_x = σ(t_x) + c_x,  b_y = σ(t_y) + c_y,  b_w = p_w exp(t_w),  b_h = p_h exp(t_h)
+        (Redmon and Farhadi, "YOLO9000: better, faster, stronger", CVPR 2017, section 2).
+        """
+        rows, columns = raw.shape[-2:]
+        corner_x = torch.arange(columns, device=raw.device, dtype=raw.dtype)[None, None, None]
+        corner_y = torch.arange(rows, device=raw.device, dtype=raw.dtype)[None, None, :, None]
+        x = (raw[:, :, 0].sigmoid() + corner_x) * self.stride_px
+        y = (raw[:, :, 1].sigmoid() + corner_y) * self.stride_px
+        scale = raw[:, :, 2:4].clamp(max=_LARGEST_LOG_SCALE).exp()
+        sizes = scale * self.anchors_px[None, :, :, None, None]
+        return torch.cat([x[:, :, None], y[:, :, None], sizes], dim=2)
+
+
+def box_corners(boxes: Tensor) -> Tensor:
+    """Return x1 y1 x2 y2 of boxes (B, A, 4, rows, columns) that are centres, widths and heights."""
+    centers, halves = boxes[:, :, :2], boxes[:, :, 2:4] / 2
+    return torch.cat([centers - halves, centers + halves], dim=2)
+
+
+def _as_list(maps: Tensor) -> Tensor:
+    """Turn (B, A, values, rows, columns) into (B, K, values)."""
+    return maps.permute(0, 3, 4, 1, 2).flatten(1, 3)
+
+
+def _require_anchors_and_classes(
+    anchors_px: Sequence[tuple[float, float]], class_names: Sequence[str]
+) -> None:
+    if not anchors_px or min(min(anchor) for anchor in anchors_px) <= 0:
+        raise UsageError(
+            "anchors", expected="widths and heights over zero", found=str(list(anchors_px))
+        )
+    if not class_names or len(set(class_names)) < len(class_names):
+        raise UsageError(
+            "classes", expected="one or more different names", found=str(list(class_names))
+        )
