@@ -1,0 +1,97 @@
+"""What the network sees of a window, against a plain loop over pixels."""
+
+import numpy as np
+import pytest
+
+from perception.detection.crops import crop_windows
+from perception.errors import PerceptionError
+
+SHAPE = (66, 112)
+
+
+def smooth_picture(channels: int = 3) -> np.ndarray:
+    rows, columns = np.mgrid[:120, :400]
+    ramps = [columns / 400, rows / 120, (rows + columns) / 520]
+    return np.stack([np.rint(255 * ramp) for ramp in ramps[:channels]], axis=-1).astype(np.uint8)
+
+
+def sampled(picture: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Bilinear, pixel by pixel."""
+    x1, y1, x2, y2 = window
+    crop = np.zeros((picture.shape[2], *SHAPE))
+    padded = np.pad(picture.astype(float), ((1, 1), (1, 1), (0, 0)))
+    height, width = padded.shape[:2]
+    for row in range(SHAPE[0]):
+        for column in range(SHAPE[1]):
+            x = x1 + (column + 0.5) / SHAPE[1] * (x2 - x1) + 1
+            y = y1 + (row + 0.5) / SHAPE[0] * (y2 - y1) + 1
+            left, top = int(np.floor(x)), int(np.floor(y))
+            if not (0 <= left < width - 1 and 0 <= top < height - 1):
+                continue
+            a, b = x - left, y - top
+            upper = (1 - a) * padded[top, left] + a * padded[top, left + 1]
+            lower = (1 - a) * padded[top + 1, left] + a * padded[top + 1, left + 1]
+            crop[:, row, column] = (1 - b) * upper + b * lower
+    return crop
+
+
+@pytest.mark.parametrize(
+    "window",
+    [
+        pytest.param((100.0, 30, 180, 77), id="inside"),
+        pytest.param((100.4, 30.7, 133.9, 50.2), id="between pixels"),
+        pytest.param((-40.0, -20, 60, 50), id="beyond the upper left"),
+        pytest.param((350.0, 90, 460, 160), id="beyond the lower right"),
+        pytest.param((200.0, 60, 202, 61), id="tiny"),
+        pytest.param((-900.0, -500, 1300, 800), id="huge"),
+    ],
+)
+def test_a_crop_is_the_window_sampled_bilinearly(window):
+    picture = smooth_picture()
+    crop = crop_windows(picture, np.array([window]))[0]
+    assert np.abs(crop.astype(float) - sampled(picture, np.array(window))).max() <= 1.5
+
+
+def test_a_window_of_the_crops_size_copies_pixels():
+    picture = np.random.default_rng(0).integers(0, 256, (120, 400, 3), np.uint8)
+    # Pixel 0 spreads from -0.5 to 0.5.
+    crop = crop_windows(picture, np.array([[49.5, 19.5, 161.5, 85.5]]))[0]
+    np.testing.assert_array_equal(crop, picture[20:86, 50:162].transpose(2, 0, 1))
+
+
+def test_beyond_the_picture_is_nothing():
+    crops = crop_windows(
+        np.full((50, 60, 3), 200, np.uint8),
+        np.array([[-300.0, -300, -200, -200], [1e9, 1e9, 2e9, 2e9], [-56.5, -0.5, 55.5, 49.5]]),
+    )
+    assert crops[:2].max() == 0
+    assert (crops[2][:, :, :56] == 0).all()
+    assert (crops[2][:, 1:-1, 56:] == 200).all()
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3])
+def test_channels_come_first(channels):
+    picture = smooth_picture()[..., :channels]
+    windows = np.array([[10.0, 10, 90, 60], [20, 20, 60, 50]])
+    crops = crop_windows(picture, windows)
+    assert crops.shape == (2, channels, *SHAPE)
+    for channel in range(channels):
+        alone = crop_windows(picture[..., [channel]], windows)[:, 0]
+        assert np.abs(crops[:, channel].astype(int) - alone).max() <= 1
+
+
+def test_no_windows_give_no_crops():
+    assert crop_windows(smooth_picture(), np.zeros((0, 4))).shape == (0, 3, *SHAPE)
+
+
+def test_a_box_without_width_is_seen_one_pixel_wide():
+    picture = smooth_picture()
+    crop = crop_windows(picture, np.array([[100.0, 20, 100, 60]]))[0]
+    wider = crop_windows(picture, np.array([[100.0, 20, 101, 60]]))[0]
+    np.testing.assert_array_equal(crop, wider)
+
+
+@pytest.mark.parametrize("edge", [np.nan, np.inf])
+def test_a_window_that_is_not_finite_is_refused(edge):
+    with pytest.raises(PerceptionError, match="windows_px: expected finite windows"):
+        crop_windows(smooth_picture(), np.array([[0.0, 0, edge, 10]]))
