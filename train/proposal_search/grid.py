@@ -1,0 +1,51 @@
+"""The values that are tried of each rule, and all their combinations."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import product
+
+from perception.detection.proposals import ProposalRules
+from perception.errors import UsageError
+
+
+@dataclass(frozen=True)
+class SearchGrid:
+    """Values of each of the four parameters; the thesis does not say which ones it tried.
+
+    Attributes:
+        cell_m: edges of a cell of the ground removal.
+        least_variance_m2: of the heights in a cell that is not ground.
+        least_points: within the radius of a core of a cluster.
+        radius_m: of DBSCAN's neighbourhood.
+    """
+
+    cell_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.7)
+    least_variance_m2: tuple[float, ...] = (0.0025, 0.005, 0.01, 0.02, 0.04)
+    least_points: tuple[int, ...] = (1, 3, 5, 10)
+    radius_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.8)
+
+    def __post_init__(self) -> None:
+        """Refuse a parameter without values, one that is there twice, and values that cannot work."""
+        for name in (field.name for field in fields(self)):
+            values = getattr(self, name)
+            if not values or len(set(values)) < len(values):
+                raise UsageError(
+                    f"--grid.{name}", expected="values, each once", found=str(list(values))
+                )
+        self.rules()
+
+    def __len__(self) -> int:
+        """Return how many settings there are."""
+        return len(self.rules())
+
+    def rules(self) -> list[ProposalRules]:
+        """Return every combination; those that share their ground removal lie together."""
+        return [rules for ground in self.grounds() for rules in ground]
+
+    def grounds(self) -> Iterator[list[ProposalRules]]:
+        """Yield the combinations that share their ground removal: one cell, one least variance."""
+        for cell_m, variance_m2 in product(self.cell_m, self.least_variance_m2):
+            yield [
+                ProposalRules(cell_m, variance_m2, points, radius_m)
+                for points, radius_m in product(self.least_points, self.radius_m)
+            ]
