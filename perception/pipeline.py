@@ -91,7 +91,7 @@ class Pipeline:
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
-        clock = _StageClock()
+        clock = StageClock()
         with one_blas_thread():
             result, scan = self._segment(frame, clock)
             if self._datmo is None:
@@ -107,9 +107,9 @@ class Pipeline:
             PerceptionError: as for `step`.
         """
         with one_blas_thread():
-            return self._segment(frame, _StageClock())
+            return self._segment(frame, StageClock())
 
-    def _segment(self, frame: Frame, clock: "_StageClock") -> tuple[Result, SegmentedScan]:
+    def _segment(self, frame: Frame, clock: "StageClock") -> tuple[Result, SegmentedScan]:
         if not len(self._window):
             check_mounting(frame.points_velo, self.sensor, frame.source)
         with clock.stage("registration"):
@@ -171,7 +171,7 @@ def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method)
     return SurfaceGround(sensor, config.area)
 
 
-class _StageClock:
+class StageClock:
     """Takes the time of one stage after another."""
 
     def __init__(self) -> None:

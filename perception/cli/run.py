@@ -15,6 +15,7 @@ from perception.cli.confusion_figures import confusion_table, with_ratios
 from perception.cli.drive_results import drive_results
 from perception.cli.follow_on import Following, FollowOn, NobodyFollowed
 from perception.cli.results_folder import ResultsFolder, new_results_folder
+from perception.cli.stage_times import STAGE_HEADER, median_frame_s, stage_document, stage_rows
 from perception.cli.table import format_table
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.confusion import Confusion
@@ -138,37 +139,22 @@ class RunSummary:
         """Frames done."""
         return len(self.moving_voxels)
 
-    def stage_rows(self) -> list[list[str]]:
-        """Return stage, median, 99th percentile and share, all stages together last."""
-        stages = {name: np.array(seconds) for name, seconds in self.seconds.items()}
-        total = np.sum(list(stages.values()), axis=0)
-        return [
-            [
-                name,
-                f"{1e3 * np.median(seconds):.1f}",
-                f"{1e3 * np.percentile(seconds, 99):.1f}",
-                f"{100 * seconds.sum() / total.sum():.0f}",
-            ]
-            for name, seconds in [*stages.items(), ("all stages", total)]
-        ]
-
     def table(self) -> str:
         """Return what is printed at the end."""
         if not self.frames:
             return f"{self.drive}: no frame was done"
         stages = format_table(
             f"{self.drive}: {self.frames} frames",
-            ("stage", "median ms", "99 % ms", "share %"),
-            self.stage_rows(),
+            STAGE_HEADER,
+            stage_rows(self.seconds),
         )
-        median_s = float(np.median(np.sum(list(self.seconds.values()), axis=0)))
         seen = self.points / self.frames
         lines = [
             stages,
             "",
             f"a frame: {seen[PointState.GROUND]:.0f} ground, {seen[PointState.STATIC]:.0f} static, "
             f"{seen[PointState.MOVING]:.0f} moving points; "
-            f"{1 / median_s:.0f} frames/s for the stages, "
+            f"{1 / median_frame_s(self.seconds):.0f} frames/s for the stages, "
             f"{self.frames / self.elapsed_s:.1f} with reading, drawing and writing",
             f"tracks: {len(self.track_ids)} in all, {np.mean(self.live_tracks):.1f} at a time",
             f"results: {self.out}",
@@ -190,10 +176,7 @@ class RunSummary:
             "drive": self.drive,
             "frames": self.frames,
             "elapsed_s": round(self.elapsed_s, 3),
-            "stages_ms": {
-                name: {"median": float(median), "p99": float(p99), "share_percent": float(share)}
-                for name, median, p99, share in (self.stage_rows() if self.frames else [])
-            },
+            "stages_ms": stage_document(self.seconds),
             "points_against_truth": {
                 "ground": with_ratios(self.ground),
                 "static": with_ratios(self.motion.static),
