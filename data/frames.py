@@ -6,6 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 from data.drive import Drive
+from data.kitti.objects import ObjectFrames
+from data.kitti.sequence import KittiSequence
 from perception.errors import PerceptionError
 from perception.types import Frame
 
@@ -17,6 +19,13 @@ OnBadFrame = Literal["stop", "skip"]
 def frame_count(drive: Drive, limit: int | None) -> int:
     """Return how many frames a drive has, or the limit where that is less."""
     return len(drive) if limit is None else min(limit, len(drive))
+
+
+def file_number(drive: Drive, index: int) -> int:
+    """Return the number by which the files of a frame are named."""
+    if isinstance(drive, ObjectFrames):
+        return drive.number(index)
+    return drive.scans.numbers[index] if isinstance(drive, KittiSequence) else index
 
 
 def read_frames(

@@ -1,12 +1,15 @@
 """What is compared: labelled and detected boxes of many frames, one row a box."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 
 from perception.errors import PerceptionError
+from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from perception.evaluation.rows import Rows
-from perception.types import Float64, Int
+from perception.types import Detections, Float64, Int
 
 
 @dataclass(frozen=True)
@@ -67,3 +70,18 @@ class DetectedBoxes(_BoxRows):
     """
 
     scores: Float64
+
+    @classmethod
+    def of_frames(cls, detections: Sequence[Detections]) -> Self:
+        """Return the detections of one frame after the other; they tell no heading."""
+        counts = np.array([len(found) for found in detections], np.int64)
+        frames = np.repeat(np.arange(len(counts)), counts)
+        # One without detections more, so that there is something to join.
+        parts = [Detections.empty(), *detections]
+        return cls(
+            frames=frames,
+            types=np.concatenate([found.types for found in parts]),
+            alphas_rad=np.full(len(frames), NO_ALPHA_RAD),
+            boxes_px=np.concatenate([found.boxes_px for found in parts]).astype(np.float64),
+            scores=np.concatenate([found.scores for found in parts]).astype(np.float64),
+        )
