@@ -1,0 +1,152 @@
+"""DepthCN: what stands on the road, and which of it are vehicles (6.1).
+
+scan -- propose --> candidates -- windows --> crops of the picture -- network --> scores and boxes,
+of which overlapping ones leave only the best: detections.
+"""
+
+from dataclasses import dataclass
+from importlib.abc import Traversable
+
+import numpy as np
+
+from perception.detection.picture import camera_picture
+from perception.detection.proposals import ProposalRules, Proposals, propose
+from perception.detection.suppression import suppress
+from perception.detection.verifier import VEHICLE, Judgement, Method, Verifier
+from perception.detection.windows import windows_px
+from perception.errors import UsageError
+from perception.maps.densify import DenseMaps, densify
+from perception.maps.projection import camera_of, project_scan
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Calibration, Detections, Float64, Frame, Int
+
+
+@dataclass(frozen=True)
+class DetectionRules:
+    """Which of the candidates that the network has judged are detections.
+
+    Attributes:
+        least_score: low, since the measure draws the whole curve; pictures show fewer.
+        most_iou: with a better detection (6.2.4).
+    """
+
+    least_score: float = 0.01
+    most_iou: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if not (0 <= self.least_score <= 1 and 0 < self.most_iou <= 1):
+            raise UsageError(
+                "rules of the detections",
+                expected="a score and an overlap from 0 to 1",
+                found=f"{self.least_score:g} and {self.most_iou:g}",
+            )
+
+
+@dataclass(frozen=True)
+class Verified:
+    """The M candidates of one frame as the network judges them.
+
+    Attributes:
+        proposals: (M)
+        windows_px: (M, 4) where the network looked.
+        scores: (M,) probability of a vehicle.
+        boxes_px: (M, 4) of the vehicle that it would be, within the image.
+        kept: (K,) rows that are detections, best first.
+    """
+
+    proposals: Proposals
+    windows_px: Float64
+    scores: Float64
+    boxes_px: Float64
+    kept: Int
+
+    @property
+    def detections(self) -> Detections:
+        """(K) vehicles, best first."""
+        return _vehicles(self.boxes_px[self.kept], self.scores[self.kept])
+
+    @property
+    def owners(self) -> Int:
+        """(N,) for each point of the scan the detection that it belongs to, or -1."""
+        return self.proposals[self.kept].clusters
+
+
+class DepthCn:
+    """The vehicle detector of chapter 6; it sees with the LiDAR alone."""
+
+    def __init__(
+        self,
+        model: Traversable | Method = "default",
+        sensor: LidarModel = HDL_64E,
+        *,
+        proposal_rules: ProposalRules | None = None,
+        detection_rules: DetectionRules | None = None,
+        threads: int = 2,
+    ) -> None:
+        """Open the network.
+
+        Args:
+            model: file of a network, or default or thesis for one that ships.
+            sensor: LiDAR that the scans are from.
+            proposal_rules: how candidates are found.
+            detection_rules: which of them are detections.
+            threads: that the network runs on.
+
+        Raises:
+            ModelError: the file does not hold a network of this detector.
+        """
+        self.verifier = Verifier(model, threads)
+        self._sensor = sensor
+        self._proposal_rules = proposal_rules or ProposalRules()
+        self._detection_rules = detection_rules or DetectionRules()
+
+    def detect(self, frame: Frame) -> Detections:
+        """Return the vehicles in view of a frame's camera, best first; its image is not needed.
+
+        Raises:
+            CalibrationError: the frame has no camera, or nothing says how large its image is.
+        """
+        return self.examine(frame).detections
+
+    def examine(self, frame: Frame, dense: DenseMaps | None = None) -> Verified:
+        """Return all candidates of a frame and what the network says of each.
+
+        Args:
+            frame: a scan and a camera.
+            dense: its maps where they are made already.
+        """
+        calibration, size_px = camera_of(frame)
+        proposals = propose(frame.points_velo, calibration, size_px, self._proposal_rules)
+        if dense is None:
+            dense = densify(project_scan(frame.points_velo, calibration, size_px))
+        return self.verify(proposals, dense, calibration)
+
+    def verify(self, proposals: Proposals, dense: DenseMaps, calibration: Calibration) -> Verified:
+        """Judge candidates that are found already, by maps of the same scan."""
+        focal_px = float(calibration.image_P_cam[0, 0])
+        windows = windows_px(self.verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
+        judgement = Judgement.of_none()
+        if len(proposals):
+            picture = camera_picture(dense, calibration.image_P_velo, self._sensor.height_m)
+            judgement = self.verifier.judge(picture, windows)
+        boxes_px = _within_image(judgement.boxes_px, dense.depth_m.shape)
+        kept = self._keep(boxes_px, judgement.scores)
+        return Verified(proposals, windows, judgement.scores, boxes_px, kept)
+
+    def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
+        """Return the rows that are likely, show in the image, and are the best of their place."""
+        shows = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
+        rows = np.flatnonzero(shows & (scores >= self._detection_rules.least_score))
+        likely = _vehicles(boxes_px[rows], scores[rows])
+        return np.asarray(rows[suppress(likely, self._detection_rules.most_iou)])
+
+
+def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:
+    return Detections(boxes_px, scores, np.full(len(scores), VEHICLE))
+
+
+def _within_image(boxes_px: Float64, shape: tuple[int, ...]) -> Float64:
+    """Clip (M, 4) boxes to the centres of the outermost pixels, as KITTI's labels are."""
+    height, width = shape
+    return np.asarray(np.clip(boxes_px, 0, [width - 1, height - 1] * 2))

@@ -1,0 +1,175 @@
+"""A network as a file: checked when it is opened, ready for its first frame, arrays by name in and out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.abc import Traversable
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from perception.errors import ModelError
+
+Array = NDArray[Any]
+# As many rows as a frame has candidates: memory for them is set aside before the first frame.
+_WARM_UP_ROWS = 32
+# As ONNX Runtime names the types of tensors; what else it knows no network here takes or gives.
+_TYPES: Mapping[str, type[np.generic]] = {
+    "tensor(uint8)": np.uint8,
+    "tensor(float)": np.float32,
+    "tensor(int64)": np.int64,
+}
+
+
+@dataclass(frozen=True)
+class ModelContract:
+    """What a caller needs a model file to be.
+
+    Attributes:
+        facts: metadata that have to be there and have this value.
+        noted: names of metadata that have to be there, whatever their value.
+        inputs: by name the shape of each, None along an axis of any length.
+        outputs: names.
+    """
+
+    facts: Mapping[str, str]
+    noted: tuple[str, ...] = ()
+    inputs: Mapping[str, tuple[int | None, ...]] = field(default_factory=dict)
+    outputs: tuple[str, ...] = ()
+
+
+def shipped_model(name: str) -> Traversable:
+    """Return the model file of that name that comes with the package."""
+    return files("perception.detection") / "weights" / f"{name}.onnx"
+
+
+class OnnxModel:
+    """A network in ONNX Runtime, on the CPU."""
+
+    def __init__(self, file: Traversable, contract: ModelContract, threads: int = 2) -> None:
+        """Open and check the file, and run it once, since the first run is slow.
+
+        Args:
+            file: a path, or what `shipped_model` returns.
+            contract: what it has to fit.
+            threads: that share one run.
+
+        Raises:
+            ModelError: there is no such file, it is no ONNX model, or one made for something else.
+        """
+        self._file = file
+        self._session = _open(file, threads)
+        self.facts: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
+        """What the file says of itself."""
+        self._inputs = {entry.name: entry for entry in self._session.get_inputs()}
+        self._outputs = [entry.name for entry in self._session.get_outputs()]
+        self._check_facts(contract)
+        self._check_interface(contract)
+        self(self._blank_inputs())
+
+    def __call__(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Run the network once.
+
+        Raises:
+            ModelError: the inputs are not the network's, or what comes out is not finite.
+        """
+        try:
+            arrays = self._session.run(self._outputs, dict(inputs))
+        except Exception as error:  # ONNX Runtime's errors have no base of their own
+            shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
+            raise ModelError(
+                self._file.name,
+                expected=f"to run on {shapes}",
+                found=_first_line(error),
+            ) from error
+        outputs = dict(zip(self._outputs, arrays, strict=True))
+        for name, array in outputs.items():
+            if not np.isfinite(array).all():
+                raise ModelError(
+                    self._file.name,
+                    expected=f"finite numbers in output {name}",
+                    found=f"{int((~np.isfinite(array)).sum())} that are NaN or infinite",
+                    advice="train it anew, or export an earlier checkpoint",
+                )
+        return outputs
+
+    def input_shape(self, name: str) -> tuple[int | None, ...]:
+        """Return the shape of an input, None along an axis of any length."""
+        return tuple(n if isinstance(n, int) else None for n in self._inputs[name].shape)
+
+    def _check_facts(self, contract: ModelContract) -> None:
+        for name in (*contract.facts, *contract.noted):
+            wanted = contract.facts.get(name)
+            found = self.facts.get(name)
+            if found is None or (wanted is not None and found != wanted):
+                raise ModelError(
+                    self._file.name,
+                    expected=f"{name} {wanted}" if wanted else f"{name} in its metadata",
+                    found=found or "no such entry in its metadata",
+                    advice="give a model that `trifuse export` wrote for this detector",
+                )
+
+    def _check_interface(self, contract: ModelContract) -> None:
+        shapes = {name: self.input_shape(name) for name in self._inputs}
+        fits = shapes.keys() == contract.inputs.keys() and all(
+            _fits(shapes[name], wanted) for name, wanted in contract.inputs.items()
+        )
+        if not fits:
+            raise ModelError(
+                self._file.name,
+                expected=f"inputs {_listed(contract.inputs)}",
+                found=_listed(shapes),
+            )
+        if missing := [name for name in contract.outputs if name not in self._outputs]:
+            raise ModelError(
+                self._file.name,
+                expected=f"an output {missing[0]}",
+                found=", ".join(self._outputs),
+            )
+
+    def _blank_inputs(self) -> dict[str, Array]:
+        return {
+            name: np.zeros([n or _WARM_UP_ROWS for n in self.input_shape(name)], _TYPES[entry.type])
+            for name, entry in self._inputs.items()
+        }
+
+
+def _open(file: Traversable, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
+    if not file.is_file():
+        raise ModelError(file.name, expected="a model file", found=f"no file {file}")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    # Threads that wait for the next frame would keep the other stages from the cores: asleep, they
+    # cost half the processor time and no run is slower.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 3
+    try:
+        return onnxruntime.InferenceSession(
+            file.read_bytes(), options, providers=["CPUExecutionProvider"]
+        )
+    except Exception as error:  # ONNX Runtime's errors have no base of their own
+        raise ModelError(
+            str(file),
+            expected="a whole ONNX model",
+            found=_first_line(error),
+            advice="write it anew with `trifuse export`",
+        ) from error
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).partition("\n")[0].rstrip(".")
+
+
+def _fits(shape: tuple[int | None, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(wanted) and all(
+        want is None or have == want for have, want in zip(shape, wanted, strict=True)
+    )
+
+
+def _listed(shapes: Mapping[str, tuple[int | None, ...]]) -> str:
+    return ", ".join(
+        f"{name} ({' x '.join(str(n or 'any') for n in shape)})" for name, shape in shapes.items()
+    )

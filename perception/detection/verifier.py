@@ -1,0 +1,98 @@
+"""The network that tells vehicles among candidates: it says by its file what it looks at."""
+
+from dataclasses import dataclass
+from importlib.abc import Traversable
+from typing import Literal, Self
+
+import numpy as np
+
+from perception.detection.crops import crop_windows
+from perception.detection.picture import CHANNELS
+from perception.detection.session import Array, ModelContract, OnnxModel, shipped_model
+from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
+from perception.errors import ModelError
+from perception.types import Float64, UInt8
+
+Method = Literal["default", "thesis"]
+KIND = "depthcn"
+VEHICLE = "Car"
+
+CONTRACT = ModelContract(
+    facts={
+        "kind": KIND,
+        "classes": VEHICLE,
+        "input_height": str(CROP_HEIGHT_PX),
+        "input_width": str(CROP_WIDTH_PX),
+    },
+    noted=("method", "window", "channels"),
+    inputs={"crops": (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX), "windows_px": (None, 4)},
+    outputs=("scores", "boxes_px"),
+)
+_WINDOWS: dict[str, WindowKind] = {"box": "box", "metric": "metric"}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the network says of M candidates.
+
+    Attributes:
+        scores: (M,) probability of a vehicle.
+        boxes_px: (M, 4) of the vehicle that it would be.
+    """
+
+    scores: Float64
+    boxes_px: Float64
+
+    @classmethod
+    def of_none(cls) -> Self:
+        """Return what there is to say of no candidates."""
+        return cls(np.zeros(0), np.zeros((0, 4)))
+
+
+class Verifier:
+    """A trained network, from a file or as it ships."""
+
+    def __init__(self, model: Traversable | Method = "default", threads: int = 2) -> None:
+        """Open it.
+
+        Args:
+            model: a file, or default or thesis for one that ships.
+            threads: that it runs on.
+
+        Raises:
+            ModelError: the file does not hold a network that judges candidates for vehicles.
+        """
+        file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
+        self.model = OnnxModel(file, CONTRACT, threads)
+        """The network itself, and what its file says."""
+        channels = self.model.facts["channels"].split(",")
+        self._channels = [CHANNELS.index(name) for name in channels if name in CHANNELS]
+        if not len(channels) == len(self._channels) == self.model.input_shape("crops")[1]:
+            raise ModelError(
+                file.name,
+                expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
+                found=f"{', '.join(channels)} for an input of {self.model.input_shape('crops')[1]}",
+            )
+        if self.model.facts["window"] not in _WINDOWS:
+            raise ModelError(
+                file.name,
+                expected=f"window {' or '.join(_WINDOWS)}",
+                found=self.model.facts["window"],
+            )
+        self.window: WindowKind = _WINDOWS[self.model.facts["window"]]
+        """Which part of the picture it wants to see of a candidate."""
+
+    def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
+        """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""
+        channels = np.ascontiguousarray(picture[..., self._channels])
+        return {
+            "crops": crop_windows(channels, windows_px),
+            "windows_px": windows_px.astype(np.float32),
+        }
+
+    def judge(self, picture: UInt8, windows_px: Float64) -> Judgement:
+        """Look at all (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture at once."""
+        outputs = self.model(self.inputs(picture, windows_px))
+        return Judgement(
+            outputs["scores"].astype(np.float64), outputs["boxes_px"].astype(np.float64)
+        )
