@@ -60,7 +60,7 @@ class GridHead(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """Return raw predictions (B, A, 5 + classes, rows, columns)."""
-        maps = self.convolution(features)
+        maps: Tensor = self.convolution(features)
         batch, _, rows, columns = maps.shape
         return maps.reshape(batch, len(self.anchors_px), 5 + len(self.class_names), rows, columns)
 

@@ -1,0 +1,188 @@
+"""What YOLOv2 is trained to make small, as published, with two options.
+
+Published is a sum of squares over all predictions of a picture (Redmon et al., "You only look once", CVPR 2016,
+eq. 3), with the weights of `yolov2.cfg`. A square counts half, so that its gradient is the difference itself,
+and the published learning rates mean the same here.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pairwise_share
+from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, GridHead, box_corners
+from train.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
+
+
+@dataclass(frozen=True)
+class DetectionLossOptions:
+    """What is summed, and with which weight. The defaults are those of `yolov2.cfg`.
+
+    Attributes:
+        box: `squared` of the four corrections, or `ciou` of the box.
+        objectness: `squared`, or `focal`, which looks away from what is already right.
+        box_weight: `coord_scale`; small boxes count up to twice.
+        object_weight: `object_scale`
+        no_object_weight: `noobject_scale`
+        class_weight: `class_scale`
+        prior_weight: pull of every box to its anchor, at first.
+        prior_images: how many pictures long.
+        free_iou: a prediction that overlaps a label by more is not told that nothing is there; `thresh`.
+        focal_power: of the error, as weight; 2 in Lin et al., "Focal loss", ICCV 2017.
+    """
+
+    box: Literal["squared", "ciou"] = "squared"
+    objectness: Literal["squared", "focal"] = "squared"
+    box_weight: float = 1.0
+    object_weight: float = 5.0
+    no_object_weight: float = 1.0
+    class_weight: float = 1.0
+    prior_weight: float = 0.01
+    prior_images: int = 12_800
+    free_iou: float = 0.6
+    focal_power: float = 2.0
+
+
+class DetectionLoss(NamedTuple):
+    """Terms per picture, weighted.
+
+    Attributes:
+        total: the sum of the others.
+        box: of boxes that answer for a label.
+        objects: objectness where there is a label.
+        no_objects: objectness where there is none.
+        classes: cross-entropy.
+        prior: distance of all other boxes from their anchors, 0 after the first pictures.
+    """
+
+    total: Tensor
+    box: Tensor
+    objects: Tensor
+    no_objects: Tensor
+    classes: Tensor
+    prior: Tensor
+
+
+def detection_loss(
+    raw: Tensor,
+    labels: BatchLabels,
+    head: GridHead,
+    options: DetectionLossOptions,
+    images_seen: int,
+) -> DetectionLoss:
+    """Return the loss of a batch, in float32 whatever the precision of the network.
+
+    Args:
+        raw: (B, A, 5 + classes, rows, columns) predictions.
+        labels: of the B pictures.
+        head: which made the predictions.
+        options: what is summed.
+        images_seen: how many pictures were trained on before.
+    """
+    with torch.autocast(raw.device.type, enabled=False):
+        raw = raw.float()
+        rows, columns = raw.shape[-2:]
+        targets = assign_targets(labels, head.anchors_px, Grid(rows, columns, head.stride_px))
+        corners = box_corners(head.decode_boxes(raw))
+        terms = (
+            options.box_weight * _box_term(raw, corners, targets, options),
+            options.object_weight * _object_term(raw, corners, targets, options),
+            options.no_object_weight * _no_object_term(raw, corners, labels, targets, options),
+            options.class_weight * _class_term(raw, targets),
+            _prior_term(raw, targets, options, images_seen),
+        )
+        of_one = [term / len(raw) for term in terms]
+    return DetectionLoss(torch.stack(of_one).sum(), *of_one)
+
+
+def _box_term(
+    raw: Tensor, corners: Tensor, targets: GridTargets, options: DetectionLossOptions
+) -> Tensor:
+    weight = 2 - targets.area_shares.clamp(max=1)
+    if options.box == "ciou":
+        return (weight * (1 - paired_complete_iou(_at(corners, targets), targets.boxes_px))).sum()
+    return (weight * _squared(_corrections(_at(raw, targets)), targets.offsets).sum(dim=1)).sum()
+
+
+def _object_term(
+    raw: Tensor, corners: Tensor, targets: GridTargets, options: DetectionLossOptions
+) -> Tensor:
+    """Ask for an objectness equal to the overlap that the box reaches."""
+    reached = paired_iou(_at(corners, targets), targets.boxes_px).detach()
+    return _objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, options).sum()
+
+
+def _no_object_term(
+    raw: Tensor,
+    corners: Tensor,
+    labels: BatchLabels,
+    targets: GridTargets,
+    options: DetectionLossOptions,
+) -> Tensor:
+    """Ask for no objectness of those that neither answer for a label nor lie on one."""
+    is_free = _lies_on_label(corners.detach(), labels, options.free_iou) | _answers(raw, targets)
+    logits = raw[:, :, OBJECTNESS]
+    errors = _objectness_error(logits, torch.zeros_like(logits), options)
+    return errors.masked_fill(is_free, 0).sum()
+
+
+def _class_term(raw: Tensor, targets: GridTargets) -> Tensor:
+    return functional.cross_entropy(_at(raw, targets)[:, CLASSES], targets.classes, reduction="sum")
+
+
+def _prior_term(
+    raw: Tensor, targets: GridTargets, options: DetectionLossOptions, images_seen: int
+) -> Tensor:
+    if images_seen >= options.prior_images:
+        return raw.new_zeros(())
+    corrections = _corrections(raw[:, :, BOX].movedim(2, -1))
+    of_anchor = corrections.new_tensor([0.5, 0.5, 0, 0]).expand_as(corrections)
+    errors = _squared(corrections, of_anchor).sum(dim=-1)
+    return options.prior_weight * errors.masked_fill(_answers(raw, targets), 0).sum()
+
+
+def _objectness_error(logits: Tensor, wanted: Tensor, options: DetectionLossOptions) -> Tensor:
+    scores = logits.sigmoid()
+    if options.objectness == "squared":
+        return _squared(scores, wanted)
+    # The continuous form of the focal loss, for wanted values between 0 and 1 (Li et al.,
+    # "Generalized focal loss", NeurIPS 2020, eq. 3).
+    entropy = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
+    return (wanted - scores).abs() ** options.focal_power * entropy
+
+
+def _lies_on_label(corners: Tensor, labels: BatchLabels, free_iou: float) -> Tensor:
+    """Return (B, A, rows, columns) whether boxes overlap a label, or lie mostly in an ignored area."""
+    batch, anchors, _, rows, columns = corners.shape
+    boxes_px = corners.permute(0, 1, 3, 4, 2).reshape(batch, -1, 4)
+    is_real = has_area(labels.boxes_px)[:, None]
+    is_ignored = labels.is_ignored[:, None]
+    on_label = (pairwise_iou(boxes_px, labels.boxes_px) > free_iou) & ~is_ignored
+    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > 0.5) & is_ignored
+    lies = ((on_label | in_ignored) & is_real).any(dim=2)
+    return lies.reshape(batch, anchors, rows, columns)
+
+
+def _answers(raw: Tensor, targets: GridTargets) -> Tensor:
+    """Return (B, A, rows, columns) whether a prediction answers for a label."""
+    batch, anchors, _, rows, columns = raw.shape
+    answers = torch.zeros(batch, anchors, rows, columns, dtype=torch.bool, device=raw.device)
+    answers[targets.image, targets.anchor, targets.row, targets.column] = True
+    return answers
+
+
+def _at(maps: Tensor, targets: GridTargets) -> Tensor:
+    """Return (N, values) of maps (B, A, values, rows, columns) where they answer for a label."""
+    return maps.movedim(2, -1)[targets.image, targets.anchor, targets.row, targets.column]
+
+
+def _corrections(raw: Tensor) -> Tensor:
+    """Return (..., 4) σ(t_x), σ(t_y), t_w, t_h."""
+    return torch.cat([raw[..., :2].sigmoid(), raw[..., 2:4]], dim=-1)
+
+
+def _squared(value: Tensor, wanted: Tensor) -> Tensor:
+    return (value - wanted).square() / 2

@@ -1,0 +1,174 @@
+"""Which cell and which anchor answer for a label, and what they should say.
+
+The cell that holds the label's centre answers, with the anchor of the most similar shape. Where two labels of one
+cell want the same anchor, the one that fits it better has it, and the other takes the next best that is free:
+at a cell of 32 pixels, parked cars would go unlearned otherwise.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class ImageLabels(NamedTuple):
+    """What is to be found in one picture.
+
+    Attributes:
+        boxes_px: (M, 4) x1 y1 x2 y2 in pixels of the network's input.
+        classes: (M,) indices into the detector's class names.
+        is_ignored: (M,) areas in which a detection is neither right nor wrong, such as KITTI's DontCare.
+    """
+
+    boxes_px: Tensor
+    classes: Tensor
+    is_ignored: Tensor
+
+
+class BatchLabels(NamedTuple):
+    """The labels of B pictures, filled up to L each with boxes of zero size, which nothing answers for.
+
+    Attributes:
+        boxes_px: (B, L, 4)
+        classes: (B, L)
+        is_ignored: (B, L)
+    """
+
+    boxes_px: Tensor
+    classes: Tensor
+    is_ignored: Tensor
+
+
+class Grid(NamedTuple):
+    """Cells over the input.
+
+    Attributes:
+        rows: of cells.
+        columns: of cells.
+        stride_px: width and height of one.
+    """
+
+    rows: int
+    columns: int
+    stride_px: int
+
+
+class GridTargets(NamedTuple):
+    """N predictions that answer for a label.
+
+    Attributes:
+        image: (N,) number of the picture in the batch.
+        anchor: (N,)
+        row: (N,)
+        column: (N,)
+        boxes_px: (N, 4) the label's x1 y1 x2 y2.
+        offsets: (N, 4) centre within the cell 0..1, and logarithms of width and height over the anchor's.
+        classes: (N,)
+        area_shares: (N,) of the label's box in the picture.
+        left_out: labels outside the picture, of no size, or in a cell whose anchors are all taken.
+    """
+
+    image: Tensor
+    anchor: Tensor
+    row: Tensor
+    column: Tensor
+    boxes_px: Tensor
+    offsets: Tensor
+    classes: Tensor
+    area_shares: Tensor
+    left_out: int
+
+
+def pad_labels(labels: Sequence[ImageLabels]) -> BatchLabels:
+    """Return the labels of several pictures as one batch."""
+    padded = [
+        torch.nn.utils.rnn.pad_sequence(list(parts), batch_first=True)
+        for parts in zip(*labels, strict=True)
+    ]
+    return BatchLabels(*padded)
+
+
+def has_area(boxes_px: Tensor) -> Tensor:
+    """Return (...) whether boxes (..., 4) are finite and of some size."""
+    sizes = boxes_px[..., 2:] - boxes_px[..., :2]
+    return boxes_px.isfinite().all(dim=-1) & (sizes > 0).all(dim=-1)
+
+
+def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: Grid) -> GridTargets:
+    """Return what answers for the labels of a batch.
+
+    Args:
+        labels: of B pictures.
+        anchors_px: (A, 2) widths and heights.
+        grid: of the predictions.
+    """
+    centers = (labels.boxes_px[..., :2] + labels.boxes_px[..., 2:]) / 2
+    extent_px = centers.new_tensor([grid.columns, grid.rows]) * grid.stride_px
+    is_wanted = has_area(labels.boxes_px) & ~labels.is_ignored
+    is_inside = ((centers >= 0) & (centers < extent_px)).all(dim=-1)
+    image, label = (is_wanted & is_inside).nonzero(as_tuple=True)
+
+    boxes_px, in_cells = labels.boxes_px[image, label], centers[image, label] / grid.stride_px
+    column, row = in_cells.long().unbind(dim=1)
+    sizes_px = boxes_px[:, 2:] - boxes_px[:, :2]
+    cell = (image * grid.rows + row) * grid.columns + column
+    anchor = _place(shape_iou(sizes_px, anchors_px), cell)
+
+    kept = anchor >= 0
+    scales = sizes_px[kept] / anchors_px[anchor[kept]]
+    return GridTargets(
+        image=image[kept],
+        anchor=anchor[kept],
+        row=row[kept],
+        column=column[kept],
+        boxes_px=boxes_px[kept],
+        offsets=torch.cat([in_cells[kept].frac(), scales.log()], dim=1),
+        classes=labels.classes[image, label][kept],
+        area_shares=sizes_px[kept].prod(dim=1) / extent_px.prod(),
+        left_out=_count_labels(labels) - int(kept.sum()),
+    )
+
+
+def shape_iou(a_px: Tensor, b_px: Tensor) -> Tensor:
+    """Return (A, B) overlaps of sizes (A, 2) and (B, 2) laid on one corner."""
+    common = torch.minimum(a_px[:, None], b_px).prod(dim=-1)
+    return common / (a_px.prod(dim=-1)[:, None] + b_px.prod(dim=-1) - common)
+
+
+def _place(overlaps: Tensor, cell: Tensor) -> Tensor:
+    """Return (N,) the anchor of each label, -1 where its cell had none left.
+
+    Every round serves at least one label of each cell, hence as many rounds as anchors.
+
+    Args:
+        overlaps: (N, A) of the labels' shapes with the anchors.
+        cell: (N,) number of the cell of each label.
+    """
+    _, cell = torch.unique(cell, return_inverse=True)
+    count, anchors = overlaps.shape
+    anchor = cell.new_full((count,), -1)
+    is_taken = torch.zeros(count, anchors, dtype=torch.bool, device=cell.device)
+    for _ in range(anchors):
+        waiting = (anchor < 0).nonzero()[:, 0]
+        wish, choice = overlaps[waiting].masked_fill(is_taken[cell[waiting]], -1).max(dim=1)
+        best = _best_of_each(cell[waiting] * anchors + choice, wish)
+        best = best[wish[best] >= 0]
+        anchor[waiting[best]] = choice[best]
+        is_taken[cell[waiting[best]], choice[best]] = True
+    return anchor
+
+
+def _best_of_each(group: Tensor, value: Tensor) -> Tensor:
+    """Return the index of the largest value of every group, the first of equal ones."""
+    order = value.argsort(descending=True, stable=True)
+    order = order[group[order].argsort(stable=True)]
+    ordered = group[order]
+    is_first = torch.ones_like(ordered, dtype=torch.bool)
+    is_first[1:] = ordered[1:] != ordered[:-1]
+    return order[is_first]
+
+
+def _count_labels(labels: BatchLabels) -> int:
+    """Count the labels that want an answer; padding is all zero."""
+    return int(((labels.boxes_px != 0).any(dim=-1) & ~labels.is_ignored).sum())
