@@ -1,0 +1,193 @@
+"""DBSCAN in the plane, exactly, by cells in which all points are neighbours.
+
+Points of a full cell are cores without a look at them; of a pair of cells, two points that lie close
+settle whether it is joined. Points are compared with points only where that leaves a doubt. Labels are
+those that scikit-learn gives: clusters in the order of their first core, a point at the border of
+several to the first of them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from perception.detection.point_cells import CellPairs, PointCells, spread
+from perception.errors import UsageError
+from perception.types import Bool, Float, Int
+
+# So many comparisons of points are made outright; for more a tree is worth its making.
+_MOST_COMPARISONS = 100_000
+
+
+@dataclass(frozen=True)
+class _Cores:
+    """Which sorted points are cores, and what was compared to tell.
+
+    Attributes:
+        is_core: (N,).
+        points: (H,) a point that its cell and the whole cells around do not make a core.
+        neighbours: (H,) a neighbour of it, in none of these cells.
+    """
+
+    is_core: Bool
+    points: Int
+    neighbours: Int
+
+
+def cluster(xy_m: Float, radius_m: float, least_points: int) -> Int:
+    """Return (N,) the cluster of each (N, 2) point, from 0, or -1 for noise.
+
+    Args:
+        xy_m: places.
+        radius_m: points no farther apart are neighbours.
+        least_points: within the radius, the point itself among them, make a core.
+
+    Raises:
+        UsageError: a radius or number that is not above zero; places that are not finite.
+    """
+    if not (radius_m > 0 and least_points > 0):
+        found = f"{radius_m:g} m, {least_points}"
+        raise UsageError("clustering", expected="radius and least points above zero", found=found)
+    if len(xy_m) == 0:
+        return np.zeros(0, np.int64)
+    cells = PointCells.of(xy_m, radius_m)
+    pairs = CellPairs.of(cells, radius_m)
+    cores = _find_cores(cells, pairs, radius_m, least_points)
+    part = _join(cells, pairs, cores.is_core, radius_m)
+    number = _number(cells, cores.is_core, part)
+    labels = np.empty(len(xy_m), np.int64)
+    labels[cells.order] = _label(cells, pairs, cores, number)
+    return labels
+
+
+def _find_cores(cells: PointCells, pairs: CellPairs, radius_m: float, least: int) -> _Cores:
+    whole = pairs[pairs.is_whole]
+    sure = cells.counts.copy()
+    for one, other in ((whole.first, whole.second), (whole.second, whole.first)):
+        sure += np.bincount(one, cells.counts[other], len(cells)).astype(np.int64)
+    is_open, part = sure < least, pairs[~pairs.is_whole]
+    one = np.concatenate([part.first, part.second])
+    other = np.concatenate([part.second, part.first])
+    asked = np.flatnonzero(is_open[one])
+    one, other = one[asked], other[asked]
+    owner, points = spread(cells.starts[one], cells.counts[one])
+    near = np.flatnonzero(cells.may_be_near(points, other[owner], radius_m))
+    points, other = points[near], other[owner[near]]
+    owner, neighbours = spread(cells.starts[other], cells.counts[other])
+    points = points[owner]
+    hits = np.flatnonzero(cells.is_near(points, neighbours, radius_m))
+    points, neighbours = points[hits], neighbours[hits]
+    is_core = (~is_open).repeat(cells.counts)
+    is_core |= sure.repeat(cells.counts) + np.bincount(points, minlength=len(is_core)) >= least
+    return _Cores(is_core, points, neighbours)
+
+
+def _join(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Int:
+    """Return (K,) the connected part of each cell's cores; a cell without cores is a part of its own."""
+    has_core = np.logical_or.reduceat(is_core, cells.starts)
+    pairs = pairs[np.flatnonzero(has_core[pairs.first] & has_core[pairs.second])]
+    one, other = _facing(cells, pairs, is_core)
+    is_joined = pairs.is_whole | cells.is_near(one, other, radius_m)
+    joined, doubtful = pairs[is_joined], pairs[~is_joined]
+    part = _parts(len(cells), joined.first, joined.second)
+    doubtful = doubtful[np.flatnonzero(part[doubtful.first] != part[doubtful.second])]
+    if len(doubtful.first) == 0:
+        return part
+    touching = doubtful[_touch(cells, doubtful, is_core, radius_m)]
+    first, second = part[touching.first], part[touching.second]
+    order = np.argsort(first)
+    return _parts(len(cells), first[order], second[order])[part]
+
+
+def _facing(cells: PointCells, pairs: CellPairs, is_core: Bool) -> tuple[Int, Int]:
+    """Return (L,) a core of each cell of each pair, the farthest towards the other where that is one."""
+    cell = np.arange(len(cells)).repeat(cells.counts)
+    any_core = np.empty(len(cells), np.int64)
+    any_core[cell[is_core]] = np.flatnonzero(is_core)
+    sides = []
+    for places_m, low_m, high_m in zip(
+        (cells.x_m, cells.y_m), cells.lows_m, cells.highs_m, strict=True
+    ):
+        for end_m in (low_m, high_m):
+            at = np.flatnonzero((places_m == end_m.repeat(cells.counts)) & is_core)
+            side = any_core.copy()
+            side[cell[at]] = at
+            sides.append(side)
+    x, y = (
+        (low_m + high_m)[pairs.second] - (low_m + high_m)[pairs.first]
+        for low_m, high_m in zip(cells.lows_m, cells.highs_m, strict=True)
+    )
+    is_along_x = np.abs(x) > np.abs(y)
+    towards = np.where(is_along_x, x > 0, 2 + (y > 0))
+    by_side = np.stack(sides)
+    return by_side[towards, pairs.first], by_side[towards ^ 1, pairs.second]
+
+
+def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Bool:
+    """Tell which pairs of cells have a core each that are neighbours."""
+    ones, pair_of_one = _cores_near(cells, pairs.first, pairs.second, is_core, radius_m)
+    others, pair_of_other = _cores_near(cells, pairs.second, pairs.first, is_core, radius_m)
+    counts = np.bincount(pair_of_other, minlength=len(pairs.first))
+    starts = counts.cumsum() - counts
+    touches: Bool = np.zeros(len(pairs.first), bool)
+    if counts[pair_of_one].sum() > _MOST_COMPARISONS:
+        # A third axis holds the pairs apart, so that one tree serves all.
+        planes_m = (4 * radius_m * pair for pair in (pair_of_one, pair_of_other))
+        one_m, other_m = (
+            np.column_stack([cells.x_m[points], cells.y_m[points], plane_m])
+            for points, plane_m in zip((ones, others), planes_m, strict=True)
+        )
+        apart_m, _ = cKDTree(other_m).query(one_m, distance_upper_bound=2 * radius_m)
+        # The tree's rounding is not ours: what is as near as that to the radius is compared below.
+        touches[pair_of_one[apart_m < radius_m * (1 - 1e-9)]] = True
+        is_open = (apart_m < radius_m * (1 + 1e-9)) & ~touches[pair_of_one]
+        ones, pair_of_one = ones[is_open], pair_of_one[is_open]
+    owner, at = spread(starts[pair_of_one], counts[pair_of_one])
+    hits = cells.is_near(ones[owner], others[at], radius_m)
+    touches[pair_of_one[owner[hits]]] = True
+    return touches
+
+
+def _cores_near(
+    cells: PointCells, of_cell: Int, to_cell: Int, is_core: Bool, radius_m: float
+) -> tuple[Int, Int]:
+    """Return the cores of each cell within the radius of the box of another, and whose pair's they are."""
+    pair, points = spread(cells.starts[of_cell], cells.counts[of_cell])
+    near = is_core[points] & cells.may_be_near(points, to_cell[pair], radius_m)
+    return points[near], pair[near]
+
+
+def _parts(count: int, first: Int, second: Int) -> Int:
+    """Return (count,) the connected part of each node, for edges in the order of their first node."""
+    ends = np.zeros(count + 1, np.int32)
+    np.cumsum(np.bincount(first, minlength=count), out=ends[1:])
+    edges = csr_matrix((np.ones(len(first)), second.astype(np.int32), ends), (count, count))
+    return np.asarray(connected_components(edges, directed=False)[1], np.int64)
+
+
+def _number(cells: PointCells, is_core: Bool, part: Int) -> Int:
+    """Return (K,) the cluster of each cell's cores in the order of their first; N where there are none."""
+    count = len(cells.order)
+    first_core = np.minimum.reduceat(np.where(is_core, cells.order, count), cells.starts)
+    first_of_part = np.full(len(cells), count)
+    np.minimum.at(first_of_part, part, first_core)
+    rank = np.empty(len(cells), np.int64)
+    rank[np.argsort(first_of_part, kind="stable")] = np.arange(len(cells))
+    return np.where(first_core < count, rank[part], count)
+
+
+def _label(cells: PointCells, pairs: CellPairs, cores: _Cores, number: Int) -> Int:
+    """Return (N,) the clusters of the sorted points."""
+    whole, lowest = pairs[pairs.is_whole], number.copy()
+    np.minimum.at(lowest, whole.first, number[whole.second])
+    np.minimum.at(lowest, whole.second, number[whole.first])
+    labels = number.repeat(cells.counts)
+    cell = np.arange(len(cells)).repeat(cells.counts)
+    border = np.flatnonzero(~cores.is_core)
+    labels[border] = lowest[cell[border]]
+    reached = np.flatnonzero(~cores.is_core[cores.points] & cores.is_core[cores.neighbours])
+    np.minimum.at(labels, cores.points[reached], number[cell[cores.neighbours[reached]]])
+    labels[border[labels[border] == len(labels)]] = -1
+    return labels

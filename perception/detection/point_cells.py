@@ -1,0 +1,166 @@
+"""Points of the plane in square cells so small that all points of a cell are neighbours of each other.
+
+The diagonal of a cell is the radius, so that no neighbour of a point lies farther than two cells off.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.types import Bool, Float, Float64, Int
+
+# A cell is this much smaller than its diagonal allows: more than rounding can move a point.
+_SLACK = 1e-6
+_MOST_CELLS = 2**30  # along an axis: with more, rounding would outgrow the slack
+_LARGEST_TABLE = 2**23
+
+
+@dataclass(frozen=True)
+class PointCells:
+    """N points sorted by the K cells that hold any.
+
+    Attributes:
+        order: (N,) of the points given, which one stands where.
+        x_m: (N,) sorted.
+        y_m: (N,) sorted.
+        starts: (K,) the first point of each cell.
+        counts: (K,) how many points it holds.
+        keys: (K,) rising: column times stride plus row.
+        stride: from a column to the next.
+        lows_m: (2, K) least x and y of a cell's points.
+        highs_m: (2, K) greatest x and y.
+    """
+
+    order: Int
+    x_m: Float64
+    y_m: Float64
+    starts: Int
+    counts: Int
+    keys: Int
+    stride: int
+    lows_m: tuple[Float64, Float64]
+    highs_m: tuple[Float64, Float64]
+
+    @classmethod
+    def of(cls, xy_m: Float, radius_m: float) -> Self:
+        """Sort (N, 2) points, at least one, into cells.
+
+        Raises:
+            UsageError: coordinates are not finite, or so large that they are not known to a radius.
+        """
+        x_m, y_m = xy_m[:, 0].astype(np.float64), xy_m[:, 1].astype(np.float64)
+        low_x, low_y = x_m.min(), y_m.min()
+        per_m = np.sqrt(2) * (1 + _SLACK) / radius_m
+        extent = (x_m.max() - low_x + y_m.max() - low_y) * per_m
+        if not extent < _MOST_CELLS:
+            raise UsageError(
+                "points to cluster",
+                expected="finite coordinates, and a radius that their extent does not dwarf",
+                found=f"an extent of {extent:.3g} cells",
+            )
+        # Two rows to spare, so that what is above the last row is not the next column.
+        row = ((y_m - low_y) * per_m).astype(np.int64)
+        stride = int(row.max()) + 3
+        point_keys, order = _sorted(((x_m - low_x) * per_m).astype(np.int64) * stride + row)
+        x_m, y_m = x_m[order], y_m[order]
+        starts = np.concatenate([[0], np.flatnonzero(point_keys[1:] != point_keys[:-1]) + 1])
+        return cls(
+            order=order,
+            x_m=x_m,
+            y_m=y_m,
+            starts=starts,
+            counts=np.concatenate([starts[1:], [len(order)]]) - starts,
+            keys=point_keys[starts],
+            stride=stride,
+            lows_m=(np.minimum.reduceat(x_m, starts), np.minimum.reduceat(y_m, starts)),
+            highs_m=(np.maximum.reduceat(x_m, starts), np.maximum.reduceat(y_m, starts)),
+        )
+
+    def __len__(self) -> int:
+        """Return K."""
+        return len(self.keys)
+
+    def is_near(self, first: Int, second: Int, radius_m: float) -> Bool:
+        """Tell which (L,) pairs of points are neighbours."""
+        x, y = self.x_m[first] - self.x_m[second], self.y_m[first] - self.y_m[second]
+        return np.asarray(x * x + y * y <= radius_m * radius_m)
+
+    def may_be_near(self, points: Int, cells: Int, radius_m: float) -> Bool:
+        """Tell which (L,) points are within the radius of the box around a cell's points."""
+        x = _gap(self.x_m[points], self.lows_m[0][cells], self.highs_m[0][cells])
+        y = _gap(self.y_m[points], self.lows_m[1][cells], self.highs_m[1][cells])
+        return np.asarray(x * x + y * y <= radius_m * radius_m)
+
+
+@dataclass(frozen=True)
+class CellPairs:
+    """L pairs of cells with points that may be neighbours, each pair once.
+
+    Attributes:
+        first: (L,) rising.
+        second: (L,) the cell with the greater key.
+        is_whole: (L,) all points of one are neighbours of all points of the other.
+    """
+
+    first: Int
+    second: Int
+    is_whole: Bool
+
+    @classmethod
+    def of(cls, cells: PointCells, radius_m: float) -> Self:
+        """Find them by the boxes around the points of each cell.
+
+        Differences, squares and sums rise with what they are made of, rounded or not: what holds for
+        the box holds for its points exactly.
+        """
+        steps = [1, 2, *(cells.stride * right + up for right in (1, 2) for up in range(-2, 3))]
+        second = _find(cells.keys, (cells.keys[:, None] + steps).ravel())
+        exists = np.flatnonzero(second >= 0)
+        first, second = exists // len(steps), second[exists]
+        limit, nearest, farthest = radius_m * radius_m, np.zeros(len(first)), np.zeros(len(first))
+        for low_m, high_m in zip(cells.lows_m, cells.highs_m, strict=True):
+            one, other = low_m[second] - high_m[first], low_m[first] - high_m[second]
+            gap = np.maximum(np.maximum(one, other), 0)
+            span = np.minimum(one, other)
+            nearest, farthest = nearest + gap * gap, farthest + span * span
+        near = np.flatnonzero(nearest <= limit)
+        return cls(first[near], second[near], farthest[near] <= limit)
+
+    def __getitem__(self, rows: Bool | Int) -> Self:
+        """Return the pairs of a mask or of indices."""
+        return type(self)(self.first[rows], self.second[rows], self.is_whole[rows])
+
+
+def spread(starts: Int, counts: Int) -> tuple[Int, Int]:
+    """Return, for ranges of so many numbers from each start, whose range and which number, end to end."""
+    owner = np.arange(len(counts)).repeat(counts)
+    before = counts.cumsum() - counts
+    return owner, np.arange(len(owner)) + (starts - before)[owner]
+
+
+def _sorted(keys: Int) -> tuple[Int, Int]:
+    """Return (N,) keys in order, and where each stood."""
+    bits = len(keys).bit_length()
+    if int(keys.max()).bit_length() + bits > 62:
+        order = np.argsort(keys, kind="stable")
+        return keys[order], order
+    # Numbers sort several times faster than their indices: let the index be the last digits.
+    packed = np.sort((keys << bits) | np.arange(len(keys)))
+    return packed >> bits, packed & ((1 << bits) - 1)
+
+
+def _find(keys: Int, wanted: Int) -> Int:
+    """Return where in the rising keys each wanted one stands, or -1."""
+    reach = int(wanted.max()) + 1
+    if reach > _LARGEST_TABLE:
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        return np.where(keys[at] == wanted, at, -1)
+    table = np.full(reach, -1)
+    table[keys] = np.arange(len(keys))
+    return table[wanted]  # a negative one would be below all keys: none of the steps reaches so far
+
+
+def _gap(values: Float64, lows: Float64, highs: Float64) -> Float64:
+    return np.asarray(np.maximum(np.maximum(lows - values, values - highs), 0))
