@@ -1,0 +1,79 @@
+"""What a terminal shows of a training: one bar over all batches, one line an epoch."""
+
+from typing import Any
+
+from lightning.pytorch import LightningModule, Trainer
+from lightning.pytorch.callbacks import ProgressBar
+from tqdm import tqdm
+
+_SHOWN = ("loss", "accuracy", "precision", "recall", "box_iou")  # where they are logged
+
+
+class TrainingBar(ProgressBar):
+    """Rate and time left of the whole training, on stderr."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bar: Any = None
+        self._is_enabled = True
+
+    def disable(self) -> None:
+        """Show nothing; Lightning says so in all processes but the first."""
+        self._is_enabled = False
+
+    def enable(self) -> None:
+        """Show it again."""
+        self._is_enabled = True
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Begin where the training begins, or goes on."""
+        batches = trainer.num_training_batches
+        self._bar = tqdm(
+            total=int(batches * (trainer.max_epochs or 1)),
+            initial=int(batches * trainer.current_epoch),
+            desc="train",
+            unit="batch",
+            dynamic_ncols=True,
+            disable=not self._is_enabled,
+        )
+
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: object,
+        batch_idx: int,
+    ) -> None:
+        """Move on by a batch."""
+        self._bar.update()
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Leave one line above the bar."""
+        epoch = f"epoch {trainer.current_epoch + 1}/{trainer.max_epochs}"
+        stages = (_line(trainer.callback_metrics, stage) for stage in ("train", "validation"))
+        if self._is_enabled:
+            self._bar.write("   ".join([epoch, *filter(None, stages)]), file=self._bar.fp)
+
+    def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Close the bar."""
+        self._close()
+
+    def on_exception(
+        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
+    ) -> None:
+        """Leave the terminal in order."""
+        self._close()
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _line(figures: dict[str, Any], stage: str) -> str:
+    shown = [
+        f"{name} {float(figures[f'{stage}/{name}']):.4f}"
+        for name in _SHOWN
+        if f"{stage}/{name}" in figures
+    ]
+    return f"{stage} {' '.join(shown)}" if shown else ""

@@ -1,0 +1,24 @@
+"""How the learning rate goes over a training: its share of the highest, a number a step."""
+
+import math
+
+
+def stepped(step: int, steps_a_stage: int, factor: float = 0.1) -> float:
+    """Return 1 in the first stage, and so much less in each that follows."""
+    return float(factor ** (step // max(steps_a_stage, 1)))
+
+
+def warm_cosine(step: int, steps: int, warm: float = 0.1, last: float = 0.001) -> float:
+    """Return a share that rises over the first steps, then falls along half a cosine.
+
+    Args:
+        step: of the training, from 0.
+        steps: of the whole training.
+        warm: the share of the steps in which it rises.
+        last: what is left at the end.
+    """
+    done = min((step + 1) / max(steps, 1), 1.0)
+    if done < warm:
+        return done / warm
+    fallen = (1 - math.cos(math.pi * (done - warm) / (1 - warm))) / 2
+    return 1 - (1 - last) * fallen

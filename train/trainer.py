@@ -1,0 +1,178 @@
+"""One way to train every network: followed in TensorBoard, kept in two checkpoints, gone on with.
+
+OUT/best.ckpt                of the epoch with the best validation figure
+OUT/last.ckpt                of the last whole epoch, to go on from
+OUT/events.out.tfevents...   what TensorBoard shows
+"""
+
+import logging
+import signal
+import threading
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
+from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from perception.errors import UsageError
+from train.checkpoint_writer import WholeCheckpoints, require_same_network
+from train.progress import TrainingBar
+
+BEST, LAST = "best.ckpt", "last.ckpt"
+Accelerator = Literal["auto", "cpu", "gpu"]
+Precision = Literal["32-true", "16-mixed", "bf16-mixed"]
+
+
+@dataclass(frozen=True)
+class TrainerPlan:
+    """How long and on what a network is trained.
+
+    Attributes:
+        epochs: in all, those of a training that is gone on with included.
+        accelerator: auto takes a GPU where there is one.
+        devices: how many of them; processes, on a CPU.
+        precision: of the numbers; mixed is faster on a GPU.
+        seed: of every choice.
+        watched: the logged figure whose highest value marks the best epoch.
+        is_trial: one batch of each kind and nothing written, to see that everything fits.
+    """
+
+    epochs: int = 40
+    accelerator: Accelerator = "auto"
+    devices: int = 1
+    precision: Precision = "32-true"
+    seed: int = 0
+    watched: str = "validation/accuracy"
+    is_trial: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work."""
+        if self.epochs < 1 or self.devices < 1:
+            found = f"{self.epochs} epochs, {self.devices} devices"
+            raise UsageError("training", expected="at least one of each", found=found)
+        if self.accelerator == "gpu" and not torch.cuda.is_available():
+            raise UsageError("--accelerator gpu", expected="a GPU that torch sees", found="none")
+
+
+class EpochSeeds(Callback):
+    """Draw the numbers of each epoch from the seed and its number, so that going on changes nothing."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Seed torch; each process draws its own."""
+        of_epoch = self._seed + trainer.current_epoch
+        torch.manual_seed(of_epoch * 1_000_003 + trainer.global_rank)
+
+
+def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = ()) -> Trainer:
+    """Return a trainer that writes to a folder.
+
+    Args:
+        out: the folder.
+        plan: how long and on what.
+        callbacks: more, such as those that draw.
+    """
+    _be_quiet()
+    best = ModelCheckpoint(
+        out,
+        filename=Path(BEST).stem,
+        monitor=plan.watched,
+        mode="max",
+        save_on_train_epoch_end=True,
+        enable_version_counter=False,
+    )
+    last = ModelCheckpoint(
+        out,
+        filename=Path(LAST).stem,
+        save_on_train_epoch_end=True,
+        enable_version_counter=False,
+    )
+    return Trainer(
+        accelerator=plan.accelerator,
+        devices=plan.devices,
+        strategy="ddp" if plan.devices > 1 else "auto",
+        precision=plan.precision,
+        max_epochs=plan.epochs,
+        # Each epoch asks for its own batches, which depend on its number alone.
+        reload_dataloaders_every_n_epochs=1,
+        logger=TensorBoardLogger(out, name="", version="", default_hp_metric=False),
+        callbacks=[
+            EpochSeeds(plan.seed),
+            LearningRateMonitor("epoch"),
+            *callbacks,
+            TrainingBar(),
+            best,
+            last,
+        ],
+        plugins=[WholeCheckpoints()],
+        deterministic="warn",
+        fast_dev_run=plan.is_trial,
+        num_sanity_val_steps=0,
+        log_every_n_steps=10,
+        enable_model_summary=False,
+    )
+
+
+def fit(
+    trainer: Trainer,
+    module: LightningModule,
+    data: LightningDataModule,
+    resume: Path | None = None,
+) -> None:
+    """Train, from a checkpoint on where one is given.
+
+    Raises:
+        ModelError: where the checkpoint is damaged or of another network, or the disk is full.
+        KeyboardInterrupt: where it is stopped; what was written is kept.
+    """
+    if resume is not None:
+        require_same_network(resume, module)
+    interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        trainer.fit(module, datamodule=data, ckpt_path=resume, weights_only=True)
+    except SystemExit as stopped:
+        # Lightning ends the program itself; who called decides that here.
+        raise KeyboardInterrupt from stopped
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)
+
+
+def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
+    """Return the checkpoint to go on from, and refuse to begin where another training lies.
+
+    Args:
+        out: the folder of the training.
+        resume: a checkpoint, the word last for that of the folder, or None to begin anew.
+    """
+    if resume is not None:
+        return out / LAST if resume == "last" else Path(resume)
+    if (out / LAST).exists():
+        raise UsageError(
+            out,
+            expected="a folder without a training",
+            found=LAST,
+            advice="go on with --resume last, or name another --out",
+        )
+    return None
+
+
+def _be_quiet() -> None:
+    """Let Lightning say only what somebody has to act on."""
+    for name in ("lightning.pytorch", "lightning.fabric"):
+        logging.getLogger(name).setLevel(logging.WARNING)
+    for about in (
+        ".*does not have many workers.*",
+        ".*Checkpoint directory.*exists.*",
+        ".*smaller than the logging interval.*",
+        ".*GPU available but not used.*",
+        ".*`isinstance.treespec, LeafSpec.` is deprecated.*",
+    ):
+        warnings.filterwarnings("ignore", about)

@@ -1,0 +1,69 @@
+"""How well a verifier tells vehicles from the rest, and finds their boxes."""
+
+import torch
+from torch import Tensor
+from torchmetrics import Metric
+
+from train.verifier_loss import box_iou
+
+
+class VerifierFigures(Metric):
+    """Counts over the batches of an epoch, summed over all processes.
+
+    accuracy     share of the candidates that are called what they are
+    precision    share of what is called a vehicle that is one
+    recall       share of the vehicles that are called so
+    box_iou      mean IoU of the vehicles' boxes with the labels'
+    box_iou_70   share of the vehicles' boxes with an IoU above 0.7, KITTI's demand
+    """
+
+    full_state_update = False
+    is_right: Tensor
+    is_wrong: Tensor
+    iou_sum: Tensor
+    good_boxes: Tensor
+    boxes: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        # By what they are: not vehicles, vehicles.
+        for name in ("is_right", "is_wrong"):
+            self.add_state(name, torch.zeros(2, dtype=torch.long), dist_reduce_fx="sum")
+        self.add_state("iou_sum", torch.zeros(()), dist_reduce_fx="sum")
+        for name in ("good_boxes", "boxes"):
+            self.add_state(name, torch.zeros((), dtype=torch.long), dist_reduce_fx="sum")
+
+    def update(self, logits: Tensor, shares: Tensor, is_vehicle: Tensor, box_share: Tensor) -> None:
+        """Count a batch of M candidates.
+
+        Args:
+            logits: (M,) of a vehicle.
+            shares: (M, 4) of the boxes.
+            is_vehicle: (M,) what they are.
+            box_share: (M, 4) of the labels, NaN where there is none.
+        """
+        truth = is_vehicle.long()
+        is_right = (logits > 0).long() == truth
+        self.is_right += torch.bincount(truth[is_right], minlength=2)
+        self.is_wrong += torch.bincount(truth[~is_right], minlength=2)
+        has_box = is_vehicle.bool() & box_share.isfinite().all(1)
+        overlaps = box_iou(shares[has_box].float(), box_share[has_box].float())
+        self.iou_sum += overlaps.sum()
+        self.good_boxes += (overlaps > 0.7).sum()
+        self.boxes += has_box.sum()
+
+    def compute(self) -> dict[str, Tensor]:
+        """Return the figures, 0 where there is nothing to divide by."""
+        total = self.is_right + self.is_wrong
+        found = self.is_right[1]
+        return {
+            "accuracy": _share(self.is_right.sum(), total.sum()),
+            "precision": _share(found, found + self.is_wrong[0]),
+            "recall": _share(found, total[1]),
+            "box_iou": _share(self.iou_sum, self.boxes),
+            "box_iou_70": _share(self.good_boxes, self.boxes),
+        }
+
+
+def _share(part: Tensor, whole: Tensor) -> Tensor:
+    return part / whole.clamp(min=1)

@@ -1,0 +1,163 @@
+"""What TensorBoard shows of a verifier: its crops, its worst mistakes, and where it sees boxes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+from torch import Tensor
+from torch.nn import functional
+
+from perception.types import Float32, UInt8
+from train.verifier_training import Batch
+
+_LABEL, _FOUND, _WRONG = (90, 220, 90), (255, 255, 255), (255, 80, 80)  # RGB
+_COLUMNS, _ROWS = 8, 4
+_COUNT = _COLUMNS * _ROWS
+
+
+@dataclass(frozen=True)
+class JudgedCrops:
+    """M candidates and what a verifier says of them.
+
+    Attributes:
+        crops: (M, C, H, W) uint8.
+        logits: (M,) of a vehicle.
+        shares: (M, 4) of its boxes in the crop.
+        is_vehicle: (M,) what they are.
+        box_share: (M, 4) of the labels' boxes, NaN where there is none.
+    """
+
+    crops: Tensor
+    logits: Tensor
+    shares: Tensor
+    is_vehicle: Tensor
+    box_share: Tensor
+
+    @property
+    def losses(self) -> Tensor:
+        """(M,) how wrong each is: above log 2 what is called what it is not."""
+        return functional.binary_cross_entropy_with_logits(
+            self.logits, self.is_vehicle.float(), reduction="none"
+        )
+
+    def __getitem__(self, rows: Tensor | slice) -> "JudgedCrops":
+        """Return some of them."""
+        return JudgedCrops(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def __add__(self, others: "JudgedCrops") -> "JudgedCrops":
+        """Return these and others."""
+        names = self.__dataclass_fields__
+        return JudgedCrops(*(torch.cat([getattr(c, n) for c in (self, others)]) for n in names))
+
+
+class VerifierPictures(Callback):
+    """Draws augmentations once, and worst mistakes and boxes of every validation."""
+
+    def __init__(self, augmentations: Mapping[str, UInt8] | None = None) -> None:
+        """Take pictures to show at the start.
+
+        Args:
+            augmentations: (H, W, 3) RGB by name.
+        """
+        self._augmentations = dict(augmentations or {})
+        self._mistakes: JudgedCrops | None = None
+        self._vehicles: JudgedCrops | None = None
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Show what each augmentation does, where a training begins."""
+        if trainer.current_epoch == 0:
+            for name, picture in self._augmentations.items():
+                _show(trainer, f"augmentation/{name}", picture)
+
+    def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Forget the last validation."""
+        self._mistakes = self._vehicles = None
+
+    def on_validation_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Batch,  # type: ignore[override]
+        batch: Batch,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Keep the worst so far, and the first vehicles."""
+        names = ("crops", "is_vehicle", "box_share")
+        known = {name: value.detach().cpu() for name, value in (batch | outputs).items()}
+        judged = JudgedCrops(
+            logits=known["logits"].float(),
+            shares=known["shares"].float(),
+            **{name: known[name] for name in names},
+        )
+        wrong = judged[judged.losses > np.log(2)]
+        self._mistakes = _worst(wrong if self._mistakes is None else self._mistakes + wrong)
+        if self._vehicles is None or len(self._vehicles.logits) < _COUNT:
+            vehicles = judged[judged.is_vehicle.bool()]
+            self._vehicles = vehicles if self._vehicles is None else self._vehicles + vehicles
+
+    def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Show both."""
+        for name, judged in (("worst mistakes", self._mistakes), ("boxes", self._vehicles)):
+            if judged is not None and len(judged.logits):
+                _show(trainer, f"validation/{name}", draw_judged(judged[:_COUNT]))
+
+
+def draw_judged(judged: JudgedCrops) -> UInt8:
+    """Return an RGB grid: each crop with its score, the label's box green, the found one white."""
+    scores = judged.logits.sigmoid().tolist()
+    tiles = [
+        _tile(crop, score, bool(is_vehicle), np.stack([found, label]))
+        for crop, score, is_vehicle, found, label in zip(
+            judged.crops.numpy(),
+            scores,
+            judged.is_vehicle.tolist(),
+            judged.shares.numpy(),
+            judged.box_share.numpy(),
+            strict=True,
+        )
+    ]
+    return _grid(tiles)
+
+
+def _tile(crop: UInt8, score: float, is_vehicle: bool, boxes: Float32) -> UInt8:
+    """Draw depth, near bright, at twice its size."""
+    gray = np.where(crop[0] > 0, 255 - crop[0] // 2, 0).astype(np.uint8)
+    large = cv2.resize(gray, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    tile = np.repeat(large[..., None], 3, axis=2)
+    size = np.array((large.shape[1], large.shape[0]) * 2)
+    for box, color in zip(boxes, (_FOUND, _LABEL), strict=True):
+        if is_vehicle and np.isfinite(box).all():
+            x1, y1, x2, y2 = (np.clip(box, -1, 2) * size).astype(int).tolist()
+            cv2.rectangle(tile, (x1, y1), (x2, y2), color, 1)
+    color = _FOUND if (score > 0.5) == is_vehicle else _WRONG
+    text = f"{'vehicle' if is_vehicle else 'other'} {score:.2f}"
+    cv2.putText(tile, text, (3, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.4, color, 1, cv2.LINE_AA)
+    return np.asarray(tile, np.uint8)
+
+
+def _grid(tiles: Sequence[UInt8]) -> UInt8:
+    height, width = tiles[0].shape[:2]
+    rows = -(-len(tiles) // _COLUMNS)
+    columns = min(len(tiles), _COLUMNS)
+    picture = np.zeros((rows * (height + 2), columns * (width + 2), 3), np.uint8)
+    for number, tile in enumerate(tiles):
+        row, column = divmod(number, _COLUMNS)
+        top, left = row * (height + 2), column * (width + 2)
+        picture[top : top + height, left : left + width] = tile
+    return picture
+
+
+def _worst(judged: JudgedCrops) -> JudgedCrops:
+    order = judged.losses.argsort(descending=True, stable=True)
+    return judged[order[:_COUNT]]
+
+
+def _show(trainer: Trainer, name: str, picture: UInt8) -> None:
+    for logger in trainer.loggers:
+        if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
+            logger.experiment.add_image(name, picture, trainer.global_step, dataformats="HWC")

@@ -1,0 +1,145 @@
+"""How the networks of DepthCN learn (6.1.4)."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, Literal
+
+from lightning.pytorch import LightningModule
+from torch import Tensor
+from torch.nn import functional
+from torch.optim import SGD
+from torch.optim.lr_scheduler import LambdaLR
+
+from train.networks.depthcn import MODEL, Method, ThesisVerifier, make_verifier
+from train.schedules import stepped, warm_cosine
+from train.verifier_figures import VerifierFigures
+from train.verifier_loss import box_loss
+
+Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, box_share
+
+
+@dataclass(frozen=True)
+class VerifierPlan:
+    """How a network is trained, by stochastic gradient descent.
+
+    Attributes:
+        method: which network.
+        learning_rate: the highest.
+        schedule: `stepped` a tenth every 8 epochs, `cosine` a short rise and a long fall.
+        weight_decay: L2, of weights only.
+        momentum: of the descent.
+        box_weight: of the boxes' loss beside that of the classes.
+        training_data: what it learns from, for the model file.
+        revision: of the program, for the model file.
+    """
+
+    method: Method = "default"
+    learning_rate: float = 0.05
+    schedule: Literal["stepped", "cosine"] = "cosine"
+    weight_decay: float = 0.0005
+    momentum: float = 0.9
+    box_weight: float = 1.0
+    training_data: str = "unknown"
+    revision: str = "unknown"
+
+
+# The thesis' own figures: 7.2.1, the rate and its steps and L2 from the author's code.
+PLANS: dict[Method, VerifierPlan] = {
+    "default": VerifierPlan(),
+    "thesis": VerifierPlan("thesis", 0.001, "stepped", weight_decay=0.004, box_weight=0.0),
+}
+_EPOCHS_A_STAGE = 8
+
+
+class VerifierTraining(LightningModule):
+    """One network, its loss, its descent, and the figures by which it is followed."""
+
+    def __init__(self, plan: VerifierPlan, mean_picture: Tensor | None = None) -> None:
+        """Make the network anew.
+
+        Args:
+            plan: how it is trained.
+            mean_picture: (C, 66, 112) of the training set, which the thesis' network subtracts.
+        """
+        super().__init__()
+        self.save_hyperparameters({"model": MODEL} | asdict(plan))
+        self.plan = plan
+        self.network = make_verifier(plan.method)
+        if mean_picture is not None and isinstance(self.network, ThesisVerifier):
+            self.network.mean_picture.copy_(mean_picture)
+        self.training_figures, self.validation_figures = VerifierFigures(), VerifierFigures()
+
+    def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
+        """Return logits and boxes as the network does."""
+        logits, boxes_px = self.network(crops, windows_px)
+        return logits, boxes_px
+
+    def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
+        """Return the loss of a batch."""
+        logits, shares = self.network.heads(batch["crops"])
+        loss = self._loss("train", batch, logits, shares)
+        self._count(self.training_figures, batch, logits, shares)
+        return loss
+
+    def on_train_epoch_end(self) -> None:
+        """Log the figures over the epoch, measured while it learned."""
+        self._log_figures("train", self.training_figures)
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, Tensor]:
+        """Judge a batch; return logits and shares for whoever draws them."""
+        logits, shares = self.network.heads(batch["crops"])
+        self._loss("validation", batch, logits, shares)
+        self._count(self.validation_figures, batch, logits, shares)
+        return {"logits": logits, "shares": shares}
+
+    def on_validation_epoch_end(self) -> None:
+        """Log the figures over the validation set."""
+        self._log_figures("validation", self.validation_figures)
+
+    def _loss(self, stage: str, batch: Batch, logits: Tensor, shares: Tensor) -> Tensor:
+        is_vehicle = batch["is_vehicle"]
+        losses = {
+            "class_loss": functional.binary_cross_entropy_with_logits(logits, is_vehicle.float())
+        }
+        if self.plan.box_weight:
+            has_box = is_vehicle.bool() & batch["box_share"].isfinite().all(1)
+            losses["box_loss"] = box_loss(shares[has_box], batch["box_share"][has_box])
+        loss = losses["class_loss"] + self.plan.box_weight * losses.get("box_loss", 0.0)
+        named = {f"{stage}/{name}": value for name, value in {"loss": loss, **losses}.items()}
+        self.log_dict(
+            named,
+            on_step=False,
+            on_epoch=True,
+            batch_size=len(logits),
+            sync_dist=True,
+        )
+        return loss
+
+    def _count(
+        self, figures: VerifierFigures, batch: Batch, logits: Tensor, shares: Tensor
+    ) -> None:
+        figures.update(logits.detach(), shares.detach(), batch["is_vehicle"], batch["box_share"])
+
+    def _log_figures(self, stage: str, figures: VerifierFigures) -> None:
+        self.log_dict({f"{stage}/{name}": value for name, value in figures.compute().items()})
+        figures.reset()
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
+        """Return the descent and its rate, which changes with every step."""
+        kept = [weight for weight in self.parameters() if weight.ndim > 1]
+        free = [weight for weight in self.parameters() if weight.ndim <= 1]
+        groups = [
+            {"params": kept, "weight_decay": self.plan.weight_decay},
+            {"params": free, "weight_decay": 0.0},
+        ]
+        descent = SGD(groups, lr=self.plan.learning_rate, momentum=self.plan.momentum)
+        rate = LambdaLR(descent, self._rate())
+        return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+
+    def _rate(self) -> Callable[[int], float]:
+        steps = int(self.trainer.estimated_stepping_batches)
+        if self.plan.schedule == "stepped":
+            epochs = self.trainer.max_epochs or 1
+            return partial(stepped, steps_a_stage=_EPOCHS_A_STAGE * max(steps // epochs, 1))
+        return partial(warm_cosine, steps=steps)
