@@ -1,0 +1,188 @@
+"""`trifuse detect`: the vehicles in every frame of a drive, as KITTI's result files and as pictures."""
+
+import logging
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+
+from data.drive import Drive
+from data.frames import OnBadFrame, file_number, frame_count
+from data.kitti.detection_rows import format_result_rows
+from data.open_drive import open_drive
+from data.whole_file import write_whole
+from perception import __version__
+from perception.cli.detect_summary import DetectSummary
+from perception.cli.documents import write_json, write_yaml
+from perception.cli.results_folder import new_results_folder
+from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
+from perception.detection.depthcn import DetectionRules
+from perception.detection.proposals import ProposalRules
+from perception.detection.verifier import Method
+from perception.errors import PerceptionError, UsageError
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.render.detection_composition import DetectionComposition, DetectionScene
+from perception.render.detections import depth_picture
+from perception.render.video import PictureSink, video_or_none
+from perception.types import UInt8
+
+log = logging.getLogger(__name__)
+
+
+def detect(  # noqa: PLR0913 - flags of a command
+    drive: Path,
+    *,
+    out: Path | None = None,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int | None = None,
+    method: Method = "default",
+    model: Path | None = None,
+    rules: ProposalRules = ProposalRules(),  # noqa: B008 - frozen
+    least_score: float = DetectionRules.least_score,
+    shown_score: float = 0.5,
+    video: bool = True,
+    on_bad_frame: OnBadFrame = "stop",
+) -> None:
+    """Detect vehicles by DepthCN, which looks at the LiDAR alone, and write them as KITTI's result files.
+
+    Example: trifuse detect kitti/tracking --sequence 0000 --out results/vehicles
+
+    Args:
+        drive: a KITTI raw drive, tracking folder, object folder, or synthetic drive.
+        out: folder for the results; else results/<time>, with results/latest pointing to it.
+        sequence: which one, where there are several.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: only so many from the start; else all.
+        method: default, or thesis for its own network; both ship.
+        model: a network that you trained and exported; goes before method.
+        rules: how proposals are found; --rules.radius_m 0.6 for one of them.
+        least_score: of what is written, low, since the measure draws the whole curve.
+        shown_score: of what is drawn.
+        video: whether to draw: a video of a sequence, a picture of each frame of others.
+        on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
+    """
+    choice = DetectorChoice(method, model, rules, least_score)
+    plan = DetectPlan(choice, frames, shown_score, video, on_bad_frame)
+    opened = open_drive(drive, sequence=sequence, sensor=sensor)
+    detector = choice.open(opened.sensor)
+    summary = detect_in_drive(opened, detector, out or new_results_folder(Path("results")), plan)
+    print(summary.table())
+
+
+@dataclass(frozen=True)
+class DetectPlan:
+    """How vehicles are detected in a drive.
+
+    Attributes:
+        choice: of the detector.
+        frames: only so many from the start, or None.
+        shown_score: of what is drawn.
+        video: whether to draw.
+        on_bad_frame: stop or skip.
+    """
+
+    choice: DetectorChoice = field(default_factory=DetectorChoice)
+    frames: int | None = None
+    shown_score: float = 0.5
+    video: bool = True
+    on_bad_frame: OnBadFrame = "stop"
+
+    def __post_init__(self) -> None:
+        """Refuse to look at no frames."""
+        if self.frames is not None and self.frames < 1:
+            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+
+
+def detect_in_drive(
+    drive: Drive, detector: VehicleDetector, out: Path, plan: DetectPlan
+) -> DetectSummary:
+    """Detect in every frame and write what is found, whole at every moment.
+
+    config.yaml          the effective configuration, and what the network's file says of itself
+    data/NNNNNN.txt      result rows of KITTI's object benchmark, named as the frame; empty where nothing is found
+    video.mp4            of a sequence: camera and depth map with proposals and detections
+    pictures/NNNNNN.jpg  the same of frames that are no sequence
+    summary.json         the table that was printed
+
+    Raises:
+        PerceptionError: a frame cannot be used; what was done before it stays in the folder.
+    """
+    summary = DetectSummary(drive.name, out, plan.shown_score)
+    _write_configuration(out, drive, detector, plan)
+    found = sightings(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
+    start = time.perf_counter()
+    with ExitStack() as files:
+        is_film = plan.video and drive.is_sequence
+        path = out / "video.mp4" if is_film else None
+        video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
+        pictures = _Pictures(out, video, drive, plan)
+        try:
+            for sighting in found:
+                number = file_number(drive, sighting.frame.index)
+                rows = format_result_rows(DetectedBoxes.of_frames([sighting.detections]))
+                write_whole(out / "data" / f"{number:06d}.txt", rows.encode())
+                summary.add(sighting)
+                if plan.video:
+                    pictures.add(number, sighting)
+        except PerceptionError:
+            log.warning("%d frames were done before this; see %s", len(summary.detections), out)
+            raise
+        finally:
+            summary.elapsed_s = time.perf_counter() - start
+            write_json(out / "summary.json", summary.to_json())
+    return summary
+
+
+def _write_configuration(
+    out: Path, drive: Drive, detector: VehicleDetector, plan: DetectPlan
+) -> None:
+    document = {
+        "trifuse": __version__,
+        "drive": drive.root.resolve(),
+        "name": drive.name,
+        "sensor": drive.sensor.name,
+        "plan": plan,
+        "network": dict(detector.facts),
+    }
+    write_yaml(out / "config.yaml", document)
+
+
+class _Pictures:
+    """Draws a video of a sequence and a picture of its middle, or a picture of each other frame."""
+
+    def __init__(self, out: Path, video: PictureSink, drive: Drive, plan: DetectPlan) -> None:
+        self._out, self._video, self._plan = out, video, plan
+        self._is_sequence, self._turn_s = drive.is_sequence, 1 / drive.sensor.rate_hz
+        self._middle = 1 + frame_count(drive, plan.frames) // 2
+        self._composition: DetectionComposition | None = None
+        self._count = 0
+
+    def add(self, number: int, sighting: Sighting) -> None:
+        """Draw one frame."""
+        self._count += 1
+        found = sighting.detections
+        scene = DetectionScene(
+            number=number,
+            image=sighting.frame.image,
+            depth=depth_picture(sighting.dense),
+            proposals_px=sighting.proposals_px,
+            detections=found[found.scores >= self._plan.shown_score],
+            timings_s=sighting.timings_s,
+        )
+        # One layout for all, as a video needs.
+        self._composition = self._composition or DetectionComposition.of(scene, self._turn_s)
+        picture = self._composition.draw(scene)
+        if not self._is_sequence:
+            _write_picture(self._out / "pictures" / f"{number:06d}.jpg", picture)
+            return
+        self._video.add(picture)
+        if self._count == self._middle:
+            _write_picture(self._out / "picture.jpg", picture)
+
+
+def _write_picture(path: Path, picture: UInt8) -> None:
+    _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 90))
+    write_whole(path, encoded.tobytes())

@@ -1,0 +1,139 @@
+"""A vehicle detector over a drive, with a clock on each of its parts."""
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from tqdm import tqdm
+
+from data.drive import Drive
+from data.frames import OnBadFrame, frame_count, read_frames
+from perception.detection.depthcn import DepthCn, DetectionRules
+from perception.detection.proposals import ProposalRules, propose
+from perception.detection.verifier import Method
+from perception.geometry.threads import one_blas_thread
+from perception.maps.densify import DenseMaps, densify
+from perception.maps.projection import camera_of, project_scan
+from perception.pipeline import StageClock
+from perception.sensor import LidarModel
+from perception.types import Detections, Float64, Frame
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What a detector makes of one frame.
+
+    Attributes:
+        frame: what it was given.
+        dense: the maps that it looked at.
+        proposals_px: (P, 4) boxes before verification.
+        detections: after it.
+        timings_s: by stage, in the order in which the stages ran.
+    """
+
+    frame: Frame
+    dense: DenseMaps
+    proposals_px: Float64
+    detections: Detections
+    timings_s: Mapping[str, float]
+
+
+class VehicleDetector(Protocol):
+    """Finds vehicles in one frame after the other; frames know nothing of each other."""
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What the file of the network says of it."""
+        ...
+
+    def look(self, frame: Frame) -> Sighting:
+        """Detect in one frame.
+
+        Raises:
+            CalibrationError: the frame has no camera to project to.
+        """
+        ...
+
+
+class TimedDepthCn:
+    """DepthCN, part by part; implements `VehicleDetector`."""
+
+    def __init__(self, detector: DepthCn, rules: ProposalRules) -> None:
+        self._detector, self._rules = detector, rules
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What the file of the network says of it."""
+        return self._detector.verifier.model.facts
+
+    def look(self, frame: Frame) -> Sighting:
+        """Detect in one frame.
+
+        Raises:
+            CalibrationError: the frame has no camera to project to.
+        """
+        calibration, size_px = camera_of(frame)
+        clock = StageClock()
+        with clock.stage("proposals"):
+            proposals = propose(frame.points_velo, calibration, size_px, self._rules)
+        with clock.stage("maps"):
+            dense = densify(project_scan(frame.points_velo, calibration, size_px))
+        with clock.stage("verification"):
+            detections = self._detector.verify(proposals, dense, calibration).detections
+        return Sighting(frame, dense, proposals.boxes_px, detections, clock.seconds)
+
+
+@dataclass(frozen=True)
+class DetectorChoice:
+    """Which detector, and how it decides.
+
+    Attributes:
+        method: default or thesis, of those that ship.
+        model: file of another network, or None.
+        rules: how proposals are found.
+        least_score: of a detection.
+    """
+
+    method: Method = "default"
+    model: Path | None = None
+    rules: ProposalRules = field(default_factory=ProposalRules)
+    least_score: float = DetectionRules.least_score
+
+    def open(self, sensor: LidarModel) -> VehicleDetector:
+        """Open the network.
+
+        Raises:
+            ModelError: the file does not hold a network of this detector.
+            UsageError: a rule cannot work.
+        """
+        detector = DepthCn(
+            self.model or self.method,
+            sensor,
+            proposal_rules=self.rules,
+            detection_rules=DetectionRules(least_score=self.least_score),
+        )
+        return TimedDepthCn(detector, self.rules)
+
+
+def sightings(
+    drive: Drive, detector: VehicleDetector, *, limit: int | None, on_bad_frame: OnBadFrame
+) -> Iterator[Sighting]:
+    """Yield what a detector makes of each frame of a drive, with a progress bar.
+
+    Args:
+        drive: what is read.
+        detector: what looks at it.
+        limit: only so many frames from the start, or None.
+        on_bad_frame: stop or skip.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    bar = tqdm(frames, drive.name, frame_count(drive, limit), unit="frame", file=sys.stderr)
+    for frame in bar:
+        with one_blas_thread():
+            sighting = detector.look(frame)
+        yield sighting
