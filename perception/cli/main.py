@@ -21,9 +21,10 @@ COMMANDS = {
     "run": "run the stages on a drive; write results, a video and a summary",
     "track": "follow one object: its trajectory, speed and box, and a video",
     "maps": "make dense depth and reflectance maps from scans, as the camera sees them",
+    "detect": "detect vehicles by LiDAR; write KITTI's result files and pictures",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read everything once; report what is missing, damaged or implausible",
-    "evaluate": "measure ground, obstacles, objects and tracks against labels or exact truth",
+    "evaluate": "measure ground, obstacles, objects, tracks and vehicles against labels or exact truth",
     "study": "repeat one of the thesis' own studies: a picture and a table",
     "bench": "time every stage beside its plain form and the best library for it",
 }
