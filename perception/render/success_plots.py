@@ -35,9 +35,11 @@ class SuccessPanel:
     values: Mapping[str, str]
 
 
-def plot_success(path: Path, title: str, panels: Sequence[SuccessPanel]) -> None:
+def plot_success(
+    path: Path, title: str, panels: Sequence[SuccessPanel], columns: int = _COLUMNS
+) -> None:
     """Draw the panels side by side; a name has the same colour and dashes in all of them."""
-    columns = min(len(panels), _COLUMNS)
+    columns = min(len(panels), columns)
     rows = -(-len(panels) // columns)
     figure = new_figure(0.6 + 4.2 * columns, 0.6 + 3.6 * rows, title)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()

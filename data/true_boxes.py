@@ -1,0 +1,37 @@
+"""Labels of many frames as rows, in the form in which detections are judged."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from data.drive import Labels
+from data.kitti.labels import DONT_CARE
+from perception.evaluation.detection.box_rows import TrueBoxes
+from perception.evaluation.detection.protocol import NO_ALPHA_RAD
+from perception.types import Float64
+
+
+def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:
+    """Return the objects of one frame after the other, each frame's DontCare regions after its own."""
+    counts = [len(one) + len(one.dont_care_px) for one in labels]
+    regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
+    return TrueBoxes(
+        frames=np.repeat(np.arange(len(labels)), counts),
+        types=np.array(
+            [
+                name
+                for one in labels
+                for name in [*one.types.tolist(), *[DONT_CARE] * len(one.dont_care_px)]
+            ],
+            np.str_,
+        ),
+        alphas_rad=np.full(sum(counts), NO_ALPHA_RAD),
+        boxes_px=_in_turn([one.boxes_px for one in labels], [one.dont_care_px for one in labels]),
+        truncation=_in_turn([one.truncation for one in labels], regions),
+        occlusion=_in_turn([one.occlusion for one in labels], regions),
+    )
+
+
+def _in_turn(of_objects: Sequence[np.ndarray], of_regions: Sequence[np.ndarray]) -> Float64:
+    pairs = zip(of_objects, of_regions, strict=True)
+    return np.concatenate([column for pair in pairs for column in pair], dtype=np.float64)
