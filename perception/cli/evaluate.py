@@ -1,6 +1,7 @@
 """`trifuse evaluate`: every stage against labels or exact truth."""
 
 from perception.cli.evaluations.datmo import datmo
+from perception.cli.evaluations.depthcn import depthcn
 from perception.cli.evaluations.detection import detection
 from perception.cli.evaluations.ground import ground
 from perception.cli.evaluations.obstacles import obstacles
@@ -14,4 +15,5 @@ COMMANDS = {
     "tracks": tracks,
     "otd": otd,
     "detection": detection,
+    "depthcn": depthcn,
 }

@@ -34,7 +34,7 @@ _AVERAGED: dict[RecallOption, tuple[RecallPoints, ...]] = {
     "both": (11, 40),
 }
 _SPLIT = "the frames counted under data; what the detector was trained on is not known here"
-_PROTOCOL_WORDS = {
+DETECTION_PROTOCOL = {
     "name": "KITTI object benchmark, boxes in the image",
     "similarity": "intersection over union, areas without + 1 pixel, above the class' own",
     "truths": (
@@ -169,7 +169,7 @@ def _protocol(classes: tuple[DetectionClass, ...], resampling: Resampling) -> di
         "resampling": resampling,
         "confidence": CONFIDENCE,
     }
-    return {**_PROTOCOL_WORDS, "values": values}
+    return {**DETECTION_PROTOCOL, "values": values}
 
 
 def _class_named(name: str, iou: float | None) -> DetectionClass:

@@ -110,6 +110,17 @@ def threshold_places(matches: int, truths: int) -> Int:
     return np.unique(np.minimum(in_turn, matches))
 
 
+def best_ap(truths: int, recall_points: RecallPoints = 40) -> float:
+    """Return the average precision in percent of finding so many objects and nothing else.
+
+    It is 100 where objects are many. Where there are no more than 40, each is one threshold at most, and
+    precision is 0 beyond the last, as with the official tool.
+    """
+    precision = np.zeros(RECALL_STEPS + 1)
+    precision[: len(threshold_places(truths, truths))] = 1
+    return 100 * float(precision[_AVERAGED[recall_points]].mean())
+
+
 def _envelope(part: Int | Float64, whole: Int) -> Float64:
     """Return (41,) ratios, each the greatest of it and those after it; of nothing, 0."""
     ratios = np.zeros(RECALL_STEPS + 1)
