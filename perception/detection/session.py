@@ -15,12 +15,39 @@ from perception.errors import ModelError
 Array = NDArray[Any]
 # As many rows as a frame has candidates: memory for them is set aside before the first frame.
 _WARM_UP_ROWS = 32
-# As ONNX Runtime names the types of tensors; what else it knows no network here takes or gives.
-_TYPES: Mapping[str, type[np.generic]] = {
-    "tensor(uint8)": np.uint8,
-    "tensor(float)": np.float32,
-    "tensor(int64)": np.int64,
+# As ONNX Runtime names the types of numbers that go in.
+_TYPE_NAMES: Mapping[type[np.generic], str] = {
+    np.uint8: "tensor(uint8)",
+    np.float32: "tensor(float)",
 }
+
+
+@dataclass(frozen=True)
+class Input:
+    """What goes into a network.
+
+    Attributes:
+        type: of its numbers, uint8 or float32; None of any other.
+        shape: None along an axis of any length.
+    """
+
+    type: type[np.generic] | None
+    shape: tuple[int | None, ...]
+
+    def __str__(self) -> str:
+        """Write it as in: uint8 any x 3 x 66 x 112."""
+        name = self.type.__name__ if self.type else "another type"
+        return f"{name} {' x '.join(str(n or 'any') for n in self.shape)}"
+
+    def takes(self, other: "Input") -> bool:
+        """Tell whether the other is as this one asks for."""
+        return (
+            other.type is self.type
+            and len(other.shape) == len(self.shape)
+            and all(
+                want in (None, have) for want, have in zip(self.shape, other.shape, strict=True)
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -30,13 +57,13 @@ class ModelContract:
     Attributes:
         facts: metadata that have to be there and have this value.
         noted: names of metadata that have to be there, whatever their value.
-        inputs: by name the shape of each, None along an axis of any length.
+        inputs: by name; the file must have these and no others.
         outputs: names.
     """
 
     facts: Mapping[str, str]
     noted: tuple[str, ...] = ()
-    inputs: Mapping[str, tuple[int | None, ...]] = field(default_factory=dict)
+    inputs: Mapping[str, Input] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
 
 
@@ -63,7 +90,8 @@ class OnnxModel:
         self._session = _open(file, threads)
         self.facts: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         """What the file says of itself."""
-        self._inputs = {entry.name: entry for entry in self._session.get_inputs()}
+        self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
+        """What goes in, by name."""
         self._outputs = [entry.name for entry in self._session.get_outputs()]
         self._check_facts(contract)
         self._check_interface(contract)
@@ -95,10 +123,6 @@ class OnnxModel:
                 )
         return outputs
 
-    def input_shape(self, name: str) -> tuple[int | None, ...]:
-        """Return the shape of an input, None along an axis of any length."""
-        return tuple(n if isinstance(n, int) else None for n in self._inputs[name].shape)
-
     def _check_facts(self, contract: ModelContract) -> None:
         for name in (*contract.facts, *contract.noted):
             wanted = contract.facts.get(name)
@@ -112,15 +136,14 @@ class OnnxModel:
                 )
 
     def _check_interface(self, contract: ModelContract) -> None:
-        shapes = {name: self.input_shape(name) for name in self._inputs}
-        fits = shapes.keys() == contract.inputs.keys() and all(
-            _fits(shapes[name], wanted) for name, wanted in contract.inputs.items()
+        fits = self.inputs.keys() == contract.inputs.keys() and all(
+            wanted.takes(self.inputs[name]) for name, wanted in contract.inputs.items()
         )
         if not fits:
             raise ModelError(
                 self._file.name,
                 expected=f"inputs {_listed(contract.inputs)}",
-                found=_listed(shapes),
+                found=_listed(self.inputs),
             )
         if missing := [name for name in contract.outputs if name not in self._outputs]:
             raise ModelError(
@@ -131,8 +154,8 @@ class OnnxModel:
 
     def _blank_inputs(self) -> dict[str, Array]:
         return {
-            name: np.zeros([n or _WARM_UP_ROWS for n in self.input_shape(name)], _TYPES[entry.type])
-            for name, entry in self._inputs.items()
+            name: np.zeros([n or _WARM_UP_ROWS for n in entry.shape], entry.type)
+            for name, entry in self.inputs.items()
         }
 
 
@@ -163,13 +186,11 @@ def _first_line(error: Exception) -> str:
     return str(error).partition("\n")[0].rstrip(".")
 
 
-def _fits(shape: tuple[int | None, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(wanted) and all(
-        want is None or have == want for have, want in zip(shape, wanted, strict=True)
-    )
+def _input_of(entry: Any) -> Input:  # noqa: ANN401 - ONNX Runtime has no types
+    types = {name: number for number, name in _TYPE_NAMES.items()}
+    shape = tuple(n if isinstance(n, int) else None for n in entry.shape)
+    return Input(types.get(entry.type), shape)
 
 
-def _listed(shapes: Mapping[str, tuple[int | None, ...]]) -> str:
-    return ", ".join(
-        f"{name} ({' x '.join(str(n or 'any') for n in shape)})" for name, shape in shapes.items()
-    )
+def _listed(inputs: Mapping[str, Input]) -> str:
+    return ", ".join(f"{name} {entry}" for name, entry in inputs.items())

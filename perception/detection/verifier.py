@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.detection.crops import crop_windows
 from perception.detection.picture import CHANNELS
-from perception.detection.session import Array, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
 from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError
 from perception.types import Float64, UInt8
@@ -25,7 +25,10 @@ CONTRACT = ModelContract(
         "input_width": str(CROP_WIDTH_PX),
     },
     noted=("method", "window", "channels"),
-    inputs={"crops": (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX), "windows_px": (None, 4)},
+    inputs={
+        "crops": Input(np.uint8, (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX)),
+        "windows_px": Input(np.float32, (None, 4)),
+    },
     outputs=("scores", "boxes_px"),
 )
 _WINDOWS: dict[str, WindowKind] = {"box": "box", "metric": "metric"}
@@ -67,11 +70,12 @@ class Verifier:
         """The network itself, and what its file says."""
         channels = self.model.facts["channels"].split(",")
         self._channels = [CHANNELS.index(name) for name in channels if name in CHANNELS]
-        if not len(channels) == len(self._channels) == self.model.input_shape("crops")[1]:
+        taken = self.model.inputs["crops"].shape[1]
+        if not len(channels) == len(self._channels) == taken:
             raise ModelError(
                 file.name,
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
-                found=f"{', '.join(channels)} for an input of {self.model.input_shape('crops')[1]}",
+                found=f"{', '.join(channels)} for an input of {taken}",
             )
         if self.model.facts["window"] not in _WINDOWS:
             raise ModelError(
