@@ -14,7 +14,7 @@ from perception.errors import PerceptionError
 from perception.types import Float, Float64, UInt8
 
 # A window narrower than this is taken as this wide: a cluster of one column of points has no width.
-_LEAST_EDGE_PX = 1.0
+LEAST_EDGE_PX = 1.0
 
 
 def crop_windows(picture: UInt8, windows_px: Float) -> UInt8:
@@ -26,7 +26,8 @@ def crop_windows(picture: UInt8, windows_px: Float) -> UInt8:
     channels = picture.shape[2]
     crops = np.empty((len(windows_px), channels, CROP_HEIGHT_PX, CROP_WIDTH_PX), np.uint8)
     # OpenCV warps four channels in half the time of three.
-    picture = cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA) if channels == 3 else picture
+    if channels == 3:
+        picture = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA), np.uint8)
     for crop, picture_A_crop in zip(crops, window_maps(windows_px), strict=True):
         crop[:] = warp(picture, picture_A_crop)[..., :channels].transpose(2, 0, 1)
     return crops
@@ -41,7 +42,7 @@ def window_maps(windows_px: Float) -> Float64:
     if not np.isfinite(windows_px).all():
         raise PerceptionError("windows_px", expected="finite windows", found="NaN or infinity")
     corner = np.asarray(windows_px[:, :2], np.float64)
-    size = np.maximum(windows_px[:, 2:] - corner, _LEAST_EDGE_PX)
+    size = np.maximum(windows_px[:, 2:] - corner, LEAST_EDGE_PX)
     scale = size / (CROP_WIDTH_PX, CROP_HEIGHT_PX)
     maps = np.zeros((len(windows_px), 3, 3))
     maps[:, 0, 0], maps[:, 1, 1], maps[:, 2, 2] = scale[:, 0], scale[:, 1], 1.0

@@ -29,3 +29,9 @@ def encode_depth(depth_m: Float32, nearest_m: float = 5.0, farthest_m: float = 8
 def encode_reflectance(reflectance: Float32) -> UInt8:
     """Return reflectances 0..1 as 0..255."""
     return np.asarray(cv2.convertScaleAbs(reflectance, alpha=255.0), np.uint8)
+
+
+def decode_depth(encoded: UInt8, nearest_m: float = 5.0, farthest_m: float = 80.0) -> Float32:
+    """Return the depths that `encode_depth` made 8-bit values of, to within its rounding."""
+    scale = 255 * farthest_m / (farthest_m - nearest_m)
+    return np.asarray(scale * nearest_m / (scale - encoded.astype(np.float32)), np.float32)

@@ -1,0 +1,136 @@
+"""How a candidate is changed at every look at it, so that a small set resembles what a road holds (6.1.4).
+
+    scale, depth        closer and further objects
+    flip                driving in the opposite direction
+    jitter, aspect      errors of the calibration and of the labels
+    cover               occlusion
+    rotation            other positions on the road
+    line shift          noise, and errors of the dense maps
+
+The thesis names these and not how strong they are; the defaults are ours. A strength of 0 switches one off.
+"""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Literal, Self, get_args
+
+import numpy as np
+
+from perception.detection.windows import CROP_HEIGHT_PX
+from perception.errors import UsageError
+from perception.types import Float64
+
+Operation = Literal[
+    "scale", "depth", "flip", "jitter", "aspect", "cover", "rotation_rad", "line_shift_px"
+]
+OPERATIONS: tuple[Operation, ...] = get_args(Operation)
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """The strength of each operation; 0 is off.
+
+    Attributes:
+        scale: the content grows or shrinks by up to a factor of 1 + this.
+        depth: depths are multiplied or divided by up to 1 + this.
+        flip: probability of left and right changing places.
+        jitter: the content moves by up to this share of the window, in both directions.
+        aspect: the content is stretched along one direction and shrunk along the other, so that
+            their ratio changes by a factor of up to 1 + this.
+        cover: up to this share of the width of every second object is hidden by something nearer.
+        rotation_rad: the content turns by up to this, either way.
+        line_shift_px: each row of the crop moves by up to this many pixels, either way.
+    """
+
+    scale: float = 0.12
+    depth: float = 0.25
+    flip: float = 0.5
+    jitter: float = 0.06
+    aspect: float = 0.12
+    cover: float = 0.4
+    rotation_rad: float = 0.035
+    line_shift_px: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse strengths below zero, and those that leave nothing of the object."""
+        most = {"flip": 1.0, "jitter": 0.5, "cover": 0.9, "rotation_rad": 0.5}
+        for name, strength in asdict(self).items():
+            if not 0 <= strength <= most.get(name, 10.0):
+                raise UsageError(
+                    f"augmentation {name}",
+                    expected=f"a strength from 0 to {most.get(name, 10.0):g}",
+                    found=f"{strength:g}",
+                )
+
+    @classmethod
+    def none(cls) -> Self:
+        """Change nothing."""
+        return cls(*[0.0] * len(OPERATIONS))
+
+    def only(self, operation: Operation) -> Self:
+        """Return this one operation, as strong as it is here."""
+        return replace(self.none(), **{operation: getattr(self, operation)})
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Something nearer that hides one side of an object.
+
+    Attributes:
+        share: of the object's width that is hidden.
+        from_left: which side.
+        nearness: its depth as a share of the object's.
+        reflectance: of it, 0..1.
+    """
+
+    share: float
+    from_left: bool
+    nearness: float
+    reflectance: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """What happens to one candidate at one look, drawn or set by hand.
+
+    Attributes:
+        scale: factor of size, above 1 larger.
+        depth: factor of depth.
+        is_flipped: whether left and right change places.
+        shift: right and down, as shares of the window.
+        aspect: factor by which width over height changes.
+        cover: what hides a part, or None.
+        rotation_rad: clockwise as seen.
+        line_shifts_px: (66,) of each row of the crop to the right.
+    """
+
+    scale: float = 1.0
+    depth: float = 1.0
+    is_flipped: bool = False
+    shift: tuple[float, float] = (0.0, 0.0)
+    aspect: float = 1.0
+    cover: Cover | None = None
+    rotation_rad: float = 0.0
+    line_shifts_px: Float64 | None = None
+
+
+def draw_change(strengths: Augmentation, rng: np.random.Generator) -> Change:
+    """Draw what happens to one candidate; the same numbers are drawn whatever is switched off."""
+    # One call for all numbers: single ones would cost as much as the rest of the sample.
+    scale, depth, x, y, aspect, turn, side, nearness, grey, share, flip = rng.uniform(-1, 1, 11)
+    rows = rng.uniform(-1, 1, CROP_HEIGHT_PX)
+    cover = Cover(
+        share=strengths.cover * share,
+        from_left=bool(side > 0),
+        nearness=0.7 + 0.25 * nearness,
+        reflectance=0.3 + 0.3 * grey,
+    )
+    return Change(
+        scale=(1 + strengths.scale) ** scale,
+        depth=(1 + strengths.depth) ** depth,
+        is_flipped=bool(abs(flip) < strengths.flip),
+        shift=(strengths.jitter * x, strengths.jitter * y),
+        aspect=(1 + strengths.aspect) ** aspect,
+        cover=cover if cover.share > 0 else None,  # every second one is left open
+        rotation_rad=strengths.rotation_rad * turn,
+        line_shifts_px=strengths.line_shift_px * rows if strengths.line_shift_px else None,
+    )

@@ -1,0 +1,122 @@
+"""Candidates as tensors: a torch `Dataset` that changes each a little whenever it is asked for."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from data.candidates.augmentation import Augmentation, Change, draw_change
+from data.candidates.changes import Candidate, look_at
+from data.candidates.gathering import CandidateSet
+from data.candidates.labelled_frames import LabelledFrames
+from perception.detection.picture import CHANNELS
+from perception.errors import UsageError
+from perception.types import UInt8
+
+Sample = Mapping[str, Tensor]
+
+_OPEN_PICTURES = 128  # a file handle each
+
+
+class Ask(NamedTuple):
+    """Which candidate is asked for, and which of its looks.
+
+    Attributes:
+        row: of the candidate set.
+        look: numbers that the change is drawn by, such as the epoch and the place within it.
+    """
+
+    row: int
+    look: tuple[int, ...]
+
+
+class CandidateDataset(Dataset[Sample]):
+    """Samples of a candidate set, by row (unchanged) or by `Ask` (changed).
+
+    A sample holds
+
+        crops        (C, 66, 112) uint8
+        windows_px   (4,)         float32, x1 y1 x2 y2
+        is_vehicle   ()           float32, 0 or 1
+        box_share    (4,)         float32, the label's box in shares of the window, NaN of what is no vehicle
+
+    Pictures are opened by the process that needs them, so that it goes to workers, forked or spawned.
+    """
+
+    def __init__(
+        self,
+        frames: LabelledFrames,
+        candidates: CandidateSet,
+        augmentation: Augmentation | None = None,
+        channels: Sequence[str] = CHANNELS,
+        seed: int = 0,
+    ) -> None:
+        """Keep what samples are made of.
+
+        Args:
+            frames: where the pictures are.
+            candidates: of these frames.
+            augmentation: how samples are changed; None leaves them as they are.
+            channels: of the picture, by name, in the order of the network's input.
+            seed: of all changes.
+
+        Raises:
+            UsageError: a channel is not one of the picture's.
+        """
+        unknown = [name for name in channels if name not in CHANNELS]
+        if unknown or not channels:
+            raise UsageError("channels", expected=f"some of {CHANNELS}", found=str(channels))
+        self.frames, self.candidates = frames, candidates
+        self.augmentation, self.seed = augmentation, seed
+        self._channels = [CHANNELS.index(name) for name in channels]
+        self._pictures: dict[int, UInt8] = {}
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    def __getitem__(self, ask: Ask | int) -> Sample:
+        """Return one sample.
+
+        Raises:
+            PerceptionError: its frame is to be read again and cannot be.
+        """
+        row, change = self._change(ask)
+        candidate = self.candidate(row)
+        look = look_at(self.picture(row), candidate, change)
+        crop = np.ascontiguousarray(look.crop[..., self._channels].transpose(2, 0, 1))
+        return {
+            "crops": torch.from_numpy(crop),
+            "windows_px": torch.from_numpy(self.candidates.windows_px[row]),
+            "is_vehicle": torch.tensor(float(self.candidates.is_vehicle[row])),
+            "box_share": torch.from_numpy(look.box_share.astype(np.float32)),
+        }
+
+    def candidate(self, row: int) -> Candidate:
+        """Return one candidate."""
+        found = self.candidates
+        return Candidate(found.windows_px[row], float(found.depths_m[row]), found.boxes_px[row])
+
+    def picture(self, row: int) -> UInt8:
+        """Return the whole picture that a candidate is cut from."""
+        number = int(self.candidates.frames[row])
+        if number not in self._pictures:
+            if len(self._pictures) >= _OPEN_PICTURES:
+                self._pictures.pop(next(iter(self._pictures)))
+            self._pictures[number] = np.asarray(self.frames.picture(number))
+        return self._pictures[number]
+
+    def _change(self, ask: Ask | int) -> tuple[int, Change]:
+        if not isinstance(ask, Ask):
+            return ask, Change()
+        if self.augmentation is None:
+            return ask.row, Change()
+        return ask.row, draw_change(
+            self.augmentation, np.random.default_rng([self.seed, *ask.look])
+        )
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the open pictures behind when it goes to another process."""
+        return {**self.__dict__, "_pictures": {}}

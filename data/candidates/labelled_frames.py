@@ -1,0 +1,196 @@
+"""Labelled frames as training sees them: the picture, and what proposals and labels have in common.
+
+Both take long to make and are kept in an `ArrayStore`, under a key of all that makes them: the frame's files,
+the settings, and the code itself.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import perception.detection
+import perception.maps
+from data.candidates.array_store import Arrays, ArrayStore, entry_key
+from data.drive import Drive, Labels
+from data.kitti.objects import ObjectFrames
+from data.kitti.sequence import KittiSequence
+from perception.detection.picture import camera_picture
+from perception.detection.proposals import ProposalRules, propose
+from perception.geometry.boxes import points_inside
+from perception.geometry.camera import project
+from perception.maps.densify import MapMethod, densify
+from perception.maps.projection import camera_of, project_scan
+from perception.types import Float64, Frame, Int, UInt8
+
+_MARGIN_M = 0.15  # labels are a little tight, and the beam has a width
+
+
+@dataclass(frozen=True)
+class FrameRules:
+    """What a frame's picture and proposals depend on.
+
+    Attributes:
+        map_method: that makes the dense maps of the picture.
+        proposals: rules by which candidates are found.
+    """
+
+    map_method: MapMethod = "default"
+    proposals: ProposalRules = field(default_factory=ProposalRules)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """P proposals and L labelled objects of one frame.
+
+    Attributes:
+        boxes_px: (P, 4) x1 y1 x2 y2 of the proposals.
+        depths_m: (P,) of their near sides.
+        shares: (P, L) how much of a proposal's points lies within a label's 3D box.
+        label_types: (L,) class names.
+        label_boxes_px: (L, 4).
+        label_depths_m: (L,) of the nearest return within, NaN where there is none.
+        label_points: (L,) how many returns lie within.
+        dont_care_px: (D, 4) regions in which nothing was labelled.
+        focal_px: of the camera.
+    """
+
+    boxes_px: Float64
+    depths_m: Float64
+    shares: Float64
+    label_types: np.ndarray
+    label_boxes_px: Float64
+    label_depths_m: Float64
+    label_points: Int
+    dont_care_px: Float64
+    focal_px: float
+
+
+class LabelledFrames:
+    """The frames of some drives, numbered through; what is made of each is kept in a store."""
+
+    def __init__(self, drives: Sequence[Drive], rules: FrameRules, store: ArrayStore) -> None:
+        """Number the frames.
+
+        Args:
+            drives: with labels and a camera's calibration.
+            rules: how frames are looked at.
+            store: where pictures and scenes are kept.
+        """
+        self.drives, self.rules, self.store = tuple(drives), rules, store
+        self._places = [(drive, index) for drive in drives for index in range(len(drive))]
+        self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    def picture(self, number: int) -> UInt8:
+        """Return the (H, W, 3) picture of a frame, by memory map.
+
+        Raises:
+            PerceptionError: a file of the frame cannot be read, or it has no camera.
+        """
+        drive, index = self._places[number]
+        key = entry_key(what="picture", method=self.rules.map_method, **_origin(drive, index))
+
+        def make() -> Arrays:
+            return {"picture": _picture(drive[index], self.rules.map_method, drive.sensor.height_m)}
+
+        return self.store.get(key, make)["picture"]
+
+    def scene(self, number: int) -> Scene:
+        """Return proposals and labels of a frame.
+
+        Raises:
+            PerceptionError: a file of the frame cannot be read, or it has no camera or no labels.
+        """
+        drive, index = self._places[number]
+        rules = asdict(self.rules.proposals)
+        key = entry_key(what="scene", rules=rules, **_origin(drive, index))
+
+        def make() -> Arrays:
+            return asdict(_scene(drive[index], drive.labels(index), self.rules.proposals))
+
+        return _to_scene(self.store.get(key, make))
+
+
+def _picture(frame: Frame, method: MapMethod, lidar_height_m: float) -> UInt8:
+    calibration, size_px = camera_of(frame)
+    dense = densify(project_scan(frame.points_velo, calibration, size_px), method)
+    return camera_picture(dense, calibration.image_P_velo, lidar_height_m)
+
+
+def _scene(frame: Frame, labels: Labels, rules: ProposalRules) -> Scene:
+    calibration, size_px = camera_of(frame)
+    proposals = propose(frame.points_velo, calibration, size_px, rules)
+    is_within = points_inside(labels.boxes_velo, frame.points_velo, _MARGIN_M)
+    _, depth_m = project(calibration.image_P_velo, frame.points_velo)
+    nearest_m = np.where(is_within & (depth_m > 0), depth_m, np.inf).min(axis=1, initial=np.inf)
+    return Scene(
+        boxes_px=proposals.boxes_px,
+        depths_m=proposals.depths_m,
+        shares=_shares(proposals.clusters, is_within, len(proposals)),
+        label_types=labels.types.astype(np.str_),
+        label_boxes_px=labels.boxes_px,
+        label_depths_m=np.where(np.isfinite(nearest_m), nearest_m, np.nan),
+        label_points=is_within.sum(axis=1),
+        dont_care_px=labels.dont_care_px,
+        focal_px=float(calibration.image_P_cam[0, 0]),
+    )
+
+
+def _to_scene(arrays: Arrays) -> Scene:
+    """Return the scene that a store kept, whose focal length is an array there."""
+    kept: dict[str, Any] = {**arrays, "focal_px": float(arrays["focal_px"])}
+    return Scene(**kept)
+
+
+def _shares(clusters: Int, is_within: np.ndarray, count: int) -> Float64:
+    """Return (P, L) which share of the points of each cluster lies within each of (L, N)."""
+    rows = np.flatnonzero(clusters >= 0)
+    sizes = np.bincount(clusters[rows], minlength=count)
+    inside = [np.bincount(clusters[rows], within[rows], count) for within in is_within]
+    return np.reshape(inside, (-1, count)).T / np.maximum(sizes, 1)[:, None]
+
+
+def _origin(drive: Drive, index: int) -> dict[str, Any]:
+    """Return what tells a frame from all others, and this from earlier contents of its files."""
+    files = _files(drive, index)
+    stats = [path.stat() if path.is_file() else None for path in files]
+    return {
+        "files": [
+            (path.resolve(), stat and (stat.st_size, stat.st_mtime_ns))
+            for path, stat in zip(files, stats, strict=True)
+        ],
+        "drive": (drive.name, drive.root.resolve(), index),
+        "sensor": drive.sensor,
+        "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
+        "code": _code_mark(),
+        # A drive that is not on disk is known by what it shows.
+        "scan": None if files else hashlib.blake2b(drive[index].points_velo.tobytes()).hexdigest(),
+    }
+
+
+def _files(drive: Drive, index: int) -> list[Path]:
+    """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
+    if isinstance(drive, ObjectFrames):
+        scan = drive.scans.path(drive.number(index))
+        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
+        return [scan, *texts]
+    if isinstance(drive, KittiSequence):
+        scan = drive.scans.path(drive.scans.numbers[index])
+        return [scan, *([drive.label_file] if drive.label_file else [])]
+    return []
+
+
+@cache
+def _code_mark() -> str:
+    """Return a hash of the code that makes pictures and scenes, so that none outlives a change of it."""
+    packages = (perception.detection, perception.maps)
+    folders = [Path(folder) for package in packages for folder in package.__path__]
+    sources = sorted(path for folder in folders for path in folder.glob("*.py"))
+    return entry_key(code=[path.read_text() for path in [*sources, Path(__file__)]])

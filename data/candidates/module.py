@@ -1,0 +1,211 @@
+"""Candidates of drives on disk, in batches, for Lightning."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from lightning.pytorch import LightningDataModule
+from torch import Tensor
+from torch.utils.data import DataLoader
+
+from data.candidates.array_store import ArrayStore
+from data.candidates.augmentation import Augmentation
+from data.candidates.balance import BalancedSampler
+from data.candidates.dataset import CandidateDataset, Sample
+from data.candidates.gathering import CandidateSet, GatheringRules, Progress, gather
+from data.candidates.labelled_frames import FrameRules, LabelledFrames
+from data.candidates.splitting import SplitBy, validation_frames
+from data.open_drive import open_drive, sequences_in
+from perception.detection.picture import CHANNELS
+from perception.errors import DriveError, UsageError
+
+_SPLIT = 0x5B  # stream of random numbers
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Which drives are learned from.
+
+    Attributes:
+        training: drives, or folders of drives or sequences, all of which are taken.
+        validation: likewise, to judge by; none keeps a share of the training frames back.
+        cache: folder for what is made of the frames; else the user's cache folder.
+        cache_gb: what is unused for the longest time is deleted where there is more.
+    """
+
+    training: tuple[Path, ...]
+    validation: tuple[Path, ...] = ()
+    cache: Path | None = None
+    cache_gb: float = 20.0
+
+
+@dataclass(frozen=True)
+class CandidateRules:
+    """What the drives' frames are turned into.
+
+    Attributes:
+        frames: how they are looked at.
+        gathering: what becomes a candidate.
+    """
+
+    frames: FrameRules = field(default_factory=FrameRules)
+    gathering: GatheringRules = field(default_factory=GatheringRules)
+
+
+@dataclass(frozen=True)
+class Loading:
+    """How samples come to the network.
+
+    Attributes:
+        channels: of the picture, in the order of the network's input.
+        batch_size: samples a batch, half of them vehicles (7.2.1).
+        workers: processes that make samples; 0 makes them where the network is trained.
+        samples_an_epoch: else as many as there are candidates.
+        validation_share: of the training frames or drives, where no validation drives are named (7.2.1).
+        split_by: keep single frames back, or whole drives.
+        seed: of the split, the order and the augmentation.
+    """
+
+    channels: tuple[str, ...] = CHANNELS
+    batch_size: int = 128
+    workers: int = 0
+    samples_an_epoch: int | None = None
+    validation_share: float = 0.2
+    split_by: SplitBy = "frames"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what no batch could be made of."""
+        if self.batch_size < 2 or self.workers < 0:
+            raise UsageError(
+                "loading",
+                expected="a batch size from 2 and workers from 0",
+                found=f"{self.batch_size} and {self.workers}",
+            )
+
+
+class CandidateData(LightningDataModule):
+    """Batches of candidates: changed and balanced to learn from, as they are to judge by.
+
+    A batch holds what `CandidateDataset` says of a sample, with a first axis of samples.
+    """
+
+    training: CandidateDataset
+    validation: CandidateDataset
+
+    def __init__(
+        self,
+        sources: Sources,
+        rules: CandidateRules = CandidateRules(),
+        augmentation: Augmentation | None = None,
+        loading: Loading = Loading(),
+        progress: Progress = iter,
+    ) -> None:
+        """Keep what `setup` needs; nothing is read yet.
+
+        Args:
+            sources: drives.
+            rules: what becomes of them.
+            augmentation: how samples are changed; None leaves them as they are.
+            loading: how they come to the network.
+            progress: goes through the numbers of the frames, and may show how far it is.
+        """
+        super().__init__()
+        self.sources, self.rules = sources, rules
+        self.augmentation, self.loading = augmentation, loading
+        self._progress = progress
+
+    def prepare_data(self) -> None:
+        """Fill the cache; with several GPUs, in one process only.
+
+        Raises:
+            PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
+        """
+        for paths in (self.sources.training, self.sources.validation):
+            if paths:
+                gather(self._frames(paths), self.rules.gathering, self._progress)
+
+    def setup(self, stage: str | None = None) -> None:
+        """Gather the candidates and keep some back.
+
+        Raises:
+            LabelError: a part would hold one class only.
+            UsageError: the validation share leaves nothing of one part.
+            PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
+        """
+        frames = self._frames(self.sources.training)
+        found = gather(frames, self.rules.gathering)
+        kept_frames, kept = frames, found
+        if self.sources.validation:
+            kept_frames = self._frames(self.sources.validation)
+            kept = gather(kept_frames, self.rules.gathering)
+        else:
+            rng = np.random.default_rng([self.loading.seed, _SPLIT])
+            loading = self.loading
+            is_kept = validation_frames(
+                frames.drive_numbers, loading.validation_share, loading.split_by, rng
+            )[found.frames]
+            found, kept = found[~is_kept], found[is_kept]
+        # What is judged is what will be met: proposals, not labels that were shaken.
+        kept = kept[~kept.is_shaken]
+        found.require_both_classes("training candidates")
+        kept.require_both_classes("validation candidates")
+        self.training = self._dataset(frames, found, self.augmentation)
+        self.validation = self._dataset(kept_frames, kept, None)
+
+    def train_dataloader(self) -> DataLoader[Sample]:
+        """Return batches of which half are vehicles."""
+        is_vehicle = self.training.candidates.is_vehicle
+        loading = self.loading
+        sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_an_epoch)
+        return self._loader(self.training, sampler)
+
+    def val_dataloader(self) -> DataLoader[Sample]:
+        """Return batches of everything that was kept back, in order."""
+        return self._loader(self.validation, None)
+
+    def mean_crop(self, samples: int = 1024) -> Tensor:
+        """Return (C, 66, 112) the mean of some training samples as they are, half of them vehicles."""
+        plain = self._dataset(self.training.frames, self.training.candidates, None)
+        sampler = BalancedSampler(plain.candidates.is_vehicle, self.loading.seed, samples)
+        total = sum(plain[ask]["crops"].to(torch.int64) for ask in sampler)
+        return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
+
+    def _frames(self, paths: Sequence[Path]) -> LabelledFrames:
+        if not paths:
+            raise DriveError("candidates", expected="drives to learn from", found="none")
+        drives = [
+            open_drive(path, sequence=sequence) for path in paths for sequence in sequences_in(path)
+        ]
+        store = ArrayStore(self.sources.cache, int(self.sources.cache_gb * 1e9))
+        return LabelledFrames(drives, self.rules.frames, store)
+
+    def _dataset(
+        self, frames: LabelledFrames, found: CandidateSet, augmentation: Augmentation | None
+    ) -> CandidateDataset:
+        channels, seed = self.loading.channels, self.loading.seed
+        return CandidateDataset(frames, found, augmentation, channels, seed)
+
+    def _loader(
+        self, dataset: CandidateDataset, sampler: BalancedSampler | None
+    ) -> DataLoader[Sample]:
+        return DataLoader(
+            dataset,
+            batch_size=self.loading.batch_size,
+            sampler=sampler,
+            num_workers=self.loading.workers,
+            persistent_workers=self.loading.workers > 0,
+            pin_memory=self._has_accelerator(),
+            worker_init_fn=_keep_to_one_thread,
+        )
+
+    def _has_accelerator(self) -> bool:
+        return self.trainer is not None and self.trainer.strategy.root_device.type != "cpu"
+
+
+def _keep_to_one_thread(worker: int) -> None:
+    """Keep a worker's libraries to one thread: the workers share the cores already."""
+    cv2.setNumThreads(1)
