@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Part = Literal[
     "all", "chain", "registration", "ground", "voxels", "motion",
-    "objects", "map", "filters", "following", "colors", "maps",
+    "objects", "map", "filters", "following", "colors", "maps", "average-precision",
 ]  # fmt: skip
 
 
@@ -53,7 +53,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
-    chain, stages, moving_objects, following, maps = _benchmarks()
+    chain, stages, moving_objects, following, maps, average_precision = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
     shows = part in ("all", "following")
     opened: Drive = (
@@ -89,11 +89,14 @@ def bench(  # noqa: PLR0913 - flags of a command
     }
     chosen = [name for name in comparisons if part in ("all", name)]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
-    for name in tqdm(chosen, "stages", file=sys.stderr):
+    for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
         with one_blas_thread():
             comparison = comparisons[name](prepared)
         tqdm.write(f"{comparison.table()}\n")
         document[name] = comparison
+    if part in ("all", "average-precision"):
+        document["average-precision"] = measured = average_precision.compare_average_precision()
+        print(f"{measured.table()}\n")
     if json is not None:
         write_json(json, document)
 
@@ -101,7 +104,7 @@ def bench(  # noqa: PLR0913 - flags of a command
 def _benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, following, maps, moving_objects, stages
+        from benchmarks import average_precision, chain, following, maps, moving_objects, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -109,7 +112,7 @@ def _benchmarks() -> tuple[ModuleType, ...]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages, moving_objects, following, maps
+    return chain, stages, moving_objects, following, maps, average_precision
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

@@ -1,0 +1,83 @@
+"""KITTI's measure of detections beside its plain form, on boxes as a detector of cars makes them."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.measure import Contender, take_turns
+from benchmarks.naive_detection_ap import naive_curve
+from benchmarks.stages import Comparison
+from perception.cli.table import Cell
+from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, NO_ALPHA_RAD
+from perception.types import Float64
+
+CAR = KITTI_CLASSES[0]
+_SETS, _FRAMES = 3, 100
+# As many a frame as in KITTI's object benchmark: about five cars, and detections of any score.
+_TRUTHS, _DETECTIONS = 5, 9
+_IMAGE_PX = (1242, 375)
+
+
+def compare_average_precision() -> Comparison:
+    """Measure sets of 100 frames at all three difficulties, once for all thresholds and once at each."""
+    sets = [random_boxes(_FRAMES, np.random.default_rng(seed)) for seed in range(_SETS)]
+
+    def ours(i: int) -> Float64:
+        figures = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
+        return np.array([curve.precision for curve in figures.classes[0].curves.values()])
+
+    def plain(i: int) -> Float64:
+        curves = (naive_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)
+        return np.array([curve.precision for curve in curves])
+
+    forms: dict[str, Callable[[int], Float64]] = {
+        "ours": ours,
+        "plain: every frame at every threshold": plain,
+    }
+    said: dict[str, list[Float64]] = {name: [] for name in forms}
+    timings = take_turns(
+        [Contender(*form) for form in forms.items()],
+        _SETS,
+        observe=lambda name, i, output: said[name].append(output),
+    )
+    difference: dict[str, Cell] = {
+        name: f"{np.abs(np.array(curves) - np.array(said['ours'])).max():.0e}"
+        for name, curves in said.items()
+    }
+    return Comparison(
+        f"average precision, {_FRAMES} frames", timings, {"largest difference": difference}
+    )
+
+
+def random_boxes(frames: int, generator: np.random.Generator) -> tuple[TrueBoxes, DetectedBoxes]:
+    """Return labelled cars, vans and DontCare regions, and detections: most of them near a label."""
+    count = frames * _TRUTHS
+    height = generator.uniform(15, 150, count)
+    size = np.stack([height * generator.uniform(1.0, 2.5, count), height], axis=1)
+    corner = generator.uniform(0, _IMAGE_PX, (count, 2)) - size / 2
+    truths = TrueBoxes(
+        frames=np.repeat(np.arange(frames), _TRUTHS),
+        types=generator.choice(["Car", "Van", "DontCare"], count, p=[0.8, 0.1, 0.1]),
+        alphas_rad=np.full(count, NO_ALPHA_RAD),
+        boxes_px=np.concatenate([corner, corner + size], axis=1),
+        truncation=generator.choice([0.0, 0.2, 0.6], count, p=[0.8, 0.1, 0.1]),
+        occlusion=generator.choice([0.0, 1.0, 2.0], count, p=[0.6, 0.25, 0.15]),
+    )
+    total = frames * _DETECTIONS
+    near = np.repeat(np.arange(frames), _DETECTIONS) * _TRUTHS + generator.integers(
+        _TRUTHS, size=total
+    )
+    # Some lie well, some beside, and the worse they lie the lower is their score.
+    shift = np.abs(generator.normal(0, 0.12, total))
+    turn = generator.uniform(0, 2 * np.pi, total)
+    moved = shift[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1) * size[near]
+    detections = DetectedBoxes(
+        frames=np.repeat(np.arange(frames), _DETECTIONS),
+        types=np.full(total, "Car"),
+        alphas_rad=np.full(total, NO_ALPHA_RAD),
+        boxes_px=truths.boxes_px[near] + np.tile(moved, 2),
+        scores=np.exp(-4 * shift) * generator.uniform(0.7, 1.0, total),
+    )
+    return truths, detections
