@@ -1,6 +1,7 @@
 """What is searched over: the frames of labelled drives, cut into chunks that any process can read."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -10,25 +11,24 @@ import numpy as np
 from data.drive import Drive, Labels
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, LabelError, UsageError
+from perception.types import Bool
 
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
-class LabelledDrive:
-    """A drive that can be opened again, and what its labels say.
+class FrameSet:
+    """Frames of a drive, as another process can read them.
 
     Attributes:
         path: as `open_drive` takes it.
         sequence: which one, where the path holds several.
-        frames: indices of those that are used.
-        objects: how many of the class are labelled in them.
+        frames: indices.
     """
 
     path: Path
     sequence: str | None
     frames: tuple[int, ...]
-    objects: int
 
     def open(self) -> Drive:
         """Open the drive with its images, as some say only by them how large they are."""
@@ -37,30 +37,42 @@ class LabelledDrive:
 
 @dataclass(frozen=True)
 class Survey:
-    """All drives, and what is looked for.
+    """All drives, and what their labels say.
 
     Attributes:
         drives: one after the other.
-        of_class: type of the objects that proposals have to reach.
+        labels: by type in lower case, how many of each drive.
+        of_class: what is looked for.
     """
 
-    drives: tuple[LabelledDrive, ...]
+    drives: tuple[FrameSet, ...]
+    labels: tuple[Mapping[str, int], ...]
     of_class: str
+
+    def __post_init__(self) -> None:
+        """Refuse drives in which there is nothing to be found."""
+        if not sum(self.objects):
+            types = sorted({name for of_drive in self.labels for name in of_drive})
+            raise LabelError(
+                ", ".join(str(drive.path) for drive in self.drives),
+                expected=f"objects labelled {self.of_class}, else there is nothing to search for",
+                found=f"only {', '.join(types)}" if types else "no labelled object",
+            )
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """How many there are."""
         return sum(len(drive.frames) for drive in self.drives)
 
     @property
-    def objects(self) -> int:
-        """How many labelled objects there are to be found."""
-        return sum(drive.objects for drive in self.drives)
+    def objects(self) -> tuple[int, ...]:
+        """How many objects there are to be found in each drive."""
+        return tuple(of_drive.get(self.of_class.lower(), 0) for of_drive in self.labels)
 
-    def chunks(self, frames: int) -> list[LabelledDrive]:
-        """Cut every drive into pieces of so many frames; their objects are not counted again."""
+    def chunks(self, frames: int) -> list[FrameSet]:
+        """Cut every drive into pieces of so many frames."""
         return [
-            replace(drive, frames=drive.frames[first : first + frames], objects=-1)
+            replace(drive, frames=drive.frames[first : first + frames])
             for drive in self.drives
             for first in range(0, len(drive.frames), frames)
         ]
@@ -72,7 +84,7 @@ def survey(
     """Read all labels.
 
     Args:
-        paths: of drives, or of folders of tracking sequences, all of which are taken.
+        paths: of drives, or of folders of drives or sequences, all of which are taken.
         of_class: type of the objects, in any case.
         every: take each such frame of a drive.
         progress: goes through the frames of a drive, and may show how far it is.
@@ -88,31 +100,27 @@ def survey(
     if not resolved or len(set(resolved)) < len(resolved):
         named = ", ".join(map(str, paths)) or "none"
         raise UsageError("drives", expected="one or more, each once", found=named)
-    types: list[str] = []
-    drives = []
+    drives, labels = [], []
     for path in resolved:
         for sequence in sequences_in(path):
-            drive = _open(path, sequence)
-            if not drive.has_labels:
-                raise DriveError(drive.root, expected="labels to search by", found="none")
+            drive = open_drive(path, sequence=sequence, images=False)
             frames = tuple(range(0, len(drive), every))
-            labels = [drive.labels(index) for index in progress(frames)]
-            types += [name for of_frame in labels for name in of_frame.types.tolist()]
-            count = int(sum(is_of_class(of_frame, of_class).sum() for of_frame in labels))
-            drives.append(LabelledDrive(path, sequence, frames, count))
-    found = Survey(tuple(drives), of_class)
-    if not found.objects:
-        raise LabelError(
-            ", ".join(map(str, paths)),
-            expected=f"labels of the class {of_class}, else there is nothing to search for",
-            found=f"only {', '.join(sorted(set(types)))}" if types else "no labelled object",
-        )
-    return found
+            drives.append(FrameSet(path, sequence, frames))
+            labels.append(_count_types(drive, progress(frames)))
+    return Survey(tuple(drives), tuple(labels), of_class)
 
 
-def is_of_class(labels: Labels, of_class: str) -> np.ndarray:
-    """Return (M,) which labels are of a class, in any case."""
+def is_of_class(labels: Labels, of_class: str) -> Bool:
+    """Return (M,) which objects are of a class, in any case."""
     return np.asarray(np.char.lower(labels.types.astype(np.str_)) == of_class.lower())
+
+
+def _count_types(drive: Drive, frames: Iterable[int]) -> Mapping[str, int]:
+    if not drive.has_labels:
+        raise DriveError(drive.root, expected="labels to search by", found="none")
+    return Counter(
+        str(name).lower() for index in frames for name in drive.labels(index).types.tolist()
+    )
 
 
 @lru_cache(maxsize=16)

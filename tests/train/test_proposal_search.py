@@ -1,0 +1,259 @@
+"""The search on a few frames with cars: what it chooses, and that it can be ended at any time."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from perception.detection.proposals import ProposalRules
+from perception.errors import (
+    CalibrationError,
+    DriveError,
+    LabelError,
+    PerceptionError,
+    ScanError,
+    UsageError,
+)
+from tests.car_frames import write_car_frames
+from train.proposal_search import search as searching
+from train.proposal_search.counting import count_part
+from train.proposal_search.grid import SearchGrid
+from train.proposal_search.search import SearchPlan, search
+from train.proposal_search.survey import survey
+from train.proposal_search.workers import run_parts
+
+# With the first radius each column of points stands alone; the second keeps a car in one piece.
+GRID = SearchGrid((0.4, 0.5), (0.01,), (2, 5), (0.05, 0.5))
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Path:
+    return write_car_frames(tmp_path / "object")
+
+
+@pytest.fixture
+def plan(frames: Path) -> SearchPlan:
+    return SearchPlan(survey([frames], "Car"), GRID, chunk_frames=3)
+
+
+def rows(ledger: Path) -> list[str]:
+    return ledger.read_text().splitlines()
+
+
+def test_the_best_setting_reaches_most_with_fewest_proposals(plan, tmp_path):
+    table = search(plan, tmp_path / "counts.jsonl")
+    assert len(table) == len(GRID) == 8
+    assert table[0].rules.radius_m == 0.5
+    assert (table[0].objects, table[0].frames, table[0].unread) == (8, 4, 0)
+    assert table[0].reached == (8, 8)
+    worth = [(-count.reached[0], count.proposals) for count in table]
+    assert worth == sorted(worth)
+    assert table[-1].reached[0] < 8
+
+
+def test_rows_are_one_a_setting_and_chunk(plan, tmp_path):
+    ledger = tmp_path / "made" / "counts.jsonl"
+    table = search(plan, ledger)
+    header, *counts = map(json.loads, rows(ledger))
+    assert header["search"]["of_class"] == "car"
+    assert header["search"]["drives"][0]["labels"] == {"car": 8}
+    assert len(counts) == 8 * 2  # four frames are a chunk of three and one of one
+    best = [row for row in counts if ProposalRules(**row["rules"]) == table[0].rules]
+    assert [(row["chunk"], row["frames"], row["objects"]) for row in best] == [(0, 3, 6), (1, 1, 2)]
+
+
+def test_two_workers_come_to_what_one_does(plan, tmp_path):
+    one = search(plan, tmp_path / "one.jsonl", workers=1)
+    two = search(plan, tmp_path / "two.jsonl", workers=2)
+    assert one == two
+    assert sorted(rows(tmp_path / "one.jsonl")) == sorted(rows(tmp_path / "two.jsonl"))
+
+
+def test_a_search_that_was_killed_goes_on_where_it_stopped(plan, tmp_path, monkeypatch):
+    whole = search(plan, tmp_path / "whole.jsonl")
+    ledger = tmp_path / "counts.jsonl"
+    done = []
+
+    def die_in_the_third_part(part):
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(part)
+        return count_part(part)
+
+    monkeypatch.setattr(searching, "count_part", die_in_the_third_part)
+    with pytest.raises(KeyboardInterrupt):
+        search(plan, ledger)
+    assert len(rows(ledger)) == 1 + 2 * 4
+    again = []
+
+    def count_and_tell(part):
+        again.append(part)
+        return count_part(part)
+
+    monkeypatch.setattr(searching, "count_part", count_and_tell)
+    told = []
+    table = search(
+        plan, ledger, progress=lambda finished, *told_now: told.append(told_now) or finished
+    )
+    assert table == whole
+    assert len(again) == 2
+    assert told == [(2, 4)]
+    assert rows(ledger) == rows(tmp_path / "whole.jsonl")
+
+
+@pytest.mark.parametrize("kept", [0.2, 0.5, 0.99])
+def test_a_row_that_was_half_written_is_counted_again(plan, tmp_path, kept):
+    ledger = tmp_path / "counts.jsonl"
+    whole = search(plan, ledger)
+    before = ledger.read_text()
+    last = before.rstrip("\n").rpartition("\n")[2]
+    ledger.write_text(before[: -len(last) - 1] + last[: int(kept * len(last))])
+    assert search(plan, ledger) == whole
+    assert set(rows(ledger)) == set(before.splitlines())
+
+
+def test_a_file_that_ends_in_its_first_row_begins_anew(plan, tmp_path):
+    ledger = tmp_path / "counts.jsonl"
+    ledger.write_text('{"search": {"dri')
+    assert search(plan, ledger) == search(plan, tmp_path / "other.jsonl")
+
+
+def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
+    ledger = tmp_path / "counts.jsonl"
+    search(plan, ledger)
+    more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.least_points, (0.05, 0.5, 0.6))
+    wider = SearchPlan(plan.survey, more, chunk_frames=3)
+    assert search(wider, ledger) == search(wider, tmp_path / "fresh.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"drive": True}, "drives"),
+        ({"overlaps": (0.6,)}, "overlaps"),
+        ({"chunk_frames": 2}, "chunk_frames"),
+        ({"on_bad_frame": "skip"}, "on_bad_frame"),
+    ],
+)
+def test_counts_of_another_search_are_refused(plan, tmp_path, change, name):
+    ledger = tmp_path / "counts.jsonl"
+    search(plan, ledger)
+    before = ledger.read_bytes()
+    found = plan.survey
+    if change.pop("drive", False):
+        found = survey([write_car_frames(tmp_path / "other")], "Car")
+    other = SearchPlan(found, GRID, **{"chunk_frames": 3, **change})
+    with pytest.raises(UsageError, match=rf"found those of another, by its {name}; choose"):
+        search(other, ledger)
+    assert ledger.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("row", "complaint"),
+    [
+        ('{"chunk": 0}', "row 3: expected the counts of one setting in one chunk"),
+        ("no JSON", "row 3: expected the counts"),
+        ('{"chunk": 0, "rules": {"cell_m": 0.5, "wheels": 4}}', "row 3: expected the counts"),
+    ],
+)
+def test_a_damaged_row_in_the_middle_is_named(plan, tmp_path, row, complaint):
+    ledger = tmp_path / "counts.jsonl"
+    search(plan, ledger)
+    lines = rows(ledger)
+    lines[2] = row
+    ledger.write_text("\n".join(lines) + "\n")
+    with pytest.raises(UsageError, match=complaint):
+        search(plan, ledger)
+
+
+def test_a_file_of_something_else_is_refused(plan, tmp_path):
+    ledger = tmp_path / "counts.jsonl"
+    ledger.write_text("a diary\n")
+    with pytest.raises(UsageError, match="expected the counts of a search"):
+        search(plan, ledger)
+    assert ledger.read_text() == "a diary\n"
+
+
+def test_labels_without_objects_leave_nothing_to_search_for(tmp_path):
+    empty = write_car_frames(tmp_path / "object", cars=0)
+    with pytest.raises(LabelError, match=r"nothing to search for, found no labelled object"):
+        survey([empty], "Car")
+
+
+def test_a_class_that_is_not_labelled_is_told_what_is(frames):
+    with pytest.raises(LabelError, match=r"objects labelled Tram, .* found only car"):
+        survey([frames], "Tram")
+
+
+def test_the_class_is_found_in_any_case(frames):
+    assert survey([frames], "cAR").objects == (8,)
+
+
+def test_a_drive_without_labels_is_refused(frames):
+    for path in (frames / "training" / "label_2").iterdir():
+        path.unlink()
+    (frames / "training" / "label_2").rmdir()
+    with pytest.raises(DriveError, match="expected labels to search by, found none"):
+        survey([frames], "Car")
+
+
+def test_a_drive_without_camera_is_refused(tmp_path):
+    blind = write_car_frames(tmp_path / "object", camera=False)
+    with pytest.raises(CalibrationError, match="found none"):
+        survey([blind], "Car")
+
+
+def test_drives_are_searched_together_and_thinned(frames, tmp_path):
+    other = write_car_frames(tmp_path / "other", frames=5)
+    both = survey([frames, other], "Car", every=2)
+    assert [drive.frames for drive in both.drives] == [(0, 2), (0, 2, 4)]
+    assert both.objects == (4, 6)
+    assert [chunk.frames for chunk in both.chunks(2)] == [(0, 2), (0, 2), (4,)]
+
+
+@pytest.mark.parametrize(("twice", "every"), [(True, 1), (False, 0)])
+def test_a_drive_named_twice_and_no_step_are_refused(frames, twice, every):
+    with pytest.raises(UsageError):
+        survey([frames, frames] if twice else [frames], "Car", every=every)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_damaged_scan_stops_the_search_or_is_left_out(frames, tmp_path, workers):
+    (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
+    found = survey([frames], "Car")
+    with pytest.raises(ScanError, match=r"000001\.bin"):
+        search(SearchPlan(found, GRID), tmp_path / "stop.jsonl", workers)
+    plan = SearchPlan(found, GRID, chunk_frames=2, on_bad_frame="skip")
+    table = search(plan, tmp_path / "skip.jsonl", workers)
+    assert {(count.frames, count.unread, count.objects) for count in table} == {(3, 1, 6)}
+
+
+def test_without_a_frame_that_can_be_read_there_is_no_best(frames, tmp_path):
+    for path in (frames / "training" / "velodyne").iterdir():
+        path.write_bytes(b"12345")
+    plan = SearchPlan(survey([frames], "Car"), GRID, on_bad_frame="skip")
+    with pytest.raises(LabelError, match="found none, as 4 frames cannot be read"):
+        search(plan, tmp_path / "counts.jsonl")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"cell_m": ()}, {"cell_m": (0.5, 0.5)}, {"radius_m": (0.0,)}, {"least_points": (0,)}],
+)
+def test_values_that_cannot_work_are_refused(values):
+    with pytest.raises(UsageError):
+        SearchGrid(**values)
+
+
+def test_the_default_grid_holds_the_thesis_values():
+    grid = SearchGrid()
+    assert len(grid) == 400
+    assert ProposalRules(0.5, 0.01, 5, 0.5) in grid.rules()
+
+
+def test_a_worker_that_is_ended_is_told_of():
+    with pytest.raises(PerceptionError, match="ended from outside"):
+        list(run_parts(os._exit, [1, 2, 3], workers=2))
+    with pytest.raises(UsageError, match="at least 1, found 0"):
+        list(run_parts(os._exit, [1], workers=0))

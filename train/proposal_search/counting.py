@@ -1,0 +1,113 @@
+"""One part of the search: what the settings that share a ground removal reach in one chunk of frames."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from data.drive import Drive, Labels
+from data.frames import OnBadFrame
+from perception.detection.proposals import ProposalRules, Proposals, propose
+from perception.errors import PerceptionError
+from perception.evaluation.detection.proposal_recall import count_reached
+from perception.maps.projection import camera_of
+from perception.types import Frame
+from train.proposal_search.survey import FrameSet, is_of_class
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one process does at a time.
+
+    Attributes:
+        chunk: number of the chunk.
+        frames: of the chunk.
+        rules: settings with the same cell and least variance.
+        of_class: type of the objects.
+        overlaps: IoUs from which on a proposal reaches an object.
+        on_bad_frame: raise at a frame that cannot be read, or count it as unread.
+    """
+
+    chunk: int
+    frames: FrameSet
+    rules: tuple[ProposalRules, ...]
+    of_class: str
+    overlaps: tuple[float, ...]
+    on_bad_frame: OnBadFrame = "stop"
+
+
+@dataclass(frozen=True)
+class Count:
+    """What one setting reaches in one chunk, or in several together.
+
+    Attributes:
+        rules: the setting.
+        frames: that were read.
+        unread: frames that could not be.
+        objects: of the class, in those that were read.
+        reached: of these, how many at each overlap.
+        proposals: of all frames together.
+    """
+
+    rules: ProposalRules
+    frames: int
+    unread: int
+    objects: int
+    reached: tuple[int, ...]
+    proposals: int
+
+    def __add__(self, other: "Count") -> "Count":
+        """Put two chunks together."""
+        return Count(
+            self.rules,
+            self.frames + other.frames,
+            self.unread + other.unread,
+            self.objects + other.objects,
+            tuple(a + b for a, b in zip(self.reached, other.reached, strict=True)),
+            self.proposals + other.proposals,
+        )
+
+
+def count_part(part: Part) -> list[Count]:
+    """Read each frame of a part once, and add up what every setting reaches in it.
+
+    Raises:
+        PerceptionError: a frame cannot be read, or has no camera.
+    """
+    drive = part.frames.open()
+    sums = [_nothing(rules, part) for rules in part.rules]
+    for index in part.frames.frames:
+        frame = read_or_skip(drive, index, part.on_bad_frame)
+        if frame is None:
+            sums = [replace(one, unread=one.unread + 1) for one in sums]
+            continue
+        counts = _count_frame(frame, drive.labels(index), part)
+        sums = [one + count for one, count in zip(sums, counts, strict=True)]
+    return sums
+
+
+def read_or_skip(drive: Drive, index: int, on_bad_frame: OnBadFrame) -> Frame | None:
+    """Read a frame, or return None where it cannot be read and need not be."""
+    try:
+        return drive[index]
+    except PerceptionError:
+        if on_bad_frame == "stop":
+            raise
+        return None
+
+
+def propose_by_all(frame: Frame, rules: Sequence[ProposalRules]) -> Iterator[Proposals]:
+    """Yield the proposals of each setting; they share what does not depend on the clustering."""
+    calibration, size_px = camera_of(frame)
+    for one in rules:
+        yield propose(frame.points_velo, calibration, size_px, one)
+
+
+def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
+    objects_px = labels.boxes_px[is_of_class(labels, part.of_class)]
+    found_by_all = propose_by_all(frame, part.rules)
+    for rules, found in zip(part.rules, found_by_all, strict=True):
+        reached = count_reached(objects_px, found.boxes_px, part.overlaps)
+        yield Count(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
+
+
+def _nothing(rules: ProposalRules, part: Part) -> Count:
+    return Count(rules, 0, 0, 0, (0,) * len(part.overlaps), 0)

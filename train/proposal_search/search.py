@@ -1,0 +1,120 @@
+"""The exhaustive search: every setting in every frame, the best one first (6.1.4)."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import Any
+
+from data.frames import OnBadFrame
+from perception import __version__
+from perception.detection.proposals import ProposalRules
+from perception.errors import LabelError
+from perception.evaluation.detection.proposal_recall import OVERLAPS, require_iou
+from train.proposal_search.counting import Count, Part, count_part
+from train.proposal_search.grid import SearchGrid
+from train.proposal_search.ledger import Ledger
+from train.proposal_search.survey import Survey
+from train.proposal_search.workers import run_parts
+
+Finished = Iterable[tuple[Part, list[Count]]]
+SearchProgress = Callable[[Finished, int, int], Finished]
+
+
+@dataclass(frozen=True)
+class SearchPlan:
+    """What is tried, and how.
+
+    Attributes:
+        survey: the drives and the class.
+        grid: the values of the rules.
+        overlaps: IoUs that are counted; the first is what is maximised.
+        chunk_frames: frames that one process takes at a time.
+        on_bad_frame: stop at a frame that cannot be read, or leave it out of all counts.
+    """
+
+    survey: Survey
+    grid: SearchGrid = field(default_factory=SearchGrid)
+    overlaps: tuple[float, ...] = OVERLAPS
+    chunk_frames: int = 10
+    on_bad_frame: OnBadFrame = "stop"
+
+    def __post_init__(self) -> None:
+        """Refuse overlaps that are no demand."""
+        for iou in self.overlaps:
+            require_iou(iou)
+
+    def parts(self, settings: Iterable[Sequence[ProposalRules]]) -> list[Part]:
+        """Cut the work on groups of settings into parts, chunk by chunk."""
+        groups = [tuple(group) for group in settings]
+        chunks = enumerate(self.survey.chunks(self.chunk_frames))
+        of_class, overlaps, on_bad_frame = self.survey.of_class, self.overlaps, self.on_bad_frame
+        return [
+            Part(chunk, frames, group, of_class, overlaps, on_bad_frame)
+            for chunk, frames in chunks
+            for group in groups
+        ]
+
+    def identity(self) -> dict[str, Any]:
+        """Return, in JSON's own types, all that counts depend on beside the setting and the chunk."""
+        return {
+            "program": __version__,
+            "drives": [
+                {
+                    "path": str(drive.path),
+                    "sequence": drive.sequence,
+                    "frames": list(drive.frames),
+                    "labels": dict(labels),
+                }
+                for drive, labels in zip(self.survey.drives, self.survey.labels, strict=True)
+            ],
+            "of_class": self.survey.of_class.lower(),
+            "overlaps": list(self.overlaps),
+            "chunk_frames": self.chunk_frames,
+            "on_bad_frame": self.on_bad_frame,
+        }
+
+
+def search(
+    plan: SearchPlan,
+    ledger: Path,
+    workers: int = 1,
+    progress: SearchProgress = lambda finished, done, parts: finished,
+) -> list[Count]:
+    """Count what is not counted yet, and return every setting over all frames, the best first.
+
+    The best reaches most objects at the first overlap (6.1.4); of several, it has the fewest proposals.
+
+    Args:
+        plan: what is tried.
+        ledger: file that keeps the counts, and from which a search that was ended goes on.
+        workers: how many processes.
+        progress: goes through the finished parts and may show how far it is: it is told how many were
+            done before, and how many there are.
+
+    Raises:
+        PerceptionError: a frame cannot be read, or the ledger is of another search.
+    """
+    counts = Ledger(ledger, plan.identity())
+    parts = plan.parts(plan.grid.grounds())
+    missing = [part for part in parts if not counts.holds(part)]
+    finished = run_parts(count_part, missing, workers)
+    for part, of_part in progress(finished, len(parts) - len(missing), len(parts)):
+        counts.add(part.chunk, of_part)
+    chunks = range(len(plan.survey.chunks(plan.chunk_frames)))
+    sums = [
+        reduce(add, (counts.counts[chunk, rules] for chunk in chunks))
+        for rules in plan.grid.rules()
+    ]
+    if not sums[0].objects:
+        raise LabelError(
+            f"{plan.survey.frames} frames",
+            expected=f"{plan.survey.of_class} labels in those that can be read",
+            found=f"none, as {sums[0].unread} frames cannot be read",
+        )
+    return sorted(sums, key=_worth)
+
+
+def _worth(count: Count) -> tuple[int, int]:
+    return -count.reached[0], count.proposals
