@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from data.drive import Labels
-from data.kitti.labels import DONT_CARE
+from data.kitti.labels import DONT_CARE, no_labels
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from perception.types import Float64
@@ -13,6 +13,7 @@ from perception.types import Float64
 
 def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:
     """Return the objects of one frame after the other, each frame's DontCare regions after its own."""
+    labels = [*labels, no_labels()]  # one frame more, so that there is something to join
     counts = [len(one) + len(one.dont_care_px) for one in labels]
     regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
     return TrueBoxes(

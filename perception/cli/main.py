@@ -5,10 +5,12 @@ Modules are imported only when their command is asked for, so that `trifuse --he
 """
 
 import importlib
+import inspect
+import json
 import logging
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, get_origin
 
 from jsonargparse import auto_cli
 
@@ -25,7 +27,9 @@ COMMANDS = {
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read everything once; report what is missing, damaged or implausible",
     "evaluate": "measure ground, obstacles, objects, tracks and vehicles against labels or exact truth",
+    "train": "fit to labelled drives: rules of the proposals, networks",
     "study": "repeat one of the thesis' own studies: a picture and a table",
+    "export": "write a trained network as an ONNX file, shown to say the same",
     "bench": "time every stage beside its plain form and the best library for it",
 }
 
@@ -76,7 +80,7 @@ def _run(command: str, words: list[str]) -> None:
     target: Any = functions or getattr(module, command)
     auto_cli(
         target,
-        args=[_with_underscores(word) for word in words],
+        args=_with_list([_with_underscores(word) for word in words], functions),
         as_positional=True,
         set_defaults=None,
         prog=f"trifuse {command}",
@@ -89,3 +93,17 @@ def _with_underscores(word: str) -> str:
         return word
     flag, equals, value = word.partition("=")
     return "--" + flag[2:].replace("-", "_") + equals + value
+
+
+def _with_list(words: list[str], functions: dict[str, Callable[..., Any]]) -> list[str]:
+    """Let the words behind a subcommand fill the list that it begins with: train proposals ONE TWO."""
+    function = functions.get(words[0]) if words else None
+    if function is None:
+        return words
+    first = next(iter(inspect.signature(function).parameters.values()), None)
+    if first is None or get_origin(first.annotation) is not list:
+        return words
+    flags = next((at for at, word in enumerate(words) if word.startswith("-")), len(words))
+    plain = words[1:flags]
+    gathered = [json.dumps(plain)] if plain and not plain[0].startswith("[") else plain
+    return [words[0], *gathered, *words[flags:]]

@@ -10,7 +10,7 @@ from typing import Any
 from data.frames import OnBadFrame
 from perception import __version__
 from perception.detection.proposals import ProposalRules
-from perception.errors import LabelError
+from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import OVERLAPS, require_iou
 from train.proposal_search.counting import Count, Part, count_part
 from train.proposal_search.grid import SearchGrid
@@ -41,7 +41,10 @@ class SearchPlan:
     on_bad_frame: OnBadFrame = "stop"
 
     def __post_init__(self) -> None:
-        """Refuse overlaps that are no demand."""
+        """Refuse no overlap, and overlaps that are no demand."""
+        if not self.overlaps or len(set(self.overlaps)) < len(self.overlaps):
+            found = str(list(self.overlaps))
+            raise UsageError("--iou", expected="one or more, each once", found=found)
         for iou in self.overlaps:
             require_iou(iou)
 

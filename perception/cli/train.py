@@ -1,0 +1,5 @@
+"""`trifuse train`: what is fitted to labelled drives: settings of the proposals, and networks."""
+
+from perception.cli.training.proposals import proposals
+
+COMMANDS = {"proposals": proposals}

@@ -1,0 +1,105 @@
+"""The figures of `trifuse train proposals`, for people and for programs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from perception.cli.table import Cell, format_table, percent
+from perception.detection.proposals import ProposalRules
+from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallFigures
+from train.proposal_search.counting import Count
+
+_SHOWN = 10
+_RULE_NAMES = ("cell [m]", "variance [m²]", "points", "radius [m]")
+
+
+def best_table(table: Sequence[Count], overlaps: Sequence[float]) -> str:
+    """Return the best settings, one a row."""
+    shown = table[:_SHOWN]
+    reached = [f"IoU {iou:g}" for iou in overlaps]
+    header = ("", *_RULE_NAMES, *reached, "proposals a frame")
+    rows: list[list[Cell]] = [
+        [
+            str(place),
+            *_rule_cells(count.rules),
+            *_reached_cells(count),
+            f"{count.proposals / count.frames:.1f}",
+        ]
+        for place, count in enumerate(shown, start=1)
+    ]
+    return format_table(f"The best {len(shown)} of {len(table)} settings", header, rows)
+
+
+def recall_table(recalls: Mapping[str, ProposalRecall]) -> str:
+    """Return what each setting reaches, a row a difficulty."""
+    overlaps = list(_any_figures(recalls).ranks)
+    header = ("", "objects", *(f"recall at IoU {iou:g}" for iou in overlaps), "proposals a frame")
+    rows: list[list[Cell]] = [
+        [
+            f"{name}, {difficulty}",
+            figures.objects,
+            *(percent(figures.found(iou), figures.objects) for iou in overlaps),
+            f"{recall.proposals_a_frame:.1f}",
+        ]
+        for name, recall in recalls.items()
+        for difficulty, figures in recall.difficulties.items()
+    ]
+    return format_table("Objects that some proposal reaches", header, rows)
+
+
+def search_document(table: Sequence[Count], overlaps: Sequence[float]) -> list[dict[str, Any]]:
+    """Return every setting, the best first, for programs."""
+    return [
+        {
+            **asdict(count.rules),
+            "reached": {f"{iou:g}": n for iou, n in zip(overlaps, count.reached, strict=True)},
+            "objects": count.objects,
+            "proposals": count.proposals,
+            "frames": count.frames,
+        }
+        for count in table
+    ]
+
+
+def recall_document(
+    settings: Mapping[str, ProposalRules], recalls: Mapping[str, ProposalRecall]
+) -> dict[str, Any]:
+    """Return the curves of each setting by difficulty, for programs."""
+    return {
+        name: {
+            "rules": settings[name],
+            "frames": recall.frames,
+            "proposals": recall.proposals,
+            "difficulties": {
+                difficulty: {
+                    "objects": figures.objects,
+                    "found": {f"{iou:g}": figures.found(iou) for iou in figures.ranks},
+                    "recall_by_proposals_a_frame": {
+                        f"{iou:g}": figures.recall_by_count(iou, recall.most_in_a_frame)
+                        for iou in figures.ranks
+                    },
+                    "iou": IOU_STEPS,
+                    "recall_by_iou": figures.recall_by_iou(),
+                }
+                for difficulty, figures in recall.difficulties.items()
+            },
+        }
+        for name, recall in recalls.items()
+    }
+
+
+def _any_figures(recalls: Mapping[str, ProposalRecall]) -> RecallFigures:
+    return next(iter(next(iter(recalls.values())).difficulties.values()))
+
+
+def _rule_cells(rules: ProposalRules) -> list[Cell]:
+    return [
+        f"{rules.cell_m:g}",
+        f"{rules.least_variance_m2:g}",
+        rules.least_points,
+        f"{rules.radius_m:g}",
+    ]
+
+
+def _reached_cells(count: Count) -> list[Cell]:
+    return [f"{reached} ({percent(reached, count.objects)})" for reached in count.reached]

@@ -1,0 +1,123 @@
+"""`trifuse train proposals`: the rules of the proposals that reach most labelled objects (6.1.4)."""
+
+import os
+import sys
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+from tqdm import tqdm
+
+from data.frames import OnBadFrame
+from perception import __version__
+from perception.cli.documents import write_json, write_yaml
+from perception.cli.training.proposal_figures import (
+    best_table,
+    recall_document,
+    recall_table,
+    search_document,
+)
+from perception.detection.proposal_order import ProposalOrder
+from perception.detection.proposals import ProposalRules
+from perception.evaluation.detection.proposal_recall import OVERLAPS
+from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
+from train.proposal_search.counting import Count
+from train.proposal_search.grid import SearchGrid
+from train.proposal_search.recall import Gathered, measure_recall
+from train.proposal_search.search import Finished, SearchPlan, search
+from train.proposal_search.survey import Survey, survey
+
+_ORDERS: dict[ProposalOrder, str] = {"size": "most like a car", "points": "most returns"}
+_GRID = SearchGrid()
+_FILES = ("rules.yaml", "search.json", "recall_by_count.png", "recall_by_iou.png", "counts.jsonl")
+_OBJECTIVE = (
+    "the most labelled objects that some proposal overlaps by the first IoU or more; of equals, the "
+    "fewest proposals"
+)
+
+
+def proposals(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    grid: SearchGrid = _GRID,
+    object_class: str = "Car",
+    iou: tuple[float, ...] = OVERLAPS,
+    order: ProposalOrder = "size",
+    every: int = 1,
+    workers: int | None = None,
+    on_bad_frame: OnBadFrame = "stop",
+    out: Path = Path("results") / "proposals",
+) -> None:
+    """Try all combinations of the four rules of the proposals, and draw what the best one reaches.
+
+    A search that was ended goes on where it stopped when the same command is given again. It leaves
+    rules.yaml (the best setting), search.json (all of them), and recall over proposals and over IoU.
+
+    Example: trifuse train proposals kitti/object synthetic/val --grid.radius-m [0.4,0.5,0.6]
+
+    Args:
+        drives: labelled drives of any layout; of a folder of several, all are taken.
+        grid: values that are tried.
+        object_class: type of the objects that have to be reached.
+        iou: overlaps that are counted; the first is maximised.
+        order: which proposals of a frame the curves take first: size (most like a car's) or points (most returns).
+        every: take each such frame of a drive.
+        workers: processes; else one a core.
+        on_bad_frame: stop at a damaged frame, or leave it out and say so.
+        out: folder of the results.
+    """
+    processes = len(os.sched_getaffinity(0)) if workers is None else workers
+    found = survey(drives, object_class, every=every, progress=partial(_bar, "labels", "frame"))
+    plan = SearchPlan(found, grid, iou, on_bad_frame=on_bad_frame)
+    table = search(plan, out / "counts.jsonl", processes, _search_bar)
+    write_yaml(out / "rules.yaml", table[0].rules)
+    print(f"{_describe(found, table[0])}\n\n{best_table(table, iou)}\n", flush=True)
+    settings = _settings(table[0].rules)
+    measured = measure_recall(plan, list(settings.values()), order, processes, _recall_bar)
+    recalls = dict(zip(settings, measured, strict=True))
+    print(recall_table(recalls))
+    title = f"Proposals of {table[0].frames} frames, {table[0].objects} {object_class} labels"
+    plot_recall_by_count(out / "recall_by_count.png", f"{title}; {_ORDERS[order]} first", recalls)
+    plot_recall_by_iou(out / "recall_by_iou.png", title, recalls)
+    document = {
+        "program": f"trifuse {__version__}",
+        "objective": _OBJECTIVE,
+        "search": plan.identity(),
+        "grid": grid,
+        "settings": search_document(table, iou),
+        "order": f"{_ORDERS[order]} first",
+        "recall": recall_document(settings, recalls),
+    }
+    write_json(out / "search.json", document)
+    print("\n".join(["", *(str(out / name) for name in _FILES)]))
+
+
+def _settings(best: ProposalRules) -> dict[str, ProposalRules]:
+    """Return what is drawn, by name; settings that are the same are drawn once."""
+    names: dict[ProposalRules, str] = {best: "best"}
+    for name, rules in (("default", ProposalRules()), ("thesis", ProposalRules())):
+        names[rules] = f"{names[rules]} = {name}" if rules in names else name
+    return {name: rules for rules, name in names.items()}
+
+
+def _describe(found: Survey, count: Count) -> str:
+    """Say what was searched over, and what of it could not be read."""
+    line = f"{len(found.drives)} drives, {count.frames} frames, {count.objects} labels {found.of_class}"
+    return f"{line}; {count.unread} frames could not be read" if count.unread else line
+
+
+def _search_bar(finished: Finished, done: int, parts: int) -> Finished:
+    bar: Finished = tqdm(
+        finished, "search", parts, initial=done, unit="part", file=sys.stderr, smoothing=0.05
+    )
+    return bar
+
+
+def _recall_bar(gathered: Gathered, parts: int) -> Gathered:
+    bar: Gathered = tqdm(gathered, "recall", parts, unit="part", file=sys.stderr, delay=2)
+    return bar
+
+
+def _bar(what: str, unit: str, steps: Iterable[int]) -> Iterable[int]:
+    bar: Iterable[int] = tqdm(steps, what, unit=unit, file=sys.stderr, delay=2)
+    return bar

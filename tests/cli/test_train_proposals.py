@@ -1,0 +1,104 @@
+"""`trifuse train proposals`: what it prints and leaves, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import cv2
+import pytest
+import yaml
+from jsonargparse import auto_cli
+
+from perception.cli.main import main
+from perception.detection.proposals import ProposalRules
+from tests.car_frames import write_car_frames
+
+GRID = (
+    *("--grid.cell-m", "[0.5]", "--grid.least_variance_m2", "[0.01]"),
+    *("--grid.least-points", "[2,5]", "--grid.radius-m", "[0.05,0.5]"),
+)
+
+
+@pytest.fixture
+def drives(tmp_path: Path) -> list[str]:
+    first = write_car_frames(tmp_path / "first drive", frames=2)
+    return [str(first), str(write_car_frames(tmp_path / "second", frames=3, cars=3))]
+
+
+def train(drives: list[str], out: Path, *words: str) -> int:
+    return main(["train", "proposals", *drives, *GRID, "--workers", "1", "--out", str(out), *words])
+
+
+def test_tables_files_and_pictures_say_the_same(drives, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert train(drives, out) == 0
+    printed = capsys.readouterr().out
+    assert "2 drives, 5 frames, 13 labels Car" in printed
+    assert "The best 4 of 4 settings" in printed
+    document = json.loads((out / "search.json").read_text())
+    best = document["settings"][0]
+    assert best["reached"] == {"0.7": 13, "0.5": 13}
+    assert (best["objects"], best["frames"], best["radius_m"]) == (13, 5, 0.5)
+    assert "13 (100.0 %)" in printed
+    recall = next(iter(document["recall"].values()))
+    assert recall["difficulties"]["all"]["found"] == best["reached"]
+    assert recall["proposals"] == best["proposals"]
+    assert len(document["search"]["drives"]) == 2
+    for name in ("recall_by_count.png", "recall_by_iou.png"):
+        assert cv2.imread(str(out / name)) is not None
+        assert str(out / name) in printed
+
+
+@pytest.fixture
+def no_pictures(monkeypatch) -> None:
+    for name in ("plot_recall_by_count", "plot_recall_by_iou"):
+        monkeypatch.setattr(f"perception.cli.training.proposals.{name}", lambda *_: None)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_the_best_setting_is_what_other_commands_read(drives, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert train(drives, out) == 0
+    capsys.readouterr()
+    defaults = ProposalRules(0.3, 0.04, 1, 0.8)
+
+    def command(rules: ProposalRules = defaults) -> ProposalRules:
+        return rules
+
+    read = auto_cli(command, args=["--rules", str(out / "rules.yaml")], set_defaults=None)
+    assert read == ProposalRules(**yaml.safe_load((out / "rules.yaml").read_text()))
+    assert read.radius_m == 0.5
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_the_same_command_again_goes_on_and_other_drives_are_refused(drives, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert train(drives, out) == 0
+    first, counts = capsys.readouterr().out, (out / "counts.jsonl").read_bytes()
+    assert train(drives, out) == 0
+    assert capsys.readouterr().out == first
+    assert (out / "counts.jsonl").read_bytes() == counts
+    assert train(drives[:1], out) == 2
+    error = capsys.readouterr().err
+    assert "found those of another, by its drives; choose another --out" in error
+    assert (out / "counts.jsonl").read_bytes() == counts
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--object_class", "Tram"), "nothing to search for, found only car"),
+        (("--iou", "[]"), "--iou: expected one or more"),
+        (("--iou", "[1.5]"), "above 0, at most 1, found 1.5"),
+        (("--workers", "0"), "--workers: expected at least 1, found 0"),
+        (("--grid.cell-m", "[]"), "--grid.cell_m: expected values, each once, found []"),
+    ],
+)
+def test_what_cannot_work_is_one_sentence(drives, tmp_path, capsys, words, complaint):
+    assert train(drives, tmp_path / "out", *words) == 2
+    assert complaint in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_list_may_be_written_as_one_word_too(drives, tmp_path, capsys):
+    assert train([json.dumps(drives)], tmp_path / "out") == 0
+    assert "2 drives, 5 frames" in capsys.readouterr().out
