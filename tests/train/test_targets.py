@@ -27,9 +27,7 @@ def labels_of(*boxes, classes=None, ignored=()):
     boxes_px = torch.tensor(boxes, dtype=torch.float32).reshape(-1, 4)
     count = len(boxes_px)
     is_ignored = torch.tensor([row in ignored for row in range(count)], dtype=torch.bool)
-    return ImageLabels(
-        boxes_px, torch.tensor(classes or [0] * count, dtype=torch.long), is_ignored
-    )
+    return ImageLabels(boxes_px, torch.tensor(classes or [0] * count, dtype=torch.long), is_ignored)
 
 
 def assign(*images):
@@ -123,7 +121,9 @@ def test_ignored_areas_have_no_target():
 
 
 def test_pictures_with_and_without_labels_in_one_batch():
-    targets = assign(labels_of(), labels_of([8, 8, 24, 24], [70, 8, 90, 24]), labels_of([0, 0, 9, 9]))
+    targets = assign(
+        labels_of(), labels_of([8, 8, 24, 24], [70, 8, 90, 24]), labels_of([0, 0, 9, 9])
+    )
     assert targets.image.tolist() == [1, 1, 2]
     assert targets.left_out == 0
 

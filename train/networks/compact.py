@@ -18,8 +18,8 @@ from train.networks.grid_detector import GridDetector
 from train.networks.grid_head import GridHead
 
 STRIDE_PX = 8
-# For Car at 192x640, from KITTI's 7481 labelled frames (train/anchors.py).
-KITTI_CAR_ANCHORS_PX = ((16.0, 11.0), (31.0, 18.0), (56.0, 30.0), (66.0, 56.0), (123.0, 76.0))
+# Of the 28742 cars in KITTI's 7481 labelled frames, at 192x640: a mean IoU of 0.697.
+KITTI_CAR_ANCHORS_PX = ((19.1, 13.4), (37.6, 22.6), (66.8, 36.0), (102.2, 63.1), (165.4, 90.7))
 
 
 class ReluUnit(nn.Sequential):
