@@ -7,7 +7,7 @@ from pathlib import Path
 
 def describe_machine() -> str:
     """Name the processor, the cores that may be used, and Python."""
-    return f"{_processor()}, {_cores()} cores, Python {platform.python_version()}"
+    return f"{_processor()}, {usable_cores()} cores, Python {platform.python_version()}"
 
 
 def _processor() -> str:
@@ -20,7 +20,8 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def _cores() -> int:
+def usable_cores() -> int:
+    """Return how many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,6 +1,5 @@
 """`trifuse train proposals`: the rules of the proposals that reach most labelled objects (6.1.4)."""
 
-import os
 import sys
 from collections.abc import Iterable
 from functools import partial
@@ -11,6 +10,7 @@ from tqdm import tqdm
 from data.frames import OnBadFrame
 from perception import __version__
 from perception.cli.documents import write_json, write_yaml
+from perception.cli.machine import usable_cores
 from perception.cli.training.proposal_figures import (
     best_table,
     recall_document,
@@ -66,7 +66,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, or leave it out and say so.
         out: folder of the results.
     """
-    processes = len(os.sched_getaffinity(0)) if workers is None else workers
+    processes = usable_cores() if workers is None else workers
     found = survey(drives, object_class, every=every, progress=partial(_bar, "labels", "frame"))
     plan = SearchPlan(found, grid, iou, on_bad_frame=on_bad_frame)
     table = search(plan, out / "counts.jsonl", processes, _search_bar)
