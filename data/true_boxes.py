@@ -12,7 +12,13 @@ from perception.types import Float64
 
 
 def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:
-    """Return the objects of one frame after the other, each frame's DontCare regions after its own."""
+    """Return the objects of one frame after the other, each frame's DontCare regions after its own.
+
+    Truncation stays as labelled, also where it is a level of tracking's: 0 is within every limit on the
+    share, 1 and 2 are beyond. Measured on the 18,472 objects that are in the labels of both of KITTI's
+    benchmarks, 97 % of level 0 are cut by no more than 0.15 and all by no more than 0.5, all but four of
+    1,050 of level 1 by more than 0.5; level 2 says nothing certain, half of 633 are whole.
+    """
     labels = [*labels, no_labels()]  # one frame more, so that there is something to join
     counts = [len(one) + len(one.dont_care_px) for one in labels]
     regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]

@@ -10,8 +10,9 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.bootstrap import resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve
+from perception.evaluation.detection.curve import PrecisionCurve, best_ap
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.types import Detections
 
 CAR = KITTI_CLASSES[:1]
 
@@ -135,3 +136,27 @@ def test_no_choice_of_no_frames_can_be_drawn():
     tallies = match_detections(truths_of(), detections_of(), 0)
     with pytest.raises(UsageError, match="found 5 choices of 0 frames"):
         resample_precision(tallies, 5, np.random.default_rng(0))
+
+
+def test_what_so_many_objects_come_to_at_most_is_what_finding_all_of_them_gives():
+    for count in (0, 1, 7, 18, 40, 41, 100):
+        rows = [(frame, "Car", box(0)) for frame in range(count)]
+        surely = [(*row, 1 - row[0] / 1000) for row in rows]
+        if count:
+            curve = easy(truths_of(*rows), detections_of(*surely), frames=count)
+            assert best_ap(count, 40) == pytest.approx(curve.ap(40))
+            assert best_ap(count, 11) == pytest.approx(curve.ap(11))
+    assert best_ap(0) == 0
+    assert best_ap(18) == pytest.approx(42.5)
+    assert best_ap(100) == 100
+
+
+def test_detections_of_frames_become_rows():
+    one = Detections(np.array([[1.0, 2, 3, 4], [5, 6, 7, 8]]), np.array([0.9, 0.1]), np.array(["Car", "Van"]))  # fmt: skip
+    rows = DetectedBoxes.of_frames([Detections.empty(), one, Detections.empty(), one[:1]])
+    assert rows.frames.tolist() == [1, 1, 3]
+    assert rows.types.tolist() == ["Car", "Van", "Car"]
+    assert rows.scores.tolist() == [0.9, 0.1, 0.9]
+    assert rows.boxes_px[1].tolist() == [5, 6, 7, 8]
+    assert (rows.alphas_rad == -10).all()
+    assert len(DetectedBoxes.of_frames([])) == len(DetectedBoxes.of_frames([one[:0]])) == 0

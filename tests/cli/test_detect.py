@@ -1,0 +1,146 @@
+"""`trifuse detect`: what it writes, and what it says where it cannot."""
+
+import json
+from pathlib import Path
+
+import av
+import cv2
+import pytest
+import yaml
+
+from data.kitti.detection_rows import read_detection_set
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.main import main
+from tests.car_frames import SIZE_PX, write_car_frames
+
+FRAMES = 3
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    root = tmp_path_factory.mktemp("street")
+    write_drives(root, Recipe(layout="tracking", frames=FRAMES, images=False))
+    return root
+
+
+def detect(drive: Path, out: Path, *words: str) -> int:
+    return main(["detect", str(drive), "--out", str(out), *words])
+
+
+def test_frames_get_result_files_and_pictures_by_their_numbers(
+    car_frames, label_reader, tmp_path, capsys
+):
+    label_reader(car_frames)
+    out = tmp_path / "out"
+    assert detect(car_frames, out) == 0
+    assert sorted(path.name for path in (out / "data").iterdir()) == [
+        "000000.txt", "000002.txt", "000003.txt",
+    ]  # fmt: skip
+    pictures = sorted((out / "pictures").iterdir())
+    assert [path.name for path in pictures] == ["000000.jpg", "000002.jpg", "000003.jpg"]
+    assert cv2.imread(str(pictures[0])).shape[1] >= SIZE_PX[0]
+    assert not (out / "video.mp4").exists()
+    printed = capsys.readouterr().out
+    assert "training: 3 frames" in printed
+    assert ["reading", "2.0", "2.0", "67"] in map(str.split, printed.splitlines())
+    assert "2.0 proposals, 3.0 written as vehicles, 2.0 of these with a score of 0.5" in printed
+
+
+def test_what_is_written_is_read_by_the_measure(car_frames, label_reader, tmp_path):
+    label_reader(car_frames)
+    out = tmp_path / "out"
+    assert detect(car_frames, out, "--video", "false") == 0
+    found = read_detection_set(out, car_frames)
+    assert found.numbers == (0, 2, 3)
+    assert found.beyond == found.without_result == ()
+    assert found.detections.frames.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert found.detections.scores[:3].tolist() == [0.9, 0.8, 0.05]
+    assert {len(row.split()) for row in (out / "data/000003.txt").read_text().splitlines()} == {16}
+    assert not (out / "pictures").exists()
+
+
+def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, tmp_path):
+    label_reader(car_frames)
+    out = tmp_path / "out"
+    words = ("--rules.radius_m", "0.7", "--method", "thesis", "--shown-score", "0.85")
+    assert detect(car_frames, out, "--frames", "2", *words) == 0
+    config = yaml.safe_load((out / "config.yaml").read_text())
+    assert config["plan"]["choice"]["method"] == "thesis"
+    assert config["plan"]["choice"]["rules"]["radius_m"] == 0.7
+    assert config["network"]["training_data"] == "nothing at all"
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["frames"], summary["proposals"], summary["detections"]) == (2, 4, 6)
+    assert summary["shown"] == {"least_score": 0.85, "detections": 2}
+    assert summary["stages_ms"]["all stages"]["median"] == 3.0
+
+
+def test_a_sequence_without_images_becomes_a_video_of_depths(street, label_reader, tmp_path):
+    label_reader(street, "0000")
+    out = tmp_path / "out"
+    assert detect(street, out, "--sequence", "0") == 0
+    with av.open(str(out / "video.mp4")) as container:
+        assert sum(1 for _ in container.decode(video=0)) == FRAMES
+    picture = cv2.imread(str(out / "picture.jpg"))
+    # The road before the car is near: red over blue, as nothing else below the middle.
+    blue, _, red = picture[330:380, 500:780].mean(axis=(0, 1))
+    assert red > blue + 60
+    assert len(list((out / "data").iterdir())) == FRAMES
+
+
+def test_an_interrupted_run_keeps_what_was_done(street, label_reader, tmp_path, capsys):
+    label_reader(street, "0000", stop_at=2)
+    out = tmp_path / "out"
+    assert detect(street, out) == 2
+    assert "stopped; what was written is kept" in capsys.readouterr().err
+    assert sorted(path.name for path in (out / "data").iterdir()) == ["000000.txt", "000001.txt"]
+    assert json.loads((out / "summary.json").read_text())["frames"] == 2
+    assert (out / "video.partial.mp4").exists()
+
+
+def test_a_damaged_frame_stops_or_is_skipped(car_frames, label_reader, tmp_path, capsys):
+    label_reader(car_frames)
+    scan = car_frames / "training/velodyne/000002.bin"
+    scan.write_bytes(scan.read_bytes()[:1001])
+    out = tmp_path / "out"
+    assert detect(car_frames, out) == 2
+    assert "000002.bin: expected 16 bytes a point" in capsys.readouterr().err
+    assert [path.name for path in (out / "data").iterdir()] == ["000000.txt"]
+    assert detect(car_frames, out, "--on-bad-frame", "skip") == 0
+    assert json.loads((out / "summary.json").read_text())["frames"] == 2
+
+
+def test_a_drive_of_which_no_frame_can_be_read(car_frames, label_reader, tmp_path, capsys):
+    label_reader(car_frames)
+    for scan in (car_frames / "training/velodyne").iterdir():
+        scan.write_bytes(b"")
+    assert detect(car_frames, tmp_path / "out", "--on-bad-frame", "skip") == 0
+    assert "no frame was done" in capsys.readouterr().out
+
+
+def test_a_drive_without_a_camera_has_nothing_to_project_to(label_reader, tmp_path, capsys):
+    drive = write_car_frames(tmp_path / "blind", frames=1, camera=False)
+    label_reader(drive)
+    assert detect(drive, tmp_path / "out") == 2
+    assert "expected a camera's calibration, found none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--sequence", "0007"), "expected sequence 0007, found 0000; choose one with --sequence"),
+        (("--frames", "0"), "--frames: expected at least 1, found 0"),
+        (("--model", "nowhere.onnx"), "expected a model file, found no file nowhere.onnx"),
+    ],
+)
+def test_what_cannot_work_is_one_sentence(street, tmp_path, capsys, words, sentence):
+    assert detect(street, tmp_path / "out", *words) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_that_is_no_network_is_named(street, tmp_path, capsys):
+    model = tmp_path / "broken.onnx"
+    model.write_bytes(b"\x08\x07 not a network")
+    assert detect(street, tmp_path / "out", "--model", str(model)) == 2
+    error = capsys.readouterr().err
+    assert "broken.onnx: expected a whole ONNX model" in error
