@@ -48,16 +48,20 @@ class TrainingBar(ProgressBar):
         """Move on by a batch."""
         self._bar.update()
 
-    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Leave one line above the bar."""
-        epoch = f"epoch {trainer.current_epoch + 1}/{trainer.max_epochs}"
-        stages = (_line(trainer.callback_metrics, stage) for stage in ("train", "validation"))
-        if self._is_enabled:
-            self._bar.write("   ".join([epoch, *filter(None, stages)]), file=self._bar.fp)
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Say what the epoch before came to: its own end is too early to know all figures."""
+        self._write_line(trainer)
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Close the bar."""
+        """Say what the last epoch came to, and close the bar."""
+        self._write_line(trainer)
         self._close()
+
+    def _write_line(self, trainer: Trainer) -> None:
+        stages = (_line(trainer.callback_metrics, stage) for stage in ("train", "validation"))
+        words = [f"epoch {trainer.current_epoch}/{trainer.max_epochs}", *filter(None, stages)]
+        if self._is_enabled and len(words) > 1:
+            self._bar.write("   ".join(words), file=self._bar.fp)
 
     def on_exception(
         self, trainer: Trainer, pl_module: LightningModule, exception: BaseException

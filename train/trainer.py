@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import torch
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint
@@ -59,16 +60,18 @@ class TrainerPlan:
             raise UsageError("--accelerator gpu", expected="a GPU that torch sees", found="none")
 
 
-class EpochSeeds(Callback):
-    """Draw the numbers of each epoch from the seed and its number, so that going on changes nothing."""
+class StepSeeds(Callback):
+    """Draw what a step draws from the seed and its number, so that going on changes nothing."""
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
 
-    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+    def on_train_batch_start(
+        self, trainer: Trainer, pl_module: LightningModule, batch: object, batch_idx: int
+    ) -> None:
         """Seed torch; each process draws its own."""
-        of_epoch = self._seed + trainer.current_epoch
-        torch.manual_seed(of_epoch * 1_000_003 + trainer.global_rank)
+        numbers = (self._seed, trainer.global_step, trainer.global_rank)
+        torch.manual_seed(int(np.random.SeedSequence(numbers).generate_state(1)[0]))
 
 
 def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = ()) -> Trainer:
@@ -100,11 +103,11 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
         strategy="ddp" if plan.devices > 1 else "auto",
         precision=plan.precision,
         max_epochs=plan.epochs,
-        # Each epoch asks for its own batches, which depend on its number alone.
-        reload_dataloaders_every_n_epochs=1,
+        # Data modules share the samples out by themselves: only they know what makes a fair share.
+        use_distributed_sampler=False,
         logger=TensorBoardLogger(out, name="", version="", default_hp_metric=False),
         callbacks=[
-            EpochSeeds(plan.seed),
+            StepSeeds(plan.seed),
             LearningRateMonitor("epoch"),
             *callbacks,
             TrainingBar(),

@@ -55,20 +55,20 @@ _EPOCHS_A_STAGE = 8
 class VerifierTraining(LightningModule):
     """One network, its loss, its descent, and the figures by which it is followed."""
 
-    def __init__(self, plan: VerifierPlan, mean_picture: Tensor | None = None) -> None:
-        """Make the network anew.
-
-        Args:
-            plan: how it is trained.
-            mean_picture: (C, 66, 112) of the training set, which the thesis' network subtracts.
-        """
+    def __init__(self, plan: VerifierPlan) -> None:
+        """Make the network anew."""
         super().__init__()
         self.save_hyperparameters({"model": MODEL} | asdict(plan))
         self.plan = plan
         self.network = make_verifier(plan.method)
-        if mean_picture is not None and isinstance(self.network, ThesisVerifier):
-            self.network.mean_picture.copy_(mean_picture)
         self.training_figures, self.validation_figures = VerifierFigures(), VerifierFigures()
+
+    def on_fit_start(self) -> None:
+        """Tell the thesis' network what to subtract: the mean of what it will be trained on."""
+        is_new = self.trainer.ckpt_path is None
+        if is_new and isinstance(self.network, ThesisVerifier):
+            mean = self.trainer.datamodule.mean_crop()  # type: ignore[attr-defined]
+            self.network.mean_picture.copy_(mean)
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
         """Return logits and boxes as the network does."""

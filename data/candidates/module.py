@@ -9,16 +9,17 @@ import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule
 from torch import Tensor
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, Sampler
 
 from data.candidates.array_store import ArrayStore
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedSampler
-from data.candidates.dataset import CandidateDataset, Sample
+from data.candidates.dataset import Ask, CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, Progress, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.candidates.splitting import SplitBy, validation_frames
 from data.open_drive import open_drive, sequences_in
+from data.process_share import ProcessShare
 from perception.detection.picture import CHANNELS
 from perception.errors import DriveError, UsageError
 
@@ -161,7 +162,12 @@ class CandidateData(LightningDataModule):
         is_vehicle = self.training.candidates.is_vehicle
         loading = self.loading
         sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_an_epoch)
-        return self._loader(self.training, sampler)
+        if self.trainer is None:
+            return self._loader(self.training, sampler)
+        # Workers begin before Lightning says which epoch a resumed training goes on with.
+        sampler.set_epoch(self.trainer.current_epoch)
+        share = ProcessShare(sampler, self.trainer.global_rank, self.trainer.world_size)
+        return self._loader(self.training, share)
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that was kept back, in order."""
@@ -190,7 +196,7 @@ class CandidateData(LightningDataModule):
         return CandidateDataset(frames, found, augmentation, channels, seed)
 
     def _loader(
-        self, dataset: CandidateDataset, sampler: BalancedSampler | None
+        self, dataset: CandidateDataset, sampler: Sampler[Ask] | None
     ) -> DataLoader[Sample]:
         return DataLoader(
             dataset,

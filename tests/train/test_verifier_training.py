@@ -1,0 +1,266 @@
+"""How verifiers learn: what is logged, that a batch is learned by heart, and going on after a kill."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+from lightning.pytorch import Callback
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.nn.functional import binary_cross_entropy_with_logits
+
+from perception.errors import ModelError, UsageError
+from tests.train.toy_candidates import ToyCandidates, toy_batch
+from train.checkpoints import read_checkpoint
+from train.networks.depthcn import MODEL, load_verifier
+from train.schedules import stepped, warm_cosine
+from train.trainer import TrainerPlan, checkpoint_to_resume, fit, make_trainer
+from train.verifier_figures import VerifierFigures
+from train.verifier_loss import box_iou, box_loss
+from train.verifier_pictures import JudgedCrops, VerifierPictures, draw_judged
+from train.verifier_training import PLANS, VerifierTraining
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Share no work of a few milliseconds between threads that have to be waited for."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def plan_of(epochs, **other):
+    return TrainerPlan(epochs=epochs, accelerator="cpu", **other)
+
+
+def module_of(method="default", seed=0):
+    torch.manual_seed(seed)
+    return VerifierTraining(PLANS[method])
+
+
+class KilledAfter(Callback):
+    """Stops a training as Ctrl-C does, in the middle of an epoch."""
+
+    def __init__(self, step):
+        self._step = step
+
+    def on_train_batch_end(self, trainer, *args):
+        if trainer.global_step == self._step:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
+def test_everything_fits_together(tmp_path, method, channels):
+    trainer = make_trainer(tmp_path, plan_of(1, is_trial=True))
+    fit(trainer, module_of(method), ToyCandidates(8, channels))
+    assert trainer.global_step == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_batch_is_learned_by_heart():
+    module, batch = module_of(), toy_batch(8, 3)
+    module.network.full[-1].p = 0.0  # dropout
+    module.log_dict = lambda *args, **options: None
+    descent = torch.optim.SGD(module.parameters(), lr=0.02, momentum=0.9)
+    rate = torch.optim.lr_scheduler.LambdaLR(descent, partial(warm_cosine, steps=80))
+    for _ in range(80):
+        descent.zero_grad()
+        module.training_step(batch, 0).backward()
+        descent.step()
+        rate.step()
+    logits, shares = module.network.heads(batch["crops"])
+    is_vehicle = batch["is_vehicle"]
+    assert binary_cross_entropy_with_logits(logits, is_vehicle.float()) < 0.02
+    assert box_iou(shares[is_vehicle], batch["box_share"][is_vehicle]).mean() > 0.85
+
+
+def weights_after(folder, epochs, killed_at=None):
+    trainer = make_trainer(folder / "whole", plan_of(epochs))
+    fit(trainer, module_of(), ToyCandidates())
+    with pytest.raises(KeyboardInterrupt):
+        fit(
+            make_trainer(folder / "killed", plan_of(epochs), [KilledAfter(killed_at)]),
+            module_of(),
+            ToyCandidates(),
+        )
+    again = make_trainer(folder / "killed", plan_of(epochs))
+    fit(again, module_of(seed=9), ToyCandidates(), folder / "killed" / "last.ckpt")
+    return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
+
+
+def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path):
+    whole, resumed = weights_after(tmp_path, epochs=3, killed_at=4 + 2)
+    for name, weight in whole["state_dict"].items():
+        torch.testing.assert_close(resumed["state_dict"][name], weight, rtol=0, atol=0, msg=name)
+    for key in ("epoch", "global_step", "lr_schedulers"):
+        assert resumed[key] == whole[key]
+
+
+def test_the_best_epoch_and_the_last_are_kept(tmp_path):
+    trainer = make_trainer(tmp_path, plan_of(3))
+    fit(trainer, module_of(), ToyCandidates())
+    assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
+    last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
+    assert (last["epoch"], last["global_step"]) == (2, 12)
+    network, notes = load_verifier(tmp_path / "best.ckpt")
+    assert int(notes["epochs"]) in (1, 2, 3)
+    assert network.heads(toy_batch(2, 3)["crops"])[0].isfinite().all()
+
+
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
+    fit(make_trainer(tmp_path, plan_of(1)), module_of(), ToyCandidates())
+    before = (tmp_path / "last.ckpt").read_bytes()
+
+    def full(path, content):
+        path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("train.checkpoint_writer.write_whole", full)
+    with pytest.raises(ModelError, match="No space left on device; make room and go on"):
+        fit(
+            make_trainer(tmp_path, plan_of(2)), module_of(), ToyCandidates(), tmp_path / "last.ckpt"
+        )
+    assert (tmp_path / "last.ckpt").read_bytes() == before
+    load_verifier(tmp_path / "last.ckpt")
+
+
+def test_a_checkpoint_of_another_network_is_refused(tmp_path):
+    fit(make_trainer(tmp_path, plan_of(1)), module_of(), ToyCandidates())
+    trainer = make_trainer(tmp_path / "thesis", plan_of(2))
+    with pytest.raises(ModelError, match=r"weights of this depthcn, found those of .* \(default\)"):
+        fit(trainer, module_of("thesis"), ToyCandidates(channels=1), tmp_path / "last.ckpt")
+
+
+def test_a_training_is_not_written_over(tmp_path):
+    assert checkpoint_to_resume(tmp_path, None) is None
+    (tmp_path / "last.ckpt").touch()
+    with pytest.raises(UsageError, match="go on with --resume last"):
+        checkpoint_to_resume(tmp_path, None)
+    assert checkpoint_to_resume(tmp_path, "last") == tmp_path / "last.ckpt"
+
+
+def test_tensorboard_shows_what_is_promised(tmp_path):
+    grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
+    trainer = make_trainer(tmp_path, plan_of(2), [VerifierPictures(grids)])
+    fit(trainer, module_of(), ToyCandidates())
+    events = EventAccumulator(str(tmp_path)).Reload()
+    figures = ("accuracy", "precision", "recall", "box_iou", "box_iou_70")
+    losses = ("loss", "class_loss", "box_loss")
+    promised = {f"{stage}/{n}" for stage in ("train", "validation") for n in (*figures, *losses)}
+    assert promised <= set(events.Tags()["scalars"])
+    assert any(name.startswith("lr-") for name in events.Tags()["scalars"])
+    assert len(events.Scalars("validation/accuracy")) == 2
+    shown = set(events.Tags()["images"])
+    assert {"augmentation/flip", "augmentation/jitter", "validation/boxes"} <= shown
+    assert len(events.Images("augmentation/flip")) == 1
+
+
+def test_the_terminal_stays_tidy(tmp_path, capfd):
+    fit(make_trainer(tmp_path, plan_of(2)), module_of(), ToyCandidates())
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
+    said = [line for line in lines if line.strip() and not line.startswith("train:")]
+    assert [line.split()[:2] for line in said] == [["epoch", "1/2"], ["epoch", "2/2"]]
+    assert "train loss" in said[0]
+    assert "validation loss" in said[0]
+    assert "train loss" in said[1] and "accuracy" in said[1].split("validation")[0]
+
+
+def test_the_rate_of_the_thesis_falls_to_a_tenth_every_eight_epochs():
+    rates = [stepped(step, steps_a_stage=8 * 10) for step in (0, 79, 80, 160, 399)]
+    np.testing.assert_allclose(rates, [1, 1, 0.1, 0.01, 0.0001])
+
+
+def test_the_default_rate_rises_and_falls():
+    rates = [warm_cosine(step, 100) for step in range(100)]
+    assert np.argmax(rates) == 9
+    assert rates[9] == pytest.approx(1, abs=1e-3)
+    assert rates[54] == pytest.approx((1 + 0.001) / 2, abs=1e-3)
+    assert rates[99] == pytest.approx(0.001)
+
+
+def test_the_thesis_network_learns_what_to_subtract(tmp_path):
+    data = ToyCandidates(8, 1)
+    module = module_of("thesis")
+    fit(make_trainer(tmp_path, plan_of(1)), module, data)
+    torch.testing.assert_close(module.network.mean_picture, data.mean_crop())
+    network, _ = load_verifier(tmp_path / "last.ckpt")
+    torch.testing.assert_close(network.mean_picture, data.mean_crop())
+
+
+def test_only_weights_decay():
+    trainer = make_trainer_for_rates()
+    module = module_of("thesis")
+    module.trainer = trainer
+    decays = {
+        group["weight_decay"]: {weight.ndim > 1 for weight in group["params"]}
+        for group in module.configure_optimizers()["optimizer"].param_groups
+    }
+    assert decays == {0.004: {True}, 0.0: {False}}
+
+
+def make_trainer_for_rates():
+    class _Steps:
+        estimated_stepping_batches, max_epochs = 10, 2
+
+    return _Steps()
+
+
+def test_iou_of_boxes_by_hand():
+    boxes = torch.tensor([[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 2.0, 2.0]])
+    targets = torch.tensor([[2.0, 0.0, 3.0, 1.0], [1.0, 1.0, 3.0, 3.0]])
+    torch.testing.assert_close(box_iou(boxes, targets), torch.tensor([0, 1 / 7]))
+
+
+def test_errors_of_edges_by_hand():
+    boxes = torch.tensor([[0.2, 0.3, 0.6, 0.7]])
+    targets = torch.tensor([[0.25, 0.3, 0.6, 0.9]])
+    # 0.05² / (2 * 0.1), and 0.2 - 0.1 / 2.
+    assert box_loss(boxes, targets).item() == pytest.approx(0.0125 + 0.15)
+
+
+def test_right_boxes_cost_nothing_and_none_neither():
+    boxes = torch.tensor([[0.1, 0.2, 0.5, 0.6]])
+    assert box_loss(boxes, boxes).item() == pytest.approx(0, abs=1e-6)
+    assert box_loss(boxes[:0], boxes[:0]).item() == 0
+
+
+def test_figures_by_hand():
+    figures = VerifierFigures()
+    box = [0.0, 0.0, 1.0, 1.0]
+    nothing = [float("nan")] * 4
+    figures.update(
+        torch.tensor([2.0, -1.0, 3.0, -2.0, -5.0]),
+        torch.tensor([box, [0.0, 0.0, 0.5, 1.0], box, box, box]),
+        torch.tensor([True, True, False, False, False]),
+        torch.tensor([box, box, nothing, nothing, nothing]),
+    )
+    found = {name: value.item() for name, value in figures.compute().items()}
+    assert found == pytest.approx(
+        {"accuracy": 3 / 5, "precision": 1 / 2, "recall": 1 / 2, "box_iou": 0.75, "box_iou_70": 0.5}
+    )
+
+
+def test_figures_of_nothing_are_zero():
+    figures = VerifierFigures()
+    none = torch.zeros(0)
+    figures.update(none, torch.zeros(0, 4), none.bool(), torch.zeros(0, 4))
+    assert all(value == 0 for value in figures.compute().values())
+
+
+def test_the_drawn_box_lies_where_it_is_said():
+    batch = toy_batch(2, 3)
+    judged = JudgedCrops(
+        crops=batch["crops"],
+        logits=torch.tensor([3.0, -3.0]),
+        shares=torch.tensor([[0.25, 0.5, 0.75, 0.9]] * 2),
+        is_vehicle=batch["is_vehicle"],
+        box_share=torch.full((2, 4), float("nan")),
+    )
+    picture = draw_judged(judged)
+    assert picture.shape == (134, 452, 3)
+    white = (picture == 255).all(axis=2)
+    assert white[66, 56:168].all()  # the upper edge of the vehicle's box
+    assert not white[20:, 226:].any()  # the other candidate has none
