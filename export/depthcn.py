@@ -1,0 +1,167 @@
+"""DepthCN's network on its way from a checkpoint to a file."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from export.forms import Form, compare_forms
+from export.onnx import OPSET, Exportable, to_onnx
+from export.quantize import to_int8
+from perception.detection.depthcn import DepthCn
+from perception.detection.picture import camera_picture
+from perception.detection.session import OnnxModel
+from perception.detection.verifier import CONTRACT
+from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
+from perception.errors import UsageError
+from perception.maps.densify import densify
+from perception.maps.projection import camera_of, project_frame
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Frame
+from train.networks.depthcn import VehicleVerifier, load_verifier
+
+Inputs = dict[str, NDArray[Any]]
+
+# Of probabilities, and of pixels, as windows near the camera are some thousand pixels wide.
+TOLERANCES = {"scores": 1e-4, "boxes_px": 0.02}
+# No rows and one, which exporters like to get wrong, and as many as frames have candidates.
+_NOISE_ROWS = (0, 1, 2, 40)
+_BLOCK_PX = 2  # divides both edges of a crop
+_CALIBRATION_FRAMES = 8
+
+
+@dataclass(frozen=True)
+class ExportedVerifier:
+    """A network as files, and how they compare with it.
+
+    Attributes:
+        facts: what the files say of themselves.
+        models: their content by the name of their form: fp32, and int8 where asked for.
+        forms: the same, and torch.
+        opset: of ONNX that they are written in.
+    """
+
+    facts: dict[str, str]
+    models: dict[str, bytes]
+    forms: dict[str, Form]
+    opset: int = OPSET
+
+    def require_parity(self, where: str) -> None:
+        """Refuse a file in full precision that does not say what the checkpoint says.
+
+        Raises:
+            ModelError: a score or a box is too far from it.
+        """
+        for parity in self.forms["fp32"].parity.values():
+            parity.require(TOLERANCES, where)
+
+
+class Probabilities(nn.Module):
+    """A verifier that says how likely a vehicle is, in place of a logit."""
+
+    def __init__(self, verifier: VehicleVerifier) -> None:
+        super().__init__()
+        self.verifier = verifier
+
+    def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M,) probabilities and (M, 4) boxes in pixels."""
+        logits, boxes_px = self.verifier(crops, windows_px)
+        return torch.sigmoid(logits), boxes_px
+
+
+def export_verifier(
+    checkpoint: Path,
+    frames: Iterable[Frame] = (),
+    sensor: LidarModel = HDL_64E,
+    *,
+    int8: bool = False,
+) -> ExportedVerifier:
+    """Make the files of a checkpoint, and show them and the checkpoint the same inputs.
+
+    Args:
+        checkpoint: that training wrote.
+        frames: whose candidates are shown, beside noise.
+        sensor: that they are from.
+        int8: make an 8-bit form, too; its scales are those of the candidates.
+
+    Raises:
+        ModelError: the checkpoint is damaged, or of another network.
+        UsageError: `int8` without a candidate in any frame.
+    """
+    exportable = exportable_verifier(checkpoint)
+    models = {"fp32": to_onnx(exportable)}
+    generator = np.random.default_rng(0)
+    channels = exportable.inputs["crops"].shape[1]
+    inputs = {"noise": [random_inputs(channels, rows, generator) for rows in _NOISE_ROWS]}
+    with TemporaryDirectory() as folder:
+        full = _write(models["fp32"], Path(folder, "fp32.onnx"))
+        if candidates := list(candidate_inputs(DepthCn(full, sensor), frames, sensor)):
+            inputs["candidates"] = candidates
+        if int8:
+            if not candidates:
+                raise UsageError(
+                    "int8", expected="candidates to find its scales with", found="none"
+                )
+            models["int8"] = to_int8(models["fp32"], candidates[:_CALIBRATION_FRAMES])
+        opened = {
+            name: (len(data), OnnxModel(_write(data, Path(folder, f"{name}.onnx")), CONTRACT))
+            for name, data in models.items()
+        }
+    forms = compare_forms(exportable, opened, inputs, timed=inputs["noise"][-1])
+    return ExportedVerifier(dict(exportable.facts), models, forms)
+
+
+def exportable_verifier(checkpoint: Path) -> Exportable:
+    """Return the network of a checkpoint with all that its file says.
+
+    Raises:
+        ModelError: the checkpoint is damaged, or of another network.
+    """
+    verifier, facts = load_verifier(checkpoint)
+    channels = len(facts["channels"].split(","))
+    example = random_inputs(channels, 2, np.random.default_rng(0))
+    return Exportable(
+        Probabilities(verifier).eval(),
+        {name: torch.from_numpy(array) for name, array in example.items()},
+        outputs=("scores", "boxes_px"),
+        facts=facts,
+    )
+
+
+def random_inputs(channels: int, rows: int, generator: np.random.Generator) -> Inputs:
+    """Return crops of blocks of noise, and windows somewhere in an image of KITTI's size.
+
+    Blocks, since noise of single pixels is the same to a network wherever it looks.
+    """
+    blocks = (rows, channels, CROP_HEIGHT_PX // _BLOCK_PX, CROP_WIDTH_PX // _BLOCK_PX)
+    brightness = generator.integers(0, 256, blocks, dtype=np.uint8)
+    corners = generator.uniform((0, 100), (1100, 250), (rows, 2))
+    sizes = generator.uniform((20, 15), (400, 240), (rows, 2))
+    return {
+        "crops": brightness.repeat(_BLOCK_PX, axis=2).repeat(_BLOCK_PX, axis=3),
+        "windows_px": np.hstack([corners, corners + sizes]).astype(np.float32),
+    }
+
+
+def candidate_inputs(
+    detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel
+) -> Iterator[Inputs]:
+    """Yield what the detector shows its network of each frame that has candidates."""
+    for frame in frames:
+        dense = densify(project_frame(frame))
+        windows = detector.examine(frame, dense).windows_px
+        if len(windows):
+            image_P_velo = camera_of(frame)[0].image_P_velo
+            picture = camera_picture(dense, image_P_velo, sensor.height_m)
+            yield detector.verifier.inputs(picture, windows)
+
+
+def _write(data: bytes, file: Path) -> Path:
+    file.write_bytes(data)
+    return file

@@ -1,0 +1,47 @@
+"""A network in torch and as files, side by side: size, time, and how far each is from torch."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from export.latency import fastest_ms
+from export.onnx import Exportable
+from export.parity import Arrays, Network, Parity, compare, in_torch
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form of a network.
+
+    Attributes:
+        size_bytes: of its file; None of torch.
+        fastest_ms: for one batch.
+        parity: by kind of input how far it is from torch; empty of torch.
+    """
+
+    size_bytes: int | None
+    fastest_ms: float
+    parity: dict[str, Parity]
+
+
+def compare_forms(
+    exportable: Exportable,
+    models: Mapping[str, tuple[int, Network]],
+    inputs: Mapping[str, Sequence[Arrays]],
+    timed: Arrays,
+) -> dict[str, Form]:
+    """Return the forms by name, `torch` first.
+
+    Args:
+        exportable: the network in torch.
+        models: size in bytes of the other forms, and how to run them.
+        inputs: batches by their kind.
+        timed: the batch that all are timed with, taking turns.
+    """
+    torch_network = in_torch(exportable)
+    networks = {"torch": torch_network} | {name: run for name, (_, run) in models.items()}
+    times = fastest_ms(networks, timed)
+    forms = {"torch": Form(None, times["torch"], {})}
+    for name, (size_bytes, run) in models.items():
+        parity = {kind: compare(torch_network, run, batches) for kind, batches in inputs.items()}
+        forms[name] = Form(size_bytes, times[name], parity)
+    return forms

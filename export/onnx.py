@@ -1,0 +1,101 @@
+"""From a torch module to an ONNX file that says what it is."""
+
+import io
+import logging
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from typing import Any
+
+import onnx
+import torch
+from torch import Tensor, nn
+
+from perception.errors import ModelError
+
+# What torch's exporter writes without conversion, and every ONNX Runtime of the last years reads.
+OPSET = 18
+_IR_VERSION = 10
+
+
+@dataclass(frozen=True)
+class Exportable:
+    """A network and how a file shall offer it.
+
+    Attributes:
+        module: ready to judge; takes the inputs in their order, returns a tensor for each output.
+        inputs: an example of each by name, (M, ...) with the same M of at least 2. M is free in the file.
+        outputs: names.
+        facts: what the file says of itself.
+    """
+
+    module: nn.Module
+    inputs: Mapping[str, Tensor]
+    outputs: tuple[str, ...]
+    facts: Mapping[str, str]
+
+
+def to_onnx(exportable: Exportable) -> bytes:
+    """Return the ONNX file, weights and metadata included.
+
+    Raises:
+        ModelError: the module can only take as many rows as the examples have.
+    """
+    rows = torch.export.Dim("rows")
+    with _quiet(), torch.no_grad():
+        program = torch.onnx.export(
+            exportable.module.eval(),
+            tuple(exportable.inputs.values()),
+            input_names=list(exportable.inputs),
+            output_names=list(exportable.outputs),
+            dynamic_shapes=tuple({0: rows} for _ in exportable.inputs),
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None  # the exporter in use always returns one
+    model = program.model_proto
+    _require_free_rows(model)
+    model.ir_version = min(model.ir_version, _IR_VERSION)
+    _forget_source(model)
+    onnx.helper.set_model_props(model, dict(exportable.facts))
+    onnx.checker.check_model(model, full_check=True)
+    return bytes(model.SerializeToString())
+
+
+def _require_free_rows(model: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
+    """Refuse a graph to which the exporter, without a word, gave the number of rows of the examples."""
+    for entry in model.graph.input:
+        if not entry.type.tensor_type.shape.dim[0].dim_param:
+            raise ModelError(
+                "export",
+                expected=f"any number of rows in input {entry.name}",
+                found="a network that takes only its example's",
+                advice="let it ask for shape[0] in place of len(), and reshape to -1 rows",
+            )
+
+
+def _forget_source(model: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
+    """Drop what the exporter notes of the lines of Python, with paths of whoever exported."""
+    for part in (model.graph, *model.graph.node, *model.graph.input, *model.graph.output):
+        del part.metadata_props[:]
+        part.doc_string = ""
+    for part in (*model.graph.value_info, *model.graph.initializer):
+        del part.metadata_props[:]
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the exporter's progress and warnings of its own internals off the screen."""
+    with warnings.catch_warnings(), redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        loggers = [logging.getLogger(name) for name in ("torch", "onnxscript", "onnx_ir")]
+        levels = [logger.level for logger in loggers]
+        for logger in loggers:
+            logger.setLevel(logging.ERROR)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

@@ -1,0 +1,180 @@
+"""From candidates to vehicles, with a network that takes bright for likely."""
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_depthcn import judge_one_by_one, suppress_by_loop
+from perception.detection.depthcn import DepthCn, DetectionRules
+from perception.detection.picture import camera_picture
+from perception.detection.proposals import Proposals
+from perception.detection.windows import windows_px
+from perception.errors import CalibrationError, ModelError, PerceptionError, UsageError
+from perception.maps.densify import DenseMaps, densify
+from perception.maps.projection import project_frame
+from perception.types import Calibration, Frame
+
+# Camera and LiDAR in one place: x forward is depth, y left is -u, z up is -v; 100 px focal length.
+AXES = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
+CAMERA = np.array([[100, 0, 100, 0], [0, 100, 60, 0], [0, 0, 1, 0.0]])
+CALIBRATION = Calibration(CAMERA, AXES, (200, 120))
+
+
+def maps_of_reflectance(reflectance):
+    """10 m everywhere, so that only the reflectance of a place makes it bright or dark."""
+    reflectance = reflectance.astype(np.float32)
+    valid = np.ones(reflectance.shape, bool)
+    return DenseMaps(np.full(reflectance.shape, 10.0, np.float32), reflectance, valid, ~valid)
+
+
+def proposals_at(boxes):
+    boxes = np.array(boxes, float).reshape(-1, 4)
+    return Proposals(boxes, np.full(len(boxes), 10.0), np.arange(-1, len(boxes)))
+
+
+@pytest.fixture
+def three_places():
+    """Three boxes, the middle one bright, the right one half bright and over the edge."""
+    reflectance = np.zeros((120, 200))
+    reflectance[20:60, 80:120] = 1.0
+    reflectance[20:60, 160:] = 0.5
+    return maps_of_reflectance(reflectance), [
+        [10, 20, 50, 60],
+        [80, 20, 120, 60],
+        [160, 20, 230, 60],
+        [82, 20, 122, 60],
+    ]
+
+
+@pytest.fixture
+def detector(write_model):
+    return DepthCn(write_model(channels="reflectance", planes=1))
+
+
+def test_best_of_each_place_is_kept_best_first(detector, three_places):
+    dense, boxes = three_places
+    verified = detector.verify(proposals_at(boxes), dense, CALIBRATION)
+    np.testing.assert_allclose(verified.scores[[0, 1]], [0, 1], atol=0.03)
+    assert 0.2 < verified.scores[2] < 0.5
+    assert 0.9 < verified.scores[3] < verified.scores[1]
+    # The dark one scores too low, the shifted one is beaten.
+    assert verified.kept.tolist() == [1, 2]
+    detections = verified.detections
+    np.testing.assert_allclose(detections.boxes_px, [[80, 20, 120, 60], [160, 20, 199, 60]])
+    assert detections.types.tolist() == ["Car", "Car"]
+    assert detections.scores[0] == verified.scores[1]
+
+
+def test_each_detection_owns_the_points_of_its_candidate(detector, three_places):
+    dense, boxes = three_places
+    verified = detector.verify(proposals_at(boxes), dense, CALIBRATION)
+    # Points of no candidate, of the dark one, of the bright, of the one at the edge, of the beaten.
+    assert verified.owners.tolist() == [-1, -1, 0, 1, -1]
+
+
+def test_what_leaves_the_image_is_no_detection(write_model, three_places):
+    dense, boxes = three_places
+    outside = proposals_at([*boxes[:2], [200, 20, 260, 60]])
+    model = write_model(channels="reflectance", planes=1)
+    detector = DepthCn(model, detection_rules=DetectionRules(least_score=0.0))
+    verified = detector.verify(outside, dense, CALIBRATION)
+    assert verified.kept.tolist() == [1, 0]
+
+
+def test_rules_decide_what_is_kept(write_model, three_places):
+    dense, boxes = three_places
+    model = write_model(channels="reflectance", planes=1)
+    strict = DepthCn(model, detection_rules=DetectionRules(least_score=0.9))
+    lenient = DepthCn(model, detection_rules=DetectionRules(least_score=0.0, most_iou=0.95))
+    assert strict.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1]
+    assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
+
+
+def test_no_candidate_needs_no_network(detector, three_places, monkeypatch):
+    def refuse(inputs):
+        raise AssertionError("called for nothing")
+
+    monkeypatch.setattr(detector.verifier, "model", refuse)
+    verified = detector.verify(proposals_at([]), three_places[0], CALIBRATION)
+    assert len(verified.detections) == 0
+    assert verified.owners.tolist() == [-1]
+
+
+def test_one_call_judges_all_candidates_as_one_by_one(write_model):
+    generator = np.random.default_rng(1)
+    detector = DepthCn(write_model(window="metric"))
+    dense = maps_of_reflectance(generator.uniform(size=(120, 200)))
+    corner = generator.uniform((0, 0), (150, 50), (30, 2))
+    proposals = proposals_at(np.hstack([corner, corner + generator.uniform(10, 60, (30, 2))]))
+    verified = detector.verify(proposals, dense, CALIBRATION)
+    picture = camera_picture(dense, CALIBRATION.image_P_velo, 1.73)
+    windows = windows_px("metric", proposals.boxes_px, proposals.depths_m, 100.0)
+    scores, boxes_px = judge_one_by_one(detector.verifier, picture, windows)
+    np.testing.assert_allclose(verified.scores, scores, atol=1e-6)
+    clipped = np.clip(boxes_px, 0, [199, 119, 199, 119])
+    np.testing.assert_allclose(verified.boxes_px, clipped, atol=1e-3)
+    assert verified.kept.tolist() == suppress_by_loop(verified.boxes_px, verified.scores, 0.5)
+
+
+def test_frame_without_camera_is_refused(write_model):
+    frame = Frame(0, 0.0, np.ones((5, 4), np.float32), source="000007.bin")
+    with pytest.raises(CalibrationError, match=r"000007.bin: expected a camera's calibration"):
+        DepthCn(write_model()).detect(frame)
+
+
+def test_frame_with_nothing_in_view_has_no_detections(write_model):
+    behind = np.array([[-5, 0, 0, 0.5], [-6, 1, 0, 0.5]], np.float32)
+    assert len(DepthCn(write_model()).detect(Frame(0, 0.0, behind, calibration=CALIBRATION))) == 0
+
+
+def street():
+    """A road of 1.5 m below the camera, and a box of points 10 m ahead and one 20 m to the left."""
+    generator = np.random.default_rng(0)
+    road = np.column_stack([generator.uniform((4, -12), (40, 12), (6000, 2)), np.full(6000, -1.5)])
+    near = generator.uniform((10, -1, -1.4), (10.3, 1, 0.2), (400, 3))
+    left = generator.uniform((20, 5, -1.4), (20.3, 7, 0.2), (300, 3))
+    points = np.vstack([road, near, left])
+    light = np.full((len(points), 1), 0.5)
+    return Frame(0, 0.0, np.hstack([points, light]).astype(np.float32), calibration=CALIBRATION)
+
+
+def test_whole_way_from_scan_to_detections(write_model):
+    detector = DepthCn(write_model(), detection_rules=DetectionRules(least_score=0.0))
+    frame = street()
+    verified = detector.examine(frame)
+    assert len(verified.proposals) == 2
+    detections = verified.detections
+    order = np.argsort(detections.boxes_px[:, 0])
+    # 100 px focal length: 2 m at 10 m are 20 px around column 100; 2 m at 20 m, 5 to 7 m left, 65 to 75.
+    np.testing.assert_allclose(
+        detections.boxes_px[order][:, [0, 2]], [[65, 75], [90, 110]], atol=1.6
+    )
+    owners = verified.owners[6000:]
+    assert (np.bincount(owners[owners >= 0]) > 250).all()
+    again = detector.examine(frame, densify(project_frame(frame)))
+    np.testing.assert_array_equal(again.detections.boxes_px, detections.boxes_px)
+    np.testing.assert_array_equal(detector.detect(frame).scores, detections.scores)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"channels": "depth,colour,height"}, "expected channels among depth, height, reflectance"),
+        ({"channels": "depth"}, "as many as its input has, found depth for an input of 3"),
+        ({"window": "round"}, "expected window box or metric, found round"),
+        ({"input_height": "128"}, "expected input_height 66, found 128"),
+    ],
+)
+def test_network_of_another_kind_is_refused(write_model, changes, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        DepthCn(write_model(**changes))
+
+
+@pytest.mark.parametrize("rules", [{"least_score": -0.1}, {"most_iou": 0.0}, {"most_iou": 1.5}])
+def test_rules_that_cannot_work(rules):
+    with pytest.raises(UsageError, match="expected a score and an overlap from 0 to 1"):
+        DetectionRules(**rules)
+
+
+def test_window_that_is_not_finite_is_refused(detector, three_places):
+    with pytest.raises(PerceptionError, match="finite windows"):
+        detector.verify(proposals_at([[0, 0, np.nan, 10]]), three_places[0], CALIBRATION)

@@ -1,0 +1,173 @@
+"""A checkpoint becomes a file that says the same, or an error that says why not."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from export.depthcn import exportable_verifier, random_inputs
+from export.parity import compare, in_torch
+from perception.cli.main import main
+from perception.detection.verifier import Verifier
+
+
+@pytest.fixture(scope="module")
+def exported(checkpoint, tmp_path_factory):
+    out = tmp_path_factory.mktemp("exported") / "model.onnx"
+    assert main(["export", str(checkpoint), "--out", str(out)]) == 0
+    return out
+
+
+def test_file_says_what_the_checkpoint_says(checkpoint, exported):
+    exportable = exportable_verifier(checkpoint)
+    planes = exportable.inputs["crops"].shape[1]
+    batches = [random_inputs(planes, rows, np.random.default_rng(7)) for rows in (1, 0, 13)]
+    parity = compare(in_torch(exportable), Verifier(exported).model, batches)
+    assert parity.rows == 14
+    assert parity.largest["scores"] < 1e-5
+    assert parity.largest["boxes_px"] < 0.01
+    scores = Verifier(exported).model(batches[2])["scores"]
+    assert scores.std() > 0.05  # else all of this shows nothing
+    assert ((scores >= 0) & (scores <= 1)).all()
+
+
+def test_file_carries_what_training_noted(checkpoint, exported):
+    facts = Verifier(exported).model.facts
+    method = checkpoint.stem
+    assert facts["method"] == method
+    assert facts["window"] == {"default": "metric", "thesis": "box"}[method]
+    assert facts["training_data"] == "two streets"
+    assert facts["revision"] == "0123abc"
+
+
+def test_thesis_network_returns_its_windows(checkpoint, exported):
+    windows = random_inputs(1, 5, np.random.default_rng(0))["windows_px"].astype(np.float64)
+    picture = np.zeros((375, 1242, 3), np.uint8)
+    boxes_px = Verifier(exported).judge(picture, windows).boxes_px
+    assert np.array_equal(boxes_px, windows) == (checkpoint.stem == "thesis")
+
+
+def test_report_lies_beside_the_file(exported):
+    report = json.loads(exported.with_suffix(".json").read_text())
+    assert report["facts"]["kind"] == "depthcn"
+    assert report["opset"] == 18
+    full = report["forms"]["fp32"]
+    assert full["size_bytes"] == exported.stat().st_size
+    assert full["parity"]["noise"]["rows"] == 43
+    assert full["parity"]["noise"]["largest"]["scores"] < report["tolerances"]["scores"]
+    assert sorted(p.name for p in exported.parent.iterdir()) == ["model.json", "model.onnx"]
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    root = tmp_path_factory.mktemp("street")
+    assert (
+        main(["synth", str(root), "--frames", "1", "--layout", "object", "--images", "false"]) == 0
+    )
+    return root
+
+
+def test_candidates_of_a_drive_are_shown_and_8_bits_compared(
+    checkpoint, from_file, drive, tmp_path, capsys
+):
+    out = tmp_path / "model.onnx"
+    words = ["export", str(checkpoint), "--out", str(out), "--data", str(drive)]
+    assert main([*words, "--int8", "true"]) == 0
+    report = json.loads(out.with_suffix(".json").read_text())
+    assert report["forms"]["fp32"]["parity"]["candidates"]["rows"] > 0
+    assert report["forms"]["int8"]["size_bytes"] < 0.3 * report["forms"]["fp32"]["size_bytes"]
+    assert (tmp_path / "model.int8.onnx").is_file()
+    assert "scores, candidates" in capsys.readouterr().out
+
+
+@pytest.fixture
+def from_file(exported, monkeypatch):
+    """Skip what is slow and tested above: torch's exporter, and the clock."""
+    monkeypatch.setattr("export.depthcn.to_onnx", lambda exportable: exported.read_bytes())
+    monkeypatch.setattr(
+        "export.forms.fastest_ms", lambda networks, batch: dict.fromkeys(networks, 1.0)
+    )
+
+
+def test_difference_beyond_tolerance_leaves_a_report_and_no_file(
+    checkpoint, from_file, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("export.depthcn.TOLERANCES", {"scores": -1.0, "boxes_px": 1.0})
+    out = tmp_path / "model.onnx"
+    assert main(["export", str(checkpoint), "--out", str(out)]) == 2
+    assert "model.onnx: expected scores within -1 of the checkpoint's" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path, capsys):
+    content = torch.load(thesis_checkpoint, weights_only=True)
+    content["state_dict"]["network.classifier.4.bias"][:] = np.nan
+    torch.save(content, tmp_path / "nan.ckpt")
+    out = tmp_path / "model.onnx"
+    assert main(["export", str(tmp_path / "nan.ckpt"), "--out", str(out)]) == 2
+    assert "expected finite numbers in output scores" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ({"state_dict": {}, "hyper_parameters": {"model": "compact"}}, "found one of compact"),
+        ({"weights": 1}, "expected a checkpoint of depthcn, found another"),
+    ],
+)
+def test_checkpoint_of_another_network(tmp_path, capsys, content, sentence):
+    torch.save(content, tmp_path / "other.ckpt")
+    words = ["export", str(tmp_path / "other.ckpt"), "--out", str(tmp_path / "model.onnx")]
+    assert main(words) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_checkpoint_that_is_missing_or_damaged(thesis_checkpoint, tmp_path, capsys):
+    out = ["--out", str(tmp_path / "model.onnx")]
+    assert main(["export", str(tmp_path / "gone.ckpt"), *out]) == 2
+    assert (
+        "gone.ckpt: expected a checkpoint of depthcn, found no such file" in capsys.readouterr().err
+    )
+    (tmp_path / "half.ckpt").write_bytes(thesis_checkpoint.read_bytes()[:100_000])
+    assert main(["export", str(tmp_path / "half.ckpt"), *out]) == 2
+    assert "half.ckpt: expected a checkpoint of depthcn" in capsys.readouterr().err
+
+
+class Malice:
+    """Unpickled, it would make a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
+def test_checkpoint_runs_nothing(tmp_path, capsys):
+    torch.save(
+        {"state_dict": {}, "hyper_parameters": Malice(tmp_path / "made")}, tmp_path / "evil.ckpt"
+    )
+    words = ["export", str(tmp_path / "evil.ckpt"), "--out", str(tmp_path / "model.onnx")]
+    assert main(words) == 2
+    assert "evil.ckpt: expected a checkpoint of depthcn" in capsys.readouterr().err
+    assert not (tmp_path / "made").exists()
+
+
+def test_place_that_cannot_be_written_is_named_before_any_work(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    for out, found in (
+        (tmp_path / "file" / "model.onnx", "file"),
+        (tmp_path, "a folder of that name"),
+    ):
+        assert main(["export", str(tmp_path / "gone.ckpt"), "--out", str(out)]) == 2
+        printed = capsys.readouterr().err
+        assert "expected a file that can be written, found" in printed
+        assert found in printed
+
+
+def test_8_bits_need_a_drive(tmp_path, capsys):
+    out = str(tmp_path / "model.onnx")
+    assert main(["export", str(tmp_path / "gone.ckpt"), "--out", out, "--int8", "true"]) == 2
+    assert "--int8: expected --data" in capsys.readouterr().err
