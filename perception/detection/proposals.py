@@ -1,12 +1,27 @@
-"""Candidates for vehicles: what stands on the ground, cut into clusters, boxed in the image (6.1.2)."""
+"""Candidates for vehicles: what stands on the ground, cut into clusters, boxed in the image (6.1.2).
+
+    scan -- find_standing --> points that stand -- cut --> their clusters -- box --> proposals
+
+The three steps are apart, so that a search over the parameters of one need not repeat those before it.
+"""
 
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from perception.detection.clustering import cluster
+from perception.detection.standing import ProposalMethod, Standing, find_standing
 from perception.errors import UsageError
 from perception.types import Bool, Calibration, Float32, Float64, Int
+
+_SMALLEST_CELL_M = 0.05
+_TOP_MARGIN_PX = 5  # the author's code: the beam above the highest hit passes over the roof
+_NEAR_SIDE = 0.1  # quantile of the depths
+# The default's neighbourhood grows with the range, as beams part: by this share of it.
+_RADIUS_PER_M = 0.025
+_LONGEST_M = 5.0  # of a car; what is longer may be two
+_SPLIT = 0.5  # of the radius
 
 
 @dataclass(frozen=True)
@@ -15,9 +30,10 @@ class ProposalRules:
 
     Attributes:
         cell_m: edge of a cell of the ground removal, the thesis' upsilon.
-        least_variance_m2: a cell whose heights vary less is ground, delta.
+        least_variance_m2: a cell whose heights vary less is ground, delta. By the default, a point is that
+            stays within three such deviations of the lowest one around.
         least_points: within the radius make a point a core of a cluster, eta.
-        radius_m: of DBSCAN's neighbourhood, epsilon.
+        radius_m: of DBSCAN's neighbourhood, epsilon; at the vehicle, where it grows with the range.
     """
 
     cell_m: float = 0.5
@@ -27,11 +43,16 @@ class ProposalRules:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        if not (self.cell_m > 0 and self.radius_m > 0 and self.least_points > 0):
-            found = f"{self.cell_m:g} m, {self.radius_m:g} m, {self.least_points}"
+        fits = self.cell_m >= _SMALLEST_CELL_M and self.least_variance_m2 >= 0
+        if not (fits and self.radius_m > 0 and self.least_points > 0):
+            found = (
+                f"{self.cell_m:g} m, {self.least_variance_m2:g} m2, "
+                f"{self.radius_m:g} m, {self.least_points}"
+            )
             raise UsageError(
                 "rules of the proposals",
-                expected="cell, radius and least points above zero",
+                expected=f"a cell of {_SMALLEST_CELL_M:g} m or more, a least variance of zero or "
+                "more, radius and least points above zero",
                 found=found,
             )
 
@@ -67,6 +88,89 @@ def propose(
     calibration: Calibration,
     size_px: tuple[int, int],
     rules: ProposalRules = ProposalRules(),
+    method: ProposalMethod = "default",
 ) -> Proposals:
     """Find the candidates of an (N, 4) scan in an image of (width, height)."""
-    raise NotImplementedError
+    standing = find_standing(
+        points_velo, calibration, size_px, rules.cell_m, rules.least_variance_m2, method
+    )
+    return box(standing, cut(standing, rules.radius_m, rules.least_points, method))
+
+
+def cut(
+    standing: Standing, radius_m: float, least_points: int, method: ProposalMethod = "default"
+) -> Int:
+    """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
+
+    Args:
+        standing: what stands on the ground.
+        radius_m: of DBSCAN's neighbourhood.
+        least_points: within it.
+        method: default or thesis.
+    """
+    if method == "thesis":
+        return cluster(standing.xy_m, radius_m, least_points)
+    xy_m = _evened(standing.xy_m, radius_m)
+    labels = cluster(xy_m, radius_m, least_points)
+    # Clusters of a smaller radius lie within those of a larger one: one call splits all.
+    long = np.flatnonzero(_is_long(standing.xy_m, labels))
+    parts = cluster(xy_m[long], _SPLIT * radius_m, least_points)
+    labels[long] = np.where(parts >= 0, parts + labels.max(initial=-1) + 1, -1)
+    return _numbered_anew(labels)
+
+
+def box(standing: Standing, labels: Int) -> Proposals:
+    """Box the clusters of the points that stand, in the image.
+
+    Left and right are the outermost points; the bottom is the lowest, or the ground under one; the top
+    has a margin.
+    """
+    clusters = np.full(standing.scan_length, -1, np.int64)
+    clusters[standing.rows] = labels
+    clustered = np.flatnonzero(labels >= 0)
+    if len(clustered) == 0:
+        return Proposals(np.zeros((0, 4)), np.zeros(0), clusters)
+    depths_m = standing.depths_m[clustered]
+    # By cluster, then by depth: the fraction of a number orders what has the same whole part.
+    order = clustered[np.argsort(labels[clustered] + depths_m / (depths_m.max() + 1))]
+    counts = np.bincount(labels[clustered])
+    starts = counts.cumsum() - counts
+    column, row = standing.pixels[order].T
+    boxes_px = np.column_stack(
+        [
+            np.minimum.reduceat(column, starts),
+            np.maximum(np.minimum.reduceat(row, starts) - _TOP_MARGIN_PX, 0),
+            np.maximum.reduceat(column, starts),
+            np.maximum.reduceat(
+                np.minimum(standing.feet_px[order], standing.size_px[1] - 1), starts
+            ),
+        ]
+    )
+    near = starts + (_NEAR_SIDE * (counts - 1)).astype(np.int64)
+    return Proposals(boxes_px, standing.depths_m[order][near], clusters)
+
+
+def _evened(xy_m: Float64, radius_m: float) -> Float64:
+    """Draw (K, 2) places together so that radius plus a share of the range becomes the radius everywhere."""
+    growth = _RADIUS_PER_M / radius_m * np.hypot(xy_m[:, 0], xy_m[:, 1])
+    # The integral of 1 / (1 + growth) over the range, divided by the range.
+    return xy_m * (np.log1p(growth) / np.maximum(growth, 1e-9))[:, None]
+
+
+def _is_long(xy_m: Float64, labels: Int) -> Bool:
+    """Tell which (K,) points belong to a cluster that is longer than a car along x or y."""
+    is_long: Bool = np.zeros(labels.max(initial=-1) + 2, bool)  # the last is noise
+    for along_m in xy_m.T:
+        low_m, high_m = np.full(len(is_long), np.inf), np.full(len(is_long), -np.inf)
+        np.minimum.at(low_m, labels, along_m)
+        np.maximum.at(high_m, labels, along_m)
+        is_long |= high_m - low_m > _LONGEST_M
+    is_long[-1] = False
+    return np.asarray(is_long[labels])
+
+
+def _numbered_anew(labels: Int) -> Int:
+    """Close the gaps in (K,) numbers of clusters; -1 stays."""
+    is_used = np.zeros(labels.max(initial=-1) + 2, bool)
+    is_used[labels] = True
+    return np.where(labels >= 0, (is_used.cumsum() - 1)[labels], -1)

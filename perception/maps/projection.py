@@ -67,7 +67,7 @@ def project_scan(
     points_velo: Float, calibration: Calibration, size_px: tuple[int, int]
 ) -> SparseMaps:
     """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
-    points = points_velo[_may_be_in_view(points_velo, calibration.image_P_velo, size_px)]
+    points = points_velo[may_be_in_view(points_velo, calibration.image_P_velo, size_px)]
     exact_px, depth_m = project(calibration.image_P_velo, points)
     with np.errstate(invalid="ignore"):
         rounded = np.rint(exact_px)
@@ -115,7 +115,7 @@ def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
     return calibration, size_px
 
 
-def _may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
+def may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
     """Pass over, in single precision and with a pixel to spare, most of what is out of view.
 
     A turn of the LiDAR has six times the returns that a camera sees; only those are worth a division.
