@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from perception.detection.proposals import ProposalRules
+from data.open_drive import open_drive
+from perception.detection.proposals import ProposalRules, propose
 from perception.errors import (
     CalibrationError,
     DriveError,
@@ -15,6 +16,7 @@ from perception.errors import (
     ScanError,
     UsageError,
 )
+from perception.maps.projection import camera_of
 from tests.car_frames import write_car_frames
 from train.proposal_search import search as searching
 from train.proposal_search.counting import count_part
@@ -34,7 +36,7 @@ def frames(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def plan(frames: Path) -> SearchPlan:
-    return SearchPlan(survey([frames], "Car"), GRID, chunk_frames=3)
+    return SearchPlan(survey([frames], "Car"), GRID, "thesis", chunk_frames=3)
 
 
 def rows(ledger: Path) -> list[str]:
@@ -50,6 +52,18 @@ def test_the_best_setting_reaches_most_with_fewest_proposals(plan, tmp_path):
     worth = [(-count.reached[0], count.proposals) for count in table]
     assert worth == sorted(worth)
     assert table[-1].reached[0] < 8
+
+
+@pytest.mark.parametrize("method", ["default", "thesis"])
+def test_sharing_the_ground_changes_nothing(frames, method):
+    plan = SearchPlan(survey([frames], "Car"), GRID, method, chunk_frames=4)
+    for part in plan.parts():
+        for count in count_part(part):
+            found = [
+                propose(frame.points_velo, *camera_of(frame), count.rules, method)
+                for frame in open_drive(frames)
+            ]
+            assert count.proposals == sum(map(len, found)) > 0
 
 
 def test_rows_are_one_a_setting_and_chunk(plan, tmp_path):
@@ -123,7 +137,7 @@ def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
     ledger = tmp_path / "counts.jsonl"
     search(plan, ledger)
     more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.least_points, (0.05, 0.5, 0.6))
-    wider = SearchPlan(plan.survey, more, chunk_frames=3)
+    wider = SearchPlan(plan.survey, more, "thesis", chunk_frames=3)
     assert search(wider, ledger) == search(wider, tmp_path / "fresh.jsonl")
 
 
@@ -131,6 +145,7 @@ def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
     ("change", "name"),
     [
         ({"drive": True}, "drives"),
+        ({"method": "default"}, "method"),
         ({"overlaps": (0.6,)}, "overlaps"),
         ({"chunk_frames": 2}, "chunk_frames"),
         ({"on_bad_frame": "skip"}, "on_bad_frame"),
@@ -143,7 +158,7 @@ def test_counts_of_another_search_are_refused(plan, tmp_path, change, name):
     found = plan.survey
     if change.pop("drive", False):
         found = survey([write_car_frames(tmp_path / "other")], "Car")
-    other = SearchPlan(found, GRID, **{"chunk_frames": 3, **change})
+    other = SearchPlan(found, GRID, **{"method": "thesis", "chunk_frames": 3, **change})
     with pytest.raises(UsageError, match=rf"found those of another, by its {name}; choose"):
         search(other, ledger)
     assert ledger.read_bytes() == before
@@ -219,13 +234,17 @@ def test_a_drive_named_twice_and_no_step_are_refused(frames, twice, every):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_damaged_scan_stops_the_search_or_is_left_out(frames, tmp_path, workers):
+def test_a_damaged_scan_stops_the_search(frames, tmp_path, workers):
     (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
-    found = survey([frames], "Car")
+    plan = SearchPlan(survey([frames], "Car"), GRID, chunk_frames=1)
     with pytest.raises(ScanError, match=r"000001\.bin"):
-        search(SearchPlan(found, GRID), tmp_path / "stop.jsonl", workers)
-    plan = SearchPlan(found, GRID, chunk_frames=2, on_bad_frame="skip")
-    table = search(plan, tmp_path / "skip.jsonl", workers)
+        search(plan, tmp_path / "counts.jsonl", workers)
+
+
+def test_a_damaged_scan_is_left_out_where_that_is_wanted(frames, tmp_path):
+    (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
+    plan = SearchPlan(survey([frames], "Car"), GRID, chunk_frames=2, on_bad_frame="skip")
+    table = search(plan, tmp_path / "counts.jsonl")
     assert {(count.frames, count.unread, count.objects) for count in table} == {(3, 1, 6)}
 
 

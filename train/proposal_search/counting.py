@@ -1,11 +1,12 @@
 """One part of the search: what the settings that share a ground removal reach in one chunk of frames."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
-from perception.detection.proposals import ProposalRules, Proposals, propose
+from perception.detection.proposals import ProposalRules, box, cut
+from perception.detection.standing import ProposalMethod, find_standing
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_reached
 from perception.maps.projection import camera_of
@@ -21,6 +22,7 @@ class Part:
         chunk: number of the chunk.
         frames: of the chunk.
         rules: settings with the same cell and least variance.
+        method: default or thesis.
         of_class: type of the objects.
         overlaps: IoUs from which on a proposal reaches an object.
         on_bad_frame: raise at a frame that cannot be read, or count it as unread.
@@ -29,6 +31,7 @@ class Part:
     chunk: int
     frames: FrameSet
     rules: tuple[ProposalRules, ...]
+    method: ProposalMethod
     of_class: str
     overlaps: tuple[float, ...]
     on_bad_frame: OnBadFrame = "stop"
@@ -94,17 +97,19 @@ def read_or_skip(drive: Drive, index: int, on_bad_frame: OnBadFrame) -> Frame | 
         return None
 
 
-def propose_by_all(frame: Frame, rules: Sequence[ProposalRules]) -> Iterator[Proposals]:
-    """Yield the proposals of each setting; they share what does not depend on the clustering."""
-    calibration, size_px = camera_of(frame)
-    for one in rules:
-        yield propose(frame.points_velo, calibration, size_px, one)
-
-
 def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
+    """Yield what each setting reaches; the ground, which all have in common, is removed once."""
     objects_px = labels.boxes_px[is_of_class(labels, part.of_class)]
-    found_by_all = propose_by_all(frame, part.rules)
-    for rules, found in zip(part.rules, found_by_all, strict=True):
+    standing = find_standing(
+        frame.points_velo,
+        *camera_of(frame),
+        part.rules[0].cell_m,
+        part.rules[0].least_variance_m2,
+        part.method,
+    )
+    for rules in part.rules:
+        labels_of_points = cut(standing, rules.radius_m, rules.least_points, part.method)
+        found = box(standing, labels_of_points)
         reached = count_reached(objects_px, found.boxes_px, part.overlaps)
         yield Count(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
 

@@ -1,20 +1,23 @@
 """What a few settings reach on all drives, object by object: for curves, where the search only counts."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from data.drive import Labels
+from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.proposal_order import ProposalOrder, order_scores
-from perception.detection.proposals import ProposalRules
+from perception.detection.proposals import ProposalRules, propose
+from perception.detection.standing import ProposalMethod
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
 from perception.types import Detections, Frame
-from train.proposal_search.counting import Part, propose_by_all, read_or_skip
+from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchPlan
+from train.proposal_search.survey import FrameSet
 from train.proposal_search.workers import run_parts
 
 Gathered = Iterable[tuple["Gathering", "list[Candidates]"]]
@@ -22,16 +25,35 @@ RecallProgress = Callable[[Gathered, int], Gathered]
 
 
 @dataclass(frozen=True)
+class Setting:
+    """One way to make proposals.
+
+    Attributes:
+        rules: its four parameters.
+        method: default or thesis.
+    """
+
+    rules: ProposalRules = field(default_factory=ProposalRules)
+    method: ProposalMethod = "default"
+
+
+@dataclass(frozen=True)
 class Gathering:
     """What one process gathers at a time.
 
     Attributes:
-        part: frames, settings and class.
+        chunk: number of the chunk.
+        frames: of the chunk.
+        settings: all.
         order: by which proposals are scored.
+        on_bad_frame: raise at a frame that cannot be read, or pass over it.
     """
 
-    part: Part
+    chunk: int
+    frames: FrameSet
+    settings: tuple[Setting, ...]
     order: ProposalOrder
+    on_bad_frame: OnBadFrame
 
 
 @dataclass(frozen=True)
@@ -49,7 +71,7 @@ class Candidates:
 
 def measure_recall(
     plan: SearchPlan,
-    settings: Sequence[ProposalRules],
+    settings: Sequence[Setting],
     order: ProposalOrder,
     workers: int = 1,
     progress: RecallProgress = lambda gathered, parts: gathered,
@@ -59,9 +81,12 @@ def measure_recall(
     Raises:
         PerceptionError: a frame cannot be read.
     """
-    gatherings = [Gathering(part, order) for part in plan.parts([settings])]
+    gatherings = [
+        Gathering(chunk, frames, tuple(settings), order, plan.on_bad_frame)
+        for chunk, frames in enumerate(plan.survey.chunks(plan.chunk_frames))
+    ]
     gathered = progress(run_parts(gather, gatherings, workers), len(gatherings))
-    by_chunk = {gathering.part.chunk: frames for gathering, frames in gathered}
+    by_chunk = {gathering.chunk: frames for gathering, frames in gathered}
     frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
     truths = true_boxes([frame.labels for frame in frames])
     return [
@@ -78,23 +103,20 @@ def measure_recall(
 
 def gather(gathering: Gathering) -> list[Candidates]:
     """Return what is labelled and what is proposed in each frame that can be read."""
-    part = gathering.part
-    drive = part.frames.open()
-    read = ((index, read_or_skip(drive, index, part.on_bad_frame)) for index in part.frames.frames)
+    drive, frames = gathering.frames.open(), gathering.frames.frames
+    read = ((index, read_or_skip(drive, index, gathering.on_bad_frame)) for index in frames)
     return [
-        Candidates(drive.labels(index), _propose(frame, gathering))
+        Candidates(
+            drive.labels(index),
+            tuple(_propose(frame, setting, gathering.order) for setting in gathering.settings),
+        )
         for index, frame in read
         if frame is not None
     ]
 
 
-def _propose(frame: Frame, gathering: Gathering) -> tuple[Detections, ...]:
-    focal_px = float(camera_of(frame)[0].image_P_cam[0, 0])
-    return tuple(
-        Detections(
-            found.boxes_px,
-            order_scores(gathering.order, found, focal_px),
-            np.full(len(found), gathering.part.of_class),
-        )
-        for found in propose_by_all(frame, gathering.part.rules)
-    )
+def _propose(frame: Frame, setting: Setting, order: ProposalOrder) -> Detections:
+    calibration, size_px = camera_of(frame)
+    found = propose(frame.points_velo, calibration, size_px, setting.rules, setting.method)
+    scores = order_scores(order, found, float(calibration.image_P_cam[0, 0]))
+    return Detections(found.boxes_px, scores, np.full(len(found), "proposal"))

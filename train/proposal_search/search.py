@@ -1,6 +1,6 @@
 """The exhaustive search: every setting in every frame, the best one first (6.1.4)."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
@@ -9,7 +9,7 @@ from typing import Any
 
 from data.frames import OnBadFrame
 from perception import __version__
-from perception.detection.proposals import ProposalRules
+from perception.detection.standing import ProposalMethod
 from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import OVERLAPS, require_iou
 from train.proposal_search.counting import Count, Part, count_part
@@ -29,6 +29,7 @@ class SearchPlan:
     Attributes:
         survey: the drives and the class.
         grid: the values of the rules.
+        method: of the proposals, default or thesis.
         overlaps: IoUs that are counted; the first is what is maximised.
         chunk_frames: frames that one process takes at a time.
         on_bad_frame: stop at a frame that cannot be read, or leave it out of all counts.
@@ -36,6 +37,7 @@ class SearchPlan:
 
     survey: Survey
     grid: SearchGrid = field(default_factory=SearchGrid)
+    method: ProposalMethod = "default"
     overlaps: tuple[float, ...] = OVERLAPS
     chunk_frames: int = 10
     on_bad_frame: OnBadFrame = "stop"
@@ -48,15 +50,20 @@ class SearchPlan:
         for iou in self.overlaps:
             require_iou(iou)
 
-    def parts(self, settings: Iterable[Sequence[ProposalRules]]) -> list[Part]:
-        """Cut the work on groups of settings into parts, chunk by chunk."""
-        groups = [tuple(group) for group in settings]
-        chunks = enumerate(self.survey.chunks(self.chunk_frames))
-        of_class, overlaps, on_bad_frame = self.survey.of_class, self.overlaps, self.on_bad_frame
+    def parts(self) -> list[Part]:
+        """Cut the search into parts, chunk by chunk, and each by what shares its ground removal."""
         return [
-            Part(chunk, frames, group, of_class, overlaps, on_bad_frame)
-            for chunk, frames in chunks
-            for group in groups
+            Part(
+                chunk=chunk,
+                frames=frames,
+                rules=tuple(rules),
+                method=self.method,
+                of_class=self.survey.of_class,
+                overlaps=self.overlaps,
+                on_bad_frame=self.on_bad_frame,
+            )
+            for chunk, frames in enumerate(self.survey.chunks(self.chunk_frames))
+            for rules in self.grid.grounds()
         ]
 
     def identity(self) -> dict[str, Any]:
@@ -72,6 +79,7 @@ class SearchPlan:
                 }
                 for drive, labels in zip(self.survey.drives, self.survey.labels, strict=True)
             ],
+            "method": self.method,
             "of_class": self.survey.of_class.lower(),
             "overlaps": list(self.overlaps),
             "chunk_frames": self.chunk_frames,
@@ -100,7 +108,7 @@ def search(
         PerceptionError: a frame cannot be read, or the ledger is of another search.
     """
     counts = Ledger(ledger, plan.identity())
-    parts = plan.parts(plan.grid.grounds())
+    parts = plan.parts()
     missing = [part for part in parts if not counts.holds(part)]
     finished = run_parts(count_part, missing, workers)
     for part, of_part in progress(finished, len(parts) - len(missing), len(parts)):

@@ -8,6 +8,7 @@ from perception.cli.table import Cell, format_table, percent
 from perception.detection.proposals import ProposalRules
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallFigures
 from train.proposal_search.counting import Count
+from train.proposal_search.recall import Setting
 
 _SHOWN = 10
 _RULE_NAMES = ("cell [m]", "variance [m²]", "points", "radius [m]")
@@ -62,12 +63,13 @@ def search_document(table: Sequence[Count], overlaps: Sequence[float]) -> list[d
 
 
 def recall_document(
-    settings: Mapping[str, ProposalRules], recalls: Mapping[str, ProposalRecall]
+    settings: Mapping[str, Setting], recalls: Mapping[str, ProposalRecall]
 ) -> dict[str, Any]:
     """Return the curves of each setting by difficulty, for programs."""
     return {
         name: {
-            "rules": settings[name],
+            "rules": settings[name].rules,
+            "method": settings[name].method,
             "frames": recall.frames,
             "proposals": recall.proposals,
             "difficulties": {

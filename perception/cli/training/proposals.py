@@ -18,12 +18,12 @@ from perception.cli.training.proposal_figures import (
     search_document,
 )
 from perception.detection.proposal_order import ProposalOrder
-from perception.detection.proposals import ProposalRules
+from perception.detection.standing import ProposalMethod
 from perception.evaluation.detection.proposal_recall import OVERLAPS
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
 from train.proposal_search.counting import Count
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.recall import Gathered, measure_recall
+from train.proposal_search.recall import Gathered, Setting, measure_recall
 from train.proposal_search.search import Finished, SearchPlan, search
 from train.proposal_search.survey import Survey, survey
 
@@ -40,6 +40,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     grid: SearchGrid = _GRID,
+    method: ProposalMethod = "default",
     object_class: str = "Car",
     iou: tuple[float, ...] = OVERLAPS,
     order: ProposalOrder = "size",
@@ -58,6 +59,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
     Args:
         drives: labelled drives of any layout; of a folder of several, all are taken.
         grid: values that are tried.
+        method: default, or thesis.
         object_class: type of the objects that have to be reached.
         iou: overlaps that are counted; the first is maximised.
         order: which proposals of a frame the curves take first: size (most like a car's) or points (most returns).
@@ -68,11 +70,11 @@ def proposals(  # noqa: PLR0913 - flags of a command
     """
     processes = usable_cores() if workers is None else workers
     found = survey(drives, object_class, every=every, progress=partial(_bar, "labels", "frame"))
-    plan = SearchPlan(found, grid, iou, on_bad_frame=on_bad_frame)
+    plan = SearchPlan(found, grid, method, iou, on_bad_frame=on_bad_frame)
     table = search(plan, out / "counts.jsonl", processes, _search_bar)
     write_yaml(out / "rules.yaml", table[0].rules)
     print(f"{_describe(found, table[0])}\n\n{best_table(table, iou)}\n", flush=True)
-    settings = _settings(table[0].rules)
+    settings = _settings(Setting(table[0].rules, method))
     measured = measure_recall(plan, list(settings.values()), order, processes, _recall_bar)
     recalls = dict(zip(settings, measured, strict=True))
     print(recall_table(recalls))
@@ -92,12 +94,12 @@ def proposals(  # noqa: PLR0913 - flags of a command
     print("\n".join(["", *(str(out / name) for name in _FILES)]))
 
 
-def _settings(best: ProposalRules) -> dict[str, ProposalRules]:
+def _settings(best: Setting) -> dict[str, Setting]:
     """Return what is drawn, by name; settings that are the same are drawn once."""
-    names: dict[ProposalRules, str] = {best: "best"}
-    for name, rules in (("default", ProposalRules()), ("thesis", ProposalRules())):
-        names[rules] = f"{names[rules]} = {name}" if rules in names else name
-    return {name: rules for rules, name in names.items()}
+    names = {best: "best"}
+    for name, setting in (("default", Setting()), ("thesis", Setting(method="thesis"))):
+        names[setting] = f"{names[setting]} = {name}" if setting in names else name
+    return {name: setting for setting, name in names.items()}
 
 
 def _describe(found: Survey, count: Count) -> str:
