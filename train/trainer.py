@@ -19,6 +19,7 @@ import torch
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.utilities import rank_zero_only
 
 from perception.errors import UsageError
 from train.checkpoint_writer import WholeCheckpoints, require_same_network
@@ -165,6 +166,11 @@ def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
             advice="go on with --resume last, or name another --out",
         )
     return None
+
+
+def is_first_process() -> bool:
+    """Tell whether this is the one of several training processes that writes and prints."""
+    return int(getattr(rank_zero_only, "rank", 0) or 0) == 0
 
 
 def _be_quiet() -> None:

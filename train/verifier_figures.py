@@ -11,6 +11,7 @@ class VerifierFigures(Metric):
     """Counts over the batches of an epoch, summed over all processes.
 
     accuracy     share of the candidates that are called what they are
+    balanced     the same, were there as many vehicles as others
     precision    share of what is called a vehicle that is one
     recall       share of the vehicles that are called so
     box_iou      mean IoU of the vehicles' boxes with the labels'
@@ -58,6 +59,7 @@ class VerifierFigures(Metric):
         found = self.is_right[1]
         return {
             "accuracy": _share(self.is_right.sum(), total.sum()),
+            "balanced": _share(self.is_right, total).mean(),
             "precision": _share(found, found + self.is_wrong[0]),
             "recall": _share(found, total[1]),
             "box_iou": _share(self.iou_sum, self.boxes),

@@ -1,6 +1,6 @@
 """What TensorBoard shows of a verifier: its crops, its worst mistakes, and where it sees boxes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -57,20 +57,20 @@ class JudgedCrops:
 class VerifierPictures(Callback):
     """Draws augmentations once, and worst mistakes and boxes of every validation."""
 
-    def __init__(self, augmentations: Mapping[str, UInt8] | None = None) -> None:
-        """Take pictures to show at the start.
+    def __init__(self, augmentations: Callable[[], Mapping[str, UInt8]] = dict) -> None:
+        """Take what is shown at the start.
 
         Args:
-            augmentations: (H, W, 3) RGB by name.
+            augmentations: makes (H, W, 3) RGB pictures by name, when the data is there.
         """
-        self._augmentations = dict(augmentations or {})
+        self._augmentations = augmentations
         self._mistakes: JudgedCrops | None = None
         self._vehicles: JudgedCrops | None = None
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show what each augmentation does, where a training begins."""
-        if trainer.current_epoch == 0:
-            for name, picture in self._augmentations.items():
+        if trainer.current_epoch == 0 and trainer.is_global_zero:
+            for name, picture in self._augmentations().items():
                 _show(trainer, f"augmentation/{name}", picture)
 
     def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:

@@ -11,7 +11,8 @@ from torch.nn import functional
 from torch.optim import SGD
 from torch.optim.lr_scheduler import LambdaLR
 
-from train.networks.depthcn import MODEL, Method, ThesisVerifier, make_verifier
+from perception.detection.verifier import Method
+from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
 from train.schedules import stepped, warm_cosine
 from train.verifier_figures import VerifierFigures
 from train.verifier_loss import box_loss

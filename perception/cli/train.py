@@ -1,5 +1,6 @@
 """`trifuse train`: what is fitted to labelled drives: settings of the proposals, and networks."""
 
+from perception.cli.training.depthcn import depthcn
 from perception.cli.training.proposals import proposals
 
-COMMANDS = {"proposals": proposals}
+COMMANDS = {"proposals": proposals, "depthcn": depthcn}

@@ -142,10 +142,10 @@ def test_a_training_is_not_written_over(tmp_path):
 
 def test_tensorboard_shows_what_is_promised(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    trainer = make_trainer(tmp_path, plan_of(2), [VerifierPictures(grids)])
+    trainer = make_trainer(tmp_path, plan_of(2), [VerifierPictures(lambda: grids)])
     fit(trainer, module_of(), ToyCandidates())
     events = EventAccumulator(str(tmp_path)).Reload()
-    figures = ("accuracy", "precision", "recall", "box_iou", "box_iou_70")
+    figures = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
     losses = ("loss", "class_loss", "box_loss")
     promised = {f"{stage}/{n}" for stage in ("train", "validation") for n in (*figures, *losses)}
     assert promised <= set(events.Tags()["scalars"])
@@ -239,7 +239,14 @@ def test_figures_by_hand():
     )
     found = {name: value.item() for name, value in figures.compute().items()}
     assert found == pytest.approx(
-        {"accuracy": 3 / 5, "precision": 1 / 2, "recall": 1 / 2, "box_iou": 0.75, "box_iou_70": 0.5}
+        {
+            "accuracy": 3 / 5,
+            "balanced": (1 / 2 + 2 / 3) / 2,
+            "precision": 1 / 2,
+            "recall": 1 / 2,
+            "box_iou": 0.75,
+            "box_iou_70": 0.5,
+        }
     )
 
 

@@ -7,18 +7,17 @@ and the windows (M, 4) that they were cut from; both return M logits of a vehicl
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import torch
 from torch import Tensor, nn
 
 from perception.detection.picture import CHANNELS
+from perception.detection.verifier import CONTRACT, KIND, Method
 from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError
 from train.checkpoints import read_checkpoint, weights_of
 
-Method = Literal["default", "thesis"]
-MODEL = "depthcn"  # what the checkpoints say that they are of
+MODEL = KIND  # what the checkpoints say that they are of
 
 
 class VehicleVerifier(nn.Module, ABC):
@@ -210,12 +209,9 @@ def _notes(noted: dict[str, object]) -> dict[str, str]:
     form = FORMS[method]
     kept = {"training_data": "unknown", "revision": "unknown"}
     kept |= {name: str(noted[name]) for name in kept if name in noted}
-    return kept | {
-        "kind": MODEL,
+    looks = {
         "method": method,
         "window": form.window,
         "channels": ",".join(form.channels),
-        "classes": "Car",
-        "input_height": str(CROP_HEIGHT_PX),
-        "input_width": str(CROP_WIDTH_PX),
     }
+    return kept | dict(CONTRACT.facts) | looks

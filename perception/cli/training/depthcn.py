@@ -1,0 +1,116 @@
+"""`trifuse train depthcn`: the network that tells vehicles among candidates (6.1.3, 6.1.4)."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from data.frames import OnBadFrame
+from perception.cli.documents import write_json
+from perception.cli.table import Cell, format_table
+from perception.cli.training.verifier_plan import VerifierData, run_training
+from perception.detection.verifier import Method
+from perception.errors import MissingDependencyError
+
+if TYPE_CHECKING:
+    from train.trainer import TrainerPlan
+    from train.verifier_run import TrainedVerifier
+
+_COLUMNS = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
+
+
+def depthcn(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    validation: Path | list[Path] | None = None,
+    method: Method = "default",
+    augment: bool = True,
+    epochs: int = 40,
+    batch: int = 128,
+    resume: str | None = None,
+    out: Path = Path("results") / "depthcn",
+    accelerator: Literal["auto", "cpu", "gpu"] = "auto",
+    devices: int = 1,
+    precision: Literal["32-true", "16-mixed", "bf16-mixed"] = "32-true",
+    seed: int = 0,
+    workers: int = 0,
+    on_bad_frame: OnBadFrame = "stop",
+    cache: Path | None = None,
+) -> None:
+    """Train the network that verifies proposals; follow it with: tensorboard --logdir OUT.
+
+    It leaves best.ckpt (of the best accuracy on the validation set), last.ckpt to go on from, config.yaml
+    and figures.json. Write the best one as a model file with: trifuse export OUT/best.ckpt --out depthcn.onnx
+
+    Example: trifuse train depthcn synth/train --validation synth/val --out results/depthcn
+
+    Args:
+        drives: labelled drives of any layout; of a folder of several, all are taken.
+        validation: drives to judge by, one or [several]; without, a fifth of the frames is kept back.
+        method: default, the network that ships; thesis, that of Fig. 6.5 with its own schedule.
+        augment: whether samples are changed at every look (6.1.4).
+        epochs: in all, each as long as there are candidates.
+        batch: samples a step.
+        resume: a checkpoint to go on from, or the word last for that of the folder.
+        out: folder of the results.
+        accelerator: auto takes a GPU where there is one.
+        devices: GPUs, or processes on a CPU.
+        precision: of the numbers; 16-mixed or bf16-mixed on a GPU.
+        seed: of every choice.
+        workers: processes that make samples; 0 makes them where the network is trained.
+        on_bad_frame: stop at a damaged frame, or leave it out and say so.
+        cache: folder for pictures and candidates of the frames; else the user's cache folder.
+    """
+    data = VerifierData(
+        tuple(drives), _listed(validation), batch, augment, workers, on_bad_frame, cache
+    )
+    plan = _trainer_plan()(epochs, accelerator, devices, precision, seed)
+    trained = run_training(data, method, plan, out, resume)
+    if trained is None:
+        return
+    write_json(out / "figures.json", trained)
+    print(f"{figures_table(method, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
+
+
+def figures_table(method: Method, trained: "TrainedVerifier") -> str:
+    """Return the figures of both parts as a table."""
+    counts = trained.counts
+    rows: list[list[Cell]] = [
+        [
+            part,
+            counts[f"{part}_candidates"],
+            counts[f"{part}_vehicles"],
+            *(f"{100 * figures[name]:.2f}" for name in _COLUMNS),
+        ]
+        for part, figures in (("training", trained.training), ("validation", trained.validation))
+    ]
+    title = f"DepthCN, {method}, epoch {trained.epoch}: accuracies, recall and IoU in percent"
+    header = (
+        "set",
+        "candidates",
+        "vehicles",
+        "accuracy",
+        "of classes",
+        "precision",
+        "recall",
+        "box IoU",
+        "IoU > 0.7",
+    )
+    return format_table(title, header, rows)
+
+
+def _trainer_plan() -> "type[TrainerPlan]":
+    try:
+        from train.trainer import TrainerPlan
+    except ImportError as error:
+        raise MissingDependencyError(
+            "torch, lightning and tensorboard",
+            needed_for="trifuse train depthcn",
+            extra="train",
+            reason=error,
+        ) from error
+    return TrainerPlan
+
+
+def _listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
+    if paths is None:
+        return ()
+    return (paths,) if isinstance(paths, Path) else tuple(paths)

@@ -1,0 +1,104 @@
+"""From the flags of a command to a training of DepthCN's network; what needs torch is imported here."""
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from data.frames import OnBadFrame
+from perception import __version__
+from perception.cli.documents import write_yaml
+from perception.detection.verifier import Method
+from perception.errors import UsageError
+
+if TYPE_CHECKING:
+    from data.candidates.module import CandidateData
+    from train.trainer import TrainerPlan
+    from train.verifier_run import TrainedVerifier
+
+
+@dataclass(frozen=True)
+class VerifierData:
+    """What a network is shown.
+
+    Attributes:
+        drives: labelled drives that it learns from.
+        validation: drives that it is judged by; none keeps a fifth of the frames back.
+        batch: samples a step, half of them vehicles.
+        augment: whether samples are changed at every look.
+        workers: processes that make samples.
+        on_bad_frame: stop at a damaged frame, or leave it out.
+        cache: folder for what is made of the frames; else the user's cache folder.
+    """
+
+    drives: tuple[Path, ...]
+    validation: tuple[Path, ...]
+    batch: int = 128
+    augment: bool = True
+    workers: int = 0
+    on_bad_frame: OnBadFrame = "stop"
+    cache: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse nothing to learn from."""
+        if not self.drives:
+            raise UsageError("drives", expected="at least one", found="none")
+
+    @property
+    def names(self) -> str:
+        """What the model file says that it learned from."""
+        return ", ".join(str(path) for path in self.drives)
+
+
+def run_training(
+    data: VerifierData,
+    method: Method,
+    trainer_plan: "TrainerPlan",
+    out: Path,
+    resume: str | None = None,
+) -> "TrainedVerifier | None":
+    """Train a network in a folder; return what came of it, in the first process only."""
+    from train.revision import program_revision
+    from train.trainer import checkpoint_to_resume, is_first_process
+    from train.verifier_run import train_verifier
+    from train.verifier_training import PLANS
+
+    checkpoint = checkpoint_to_resume(out, resume)
+    plan = replace(PLANS[method], training_data=data.names, revision=program_revision())
+    if is_first_process():
+        document = {
+            "program": f"trifuse {__version__}",
+            "data": data,
+            "network": plan,
+            "trainer": trainer_plan,
+            "resumed_from": checkpoint,
+        }
+        write_yaml(out / "config.yaml", document)
+    module = candidate_data(data, method, trainer_plan.seed)
+    return train_verifier(module, plan, trainer_plan, out, checkpoint)
+
+
+def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateData":
+    """Return the batches of one of the networks."""
+    from data.candidates.augmentation import Augmentation
+    from data.candidates.gathering import GatheringRules
+    from data.candidates.module import CandidateData, CandidateRules, Loading, Sources
+    from train.networks.depthcn import FORMS
+
+    form = FORMS[method]
+    gathering = GatheringRules(window=form.window, on_bad_frame=data.on_bad_frame, seed=seed)
+    return CandidateData(
+        Sources(data.drives, data.validation, data.cache),
+        CandidateRules(gathering=gathering),
+        Augmentation() if data.augment else None,
+        Loading(form.channels, data.batch, data.workers, seed=seed),
+        _bar,
+    )
+
+
+def _bar(frames: Iterable[int]) -> Iterable[int]:
+    bar: Iterable[int] = tqdm(frames, "candidates", unit="frame", file=sys.stderr, delay=2)
+    return bar

@@ -1,0 +1,102 @@
+"""From candidates to a trained verifier, and what it comes to on what it learned from and on the rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from lightning.pytorch import Trainer
+from torch.utils.data import DataLoader
+
+from data.candidates.dataset import CandidateDataset
+from data.candidates.grids import augmentation_grids, grid_rows
+from data.candidates.module import CandidateData
+from perception.types import UInt8
+from train.networks.depthcn import VehicleVerifier, load_verifier
+from train.trainer import BEST, TrainerPlan, fit, make_trainer
+from train.verifier_figures import VerifierFigures
+from train.verifier_pictures import VerifierPictures
+from train.verifier_training import VerifierPlan, VerifierTraining
+
+_SHOWN_SAMPLES = 8
+_JUDGED_AT_ONCE = 256
+
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True)
+class TrainedVerifier:
+    """What a training leaves.
+
+    Attributes:
+        checkpoint: of the best epoch.
+        epoch: its number, from 1.
+        counts: candidates and vehicles of both parts.
+        training: figures of the best epoch's network on what it learned from, unchanged.
+        validation: the same on what was kept back.
+    """
+
+    checkpoint: Path
+    epoch: int
+    counts: dict[str, int]
+    training: Figures
+    validation: Figures
+
+
+def train_verifier(
+    data: CandidateData,
+    plan: VerifierPlan,
+    trainer_plan: TrainerPlan,
+    out: Path,
+    resume: Path | None = None,
+) -> TrainedVerifier | None:
+    """Train; return what came of it, or None in all processes but the first, and of a trial.
+
+    Args:
+        data: candidates.
+        plan: which network, and how it descends.
+        trainer_plan: how long and on what.
+        out: the folder.
+        resume: a checkpoint to go on from.
+    """
+    torch.manual_seed(trainer_plan.seed)
+    module = VerifierTraining(plan)
+    pictures = VerifierPictures(lambda: _augmentations(data))
+    trainer: Trainer = make_trainer(out, trainer_plan, [pictures])
+    fit(trainer, module, data, resume)
+    if trainer_plan.is_trial or not trainer.is_global_zero:
+        return None
+    return _judge_best(data, out / BEST)
+
+
+def judge(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> Figures:
+    """Return the figures of a network over samples as they are."""
+    figures = VerifierFigures()
+    loader = DataLoader(samples, _JUDGED_AT_ONCE, num_workers=workers)
+    with torch.inference_mode():
+        for batch in loader:
+            logits, shares = network.heads(batch["crops"])
+            figures.update(logits, shares, batch["is_vehicle"], batch["box_share"])
+    return {name: float(value) for name, value in figures.compute().items()}
+
+
+def _judge_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
+    network, notes = load_verifier(checkpoint)
+    parts = {"training": data.training, "validation": data.validation}
+    counts = {}
+    for name, samples in parts.items():
+        counts[f"{name}_candidates"] = len(samples)
+        counts[f"{name}_vehicles"] = int(samples.candidates.is_vehicle.sum())
+    return TrainedVerifier(
+        checkpoint,
+        int(notes["epochs"]),
+        counts,
+        **{name: judge(network, samples, data.loading.workers) for name, samples in parts.items()},
+    )
+
+
+def _augmentations(data: CandidateData) -> Mapping[str, UInt8]:
+    if data.augmentation is None:
+        return {}
+    rows = grid_rows(data.training, _SHOWN_SAMPLES)
+    return augmentation_grids(data.training, data.augmentation, rows)
