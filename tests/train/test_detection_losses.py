@@ -184,7 +184,9 @@ def test_half_precision_is_computed_in_full():
 def test_one_batch_is_learned_by_heart(options):
     torch.manual_seed(0)
     anchors_px = [(16.0, 12.0), (32.0, 20.0)]
-    network = CompactDetector(anchors_px=anchors_px, channels=1, widths=(8, 16, 16, 16, 16))
+    network = CompactDetector(
+        ("Car",), anchors_px, channels=1, widths=(8, 16, 16, 16, 16), residuals=(1, 0, 0)
+    )
     boxes = torch.tensor(
         [[[8.0, 20, 28, 32], [50, 10, 84, 34]], [[60, 30, 75, 42], [0, 0, 30, 22]]]
     )

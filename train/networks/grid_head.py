@@ -6,6 +6,7 @@ B images, A anchors, K = rows * columns * A boxes. A cell is `stride` pixels of 
 The second axis but one holds x, y, width, height, objectness, and one number a class, in this order.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -50,13 +51,24 @@ class GridHead(nn.Module):
         stride_px: int,
         anchors_px: Sequence[tuple[float, float]],
         class_names: Sequence[str],
+        first_score: float = 0.5,
     ) -> None:
+        """Build it with random weights.
+
+        Args:
+            channels: of the map.
+            stride_px: of a cell of the map.
+            anchors_px: A widths and heights.
+            class_names: what is detected.
+            first_score: about the objectness that every prediction starts training with.
+        """
         super().__init__()
         _require_anchors_and_classes(anchors_px, class_names)
         self.class_names = tuple(class_names)
         self.stride_px = stride_px
         self.register_buffer("anchors_px", torch.tensor(anchors_px, dtype=torch.float32))
         self.convolution = nn.Conv2d(channels, len(anchors_px) * (5 + len(class_names)), 1)
+        self._start_from(first_score)
 
     def forward(self, features: Tensor) -> Tensor:
         """Return raw predictions (B, A, 5 + classes, rows, columns)."""
@@ -68,9 +80,9 @@ class GridHead(nn.Module):
         """Return what the raw predictions say, in float32."""
         raw = raw.float()
         boxes = box_corners(self.decode_boxes(raw))
-        shares = raw[:, :, CLASSES].softmax(dim=2)
-        scores = raw[:, :, OBJECTNESS, None].sigmoid() * shares
-        return DecodedBoxes(_as_list(boxes), _as_list(scores))
+        shares = _as_list(raw[:, :, CLASSES]).softmax(dim=2)
+        scores = _as_list(raw[:, :, OBJECTNESS, None]).sigmoid() * shares
+        return DecodedBoxes(_as_list(boxes), scores)
 
     def decode_boxes(self, raw: Tensor) -> Tensor:
         """Return (B, A, 4, rows, columns) centres, widths and heights in pixels.
@@ -86,6 +98,12 @@ class GridHead(nn.Module):
         scale = raw[:, :, 2:4].clamp(max=_LARGEST_LOG_SCALE).exp()
         sizes = scale * self.anchors_px[None, :, :, None, None]
         return torch.cat([x[:, :, None], y[:, :, None], sizes], dim=2)
+
+    def _start_from(self, score: float) -> None:
+        bias = self.convolution.bias
+        if bias is not None and score != 0.5:
+            of_anchors = bias.detach().view(len(self.anchors_px), -1)
+            of_anchors[:, OBJECTNESS] = math.log(score / (1 - score))
 
 
 def box_corners(boxes: Tensor) -> Tensor:
