@@ -109,7 +109,7 @@ def compare_registration(prepared: Prepared) -> Comparison:
             lambda i: register_window(prepared.windows[i]),
         ),
     ]
-    _add_peer(
+    add_peer(
         contenders,
         lambda: Contender("Open3D, point to plane", scan_to_scan(open3d_point_to_plane())),
     )
@@ -141,8 +141,8 @@ def compare_ground(prepared: Prepared) -> Comparison:
         peer = PatchworkGround(sensor)
         return Contender("Patchwork++", lambda i: peer.estimate(newest(i)))
 
-    _add_peer(contenders, plane)
-    _add_peer(contenders, patchwork)
+    add_peer(contenders, plane)
+    add_peer(contenders, patchwork)
     feet: dict[str, list[FootErrors]] = {contender.name: [] for contender in contenders}
 
     def judge(name: str, i: int, ground: GroundModel) -> None:
@@ -189,7 +189,7 @@ def compare_motion(prepared: Prepared) -> Comparison:
     return Comparison("static and moving", take_turns(contenders, len(prepared.frames)), {})
 
 
-def _add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
+def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
     """Add a peer, or say why it is left out."""
     try:
         contenders.append(make())

@@ -87,7 +87,7 @@ def find_standing(
     points = points_velo[candidates[chosen.rows], :3]
     exact_px, depths_m = project(image_P_velo, points)
     feet = np.column_stack([points[:, :2], chosen.ground_m])
-    feet_px = project(image_P_velo, feet)[0][:, 1]
+    feet_px = np.rint(project(image_P_velo, feet)[0][:, 1])
     with np.errstate(invalid="ignore"):
         pixels = np.rint(exact_px)
         is_seen = (pixels >= 0).all(axis=1) & (pixels < size_px).all(axis=1)

@@ -1,0 +1,127 @@
+"""Clustering and proposals: ours, the plain form and scikit-learn on the same points."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.measure import Contender, take_turns
+from benchmarks.naive_dbscan import cluster_by_definition
+from benchmarks.naive_proposals import boxes_by_loop
+from benchmarks.stages import Comparison, Prepared, add_peer
+from data.drive import Labels
+from perception.cli.table import Cell
+from perception.detection.clustering import cluster
+from perception.detection.height_cells import HeightCells
+from perception.detection.proposals import ProposalRules, propose
+from perception.detection.standing import ProposalMethod, find_standing
+from perception.errors import MissingDependencyError
+from perception.geometry.box_overlap_px import iou_px
+from perception.maps.projection import camera_of
+from perception.types import Bool, Float64, Int
+
+_RULES = ProposalRules()
+_OURS, _PEER = "ours", "scikit-learn"
+_OVERLAPS = (0.5, 0.7)
+
+
+def compare_clusters(prepared: Prepared) -> Comparison:
+    """DBSCAN of what stands in the camera's view (6.1.2), and whether all give it the same labels."""
+    places_m = []
+    for frame in prepared.frames:
+        rules = _RULES.cell_m, _RULES.least_variance_m2
+        places_m.append(find_standing(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m)
+    plain = Contender("by definition", _clustering(cluster_by_definition, places_m))
+    return _compare("clusters in view", places_m, [plain])
+
+
+def compare_turns(prepared: Prepared) -> Comparison:
+    """DBSCAN of what stands all around; there the plain form takes minutes."""
+    places_m = []
+    for frame in prepared.frames:
+        cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
+        standing = frame.points_velo[cells.varies(_RULES.least_variance_m2)]
+        places_m.append(standing[:, :2].astype(np.float64))
+    return _compare("clusters of a full turn", places_m, [])
+
+
+def compare_proposals(prepared: Prepared) -> Comparison:
+    """From the scan to boxes, and which share of the cars in view they reach."""
+    views = [(frame.points_velo, *camera_of(frame)) for frame in prepared.frames]
+
+    def ours(method: ProposalMethod) -> Callable[[int], Float64]:
+        return lambda i: propose(*views[i], _RULES, method).boxes_px
+
+    contenders = [
+        Contender(_OURS, ours("default")),
+        Contender("thesis: cells that vary", ours("thesis")),
+        Contender("thesis, by loop", lambda i: boxes_by_loop(*views[i], _RULES)),
+    ]
+    boxes_px: dict[str, list[Float64]] = {contender.name: [] for contender in contenders}
+    timings = take_turns(
+        contenders, len(views), lambda name, _, boxes: boxes_px[name].append(boxes)
+    )
+    figures: dict[str, dict[str, Cell]] = {
+        "boxes": {
+            name: f"{np.mean([len(b) for b in found]):.1f}" for name, found in boxes_px.items()
+        }
+    }
+    if prepared.drive.has_labels:
+        cars_px = [_cars_px(prepared.drive.labels(i)) for i in range(len(views))]
+        for overlap in _OVERLAPS:
+            figures[f"cars % at IoU {overlap:g}"] = {
+                name: _reached(cars_px, found, overlap) for name, found in boxes_px.items()
+            }
+    return Comparison("proposals", timings, figures)
+
+
+def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Comparison:
+    contenders = [Contender(_OURS, _clustering(cluster, places_m)), *others]
+    add_peer(contenders, lambda: Contender(_PEER, _clustering(_scikit_learn(), places_m)))
+    labels: dict[str, list[Int]] = {contender.name: [] for contender in contenders}
+    timings = take_turns(
+        contenders, len(places_m), lambda name, _, found: labels[name].append(found)
+    )
+    same: dict[str, Cell] = {
+        name: f"{sum(map(np.array_equal, found, labels[_OURS]))} of {len(found)}"
+        for name, found in labels.items()
+    }
+    return Comparison(title, timings, {"frames as ours": same})
+
+
+def _clustering(
+    method: Callable[[Float64, float, int], Int], places_m: list[Float64]
+) -> Callable[[int], Int]:
+    return lambda i: method(places_m[i], _RULES.radius_m, _RULES.least_points)
+
+
+def _scikit_learn() -> Callable[[Float64, float, int], Int]:
+    try:
+        from sklearn.cluster import DBSCAN
+    except ImportError as error:
+        raise MissingDependencyError(
+            "scikit-learn", needed_for="the DBSCAN peer", extra="bench", reason=error
+        ) from error
+
+    def fit(xy_m: Float64, radius_m: float, least_points: int) -> Int:
+        if len(xy_m) == 0:  # which it refuses
+            return np.zeros(0, np.int64)
+        found: Int = DBSCAN(eps=radius_m, min_samples=least_points).fit_predict(xy_m)
+        return found
+
+    return fit
+
+
+def _cars_px(labels: Labels) -> Float64:
+    """Return the boxes of the cars of KITTI's moderate difficulty."""
+    height_px = labels.boxes_px[:, 3] - labels.boxes_px[:, 1]
+    is_moderate: Bool = (labels.occlusion <= 1) & (labels.truncation <= 0.3) & (height_px >= 25)
+    return labels.boxes_px[is_moderate & (labels.types == "Car")]
+
+
+def _reached(cars_px: list[Float64], boxes_px: list[Float64], overlap: float) -> Cell:
+    best = [
+        iou_px(cars, boxes).max(axis=1, initial=0)
+        for cars, boxes in zip(cars_px, boxes_px, strict=True)
+    ]
+    every = np.concatenate(best)
+    return f"{100 * np.mean(every >= overlap):.1f} of {len(every)}" if len(every) else None

@@ -1,0 +1,54 @@
+import statistics
+
+import numpy as np
+import pytest
+
+from perception.detection.height_cells import HeightCells
+
+
+def points(*rows):
+    return np.array(rows, np.float32).reshape(-1, 3)
+
+
+def test_variance_is_that_of_a_sample():
+    # 0 and 0.2 m: variance 0.02 over n - 1, 0.01 over n.
+    cells = HeightCells.of(points([1.1, 0.1, 0], [1.4, 0.4, 0.2]), 0.5)
+    assert cells.varies(0.0199).tolist() == [True, True]
+    assert cells.varies(0.0201).tolist() == [False, False]
+
+
+def test_a_single_point_does_not_vary():
+    cells = HeightCells.of(points([0.2, 0.2, 5], [0.7, 0.2, 9]), 0.5)
+    assert cells.varies(1e-9).tolist() == [False, False]
+    assert cells.varies(0).tolist() == [True, True]
+
+
+def test_cells_are_cut_at_multiples_of_their_edge():
+    pair = points([0.49, -0.01, 0], [0.49, 0.01, 1], [-0.01, -0.01, 0], [0.01, -0.02, 1])
+    assert HeightCells.of(pair, 0.5).varies(0.1).tolist() == [True, False, False, True]
+
+
+def test_variance_equals_that_of_each_cell_alone():
+    generator = np.random.default_rng(0)
+    scan = generator.normal(0, (4, 4, 0.1), (600, 3)).astype(np.float32)
+    keys = [tuple(key) for key in np.floor(scan[:, :2].astype(float) / 0.7).astype(int).tolist()]
+    heights = {
+        key: [float(z) for k, z in zip(keys, scan[:, 2], strict=True) if k == key] for key in keys
+    }
+    expected = [len(heights[k]) > 1 and statistics.variance(heights[k]) >= 0.01 for k in keys]
+    varies = HeightCells.of(scan, 0.7).varies(0.01)
+    assert varies.tolist() == expected
+    assert 50 < varies.sum() < 550
+
+
+def test_lowest_is_sought_so_far_on_each_side():
+    scan = points([0.2, 0.2, 1], [1.7, 0.2, 0], [2.2, 0.2, -1], [0.2, 9, -5])
+    lowest_m = HeightCells.of(scan, 0.5).lowest_m(1.5)
+    assert lowest_m.tolist() == [0, -1, -1, -5]
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_few_points_have_cells_too(count):
+    cells = HeightCells.of(np.ones((count, 3), np.float32), 0.5)
+    assert cells.varies(0.01).tolist() == [False] * count
+    assert cells.lowest_m(1.5).tolist() == [1.0] * count
