@@ -2,18 +2,41 @@
 
 import numpy as np
 
-from perception.detection.verifier import Verifier
-from perception.types import Float64, UInt8
+from perception.detection.picture import camera_picture
+from perception.detection.proposals import propose
+from perception.detection.verifier import VEHICLE, Judgement, Verifier
+from perception.detection.windows import windows_px
+from perception.maps.densify import densify
+from perception.maps.projection import camera_of, project_frame
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Detections, Float64, Frame, UInt8
 
 
-def judge_one_by_one(
-    verifier: Verifier, picture: UInt8, windows_px: Float64
-) -> tuple[Float64, Float64]:
-    """Return (M,) scores and (M, 4) boxes: a call of the network for each window."""
-    judged = [verifier.judge(picture, window[None]) for window in windows_px]
-    scores = [one.scores[0] for one in judged]
-    boxes_px = [one.boxes_px[0] for one in judged]
-    return np.asarray(scores, np.float64), np.asarray(boxes_px, np.float64).reshape(-1, 4)
+def detect_one_by_one(
+    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, most_iou: float = 0.5
+) -> Detections:
+    """Detect as `DepthCn` does, with a call of the network for each candidate."""
+    calibration, size_px = camera_of(frame)
+    proposals = propose(frame.points_velo, calibration, size_px)
+    picture = camera_picture(
+        densify(project_frame(frame)), calibration.image_P_velo, sensor.height_m
+    )
+    focal_px = float(calibration.image_P_cam[0, 0])
+    windows = windows_px(verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
+    judged = judge_one_by_one(verifier, picture, windows)
+    right, bottom = size_px[0] - 1, size_px[1] - 1
+    boxes_px = np.clip(judged.boxes_px, 0, [right, bottom, right, bottom])
+    kept = suppress_by_loop(boxes_px, judged.scores, most_iou)
+    return Detections(boxes_px[kept], judged.scores[kept], np.full(len(kept), VEHICLE))
+
+
+def judge_one_by_one(verifier: Verifier, picture: UInt8, windows: Float64) -> Judgement:
+    """Judge (M, 4) windows of a picture with a call of the network for each."""
+    judged = [verifier.judge(picture, window[None]) for window in windows]
+    return Judgement(
+        np.concatenate([np.zeros(0), *(one.scores for one in judged)]),
+        np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in judged)]),
+    )
 
 
 def suppress_by_loop(boxes_px: Float64, scores: Float64, most_iou: float) -> list[int]:

@@ -52,7 +52,7 @@ def export(
         raise UsageError("--int8", expected="--data, to find its scales with", found="none")
     _require_place(out)
     depthcn = _exporter()
-    drive = None if data is None else open_drive(data, sequence=sequence, images=False)
+    drive = None if data is None else open_drive(data, sequence=sequence)
     exported = depthcn.export_verifier(
         checkpoint,
         _frames(drive, frames) if drive else (),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_depthcn import judge_one_by_one, suppress_by_loop
+from benchmarks.naive_depthcn import detect_one_by_one, judge_one_by_one, suppress_by_loop
 from perception.detection.depthcn import DepthCn, DetectionRules
 from perception.detection.picture import camera_picture
 from perception.detection.proposals import Proposals
@@ -108,9 +108,9 @@ def test_one_call_judges_all_candidates_as_one_by_one(write_model):
     verified = detector.verify(proposals, dense, CALIBRATION)
     picture = camera_picture(dense, CALIBRATION.image_P_velo, 1.73)
     windows = windows_px("metric", proposals.boxes_px, proposals.depths_m, 100.0)
-    scores, boxes_px = judge_one_by_one(detector.verifier, picture, windows)
-    np.testing.assert_allclose(verified.scores, scores, atol=1e-6)
-    clipped = np.clip(boxes_px, 0, [199, 119, 199, 119])
+    judged = judge_one_by_one(detector.verifier, picture, windows)
+    np.testing.assert_allclose(verified.scores, judged.scores, atol=1e-6)
+    clipped = np.clip(judged.boxes_px, 0, [199, 119, 199, 119])
     np.testing.assert_allclose(verified.boxes_px, clipped, atol=1e-3)
     assert verified.kept.tolist() == suppress_by_loop(verified.boxes_px, verified.scores, 0.5)
 
@@ -153,6 +153,9 @@ def test_whole_way_from_scan_to_detections(write_model):
     again = detector.examine(frame, densify(project_frame(frame)))
     np.testing.assert_array_equal(again.detections.boxes_px, detections.boxes_px)
     np.testing.assert_array_equal(detector.detect(frame).scores, detections.scores)
+    plain = detect_one_by_one(detector.verifier, frame)
+    np.testing.assert_allclose(plain.boxes_px, detections.boxes_px, atol=1e-3)
+    np.testing.assert_allclose(plain.scores, detections.scores, atol=1e-6)
 
 
 @pytest.mark.parametrize(

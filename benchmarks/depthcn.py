@@ -1,0 +1,52 @@
+"""The whole vehicle detector: all candidates of a frame at once, and one after the other."""
+
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+
+from benchmarks.measure import Contender, take_turns
+from benchmarks.naive_depthcn import detect_one_by_one
+from benchmarks.stages import Comparison, Prepared
+from perception.cli.table import Cell
+from perception.cli.vehicle_detector import DetectorChoice
+from perception.detection.depthcn import DepthCn
+
+
+def compare_depthcn(prepared: Prepared) -> Comparison:
+    """Detect from scan to boxes; the plain form calls the same network for each candidate.
+
+    Raises:
+        ModelError: the networks do not ship with this copy.
+    """
+    sensor, frames = prepared.drive.sensor, prepared.frames
+    ours, thesis = DepthCn("default", sensor), DepthCn("thesis", sensor)
+    contenders = [
+        Contender("ours", lambda i: ours.detect(frames[i])),
+        Contender(
+            "each candidate alone", lambda i: detect_one_by_one(ours.verifier, frames[i], sensor)
+        ),
+        Contender("the thesis' network", lambda i: thesis.detect(frames[i])),
+    ]
+    found: dict[str, list[int]] = defaultdict(list)
+
+    def count(name: str, i: int, detections: Any) -> None:  # noqa: ANN401 - of each contender
+        found[name].append(len(detections))
+
+    timings = take_turns(contenders, len(frames), count)
+    figures: dict[str, dict[str, Cell]] = {
+        "detections": {name: f"{np.mean(counts):.1f}" for name, counts in found.items()}
+    }
+    for stage, milliseconds in _parts_ms(prepared).items():
+        figures[f"{stage} ms"] = {"ours": f"{milliseconds:.1f}"}
+    return Comparison("DepthCN, from scan to boxes", timings, figures)
+
+
+def _parts_ms(prepared: Prepared) -> dict[str, float]:
+    """Return the median time of each part of ours."""
+    detector = DetectorChoice().open(prepared.drive.sensor)
+    seconds: dict[str, list[float]] = defaultdict(list)
+    for frame in prepared.frames:
+        for stage, spent_s in detector.look(frame).timings_s.items():
+            seconds[stage].append(spent_s)
+    return {stage: 1e3 * float(np.median(spent)) for stage, spent in seconds.items()}
