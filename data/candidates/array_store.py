@@ -42,8 +42,8 @@ def default_folder() -> Path:
 
 
 def entry_key(**facts: object) -> str:
-    """Return the name of an entry by all that makes it: numbers, texts, and lists or dicts of them."""
-    text = json.dumps(facts, sort_keys=True, default=str)
+    """Return the name of an entry by all that makes it: numbers, texts, paths, lists and dicts."""
+    text = json.dumps(facts, sort_keys=True, default=os.fspath)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 

@@ -6,6 +6,7 @@ crop --window's map--> changed picture --inverse of M--> picture        one warp
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from data.candidates.augmentation import Change, Cover
@@ -138,9 +139,16 @@ def scale_depth(crop: UInt8, factor: float) -> UInt8:
 
 def shift_lines(crop: UInt8, shifts_px: Float64) -> UInt8:
     """Move each row of a (66, 112, C) crop to the right by its own rounded number of pixels."""
-    columns = np.arange(CROP_WIDTH_PX) - np.rint(shifts_px).astype(np.int64)[:, None]
-    rows = np.arange(CROP_HEIGHT_PX)[:, None]
-    return np.asarray(crop[rows, np.clip(columns, 0, CROP_WIDTH_PX - 1)])
+    columns = np.arange(CROP_WIDTH_PX) - np.rint(shifts_px)[:, None]
+    rows = np.broadcast_to(np.arange(CROP_HEIGHT_PX)[:, None], columns.shape)
+    shifted = cv2.remap(
+        crop,
+        columns.astype(np.float32),
+        rows.astype(np.float32),
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(shifted, np.uint8)
 
 
 def _shares(box_px: Float64, window_px: Float64) -> Float64:

@@ -18,7 +18,7 @@ from perception.types import UInt8
 
 Sample = Mapping[str, Tensor]
 
-_OPEN_PICTURES = 128  # a file handle each
+_OPEN_PICTURES = 384  # a file handle each; systems allow a process 1024 or more
 
 
 class Ask(NamedTuple):

@@ -28,15 +28,15 @@ class GatheringRules:
         window: which part of the picture the network sees of it; it also decides who is a vehicle.
         shaken: how often the box of each labelled vehicle is added beside the proposals.
         shake: how far the edges of such a box move at most, as a share of its size.
-        least_points: returns on a vehicle that is added; one with fewer cannot be proposed either.
+        least_points: returns on a vehicle that is added; with fewer there is little to learn from.
         on_bad_frame: stop at a frame that cannot be read, or skip it.
         seed: of the shaking.
     """
 
     window: WindowKind = "metric"
-    shaken: int = 4
+    shaken: int = 2
     shake: float = 0.1
-    least_points: int = 5
+    least_points: int = 20
     on_bad_frame: OnBadFrame = "stop"
     seed: int = 0
 

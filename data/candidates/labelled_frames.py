@@ -82,6 +82,7 @@ class LabelledFrames:
             store: where pictures and scenes are kept.
         """
         self.drives, self.rules, self.store = tuple(drives), rules, store
+        self._picture_keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
         self._places = [(drive, index) for drive in drives for index in range(len(drive))]
         self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
 
@@ -95,12 +96,16 @@ class LabelledFrames:
             PerceptionError: a file of the frame cannot be read, or it has no camera.
         """
         drive, index = self._places[number]
-        key = entry_key(what="picture", method=self.rules.map_method, **_origin(drive, index))
+        if number not in self._picture_keys:
+            origin = _origin(drive, index)
+            self._picture_keys[number] = entry_key(
+                what="picture", method=self.rules.map_method, **origin
+            )
 
         def make() -> Arrays:
             return {"picture": _picture(drive[index], self.rules.map_method, drive.sensor.height_m)}
 
-        return self.store.get(key, make)["picture"]
+        return self.store.get(self._picture_keys[number], make)["picture"]
 
     def scene(self, number: int) -> Scene:
         """Return proposals and labels of a frame.
@@ -167,7 +172,7 @@ def _origin(drive: Drive, index: int) -> dict[str, Any]:
             for path, stat in zip(files, stats, strict=True)
         ],
         "drive": (drive.name, drive.root.resolve(), index),
-        "sensor": drive.sensor,
+        "lidar_height_m": drive.sensor.height_m,
         "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
         "code": _code_mark(),
         # A drive that is not on disk is known by what it shows.

@@ -1,0 +1,99 @@
+"""Candidates as grids of pictures, to be looked at: what does each augmentation do to them?
+
+        sample 1   sample 2   sample 3 ...
+as is   +------+   +------+
+draw 1  |      |   |      |              the label's box in green
+draw 2  +------+   +------+
+"""
+
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+
+from data.candidates.augmentation import OPERATIONS, Augmentation, Change, draw_change
+from data.candidates.changes import look_at
+from data.candidates.dataset import CandidateDataset
+from perception.maps.encoding import decode_depth
+from perception.types import Float, UInt8
+
+_BOX_RGB = (0, 255, 0)
+_GAP_PX = 2
+_TIMES = 2  # the crops' size
+_ROAD, _MAN_HIGH = 52, 90  # the road, and 1.8 m more, as the picture encodes heights
+
+
+def augmentation_grids(
+    dataset: CandidateDataset, strengths: Augmentation, rows: Sequence[int], draws: int = 6
+) -> Mapping[str, UInt8]:
+    """Return an (H, W, 3) RGB picture for `none`, for each operation alone, and for `all`.
+
+    Args:
+        dataset: of the samples.
+        strengths: of the operations; those at 0 change nothing.
+        rows: samples, a column each.
+        draws: how many rows of changed samples lie below the unchanged.
+    """
+    chosen = {"none": Augmentation.none()}
+    chosen |= {operation: strengths.only(operation) for operation in OPERATIONS}
+    chosen["all"] = strengths
+    return {name: _grid(dataset, one, rows, draws) for name, one in chosen.items()}
+
+
+def grid_rows(dataset: CandidateDataset, count: int, seed: int = 0) -> list[int]:
+    """Draw samples to be looked at, vehicles first, then as many others."""
+    rng = np.random.default_rng(seed)
+    is_vehicle = dataset.candidates.is_vehicle
+    classes = [np.flatnonzero(is_vehicle), np.flatnonzero(~is_vehicle)]
+    wanted = [(count + 1) // 2, count // 2]
+    return [
+        int(row)
+        for of_class, number in zip(classes, wanted, strict=True)
+        for row in rng.choice(of_class, min(number, len(of_class)), replace=False)
+    ]
+
+
+def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
+    """Return an RGB picture of a (66, 112, 3) crop, twice its size, with the box of a vehicle.
+
+    What is as deep as the candidate is half bright, what is nearer darker; the road is blue, what stands
+    on it turns yellow; reflectance is left out, and nothing known is black.
+
+    Args:
+        crop: depth, height, reflectance.
+        box_share: (4,) of the label within it, NaN where there is none.
+        depth_m: of the candidate.
+    """
+    crop_m = np.maximum(decode_depth(crop[..., 0]), 1.0)
+    light = np.clip(140 + 250 * np.log(crop_m / depth_m), 25, 255) * (crop[..., 1] > 0)
+    warmth = np.clip((crop[..., 1].astype(np.float32) - _ROAD) / _MAN_HIGH, 0, 1)[..., None]
+    rgb = light[..., None] * ((1 - warmth) * (0.35, 0.6, 1.0) + warmth * (1.0, 0.85, 0.2))
+    picture = np.repeat(np.repeat(rgb.astype(np.uint8), _TIMES, axis=0), _TIMES, axis=1)
+    if np.isfinite(box_share).all():
+        edges = np.asarray(box_share) * np.tile([picture.shape[1], picture.shape[0]], 2)
+        x1, y1, x2, y2 = np.rint(edges).astype(int).tolist()
+        cv2.rectangle(picture, (x1, y1), (x2, y2), _BOX_RGB, 1)
+    return picture
+
+
+def _grid(
+    dataset: CandidateDataset, strengths: Augmentation, rows: Sequence[int], draws: int
+) -> UInt8:
+    lines = [[_look(dataset, row, Change()) for row in rows]]
+    for draw in range(draws):
+        lines.append(
+            [
+                _look(dataset, row, draw_change(strengths, np.random.default_rng([draw, row])))
+                for row in rows
+            ]
+        )
+    return np.concatenate([np.concatenate(line, axis=1) for line in lines], axis=0)
+
+
+def _look(dataset: CandidateDataset, row: int, change: Change) -> UInt8:
+    candidate = dataset.candidate(row)
+    look = look_at(dataset.picture(row), candidate, change)
+    gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
+    return np.pad(
+        shown(look.crop, look.box_share, candidate.depth_m * change.depth), gap, constant_values=255
+    )
