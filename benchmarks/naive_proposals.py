@@ -43,7 +43,7 @@ def _density(point: list[float], means: Float64, deviations: Float64) -> float:
         math.exp(-(((value - mean) / deviation) ** 2) / 2) / (deviation * math.sqrt(2 * math.pi))
         for value, mean, deviation in zip(point, means, deviations, strict=True)
     ]
-    return math.prod(factors)
+    return float(math.prod(factors))
 
 
 def _in_varied_cells(points: list[list[float]], rules: ProposalRules) -> list[list[float]]:

@@ -115,7 +115,7 @@ def _cars_px(labels: Labels) -> Float64:
     """Return the boxes of the cars of KITTI's moderate difficulty."""
     height_px = labels.boxes_px[:, 3] - labels.boxes_px[:, 1]
     is_moderate: Bool = (labels.occlusion <= 1) & (labels.truncation <= 0.3) & (height_px >= 25)
-    return labels.boxes_px[is_moderate & (labels.types == "Car")]
+    return np.asarray(labels.boxes_px[is_moderate & (labels.types == "Car")])
 
 
 def _reached(cars_px: list[Float64], boxes_px: list[Float64], overlap: float) -> Cell:
