@@ -16,6 +16,8 @@ from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pai
 from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, GridHead, box_corners
 from train.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
 
+_MOSTLY = 0.5  # of a box within an ignored area, as KITTI's own measure has it
+
 
 @dataclass(frozen=True)
 class DetectionLossOptions:
@@ -161,7 +163,7 @@ def _lies_on_label(corners: Tensor, labels: BatchLabels, free_iou: float) -> Ten
     is_real = has_area(labels.boxes_px)[:, None]
     is_ignored = labels.is_ignored[:, None]
     on_label = (pairwise_iou(boxes_px, labels.boxes_px) > free_iou) & ~is_ignored
-    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > 0.5) & is_ignored
+    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > _MOSTLY) & is_ignored
     lies = ((on_label | in_ignored) & is_real).any(dim=2)
     return lies.reshape(batch, anchors, rows, columns)
 

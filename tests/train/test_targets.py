@@ -4,6 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from perception.errors import UsageError  # noqa: E402
 from train.input_sizes import (  # noqa: E402
     InputSize,
     resize_labels,
@@ -167,3 +168,9 @@ def test_nearest_invents_no_depth():
     assert larger.unique().tolist() == [0, 200]
     smooth = resize_pictures(picture, InputSize(4, 6), "bilinear")
     assert len(smooth.unique()) > 2
+
+
+@pytest.mark.parametrize("scales", [(1.05, 1.1), (0.0, 0.1), (1.2, 0.8)])
+def test_scales_that_hold_no_size_are_refused(scales):
+    with pytest.raises(UsageError, match="scales of 192 rows that hold a multiple of 32"):
+        scaled_sizes(InputSize(192, 640), *scales)
