@@ -16,7 +16,7 @@ from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pai
 from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, GridHead, box_corners
 from train.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
 
-_MOSTLY = 0.5  # of a box within an ignored area, as KITTI's own measure has it
+_MOSTLY = 0.5  # of a box that lies in an ignored area
 
 
 @dataclass(frozen=True)
