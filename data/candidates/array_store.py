@@ -8,6 +8,7 @@ It is a cache. What it holds can be made again, so that any part of it may be de
 entry that is missing, damaged or gone is made anew.
 """
 
+import errno
 import hashlib
 import json
 import logging
@@ -110,11 +111,11 @@ class ArrayStore:
                 np.save(part / f"{name}.npy", array, allow_pickle=False)
             size_bytes = _size_bytes(part)
             part.rename(entry)
-        except OSError:
+        except OSError as error:
             shutil.rmtree(part, ignore_errors=True)
-            if not entry.is_dir():
+            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
                 raise
-            return 0
+            return 0  # another process was faster
         return size_bytes
 
     def _keep_to_budget(self, newest: Path) -> None:

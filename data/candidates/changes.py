@@ -119,7 +119,7 @@ def cover_side(crop: UInt8, cover: Cover, box_share: Float64, depth_m: float) ->
     # Above the highest beam nothing is known of the cover either.
     is_hidden = (part[..., _HEIGHT] > 0) & (pixel_m > cover_m)
     # Along a ray from the eye, height over the eye shrinks with depth.
-    height = _EYE + (part[..., _HEIGHT] - _EYE) * (cover_m / pixel_m)
+    height = _EYE + (part[..., _HEIGHT].astype(np.float32) - _EYE) * (cover_m / pixel_m)
     seen = np.empty((*is_hidden.shape, 3), np.uint8)
     seen[..., _DEPTH] = encode_depth(np.array([cover_m], np.float32)).item()
     seen[..., _HEIGHT] = np.clip(np.rint(height), 1, 255)
