@@ -30,7 +30,8 @@ def camera_picture(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: floa
     clipped = np.clip(height_m, _LOWEST_M, _HIGHEST_M)
     height = cv2.convertScaleAbs(clipped, alpha=scale, beta=1 - scale * _LOWEST_M)
     channels = (encode_depth(dense.depth_m), height, encode_reflectance(dense.reflectance))
-    return np.asarray(np.stack(channels, axis=-1) * dense.is_valid[..., None], np.uint8)
+    is_valid = dense.is_valid
+    return np.asarray(cv2.merge([channel * is_valid for channel in channels]), np.uint8)
 
 
 def heights_m(depth_m: np.ndarray, image_P_velo: Float64, lidar_height_m: float) -> np.ndarray:
