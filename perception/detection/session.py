@@ -161,7 +161,12 @@ class OnnxModel:
 
 def _open(file: Traversable, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
     if not file.is_file():
-        raise ModelError(file.name, expected="a model file", found=f"no file {file}")
+        raise ModelError(
+            file.name,
+            expected="a model file",
+            found=f"no file {file}",
+            advice="check its name, or make it with `trifuse export`",
+        )
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1

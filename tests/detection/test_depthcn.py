@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.naive_depthcn import detect_one_by_one, judge_one_by_one, suppress_by_loop
+from data.open_drive import open_drive
 from perception.detection.depthcn import DepthCn, DetectionRules
 from perception.detection.picture import camera_picture
 from perception.detection.proposals import Proposals
@@ -156,6 +157,21 @@ def test_whole_way_from_scan_to_detections(write_model):
     plain = detect_one_by_one(detector.verifier, frame)
     np.testing.assert_allclose(plain.boxes_px, detections.boxes_px, atol=1e-3)
     np.testing.assert_allclose(plain.scores, detections.scores, atol=1e-6)
+
+
+def test_real_frame_is_detected_in_without_its_image(kitti_root, write_model):
+    root = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
+    detector = DepthCn(write_model(window="metric"))
+    blind, seeing = (open_drive(root, images=images)[10] for images in (False, True))
+    assert blind.image is None
+    verified = detector.examine(blind)
+    assert len(verified.proposals) > 10
+    assert verified.owners.max() == len(verified.kept) - 1
+    again = detector.detect(seeing)
+    np.testing.assert_array_equal(again.boxes_px, verified.detections.boxes_px)
+    np.testing.assert_array_equal(again.scores, verified.detections.scores)
+    assert (again.boxes_px >= 0).all()
+    assert (again.boxes_px[:, 2:] <= (1241, 374)).all()
 
 
 @pytest.mark.parametrize(
