@@ -1,12 +1,14 @@
 """Maps in plain loops: the oracle of the tests."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from perception.geometry.camera import project
-from perception.maps.column_filling import ColumnRules
+from perception.maps.beam_rows import ColumnRules
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
-from perception.types import Calibration, Float, Float64
+from perception.types import Bool, Calibration, Float
 
 
 def project_by_loop(
@@ -62,48 +64,116 @@ def fill_natural_by_discs(sparse: SparseMaps) -> Filling:
 
 
 def fill_columns_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Filling:
-    """Look for every pixel up and down its column, where every row is first filled sideways."""
+    """Follow each beam from return to return, then look for every pixel up and down its column."""
     width, height = sparse.size_px
-    squeezed = -(-width // rules.squeeze_px)
-    owners = [
-        [_owner(sparse, rules, column, row) for row in range(height)] for column in range(squeezed)
-    ]
-    known = [column for column in range(squeezed) if max(owners[column]) >= 0]
+    cells = _rows_by_loop(sparse, rules)
+    columns = range(-(-width // rules.squeeze_px))
+    known = [column for column in columns if any(cell[0] == column for cell in cells)]
+    region = region_by_loop(sparse)
     filling = Filling.empty(sparse.size_px)
     for column in range(width):
         here = column // rules.squeeze_px
         source = min(known, key=lambda other: abs(other - here))
-        anchors = [row for row in range(height) if owners[source][row] >= 0]
+        anchors = _seen_anchors({r: z for (c, r), z in cells.items() if c == source}, rules)
+        first = here * rules.squeeze_px
         for row in range(int(sparse.pixels[:, 1].min()), height):
-            inverse, reflectance = _between(sparse, rules, owners[source], anchors, row)
-            filling.depth_m[row, column] = 1 / inverse
-            filling.reflectance[row, column] = reflectance
-    return filling.with_measured(sparse)
+            if region[row, first : first + rules.squeeze_px].any():
+                value = _between(anchors, row, rules)
+                filling.depth_m[row, column] = 1 / value.real
+                filling.reflectance[row, column] = value.imag
+    column, row = sparse.pixels.T
+    return filling.with_measured(
+        sparse[sparse.depth_m <= rules.nearer * filling.depth_m[row, column]]
+    )
 
 
-def _owner(sparse: SparseMaps, rules: ColumnRules, column: int, row: int) -> int:
-    best, best_key = -1, (rules.reach + 0.5, 0.0, 0.0)
-    for number, (u, v) in enumerate(sparse.pixels):
-        offset = int(u) // rules.squeeze_px - column
-        # Of two as near, the one to the right wins, then the less deep.
-        key = (abs(offset), -float(offset > 0), float(sparse.depth_m[number]))
-        if v == row and key < best_key:
-            best, best_key = number, key
-    return best
+def region_by_loop(sparse: SparseMaps) -> Bool:
+    """Look at ten columns to either side of every pixel, and two rows down."""
+    width, height = sparse.size_px
+    u, v = sparse.pixels.T
+    with_returns = sorted(set(u.tolist()))
+    tops = []
+    for column in range(width):
+        nearest = min(with_returns, key=lambda other: abs(other - column))
+        tops.append(int(v[u == nearest].min()))
+    region = np.zeros((height, width), bool)
+    for column in range(width):
+        region[max(0, min(tops[max(0, column - 10) : column + 11]) - 2) :, column] = True
+    return region
 
 
-def _between(
-    sparse: SparseMaps, rules: ColumnRules, owners: list[int], anchors: list[int], row: int
-) -> Float64:
-    above = [a for a in anchors if a <= row]
-    below = [a for a in anchors if a > row]
-    values = [
-        np.array([1 / sparse.depth_m[owners[anchor]], sparse.reflectance[owners[anchor]]])
-        for anchor in above[-1:] + below[:1]
-    ]
-    if len(values) == 1:
-        return values[0]
-    gap, down = below[0] - above[-1], row - above[-1]
-    if abs(values[1][0] - values[0][0]) <= rules.steepest_per_m_px * gap:
-        return np.asarray(values[0] + (values[1] - values[0]) * down / gap)
-    return values[0] if down < gap - gap // 2 else values[1]
+Cells = dict[tuple[int, int], complex]
+
+
+def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
+    """Return inverse depth + i reflectance of the cells (column, row) that beams pass."""
+    returns: Cells = {}
+    for (u, v), depth, reflectance in zip(
+        sparse.pixels.tolist(), sparse.depth_m, sparse.reflectance, strict=True
+    ):
+        cell = u // rules.squeeze_px, v
+        returns.pop(cell, None)  # so that the least deep are last
+        returns[cell] = complex(1 / depth, reflectance)
+    following = {cell: _next_of(cell, returns, rules) for cell in returns}
+    behind = set(following.values())
+    cells: Cells = {}
+    for step in range(_reach_by_loop(returns, rules), 0, -1):
+        for column, row in (cell for cell in returns if following[cell] is None):
+            cells[column + step, row] = returns[column, row]
+        for column, row in (cell for cell in returns if cell not in behind):
+            cells[column - step, row] = returns[column, row]
+    for step in range(1, rules.most_steps):
+        for begin, end in following.items():
+            if end is not None and step < end[0] - begin[0]:
+                share = step / (end[0] - begin[0])
+                row = end[1] if share >= 0.5 else begin[1]
+                cells[begin[0] + step, row] = _across(returns[begin], returns[end], share, rules)
+    cells.update(returns)
+    return cells
+
+
+def _next_of(cell: tuple[int, int], returns: Cells, rules: ColumnRules) -> tuple[int, int] | None:
+    for step in range(1, rules.most_steps + 1):
+        for down in (0, -1, 1):
+            if (cell[0] + step, cell[1] + down) in returns:
+                return cell[0] + step, cell[1] + down
+    return None
+
+
+def _across(first: complex, last: complex, share: float, rules: ColumnRules) -> complex:
+    near, far = max(first.real, last.real), min(first.real, last.real)
+    if near <= rules.nearer * far:
+        return first + share * (last - first)
+    return last if share >= 0.5 else first
+
+
+def _reach_by_loop(returns: Cells, rules: ColumnRules) -> int:
+    gaps = []
+    for column in {cell[0] for cell in returns}:
+        rows = sorted(row for c, row in returns if c == column)
+        gaps += [below - above for above, below in pairwise(rows) if below - above > 1]
+    spacing_px = float(np.median(gaps)) if gaps else 0.0
+    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), rules.most_steps)
+
+
+def _seen_anchors(anchors: dict[int, complex], rules: ColumnRules) -> dict[int, complex]:
+    rows = sorted(anchors)
+    hidden = {
+        row
+        for above, row, below in zip(rows, rows[1:], rows[2:], strict=False)
+        if below - above <= rules.longest_gap_px
+        and anchors[above].real > rules.nearer * anchors[row].real
+        and anchors[below].real > rules.nearer * anchors[row].real
+    }
+    return {row: anchors[row] for row in rows if row not in hidden}
+
+
+def _between(anchors: dict[int, complex], row: int, rules: ColumnRules) -> complex:
+    above = max((a for a in anchors if a <= row), default=None)
+    below = min((a for a in anchors if a > row), default=None)
+    if above is None or below is None:
+        return anchors[below if above is None else above]  # type: ignore[index]
+    gap, change = below - above, anchors[below] - anchors[above]
+    if abs(change.real) <= rules.steepest_per_m_px * gap:
+        return anchors[above] + change * (row - above) / gap
+    return anchors[above] if row - above < gap - gap // 2 else anchors[below]

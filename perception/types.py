@@ -14,6 +14,7 @@ from perception.errors import CalibrationError, ImageError, PerceptionError, Pos
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
+Complex64 = NDArray[np.complex64]
 Float = NDArray[np.float32] | NDArray[np.float64]
 Int = NDArray[np.int32] | NDArray[np.int64]
 UInt8 = NDArray[np.uint8]

@@ -11,12 +11,13 @@ def project(image_P_src: Float64, points_src: Float) -> tuple[Float64, Float64]:
     Returns:
         (N, 2) pixels u, v (NaN behind the camera) and (N,) depths in metres.
     """
-    homogeneous = np.asarray(points_src[:, :3], np.float64) @ image_P_src[:, :3].T
-    homogeneous += image_P_src[:, 3]
-    depth_m = homogeneous[:, 2].copy()
+    points = np.ascontiguousarray(points_src[:, :3].T, np.float64)
+    homogeneous = image_P_src[:, :3] @ points + image_P_src[:, 3:]
+    depth_m = homogeneous[2].copy()
     in_front = depth_m > 1e-6
-    pixels = np.full((len(depth_m), 2), np.nan)
-    pixels[in_front] = homogeneous[in_front, :2] / depth_m[in_front, None]
+    # Component after component, as everything that follows takes them.
+    with np.errstate(invalid="ignore"):
+        pixels = np.divide(homogeneous[:2], np.where(in_front, depth_m, np.nan)).T
     return pixels, depth_m
 
 

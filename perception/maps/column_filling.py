@@ -1,13 +1,10 @@
-"""The default: along the beams to the next return, between two beams along the column.
+"""The default: along the beams from return to return, between two beams along the column.
 
-Beams of a spinning LiDAR lie in rows that are dense along the row and far from each other. So a gap
-between returns of one beam takes the nearest of them, and what lies between two beams is interpolated:
-
-    row of a beam      x x . x x     a gap: the nearest return of the row
+    row of a beam      o o . o o     a gap in a row: between its two sides, see `beam_rows`
                        | | | | |
-                       o o o o o     between: on the surface through the rows above and below, if there
-                       | | | | |              can be one, else the nearer row
-    row of a beam      x x x x x
+                       . . . . .     between two rows: on the surface through both, if there can be one,
+                       | | | | |     else the closer row
+    row of a beam      o o o o o
 
 In inverse depth a plane is linear in the image's rows, so that the road comes out flat.
 """
@@ -16,152 +13,127 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from cv2.typing import MatLike
 
+from perception.maps.beam_rows import ColumnRules, Grid, fill_rows
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
-from perception.types import Bool, Float32, Int
+from perception.maps.region import first_rows, nearest_true
+from perception.types import Bool, Complex64, Float32, Int
+
+_RULES = ColumnRules()
 
 
-@dataclass(frozen=True)
-class ColumnRules:
-    """How far a return reaches along its row, and what is one surface.
+def fill_columns(sparse: SparseMaps, rules: ColumnRules = _RULES) -> Filling:
+    """Fill along rows, then along columns; both maps from one set of anchors."""
+    if not len(sparse):
+        return Filling.empty(sparse.size_px)
+    grid = Grid.over(sparse, rules)
+    filled = fill_rows(sparse, grid, rules).reshape(-1, grid.rows)
+    # Neither of the two numbers of a cell is -0: where a beam passes, some bit is set.
+    is_passed = filled.view(np.int64) != 0
+    is_known = is_passed.any(axis=1)
+    if is_known.all():
+        return _in_image(_fill_between(filled, is_passed, rules), grid, sparse, rules)
+    columns = _fill_between(filled[is_known], is_passed[is_known], rules)
+    nearest = (np.cumsum(is_known) - 1)[nearest_true(is_known)]
+    return _in_image(columns[nearest], grid, sparse, rules)
 
-    Attributes:
-        squeeze_px: image columns that are filled as one, about the step of a beam.
-        reach: squeezed columns that a return reaches to either side, where none is nearer.
-        steepest_per_m_px: most change of inverse depth from row to row on one surface. A plane that
-            passes the camera at d metres has 1 / (focal length * d): the road some 0.001 on KITTI.
-    """
 
-    squeeze_px: int = 2
-    reach: int = 3
-    steepest_per_m_px: float = 2e-3
+def _fill_between(filled: Complex64, is_passed: Bool, rules: ColumnRules) -> Complex64:
+    """Return (columns, rows) that are known everywhere; a beam passes each column."""
+    cells = np.flatnonzero(is_passed)
+    anchors = _Anchors(cells, filled.ravel()[cells], filled.shape[1])
+    return anchors.seen_by_camera(rules).interpolate(rules)
 
 
 @dataclass(frozen=True)
 class _Anchors:
-    """A cells that a return reaches, column after column, each from its top to its bottom.
+    """A cells that a beam passes, column after column, each from its top to its bottom.
 
     Attributes:
-        cells: (A,) number of the cell, column * height + row.
-        returns: (A,) the return.
-        is_neighbor: (A - 1,) whether an anchor and the next are in one column.
-        height: rows of a column.
+        cells: (A,) column * rows + row; every column has one.
+        values: (A,) inverse depth + i reflectance.
+        rows: cells of a column.
     """
 
     cells: Int
-    returns: Int
-    is_neighbor: Bool
-    height: int
+    values: Complex64
+    rows: int
 
+    @property
+    def _is_neighbor(self) -> Bool:
+        """(A - 1,) whether an anchor and the next are in one column."""
+        return np.asarray(np.diff(self.cells // self.rows) == 0)
 
-def fill_columns(sparse: SparseMaps, rules: ColumnRules = ColumnRules()) -> Filling:
-    """Fill along rows, then along columns; both maps from one set of anchors."""
-    if not len(sparse):
-        return Filling.empty(sparse.size_px)
-    owners = _reach_along_rows(sparse, rules)
-    is_known = np.asarray((owners >= 0).any(axis=1))
-    anchors = _anchors(owners if is_known.all() else owners[is_known])
-    inverse = np.reciprocal(sparse.depth_m)[anchors.returns]
-    gap = np.diff(anchors.cells)
-    is_surface = anchors.is_neighbor & (np.abs(np.diff(inverse)) <= rules.steepest_per_m_px * gap)
-    halves = _Halves.between(anchors, is_surface)
-    depth_m = np.reciprocal(halves.interpolate(inverse))
-    reflectance = halves.interpolate(sparse.reflectance[anchors.returns])
-    if not is_known.all():
-        source = (np.cumsum(is_known) - 1)[nearest_true(is_known)]
-        depth_m, reflectance = depth_m[source], reflectance[source]
-    return Filling(
-        _in_image(depth_m, sparse, sparse.depth_m, rules),
-        _in_image(reflectance, sparse, sparse.reflectance, rules),
-    )
+    def seen_by_camera(self, rules: ColumnRules) -> "_Anchors":
+        """Leave out what lies in a hole of a nearer surface.
 
+        The LiDAR sees past an edge that hides it from the camera; the returns behind lie between
+        the rows of the surface before them, as the teeth of two combs.
+        """
+        inverse = self.values.real
+        above, below = inverse[:-1], inverse[1:]
+        is_neighbor = self._is_neighbor
+        recedes = is_neighbor & (above > rules.nearer * below)
+        approaches = is_neighbor & (below > rules.nearer * above)
+        is_narrow = self.cells[2:] - self.cells[:-2] <= rules.longest_gap_px
+        is_seen = np.ones(len(self.cells), bool)
+        is_seen[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
+        return _Anchors(self.cells[is_seen], self.values[is_seen], self.rows)
 
-def nearest_true(mask: Bool) -> Int:
-    """Return for each place of a (K,) mask the place of the nearest that is true; one must be."""
-    places = np.flatnonzero(mask)
-    return places[np.searchsorted((places[1:] + places[:-1]) / 2, np.arange(len(mask)))]
+    def interpolate(self, rules: ColumnRules) -> Complex64:
+        """Return the (columns, rows) values of all cells.
 
-
-def _reach_along_rows(sparse: SparseMaps, rules: ColumnRules) -> Int:
-    """Return the (columns, rows) return that owns each squeezed cell: the nearest of its row, or -1.
-
-    Rows begin with the highest return: what lies above has nothing to be filled from.
-    """
-    width, height = sparse.size_px[0], sparse.size_px[1] - _top(sparse)
-    columns = -(-width // rules.squeeze_px)
-    # A margin on both sides takes what reaches over the edge.
-    owners = np.full((columns + 2 * rules.reach) * height, -1, np.int32)
-    column = sparse.pixels[:, 0] // rules.squeeze_px + rules.reach
-    home = column * height + sparse.pixels[:, 1] - _top(sparse)
-    order = np.arange(len(sparse), dtype=np.int32)
-    # From far to near, so that nearer returns overwrite; of several in a cell the least deep is last.
-    for offset in range(rules.reach, 0, -1):
-        owners[home + offset * height] = order
-        owners[home - offset * height] = order
-    owners[home] = order
-    return owners.reshape(-1, height)[rules.reach : rules.reach + columns]
-
-
-def _anchors(owners: Int) -> _Anchors:
-    height = owners.shape[1]
-    flat = owners.ravel()
-    cells = np.flatnonzero(flat >= 0).astype(np.int32)
-    is_neighbor = np.diff(cells // np.int32(height)) == 0
-    return _Anchors(cells, flat[cells], np.asarray(is_neighbor), height)
-
-
-@dataclass(frozen=True)
-class _Halves:
-    """Every cell belongs to the nearer anchor of its column, above or below it: to one of 2 A halves.
-
-    Attributes:
-        half: (cells,) number of each cell's half; anchor j has 2 j above it and 2 j + 1 from it on.
-        rows: (cells,) from the anchor down to the cell.
-        step: (A - 1,) one over the gap to the next anchor, 0 where no surface joins the two.
-        height: rows of a column.
-    """
-
-    half: Int
-    rows: Float32
-    step: Float32
-    height: int
-
-    @classmethod
-    def between(cls, anchors: _Anchors, is_surface: Bool) -> "_Halves":
-        cells, height = anchors.cells, anchors.height
-        gap, row = np.diff(cells), cells % np.int32(height)
-        lengths = np.empty((len(cells), 2), np.int32)
-        lengths[0, 0], lengths[-1, 1] = row[0], height - row[-1]
-        lengths[1:, 0] = np.where(anchors.is_neighbor, gap // 2, row[1:])
-        lengths[:-1, 1] = np.where(anchors.is_neighbor, gap - gap // 2, height - row[:-1])
-        half = np.repeat(np.arange(lengths.size, dtype=np.int32), lengths.ravel())
-        rows = np.arange(len(half), dtype=np.int32) - cells[half >> 1]
-        step = np.where(is_surface, 1 / gap, 0).astype(np.float32)
-        return cls(half, rows.astype(np.float32), step, height)
-
-    def interpolate(self, values: Float32) -> Float32:
-        """Return (columns, rows) from the (A,) values at the anchors."""
-        slope = np.diff(values) * self.step
-        slopes = np.zeros((len(values), 2), np.float32)
+        Each cell belongs to the closer anchor, above or below it: to one of two halves an anchor. A half
+        is a line over the rows.
+        """
+        gap, is_neighbor = np.diff(self.cells), self._is_neighbor
+        row = (self.cells % self.rows).astype(np.float32)
+        change = np.diff(self.values)
+        is_surface = is_neighbor & (np.abs(change.real) <= rules.steepest_per_m_px * gap)
+        slope = np.where(is_surface, change / gap.astype(np.float32), 0)
+        slopes = np.zeros((len(row), 2), np.complex64)
         slopes[1:, 0], slopes[:-1, 1] = slope, slope
-        filled = slopes.ravel()[self.half]
-        filled *= self.rows
-        filled += np.repeat(values, 2)[self.half]
-        return filled.reshape(-1, self.height)
+        starts = self.values[:, None] - slopes * row[:, None]
+        lengths = self._lengths(gap, is_neighbor).ravel()
+        cells = np.repeat(slopes.ravel(), lengths).view(np.float32).reshape(-1, 2 * self.rows)
+        cells *= np.repeat(np.arange(self.rows, dtype=np.float32), 2)
+        cells += np.repeat(starts.ravel(), lengths).view(np.float32).reshape(cells.shape)
+        return cells.view(np.complex64)
+
+    def _lengths(self, gap: Int, is_neighbor: Bool) -> Int:
+        """Return the (A, 2) cells above an anchor, and from it on down."""
+        row = self.cells % self.rows
+        lengths = np.empty((len(row), 2), np.intp)
+        lengths[0, 0], lengths[-1, 1] = row[0], self.rows - row[-1]
+        lengths[1:, 0] = np.where(is_neighbor, gap // 2, row[1:])
+        lengths[:-1, 1] = np.where(is_neighbor, gap - gap // 2, self.rows - row[:-1])
+        return lengths
 
 
-def _in_image(
-    columns: Float32, sparse: SparseMaps, measured: Float32, rules: ColumnRules
-) -> Float32:
-    """Return the (H, W) map of squeezed columns, every return at its own pixel."""
-    size = (columns.shape[0] * rules.squeeze_px, columns.shape[1])
-    wide = cv2.resize(cv2.transpose(columns), size, interpolation=cv2.INTER_NEAREST)
-    dense = np.zeros(sparse.size_px[::-1], np.float32)
-    dense[_top(sparse) :] = wide[:, : sparse.size_px[0]]
-    dense[sparse.pixels[:, 1], sparse.pixels[:, 0]] = measured
-    return dense
+def _in_image(columns: Complex64, grid: Grid, sparse: SparseMaps, rules: ColumnRules) -> Filling:
+    """Return both maps within the region; a return that the camera sees keeps its value at its pixel."""
+    both = columns.view(np.float32).reshape(*columns.shape, 2)[:, : grid.rows - 1]
+    inverse, reflectance = cv2.split(cv2.transpose(both))
+    begins = np.arange(0, sparse.size_px[0], rules.squeeze_px)
+    first = np.minimum.reduceat(first_rows(sparse), begins) - grid.top
+    is_inside = (np.arange(grid.rows - 1, dtype=np.int32)[:, None] >= first).view(np.uint8)
+    depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, rules)
+    whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, rules)
+    # What the camera does not see is not shown either.
+    seen = np.flatnonzero(sparse.depth_m <= rules.nearer * depth_m.ravel()[sparse.places])
+    places = sparse.places[seen]
+    depth_m.ravel()[places] = sparse.depth_m[seen]
+    whole.ravel()[places] = sparse.reflectance[seen]
+    return Filling(depth_m, whole)
 
 
-def _top(sparse: SparseMaps) -> int:
-    return int(sparse.pixels[:, 1].min())
+def _widened(rows: MatLike, grid: Grid, sparse: SparseMaps, rules: ColumnRules) -> Float32:
+    """Return (rows, columns) in an (H, W) map."""
+    width, height = sparse.size_px
+    image = np.empty((height, grid.columns * rules.squeeze_px), np.float32)
+    image[: grid.top] = 0
+    size = image.shape[1], rows.shape[0]
+    cv2.resize(rows, size, image[grid.top :], interpolation=cv2.INTER_NEAREST)
+    return np.ascontiguousarray(image[:, :width])

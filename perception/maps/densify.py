@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 
-from perception.maps.column_filling import fill_columns, nearest_true
+from perception.maps.column_filling import fill_columns
 from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
@@ -15,16 +14,20 @@ from perception.maps.triangle_filling import fill_linear, fill_triangles
 from perception.types import Bool, Float32
 
 MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
-FILLINGS: Mapping[MapMethod, Callable[[SparseMaps], Filling]] = {
-    "default": fill_columns,
-    "thesis": fill_triangles,
-    "nearest": fill_nearest,
-    "linear": fill_linear,
-    "natural": fill_natural,
-}
+Fill = Callable[[SparseMaps], Filling]
 
-# The author's program widens the region by a rectangle of 2 x 10 pixels.
-_WIDER_PX, _HIGHER_PX = 10, 2
+
+def _within_region(fill: Fill) -> Fill:
+    return lambda sparse: fill(sparse).within_region(sparse)
+
+
+FILLINGS: Mapping[MapMethod, Fill] = {
+    "default": fill_columns,
+    "thesis": _within_region(fill_triangles),
+    "nearest": _within_region(fill_nearest),
+    "linear": _within_region(fill_linear),
+    "natural": _within_region(fill_natural),
+}
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class DenseMaps:
     Attributes:
         depth_m: (H, W), 0 where not valid.
         reflectance: (H, W) from 0 to 1, 0 where not valid.
-        is_measured: (H, W) a return lies in the pixel.
+        is_measured: (H, W) the value is that of a return in the pixel.
         is_filled: (H, W) the value comes from returns around.
     """
 
@@ -58,26 +61,13 @@ def densify(sparse: SparseMaps, method: MapMethod = "default") -> DenseMaps:
             `nearest` the nearest return, `linear` planes over the triangles, `natural` natural neighbours.
     """
     filling = FILLINGS[method](sparse)
-    is_measured = sparse.is_measured
-    is_valid = region_of_interest(sparse) & (filling.depth_m > 0)
-    return DenseMaps(
-        depth_m=filling.depth_m * is_valid,
-        reflectance=filling.reflectance * is_valid,
-        is_measured=is_measured,
-        is_filled=is_valid & ~is_measured,
-    )
+    is_valid = filling.depth_m > 0
+    is_measured = _keeps_return(filling, sparse)
+    return DenseMaps(filling.depth_m, filling.reflectance, is_measured, is_valid > is_measured)
 
 
-def region_of_interest(sparse: SparseMaps) -> Bool:
-    """Tell which (H, W) pixels lie below the highest return of the columns around.
-
-    Above it the LiDAR sees nothing: sky, and what is over its highest beam.
-    """
-    width, height = sparse.size_px
-    if not len(sparse):
-        return np.zeros((height, width), bool)
-    top = np.full(width, height, np.int32)
-    np.minimum.at(top, sparse.pixels[:, 0], sparse.pixels[:, 1])
-    top = top[nearest_true(top < height)]
-    widened = cv2.erode(top.astype(np.float32)[None], np.ones((1, 2 * _WIDER_PX + 1), np.uint8))
-    return np.asarray(np.arange(height)[:, None] >= widened - _HIGHER_PX)
+def _keeps_return(filling: Filling, sparse: SparseMaps) -> Bool:
+    """Tell which (H, W) pixels have the depth of a return that lies there: a method may pass over some."""
+    is_measured = np.zeros(filling.depth_m.shape, bool)
+    is_measured.ravel()[sparse.places] = filling.depth_m.ravel()[sparse.places] == sparse.depth_m
+    return is_measured

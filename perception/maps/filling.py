@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from perception.maps.projection import SparseMaps
+from perception.maps.region import region_of_interest
 from perception.types import Float32
 
 
@@ -34,3 +35,8 @@ class Filling:
         depth_m[rows, columns] = sparse.depth_m
         reflectance[rows, columns] = sparse.reflectance
         return type(self)(depth_m, reflectance)
+
+    def within_region(self, sparse: SparseMaps) -> Self:
+        """Return it with nothing said above the highest returns."""
+        is_inside = region_of_interest(sparse)
+        return type(self)(self.depth_m * is_inside, self.reflectance * is_inside)

@@ -1,13 +1,15 @@
 """The scan in the image: which pixel holds a return, how deep it lies, how much it reflects (6.1)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
+import cv2
 import numpy as np
 
 from perception.errors import CalibrationError, PerceptionError
 from perception.geometry.camera import project
-from perception.types import Bool, Calibration, Float, Float32, Float64, Frame, Int
+from perception.types import Bool, Calibration, Float32, Float64, Frame, Int
 
 # What is nearer than this is the vehicle itself.
 _NEAREST_M = 0.5
@@ -49,6 +51,11 @@ class SparseMaps:
             self.pixels[rows], self.depth_m[rows], self.reflectance[rows], self.size_px
         )
 
+    @cached_property
+    def places(self) -> Int:
+        """(N,) row * width + column."""
+        return np.asarray(self.pixels[:, 1] * np.intp(self.size_px[0]) + self.pixels[:, 0])
+
     def scattered(self, values: Float32) -> Float32:
         """Return (N,) values in an (H, W) map, 0 where there is no return."""
         dense = np.zeros(self.size_px[::-1], np.float32)
@@ -64,24 +71,22 @@ class SparseMaps:
 
 
 def project_scan(
-    points_velo: Float, calibration: Calibration, size_px: tuple[int, int]
+    points_velo: Float32, calibration: Calibration, size_px: tuple[int, int]
 ) -> SparseMaps:
     """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
-    points = points_velo[may_be_in_view(points_velo, calibration.image_P_velo, size_px)]
-    exact_px, depth_m = project(calibration.image_P_velo, points)
+    image_P_velo = calibration.image_P_velo
+    points = points_velo[np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))]
+    exact_px, depth_m = project(image_P_velo, points)
     with np.errstate(invalid="ignore"):
-        rounded = np.rint(exact_px)
-        is_inside = (rounded >= 0).all(axis=1) & (rounded < size_px).all(axis=1)
+        u, v = np.rint(exact_px.T)
+        is_inside = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
-    rows = rows[np.argsort(-depth_m[rows], kind="stable")]
-    pixels = rounded[rows].astype(np.int32)
-    nearest = _last_of_each(pixels, size_px)
-    return SparseMaps(
-        pixels[nearest],
-        depth_m[rows][nearest].astype(np.float32),
-        points[rows, 3][nearest].astype(np.float32),
-        size_px,
-    )
+    depths = depth_m[rows].astype(np.float32)
+    order = _farthest_first(depths)
+    rows = rows[order]
+    pixels = np.stack([u[rows], v[rows]], axis=1).astype(np.int32)
+    nearest = np.flatnonzero(_last_of_each(pixels, size_px))
+    return SparseMaps(pixels[nearest], depths[order[nearest]], points[rows[nearest], 3], size_px)
 
 
 def project_frame(frame: Frame) -> SparseMaps:
@@ -115,17 +120,31 @@ def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
     return calibration, size_px
 
 
-def may_be_in_view(points_velo: Float, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
+def may_be_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
     """Pass over, in single precision and with a pixel to spare, most of what is out of view.
 
     A turn of the LiDAR has six times the returns that a camera sees; only those are worth a division.
     """
-    matrix = image_P_velo.astype(np.float32)
-    x, y, depth = matrix[:, :3] @ points_velo[:, :3].T + matrix[:, 3:]
-    width, height = (np.float32(size + 1) for size in size_px)
-    return np.asarray(
-        (depth > 0) & (x > -depth) & (x < width * depth) & (y > -depth) & (y < height * depth)
-    )
+    if not len(points_velo):
+        return np.zeros(0, bool)
+    # A point is in view if it lies on the inner side of the four planes through the image's edges:
+    # with depth * (u, v, 1) = P p, u > -1 is the same as depth * u + depth > 0.
+    width, height = size_px
+    inner = np.array([[1, 0, 1], [-1, 0, width], [0, 1, 1], [0, -1, height]]) @ image_P_velo
+    sides = cv2.transform(points_velo[:, None], np.insert(inner, 3, 0, axis=1))
+    is_inner: Bool = sides.reshape(-1, 4) > 0
+    return np.asarray(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
+
+
+def _farthest_first(depths_m: Float32) -> Int:
+    """Return the order of positive depths; of equals, the first comes last.
+
+    Positive floats and their bits are in the same order, so that depth and index sort as one number.
+    """
+    keys = depths_m.view(np.uint32).astype(np.uint64) << np.uint64(32)
+    keys |= np.arange(len(keys), dtype=np.uint64)
+    keys.sort()
+    return np.asarray(keys[::-1] & np.uint64(0xFFFFFFFF), np.intp)
 
 
 def _last_of_each(pixels: Int, size_px: tuple[int, int]) -> Bool:

@@ -9,10 +9,12 @@ from benchmarks.naive_maps import (
     fill_natural_by_discs,
     fill_nearest_by_search,
 )
-from perception.maps.column_filling import ColumnRules, fill_columns
-from perception.maps.densify import FILLINGS, densify, region_of_interest
+from perception.maps.beam_rows import ColumnRules
+from perception.maps.column_filling import fill_columns
+from perception.maps.densify import FILLINGS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.projection import SparseMaps
+from perception.maps.region import region_of_interest
 from perception.maps.triangle_filling import fill_linear, fill_triangles
 
 
@@ -66,15 +68,48 @@ def test_columns_lay_a_plane_through_a_road_and_keep_an_edge():
     assert edge.reflectance[:, 2].tolist() == pytest.approx([0.2, 0.2, 0.6, 0.6, 0.6])
 
 
-def test_columns_reach_sideways_before_they_look_up_or_down():
-    filling = fill_columns(sparse_of({(0, 3): (20, 0), (8, 3): (30, 0), (4, 4): (5, 0)}, (9, 5)))
-    assert filling.depth_m[3].tolist() == pytest.approx([20, 20, 20, 20, 30, 30, 30, 30, 30])
+def test_gap_in_a_row_is_a_surface_or_an_edge():
+    # Inverse depths 0.1 and 0.104 on both sides of four columns, two pixels each, are one surface.
+    wall = fill_columns(sparse_of({(0, 3): (10, 0.2), (8, 3): (1 / 0.104, 0.6)}, (10, 5)))
+    np.testing.assert_allclose(
+        1 / wall.depth_m[3, 1::2], [0.1, 0.101, 0.102, 0.103, 0.104], rtol=1e-5
+    )
+    np.testing.assert_allclose(wall.reflectance[3, 1::2], [0.2, 0.3, 0.4, 0.5, 0.6], rtol=1e-5)
+    edge = fill_columns(sparse_of({(0, 3): (10, 0), (8, 3): (30, 0), (4, 4): (5, 0)}, (10, 5)))
+    assert edge.depth_m[4, 4] == 5
+    # The beam goes by the return that is one row lower; half way between two, the later one counts.
+    assert edge.depth_m[3].tolist() == pytest.approx([10] * 2 + [5] * 4 + [30] * 4)
+
+
+def test_row_goes_on_a_little_past_its_end():
+    # Two rows of a pole before a wall, five rows apart: one column of two pixels on either side.
+    pole = {(20, row): (8, 0.5) for row in (4, 9, 14)}
+    wall = {
+        (column, row): (40, 0.1)
+        for column in (*range(0, 14, 2), *range(28, 42, 2))
+        for row in (6, 11)
+    }
+    depth_m = fill_columns(sparse_of(pole | wall, (42, 16))).depth_m
+    assert (depth_m[4:15, 18:24] == 8).all()
+    assert depth_m[11, 14:16].tolist() == pytest.approx([40, 40])
+
+
+def test_what_shows_through_a_nearer_surface_is_left_out():
+    near = {(column, row): (8, 0.5) for column in range(10, 30, 2) for row in (4, 9, 14)}
+    behind = {(14, 6): (40, 0.1), (20, 11): (40, 0.1)}
+    dense = densify(sparse_of(near | behind, (40, 16)))
+    assert (dense.depth_m[4:15, 10:30] == 8).all()
+    assert dense.is_filled[6, 14]
+    assert not dense.is_measured[6, 14]
+    # With nothing below it, it may be seen above the surface's edge.
+    above = densify(sparse_of(near | {(14, 2): (40, 0.1)}, (40, 16)))
+    assert above.depth_m[2, 14] == 40
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_columns_equal_a_loop(seed):
     sparse = random_returns(seed, (23, 14), 4 + 12 * seed)
-    for rules in (ColumnRules(), ColumnRules(squeeze_px=1, reach=1, steepest_per_m_px=0.02)):
+    for rules in (ColumnRules(), ColumnRules(1, 5, 1.5, 0.02, 1.0)):
         fast, plain = fill_columns(sparse, rules), fill_columns_by_loop(sparse, rules)
         np.testing.assert_allclose(fast.reflectance, plain.reflectance, atol=2e-6)
         np.testing.assert_allclose(fast.depth_m, plain.depth_m, rtol=2e-5)
@@ -125,14 +160,17 @@ def test_both_maps_come_from_the_same_returns(method):
 def test_masks_tell_measured_filled_and_unknown_apart(method):
     sparse = random_returns(8, (40, 30), 100)
     dense = densify(sparse, method)
-    assert dense.is_measured.sum() == 100
+    # What is hidden by nearer returns is filled over.
+    assert dense.is_measured.sum() == 100 or method == "default"
     assert not (dense.is_measured & dense.is_filled).any()
     assert (dense.depth_m[dense.is_valid] > 0).all()
     assert (dense.depth_m[~dense.is_valid] == 0).all()
     assert (dense.reflectance[~dense.is_valid] == 0).all()
-    rows, columns = sparse.pixels[:, 1], sparse.pixels[:, 0]
-    assert (dense.depth_m[rows, columns] == sparse.depth_m).all()
-    assert (dense.reflectance[rows, columns] == sparse.reflectance).all()
+    kept = sparse[dense.is_measured[sparse.pixels[:, 1], sparse.pixels[:, 0]]]
+    rows, columns = kept.pixels[:, 1], kept.pixels[:, 0]
+    assert len(kept) == dense.is_measured.sum() > 70
+    assert (dense.depth_m[rows, columns] == kept.depth_m).all()
+    assert (dense.reflectance[rows, columns] == kept.reflectance).all()
 
 
 @pytest.mark.parametrize("method", FILLINGS)
@@ -183,3 +221,48 @@ def test_peers_fill_the_image_and_keep_what_is_measured():
         rows, columns = sparse.pixels[:, 1], sparse.pixels[:, 0]
         assert (filling.depth_m[rows, columns] == sparse.depth_m).all()
         assert filling.reflectance.max() <= 1
+
+
+@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize(
+    "returns",
+    [
+        {(5, 3): (12, 0.4), (9, 6): (30, 0.1)},
+        {(0, 0): (12, 0.0)},
+        {(11, 6): (80, 1.0)},
+        {(row, row): (10 + row, 0.5) for row in range(7)},
+        {(6, row): (10 + row, 0.5) for row in range(7)},
+    ],
+)
+def test_few_returns_give_finite_maps(method, returns):
+    dense = densify(sparse_of(returns, (13, 7)), method)
+    for values in (dense.depth_m, dense.reflectance):
+        assert values.shape == (7, 13)
+        assert np.isfinite(values).all()
+        assert not values[~dense.is_valid].any()
+    assert (dense.depth_m[dense.is_valid] >= 10).all()
+    assert dense.is_measured.sum() == len(returns)
+
+
+@pytest.mark.parametrize("size_px", [(1, 1), (2, 3), (7, 5), (640, 192)])
+def test_images_of_other_sizes(size_px):
+    sparse = random_returns(3, size_px, min(size_px[0] * size_px[1], 200))
+    dense = densify(sparse)
+    assert dense.depth_m.shape == dense.is_filled.shape == size_px[::-1]
+    # The row of the lowest return is below all that begins the region.
+    assert (dense.depth_m[sparse.pixels[:, 1].max()] > 0).all()
+
+
+def test_beams_far_apart_reach_farther():
+    # A fourth of the way to the next beam: of 24 rows three columns of two pixels, of 5 rows one.
+    for spacing, columns in ((24, 3), (5, 1)):
+        pole = {(40, row): (20, 0.5) for row in range(0, 72, spacing)}
+        wall = {
+            (column, row): (60, 0.5)
+            for column in (*range(0, 40, 2), *range(42, 80, 2))
+            for row in range(spacing // 2, 72, spacing)
+        }
+        row = fill_columns(sparse_of(pole | wall, (80, 72))).depth_m[spacing]
+        assert row[38 - 2 * columns : 44 + 2 * columns].tolist() == pytest.approx(
+            [60, 60, *[20] * (2 + 4 * columns), 60, 60]
+        )

@@ -32,3 +32,13 @@ def test_reflectance_is_scaled_and_rounded():
     assert encode_reflectance(np.array([[0, 0.1, 0.5, 1]], np.float32)).tolist() == [
         [0, 26, 128, 255]
     ]
+
+
+def test_depth_is_known_to_half_a_step_after_the_round_trip():
+    depth_m = np.linspace(5, 80, 2000, dtype=np.float32)
+    code = encode_depth(depth_m[None])[0].astype(np.float64)
+    # (6.2) solved for the depth. Half of one of 255 steps of inverse depth from 1/5 to 1/80.
+    decoded_m = 255 * 80 * 5 / (255 * 80 - 75 * code)
+    half_step = (1 / 5 - 1 / 80) / 255 / 2
+    assert np.abs(1 / decoded_m - 1 / depth_m).max() < 1.001 * half_step
+    assert (np.diff(code) >= 0).all()

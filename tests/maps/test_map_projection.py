@@ -61,3 +61,10 @@ def test_equals_a_loop_over_points():
 def test_arrays_of_different_lengths_are_refused():
     with pytest.raises(PerceptionError, match="as many as depths"):
         SparseMaps(np.zeros((2, 2), int), np.ones(3, np.float32), np.ones(3, np.float32), SIZE)
+
+
+def test_points_that_are_not_numbers_are_not_seen():
+    scan = points([10, 0, 0, 0.2], [np.nan, 0, 0, 0.5], [10, np.nan, 0.5, 0.5], [np.inf, 0, 0, 0.5])
+    sparse = project_scan(scan, CALIBRATION, SIZE)
+    assert sparse.depth_m.tolist() == [10.0]
+    assert sparse.places.tolist() == [4 * 17 + 8]

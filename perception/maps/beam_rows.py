@@ -1,0 +1,173 @@
+"""The beams of a spinning LiDAR in the image: rows of returns, each linked to the next.
+
+    o   o   o   .   o   o                  o  a return; its beam goes on in one of the columns to its right,
+                            o   +          at most a row higher or lower
+                                           .  a gap: between the returns on both sides
+                                           +  an end: goes on for a part of the way to the next beam
+
+Columns are about as wide as a beam's step, so that most of them hold a return of each beam.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from perception.maps.projection import SparseMaps
+from perception.types import Bool, Complex64, Int
+
+
+@dataclass(frozen=True)
+class ColumnRules:
+    """What is one beam, and what is one surface.
+
+    Attributes:
+        squeeze_px: image columns that are filled as one, about the step of a beam.
+        longest_gap_px: a surface goes on behind a hole of this size.
+        nearer: two inverse depths of a greater ratio side by side belong to two surfaces.
+        steepest_per_m_px: most change of inverse depth from row to row on one surface. A plane that
+            passes the camera at d metres has 1 / (focal length * d): at one metre on KITTI.
+        reach: how far a row goes on past its end, as a share of the way to the next beam.
+    """
+
+    squeeze_px: int = 2
+    longest_gap_px: int = 16
+    nearer: float = 1.1
+    steepest_per_m_px: float = 1.4e-3
+    reach: float = 0.25
+
+    @property
+    def most_steps(self) -> int:
+        """Columns from a return to the next of its beam, at most."""
+        return max(1, self.longest_gap_px // self.squeeze_px)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Cells in columns, one after the other, each from the highest return down and with a blank cell below.
+
+    Attributes:
+        columns: how many, without the margins.
+        rows: cells of a column, with the blank one.
+        top: image row of the highest return: what lies above has nothing to be filled from.
+        margin: columns on either side, for what reaches over the edge.
+    """
+
+    columns: int
+    rows: int
+    top: int
+    margin: int
+
+    @classmethod
+    def over(cls, sparse: SparseMaps, rules: ColumnRules) -> Self:
+        """Lay it over the image of at least one return."""
+        width, height = sparse.size_px
+        top = int(sparse.pixels[:, 1].min())
+        return cls(-(-width // rules.squeeze_px), height - top + 1, top, rules.most_steps)
+
+    def cells_of(self, sparse: SparseMaps, rules: ColumnRules) -> Int:
+        """Return the (N,) cell of each return, counted from the left margin on."""
+        column = sparse.pixels[:, 0] // rules.squeeze_px + self.margin
+        return np.asarray(column * self.rows + (sparse.pixels[:, 1] - self.top), np.intp)
+
+    def full(self, value: int, kind: type) -> np.ndarray:
+        """Return an array of all cells, margins included."""
+        return np.full((self.columns + 2 * self.margin) * self.rows, value, kind)
+
+    def within(self, cells: np.ndarray) -> np.ndarray:
+        """Return such an array without its margins."""
+        return cells[self.margin * self.rows : (self.margin + self.columns) * self.rows]
+
+
+@dataclass(frozen=True)
+class _Returns:
+    """K returns, at most one a cell, and the next of each one's beam; the farthest first.
+
+    Attributes:
+        cells: (K,) where they lie.
+        values: (K,) inverse depth + i reflectance.
+        following: (K,) the next of the beam, where there is one.
+        steps: (K,) columns to it, 0 where there is none.
+    """
+
+    cells: Int
+    values: Complex64
+    following: Int
+    steps: Int
+
+
+def fill_rows(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> Complex64:
+    """Return what the rows of beams say in each cell: inverse depth + i reflectance, 0 where none passes.
+
+    One complex number for both maps: all that is done with them is linear.
+    """
+    returns = _linked(sparse, grid, rules)
+    filled = grid.full(0, np.complex64)
+    # What counts least comes first, to be overwritten; of equals, the least deep comes last.
+    _extend_ends(filled, returns, grid, rules)
+    _bridge_gaps(filled, returns, grid, rules)
+    filled[returns.cells] = returns.values
+    return np.asarray(grid.within(filled))
+
+
+def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
+    """Find the next return of each beam: in the nearest column, there in the same row if possible."""
+    cells, number = grid.cells_of(sparse, rules), np.arange(len(sparse))
+    at = grid.full(-1, np.int32)
+    at[cells] = number
+    owns = at[cells] == number
+    cells, number = cells[owns], number[: np.count_nonzero(owns)]
+    at[cells - 1] = number
+    at[cells + 1] = number
+    at[cells] = number
+    at[grid.rows - 1 :: grid.rows] = -1
+    following, steps = np.zeros(len(cells), np.intp), np.zeros(len(cells), np.intp)
+    unlinked = number
+    for step in range(1, rules.most_steps + 1):
+        found = at[cells[unlinked] + step * grid.rows]
+        is_found = found >= 0
+        linked = unlinked[is_found]
+        following[linked], steps[linked] = found[is_found], step
+        unlinked = unlinked[~is_found]
+    values = np.empty(len(cells), np.complex64)
+    values.real, values.imag = np.reciprocal(sparse.depth_m[owns]), sparse.reflectance[owns]
+    return _Returns(cells, values, following, steps)
+
+
+def _extend_ends(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
+    is_last = returns.steps == 0
+    is_first = np.ones(len(is_last), bool)
+    is_first[returns.following[~is_last]] = False
+    for step in range(_reach(returns.cells, grid, rules), 0, -1):
+        for is_end, way in ((is_last, grid.rows), (is_first, -grid.rows)):
+            filled[returns.cells[is_end] + step * way] = returns.values[is_end]
+
+
+def _reach(cells: Int, grid: Grid, rules: ColumnRules) -> int:
+    """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
+    in_order = np.sort(cells)
+    gaps = np.diff(in_order)[np.diff(in_order // grid.rows) == 0]
+    gaps = gaps[gaps > 1]
+    spacing_px = float(np.median(gaps)) if len(gaps) else 0.0
+    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), grid.margin)
+
+
+def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
+    """Interpolate between the two sides of a gap if they are one surface, else take the closer side."""
+    gaps = np.flatnonzero(returns.steps > 1)
+    begin, end = gaps, returns.following[gaps]
+    steps, first, last = returns.steps[gaps], returns.values[begin], returns.values[end]
+    is_surface = _is_one_surface(first, last, rules)
+    drift = returns.cells[end] - returns.cells[begin] - steps * grid.rows
+    for step in range(1, rules.most_steps):
+        rows = np.flatnonzero(steps > step)
+        share = step / steps[rows]
+        is_behind = share >= 0.5
+        weight = np.where(is_surface[rows], share, is_behind).astype(np.float32)
+        cells = returns.cells[begin[rows]] + step * grid.rows + is_behind * drift[rows]
+        filled[cells] = first[rows] + weight * (last[rows] - first[rows])
+
+
+def _is_one_surface(first: Complex64, last: Complex64, rules: ColumnRules) -> Bool:
+    near, far = np.maximum(first.real, last.real), np.minimum(first.real, last.real)
+    return np.asarray(near <= rules.nearer * far)

@@ -1,0 +1,37 @@
+"""Where a dense map may say something: not above the highest returns of the columns around."""
+
+import cv2
+import numpy as np
+
+from perception.maps.projection import SparseMaps
+from perception.types import Bool, Int
+
+# The author's program widens the region by a rectangle of 2 x 10 pixels.
+_WIDER_PX, _HIGHER_PX = 10, 2
+
+
+def region_of_interest(sparse: SparseMaps) -> Bool:
+    """Tell which (H, W) pixels lie below the highest return of the columns around.
+
+    Above it the LiDAR sees nothing: sky, and what is over its highest beam.
+    """
+    rows = np.arange(sparse.size_px[1], dtype=np.int32)
+    return np.asarray(rows[:, None] >= first_rows(sparse))
+
+
+def first_rows(sparse: SparseMaps) -> Int:
+    """Return the (W,) row in which the region begins in each column; without a return, none."""
+    width, height = sparse.size_px
+    if not len(sparse):
+        return np.full(width, height, np.int32)
+    top = np.full(width, height, np.int32)
+    np.minimum.at(top, sparse.pixels[:, 0], sparse.pixels[:, 1])
+    top = top[nearest_true(top < height)]
+    around = np.ones((1, 2 * _WIDER_PX + 1), np.uint8)
+    return np.asarray(cv2.erode(top[None].astype(np.float32), around)[0] - _HIGHER_PX, np.int32)
+
+
+def nearest_true(mask: Bool) -> Int:
+    """Return for each place of a (K,) mask the place of the nearest that is true; one must be."""
+    places = np.flatnonzero(mask)
+    return places[np.searchsorted((places[1:] + places[:-1]) / 2, np.arange(len(mask)))]
