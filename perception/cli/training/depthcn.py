@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Literal
 from data.frames import OnBadFrame
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
-from perception.cli.training.verifier_plan import VerifierData, run_training
+from perception.cli.training.verifier_plan import VerifierData, listed, run_training, trainer_plan
 from perception.detection.verifier import Method
-from perception.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from train.trainer import TrainerPlan
     from train.verifier_run import TrainedVerifier
 
 _COLUMNS = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
@@ -60,9 +58,11 @@ def depthcn(  # noqa: PLR0913 - flags of a command
         cache: folder for pictures and candidates of the frames; else the user's cache folder.
     """
     data = VerifierData(
-        tuple(drives), _listed(validation), batch, augment, workers, on_bad_frame, cache
+        tuple(drives), listed(validation), batch, augment, workers, on_bad_frame, cache
     )
-    plan = _trainer_plan()(epochs, accelerator, devices, precision, seed)
+    plan = trainer_plan(
+        epochs=epochs, accelerator=accelerator, devices=devices, precision=precision, seed=seed
+    )
     trained = run_training(data, method, plan, out, resume)
     if trained is None:
         return
@@ -95,22 +95,3 @@ def figures_table(method: Method, trained: "TrainedVerifier") -> str:
         "IoU > 0.7",
     )
     return format_table(title, header, rows)
-
-
-def _trainer_plan() -> "type[TrainerPlan]":
-    try:
-        from train.trainer import TrainerPlan
-    except ImportError as error:
-        raise MissingDependencyError(
-            "torch, lightning and tensorboard",
-            needed_for="trifuse train depthcn",
-            extra="train",
-            reason=error,
-        ) from error
-    return TrainerPlan
-
-
-def _listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
-    if paths is None:
-        return ()
-    return (paths,) if isinstance(paths, Path) else tuple(paths)

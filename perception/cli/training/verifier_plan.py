@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
@@ -12,7 +12,7 @@ from data.frames import OnBadFrame
 from perception import __version__
 from perception.cli.documents import write_yaml
 from perception.detection.verifier import Method
-from perception.errors import UsageError
+from perception.errors import MissingDependencyError, UsageError
 
 if TYPE_CHECKING:
     from data.candidates.module import CandidateData
@@ -56,7 +56,7 @@ class VerifierData:
 def run_training(
     data: VerifierData,
     method: Method,
-    trainer_plan: "TrainerPlan",
+    trainer: "TrainerPlan",
     out: Path,
     resume: str | None = None,
 ) -> "TrainedVerifier | None":
@@ -73,12 +73,37 @@ def run_training(
             "program": f"trifuse {__version__}",
             "data": data,
             "network": plan,
-            "trainer": trainer_plan,
+            "trainer": trainer,
             "resumed_from": checkpoint,
         }
         write_yaml(out / "config.yaml", document)
-    module = candidate_data(data, method, trainer_plan.seed)
-    return train_verifier(module, plan, trainer_plan, out, checkpoint)
+    module = candidate_data(data, method, trainer.seed)
+    return train_verifier(module, plan, trainer, out, checkpoint)
+
+
+def trainer_plan(**choices: Any) -> "TrainerPlan":  # noqa: ANN401 - fields of the plan
+    """Return how long and on what, or say what has to be installed first.
+
+    Raises:
+        MissingDependencyError: without the packages that train.
+    """
+    try:
+        from train.trainer import TrainerPlan
+    except ImportError as error:
+        raise MissingDependencyError(
+            "torch, lightning and tensorboard",
+            needed_for="training",
+            extra="train",
+            reason=error,
+        ) from error
+    return TrainerPlan(**choices)
+
+
+def listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
+    """Return the paths of a flag that takes one or several."""
+    if paths is None:
+        return ()
+    return (paths,) if isinstance(paths, Path) else tuple(paths)
 
 
 def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateData":

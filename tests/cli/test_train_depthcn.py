@@ -1,0 +1,91 @@
+"""`trifuse train depthcn` and `trifuse study augmentation` on a few synthetic frames."""
+
+import json
+
+import pytest
+import torch
+import yaml
+
+from perception.cli.main import main
+from train.checkpoints import read_checkpoint
+from train.networks.depthcn import load_verifier
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    root = tmp_path_factory.mktemp("drive")
+    words = f"synth {root} --layout object --frames 6 --images false --seed 3".split()
+    assert main(words) == 0
+    return root
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+def train(drive, cache, out, *more):
+    words = (
+        f"train depthcn {drive} --out {out} --cache {cache} --batch 32 --accelerator cpu".split()
+    )
+    return main([*words, *more])
+
+
+def test_a_network_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert train(drive, cache, out, "--epochs", "1") == 0
+    assert "validation" in capsys.readouterr().out
+    assert train(drive, cache, out, "--epochs", "2", "--resume", "last") == 0
+    assert read_checkpoint(out / "last.ckpt", "depthcn")["epoch"] == 1
+    written = yaml.safe_load((out / "config.yaml").read_text())
+    assert written["network"]["method"] == "default"
+    assert written["data"]["drives"] == [str(drive)]
+    assert written["resumed_from"] == str(out / "last.ckpt")
+    figures = json.loads((out / "figures.json").read_text())
+    assert 0 <= figures["validation"]["accuracy"] <= 1
+    assert figures["counts"]["training_vehicles"] > 0
+    network, facts = load_verifier(out / "best.ckpt")
+    assert facts["training_data"] == str(drive)
+    assert facts["revision"] != "unknown"
+    assert not network.training
+
+
+def test_a_training_is_not_written_over(drive, cache, tmp_path, capsys):
+    (tmp_path / "last.ckpt").touch()
+    assert train(drive, cache, tmp_path) == 2
+    assert "go on with --resume last" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("flags", "sentence"),
+    [
+        (["--epochs", "0"], "expected at least one of each"),
+        (["--resume", "nothing.ckpt"], "no such file"),
+        (["--batch", "1"], "expected a batch size from 2"),
+    ],
+)
+def test_what_cannot_work_is_one_sentence(drive, cache, tmp_path, capsys, flags, sentence):
+    assert train(drive, cache, tmp_path, *flags) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_the_study_of_augmentation_stands_beside_the_thesis(drive, cache, tmp_path, capsys):
+    picture = tmp_path / "augmentation.png"
+    words = f"study augmentation {drive} --method default --epochs 1 --batch 32".split()
+    assert main([*words, "--cache", str(cache), "--out", str(picture)]) == 0
+    printed = capsys.readouterr().out
+    rows = {line.split()[0]: line.split() for line in printed.splitlines() if line}
+    assert rows["without"][-2:] == ["92.83", "86.69"]
+    assert rows["with"][-2:] == ["96.45", "91.93"]
+    numbers = json.loads(picture.with_suffix(".json").read_text())
+    assert numbers["repeats"] == "Table 7.8"
+    assert set(numbers["results"]) == {"without", "with"}
+    assert picture.stat().st_size > 10_000
