@@ -22,7 +22,7 @@ class SearchGrid:
     cell_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.7)
     least_variance_m2: tuple[float, ...] = (0.0025, 0.005, 0.01, 0.02, 0.04)
     least_points: tuple[int, ...] = (1, 3, 5, 10)
-    radius_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.8)
+    radius_m: tuple[float, ...] = (0.2, 0.3, 0.4, 0.5, 0.7)
 
     def __post_init__(self) -> None:
         """Refuse a parameter without values, one that is there twice, and values that cannot work."""
