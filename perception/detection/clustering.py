@@ -86,43 +86,39 @@ def _find_cores(cells: PointCells, pairs: CellPairs, radius_m: float, least: int
 
 def _join(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Int:
     """Return (K,) the connected part of each cell's cores; a cell without cores is a part of its own."""
-    has_core = np.logical_or.reduceat(is_core, cells.starts)
-    pairs = pairs[np.flatnonzero(has_core[pairs.first] & has_core[pairs.second])]
-    one, other = _facing(cells, pairs, is_core)
-    is_joined = pairs.is_whole | cells.is_near(one, other, radius_m)
+    core_counts = np.add.reduceat(is_core, cells.starts, dtype=np.int64)
+    is_full, has_core = core_counts == cells.counts, core_counts > 0
+    is_joined = (is_full[pairs.first] & is_full[pairs.second]) & _face(cells, pairs, radius_m)
+    is_joined |= pairs.is_whole
+    kept = np.flatnonzero(has_core[pairs.first] & has_core[pairs.second])
+    pairs, is_joined = pairs[kept], is_joined[kept]
     joined, doubtful = pairs[is_joined], pairs[~is_joined]
     part = _parts(len(cells), joined.first, joined.second)
-    doubtful = doubtful[np.flatnonzero(part[doubtful.first] != part[doubtful.second])]
-    if len(doubtful.first) == 0:
-        return part
+    doubtful = doubtful[part[doubtful.first] != part[doubtful.second]]
     touching = doubtful[_touch(cells, doubtful, is_core, radius_m)]
+    if len(touching.first) == 0:
+        return part
     first, second = part[touching.first], part[touching.second]
     order = np.argsort(first)
     return _parts(len(cells), first[order], second[order])[part]
 
 
-def _facing(cells: PointCells, pairs: CellPairs, is_core: Bool) -> tuple[Int, Int]:
-    """Return (L,) a core of each cell of each pair, the farthest towards the other where that is one."""
-    cell = np.arange(len(cells)).repeat(cells.counts)
-    any_core = np.empty(len(cells), np.int64)
-    any_core[cell[is_core]] = np.flatnonzero(is_core)
-    sides = []
-    for places_m, low_m, high_m in zip(
-        (cells.x_m, cells.y_m), cells.lows_m, cells.highs_m, strict=True
-    ):
-        for end_m in (low_m, high_m):
-            at = np.flatnonzero((places_m == end_m.repeat(cells.counts)) & is_core)
-            side = any_core.copy()
-            side[cell[at]] = at
-            sides.append(side)
-    x, y = (
-        (low_m + high_m)[pairs.second] - (low_m + high_m)[pairs.first]
-        for low_m, high_m in zip(cells.lows_m, cells.highs_m, strict=True)
-    )
-    is_along_x = np.abs(x) > np.abs(y)
-    towards = np.where(is_along_x, x > 0, 2 + (y > 0))
-    by_side = np.stack(sides)
-    return by_side[towards, pairs.first], by_side[towards ^ 1, pairs.second]
+def _face(cells: PointCells, pairs: CellPairs, radius_m: float) -> Bool:
+    """Tell which pairs of cells must have points that are neighbours, by the boxes around their points.
+
+    A box has a point on each side. Where two sides face each other, their points are no farther apart
+    than the gap between the sides and, along them, both boxes together are long.
+    """
+    gaps, spans = [], []
+    for low_m, high_m in zip(cells.lows_m, cells.highs_m, strict=True):
+        one = low_m[pairs.second] - high_m[pairs.first]
+        other = low_m[pairs.first] - high_m[pairs.second]
+        gaps.append(np.maximum(one, other))
+        spans.append(np.minimum(one, other))
+    limit, (gap_x, gap_y), (span_x, span_y) = radius_m * radius_m, gaps, spans
+    across = gap_x * gap_x + span_y * span_y <= limit
+    along = gap_y * gap_y + span_x * span_x <= limit
+    return np.asarray(across | along)
 
 
 def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Bool:
