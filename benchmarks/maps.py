@@ -1,6 +1,6 @@
 """Dense maps by every method on the same scans: time, and how well returns that were left out are told."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,15 +9,16 @@ from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
 from benchmarks.measure import Contender, take_turns
 from benchmarks.stages import Comparison, Prepared
 from perception.cli.table import Cell
-from perception.maps.densify import FILLINGS
+from perception.maps.densify import FILLINGS, Fill, dense_maps
+from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps, project_frame
-from perception.types import Bool, Float64
+from perception.types import Bool, Float64, UInt8
 
 _LEFT_OUT = 0.1
 _RELATIVE, _ABSOLUTE_M = 0.05, 0.5
 
-_CONTENDERS: Mapping[str, Callable[[SparseMaps], Filling]] = {
+_CONTENDERS: Mapping[str, Fill] = {
     "ours": FILLINGS["default"],
     "thesis: Delaunay, nearest vertex (SciPy)": FILLINGS["thesis"],
     "nearest return": FILLINGS["nearest"],
@@ -43,12 +44,13 @@ class HeldOut:
 
 
 def compare_maps(prepared: Prepared) -> Comparison:
-    """Project and fill both maps of every frame; judge each method by a tenth of the returns, left out."""
+    """Project, fill and encode both maps of every frame; judge each method by a tenth of the returns, left out."""
     sparse = [project_frame(frame) for frame in prepared.frames]
 
-    def contender(name: str, fill: Callable[[SparseMaps], Filling]) -> Contender:
-        def run(i: int) -> Filling:
-            return fill(project_frame(prepared.frames[i]))
+    def contender(name: str, fill: Fill) -> Contender:
+        def run(i: int) -> tuple[UInt8, UInt8]:
+            dense = dense_maps(project_frame(prepared.frames[i]), fill)
+            return encode_depth(dense.depth_m), encode_reflectance(dense.reflectance)
 
         return Contender(name, run)
 

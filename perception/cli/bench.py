@@ -65,7 +65,7 @@ def bench(  # noqa: PLR0913 - flags of a command
     opened: Drive = (
         SyntheticDrive(frames, sensor=model, images=shows)
         if drive is None
-        else open_drive(drive, sequence=sequence, sensor=sensor, images=shows)
+        else open_drive(drive, sequence=sequence, sensor=sensor, images=shows or part == "maps")
     )
     config = PipelineConfig()
     machine = describe_machine()

@@ -60,7 +60,12 @@ def densify(sparse: SparseMaps, method: MapMethod = "default") -> DenseMaps:
         method: `default` along beams and columns, `thesis` the nearest vertex of the Delaunay triangle,
             `nearest` the nearest return, `linear` planes over the triangles, `natural` natural neighbours.
     """
-    filling = FILLINGS[method](sparse)
+    return dense_maps(sparse, FILLINGS[method])
+
+
+def dense_maps(sparse: SparseMaps, fill: Fill) -> DenseMaps:
+    """Fill both maps by any way of filling."""
+    filling = fill(sparse)
     is_valid = filling.depth_m > 0
     is_measured = _keeps_return(filling, sparse)
     return DenseMaps(filling.depth_m, filling.reflectance, is_measured, is_valid > is_measured)

@@ -67,3 +67,11 @@ def _filled(sparse: SparseMaps, covered: _Covered, weights: Float64) -> Filling:
         return flat.reshape(sparse.size_px[::-1])
 
     return Filling(dense(sparse.depth_m), dense(sparse.reflectance)).with_measured(sparse)
+
+
+def triangles_of(sparse: SparseMaps) -> Int:
+    """Return the (T, 3) returns at the vertices of Delaunay triangles; none where all are on one line."""
+    try:
+        return np.asarray(Delaunay(sparse.pixels.astype(np.float64)).simplices)
+    except (QhullError, ValueError):
+        return np.zeros((0, 3), np.int32)

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from perception.maps.densify import DenseMaps, MapMethod
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import SparseMaps
+from perception.maps.triangle_filling import triangles_of
 from perception.render.plots import new_figure, save_figure
 from perception.types import UInt8
 
@@ -27,13 +29,15 @@ def plot_maps(
     maps: Mapping[MapMethod, DenseMaps],
 ) -> None:
     """Draw the returns on the image and the masks of the first method, then both maps of each method."""
-    figure = new_figure(15.0, _ROW_IN * (len(maps) + 1), title)
-    rows = figure.subplots(len(maps) + 1, 2)
+    figure = new_figure(15.0, _ROW_IN * (len(maps) + 2), title)
+    rows = figure.subplots(len(maps) + 2, 2)
     first = next(iter(maps))
     _draw_returns(rows[0, 0], image, sparse)
     rows[0, 1].imshow(mask_picture(maps[first]))
     rows[0, 1].set_title(f"{first}: measured (yellow), filled (blue), not known (black)")
-    for (depth, reflectance), (name, dense) in zip(rows[1:], maps.items(), strict=True):
+    for axes, box in zip(rows[1], (None, _busiest(sparse)), strict=True):
+        _draw_triangles(axes, sparse, box)
+    for (depth, reflectance), (name, dense) in zip(rows[2:], maps.items(), strict=True):
         code = np.ma.masked_where(~dense.is_valid, encode_depth(dense.depth_m))
         depth.imshow(code, cmap="turbo_r", vmin=0, vmax=255)
         depth.set_title(f"depth map, {name}")
@@ -62,3 +66,32 @@ def _draw_returns(axes: "Axes", image: UInt8 | None, sparse: SparseMaps) -> None
     axes.set_title(
         f"{len(sparse)} returns, {100 * len(sparse) / (width * height):.1f} % of the pixels"
     )
+
+
+def _busiest(sparse: SparseMaps) -> tuple[int, int, int, int]:
+    """Return left, top, right and bottom of the window with most change of depth, to be seen enlarged."""
+    width, height = sparse.size_px
+    window = max(1, width // 6), max(1, height // 6)
+    spread = cv2.boxFilter(sparse.scattered(np.reciprocal(sparse.depth_m)) ** 2, -1, window)
+    row, column = np.unravel_index(int(spread.argmax()), spread.shape)
+    left = min(max(int(column) - window[0] // 2, 0), width - window[0])
+    top = min(max(int(row) - window[1] // 2, 0), height - window[1])
+    return left, top, left + window[0], top + window[1]
+
+
+def _draw_triangles(
+    axes: "Axes", sparse: SparseMaps, box: tuple[int, int, int, int] | None
+) -> None:
+    """Draw the triangulation (Fig. 6.4 b), or what of it lies in a box (c)."""
+    left, top, right, bottom = box or (0, 0, *sparse.size_px)
+    axes.set(xlim=(left - 0.5, right - 0.5), ylim=(bottom - 0.5, top - 0.5))
+    axes.set_aspect("equal")
+    axes.set_title("Delaunay triangles" if box is None else f"of columns {left} to {right}")
+    corners = triangles_of(sparse)
+    if len(corners):
+        column, row = sparse.pixels.T
+        width_pt = 0.1 if box is None else 0.4
+        axes.triplot(column, row, corners, color=(0.2, 0.4, 0.7), linewidth=width_pt)
+        code = encode_depth(sparse.depth_m)
+        size = 0.1 if box is None else 3
+        axes.scatter(column, row, s=size, c=code, cmap="turbo_r", vmin=0, vmax=255, linewidths=0)
