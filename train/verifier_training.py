@@ -123,7 +123,8 @@ class VerifierTraining(LightningModule):
         figures.update(logits.detach(), shares.detach(), batch["is_vehicle"], batch["box_share"])
 
     def _log_figures(self, stage: str, figures: VerifierFigures) -> None:
-        self.log_dict({f"{stage}/{name}": value for name, value in figures.compute().items()})
+        found = figures.compute()  # over all processes already
+        self.log_dict({f"{stage}/{name}": value for name, value in found.items()}, sync_dist=True)
         figures.reset()
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes

@@ -7,6 +7,8 @@ import torch
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
+from data.process_share import ProcessShare
+
 
 def toy_batch(count: int, channels: int, seed: int = 0) -> dict[str, torch.Tensor]:
     random = np.random.default_rng(seed)
@@ -53,7 +55,10 @@ class ToyCandidates(LightningDataModule):
     def train_dataloader(self) -> DataLoader:
         epoch = self.trainer.current_epoch if self.trainer else 0
         order = _Order(self._count, epoch)
-        return DataLoader(self._rows(0), batch_size=self._batch, sampler=order)
+        process = self.trainer.global_rank if self.trainer else 0
+        processes = self.trainer.world_size if self.trainer else 1
+        share = ProcessShare(order, process, processes)
+        return DataLoader(self._rows(0), batch_size=self._batch, sampler=share)
 
     def mean_crop(self) -> torch.Tensor:
         return toy_batch(self._count, self._channels)["crops"].float().mean(0)

@@ -1,0 +1,48 @@
+"""Two processes train one network together."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from train.networks.depthcn import load_verifier
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import json, sys
+from pathlib import Path
+import torch
+from tests.train.toy_candidates import ToyCandidates
+from train.trainer import TrainerPlan, fit, make_trainer
+from train.verifier_training import PLANS, VerifierTraining
+torch.set_num_threads(1)
+torch.manual_seed(0)
+trainer = make_trainer(Path(sys.argv[1]), TrainerPlan(1, "cpu", devices=2))
+fit(trainer, VerifierTraining(PLANS["default"]), ToyCandidates())
+if trainer.is_global_zero:
+    figures = {name: float(value) for name, value in trainer.callback_metrics.items()}
+    print(json.dumps({"processes": trainer.world_size, "steps": trainer.global_step, **figures}))
+"""
+
+
+def test_two_processes_train_one_network(tmp_path):
+    script = tmp_path / "train_together.py"
+    script.write_text(SCRIPT)
+    ran = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "out")],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "Warning" not in ran.stderr
+    assert "recommended" not in ran.stderr
+    found = json.loads(ran.stdout.splitlines()[-1])
+    assert (found["processes"], found["steps"]) == (2, 2)  # 32 samples in batches of 8, halved
+    assert 0 <= found["validation/accuracy"] <= 1
+    network, _ = load_verifier(tmp_path / "out" / "last.ckpt")
+    assert not network.training
