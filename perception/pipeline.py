@@ -179,6 +179,7 @@ class StageClock:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        """Take the time of what is done within."""
         start = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - start

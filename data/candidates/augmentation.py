@@ -6,8 +6,9 @@
     cover               occlusion
     rotation            other positions on the road
     line shift          noise, and errors of the dense maps
+    reflectance         other LiDARs, and returns that fade with range: ours, beside the thesis' eight
 
-The thesis names these and not how strong they are; the defaults are ours. A strength of 0 switches one off.
+The thesis does not say how strong they are; the defaults are ours. A strength of 0 switches one off.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +21,15 @@ from perception.errors import UsageError
 from perception.types import Float64
 
 Operation = Literal[
-    "scale", "depth", "flip", "jitter", "aspect", "cover", "rotation_rad", "line_shift_px"
+    "scale",
+    "depth",
+    "flip",
+    "jitter",
+    "aspect",
+    "cover",
+    "rotation_rad",
+    "line_shift_px",
+    "reflectance",
 ]
 OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
@@ -39,6 +48,7 @@ class Augmentation:
         cover: up to this share of the width of every second object is hidden by something nearer.
         rotation_rad: the content turns by up to this, either way.
         line_shift_px: each row of the crop moves by up to this many pixels, either way.
+        reflectance: returns are weaker by up to this share.
     """
 
     scale: float = 0.12
@@ -49,10 +59,11 @@ class Augmentation:
     cover: float = 0.4
     rotation_rad: float = 0.035
     line_shift_px: float = 1.0
+    reflectance: float = 0.9
 
     def __post_init__(self) -> None:
         """Refuse strengths below zero, and those that leave nothing of the object."""
-        most = {"flip": 1.0, "jitter": 0.5, "cover": 0.9, "rotation_rad": 0.5}
+        most = {"flip": 1.0, "jitter": 0.5, "cover": 0.9, "rotation_rad": 0.5, "reflectance": 1.0}
         for name, strength in asdict(self).items():
             if not 0 <= strength <= most.get(name, 10.0):
                 raise UsageError(
@@ -101,6 +112,7 @@ class Change:
         cover: what hides a part, or None.
         rotation_rad: clockwise as seen.
         line_shifts_px: (66,) of each row of the crop to the right.
+        reflectance: factor of reflectance.
     """
 
     scale: float = 1.0
@@ -111,12 +123,15 @@ class Change:
     cover: Cover | None = None
     rotation_rad: float = 0.0
     line_shifts_px: Float64 | None = None
+    reflectance: float = 1.0
 
 
 def draw_change(strengths: Augmentation, rng: np.random.Generator) -> Change:
     """Draw what happens to one candidate; the same numbers are drawn whatever is switched off."""
     # One call for all numbers: single ones would cost as much as the rest of the sample.
-    scale, depth, x, y, aspect, turn, side, nearness, grey, share, flip = rng.uniform(-1, 1, 11)
+    scale, depth, x, y, aspect, turn, side, nearness, grey, share, flip, fade = rng.uniform(
+        -1, 1, 12
+    )
     rows = rng.uniform(-1, 1, CROP_HEIGHT_PX)
     cover = Cover(
         share=strengths.cover * share,
@@ -133,4 +148,5 @@ def draw_change(strengths: Augmentation, rng: np.random.Generator) -> Change:
         cover=cover if cover.share > 0 else None,  # every second one is left open
         rotation_rad=strengths.rotation_rad * turn,
         line_shifts_px=strengths.line_shift_px * rows if strengths.line_shift_px else None,
+        reflectance=1 - strengths.reflectance * abs(fade),
     )

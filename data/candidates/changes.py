@@ -62,6 +62,8 @@ def look_at(picture: UInt8, candidate: Candidate, change: Change) -> Look:
         crop = scale_depth(crop, change.depth)
     if change.line_shifts_px is not None:
         crop = shift_lines(crop, change.line_shifts_px)
+    if change.reflectance != 1.0:
+        crop = scale_reflectance(crop, change.reflectance)
     return Look(crop, box_share)
 
 
@@ -134,6 +136,13 @@ def scale_depth(crop: UInt8, factor: float) -> UInt8:
     scaled = crop.copy()
     # 0 is a near depth, but where nothing is known, which has no height either.
     scaled[..., _DEPTH] = encoded[crop[..., _DEPTH]] * (crop[..., _HEIGHT] > 0)
+    return scaled
+
+
+def scale_reflectance(crop: UInt8, factor: float) -> UInt8:
+    """Return a (66, 112, 3) crop of the same things that return that many times as much."""
+    scaled = crop.copy()
+    scaled[..., _REFLECTANCE] = cv2.convertScaleAbs(crop[..., _REFLECTANCE], alpha=factor)
     return scaled
 
 

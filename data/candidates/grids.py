@@ -57,7 +57,7 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
     """Return an RGB picture of a (66, 112, 3) crop, twice its size, with the box of a vehicle.
 
     What is as deep as the candidate is half bright, what is nearer darker; the road is blue, what stands
-    on it turns yellow; reflectance is left out, and nothing known is black.
+    on it turns yellow; what reflects is a little brighter, and nothing known is black.
 
     Args:
         crop: depth, height, reflectance.
@@ -66,6 +66,7 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
     """
     crop_m = np.maximum(decode_depth(crop[..., 0]), 1.0)
     light = np.clip(140 + 250 * np.log(crop_m / depth_m), 25, 255) * (crop[..., 1] > 0)
+    light *= 0.7 + 0.3 * crop[..., 2] / 255
     warmth = np.clip((crop[..., 1].astype(np.float32) - _ROAD) / _MAN_HIGH, 0, 1)[..., None]
     rgb = light[..., None] * ((1 - warmth) * (0.35, 0.6, 1.0) + warmth * (1.0, 0.85, 0.2))
     picture = np.repeat(np.repeat(rgb.astype(np.uint8), _TIMES, axis=0), _TIMES, axis=1)

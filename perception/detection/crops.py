@@ -52,12 +52,16 @@ def window_maps(windows_px: Float) -> Float64:
 
 
 def warp(picture: UInt8, picture_A_crop: Float64) -> UInt8:
-    """Return the (66, 112, C) crop that a (3, 3) map takes from an (H, W, C) picture, bilinearly."""
+    """Return the (66, 112, C) crop that a (3, 3) map takes from an (H, W, C) picture.
+
+    Each pixel is the nearest one of the picture: between a car and what lies behind it, or what is not
+    known, no depth in between is true.
+    """
     crop = cv2.warpAffine(
         picture,
         picture_A_crop[:2],
         (CROP_WIDTH_PX, CROP_HEIGHT_PX),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
     )
     return np.asarray(crop.reshape(CROP_HEIGHT_PX, CROP_WIDTH_PX, picture.shape[2]), np.uint8)

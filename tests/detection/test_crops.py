@@ -16,22 +16,16 @@ def smooth_picture(channels: int = 3) -> np.ndarray:
 
 
 def sampled(picture: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """Bilinear, pixel by pixel."""
+    """The nearest pixels, one by one."""
     x1, y1, x2, y2 = window
     crop = np.zeros((picture.shape[2], *SHAPE))
-    padded = np.pad(picture.astype(float), ((1, 1), (1, 1), (0, 0)))
-    height, width = padded.shape[:2]
+    height, width = picture.shape[:2]
     for row in range(SHAPE[0]):
         for column in range(SHAPE[1]):
-            x = x1 + (column + 0.5) / SHAPE[1] * (x2 - x1) + 1
-            y = y1 + (row + 0.5) / SHAPE[0] * (y2 - y1) + 1
-            left, top = int(np.floor(x)), int(np.floor(y))
-            if not (0 <= left < width - 1 and 0 <= top < height - 1):
-                continue
-            a, b = x - left, y - top
-            upper = (1 - a) * padded[top, left] + a * padded[top, left + 1]
-            lower = (1 - a) * padded[top + 1, left] + a * padded[top + 1, left + 1]
-            crop[:, row, column] = (1 - b) * upper + b * lower
+            x = round(x1 + (column + 0.5) / SHAPE[1] * (x2 - x1))
+            y = round(y1 + (row + 0.5) / SHAPE[0] * (y2 - y1))
+            if 0 <= x < width and 0 <= y < height:
+                crop[:, row, column] = picture[y, x]
     return crop
 
 
@@ -46,10 +40,13 @@ def sampled(picture: np.ndarray, window: np.ndarray) -> np.ndarray:
         pytest.param((-900.0, -500, 1300, 800), id="huge"),
     ],
 )
-def test_a_crop_is_the_window_sampled_bilinearly(window):
+def test_a_crop_shows_the_nearest_pixels_of_the_window(window):
     picture = smooth_picture()
     crop = crop_windows(picture, np.array([window]))[0]
-    assert np.abs(crop.astype(float) - sampled(picture, np.array(window))).max() <= 1.5
+    error = np.abs(crop.astype(float) - sampled(picture, np.array(window)))
+    # OpenCV rounds places to a fraction of a pixel: half-way between two, either may be taken.
+    assert (error > 0).mean() < 0.03
+    assert (error > 3).mean() < 0.01
 
 
 def test_a_window_of_the_crops_size_copies_pixels():
@@ -77,7 +74,7 @@ def test_channels_come_first(channels):
     assert crops.shape == (2, channels, *SHAPE)
     for channel in range(channels):
         alone = crop_windows(picture[..., [channel]], windows)[:, 0]
-        assert np.abs(crops[:, channel].astype(int) - alone).max() <= 1
+        assert np.abs(crops[:, channel].astype(int) - alone).max() <= 3
 
 
 def test_no_windows_give_no_crops():

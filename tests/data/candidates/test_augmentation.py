@@ -21,6 +21,7 @@ def is_changed(change: Change) -> set[str]:
         "cover": change.cover is not None,
         "rotation_rad": change.rotation_rad != 0,
         "line_shift_px": change.line_shifts_px is not None,
+        "reflectance": change.reflectance != 1,
     }
     return {name for name, is_so in tests.items() if is_so}
 
