@@ -13,11 +13,11 @@ from perception.cli.table import Cell
 from perception.detection.clustering import cluster
 from perception.detection.height_cells import HeightCells
 from perception.detection.proposals import ProposalRules, propose
-from perception.detection.standing import ProposalMethod, find_standing
+from perception.detection.standing import find_standing
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
-from perception.types import Bool, Float64, Int
+from perception.types import Bool, Float64, Int, Method
 
 _RULES = ProposalRules()
 _OURS, _PEER = "ours", "scikit-learn"
@@ -48,7 +48,7 @@ def compare_proposals(prepared: Prepared) -> Comparison:
     """From the scan to boxes, and which share of the cars in view they reach."""
     views = [(frame.points_velo, *camera_of(frame)) for frame in prepared.frames]
 
-    def ours(method: ProposalMethod) -> Callable[[int], Float64]:
+    def ours(method: Method) -> Callable[[int], Float64]:
         return lambda i: propose(*views[i], _RULES, method).boxes_px
 
     contenders = [

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from perception.obstacles.ground_planes import PlaneGround
 from perception.obstacles.ground_surface import SurfaceGround
 from perception.obstacles.motion import motion_segmenter
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Float32, Frame, GroundModel, PointState, Result
-
-Method = Literal["default", "thesis"]
+from perception.types import Float32, Frame, GroundModel, Method, PointState, Result
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, 
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Protocol, Self
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ Float = NDArray[np.float32] | NDArray[np.float64]
 Int = NDArray[np.int32] | NDArray[np.int64]
 UInt8 = NDArray[np.uint8]
 Bool = NDArray[np.bool_]
+
+# By which form of a stage: ours, or the thesis' own.
+Method = Literal["default", "thesis"]
 
 
 def _require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:

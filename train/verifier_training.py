@@ -11,7 +11,7 @@ from torch.nn import functional
 from torch.optim import SGD
 from torch.optim.lr_scheduler import LambdaLR
 
-from perception.detection.verifier import Method
+from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
 from train.schedules import stepped, warm_cosine
 from train.verifier_figures import VerifierFigures

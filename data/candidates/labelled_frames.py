@@ -6,7 +6,7 @@ the settings, and the code itself.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,9 @@ from perception.detection.picture import camera_picture
 from perception.detection.proposals import ProposalRules, propose
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
-from perception.maps.densify import MapMethod, densify
-from perception.maps.projection import camera_of, project_scan
-from perception.types import Float64, Frame, Int, UInt8
+from perception.maps.densify import densify
+from perception.maps.projection import camera_of, project_frame
+from perception.types import Float64, Frame, Int, Method, UInt8
 
 _MARGIN_M = 0.15  # labels are a little tight, and the beam has a width
 
@@ -35,12 +35,12 @@ class FrameRules:
     """What a frame's picture and proposals depend on.
 
     Attributes:
-        map_method: that makes the dense maps of the picture.
-        proposals: rules by which candidates are found.
+        method: by which proposals are found and maps made.
+        proposals: rules by which candidates are found; else the method's own.
     """
 
-    map_method: MapMethod = "default"
-    proposals: ProposalRules = field(default_factory=ProposalRules)
+    method: Method = "default"
+    proposals: ProposalRules | None = None
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ class LabelledFrames:
         if number not in self._picture_keys:
             origin = _origin(drive, index)
             self._picture_keys[number] = entry_key(
-                what="picture", method=self.rules.map_method, **origin
+                what="picture", method=self.rules.method, **origin
             )
 
         def make() -> Arrays:
-            return {"picture": _picture(drive[index], self.rules.map_method, drive.sensor.height_m)}
+            return {"picture": _picture(drive[index], self.rules.method, drive.sensor.height_m)}
 
         return self.store.get(self._picture_keys[number], make)["picture"]
 
@@ -114,24 +114,24 @@ class LabelledFrames:
             PerceptionError: a file of the frame cannot be read, or it has no camera or no labels.
         """
         drive, index = self._places[number]
-        rules = asdict(self.rules.proposals)
-        key = entry_key(what="scene", rules=rules, **_origin(drive, index))
+        key = entry_key(what="scene", rules=asdict(self.rules), **_origin(drive, index))
 
         def make() -> Arrays:
-            return asdict(_scene(drive[index], drive.labels(index), self.rules.proposals))
+            return asdict(_scene(drive[index], drive.labels(index), self.rules))
 
         return _to_scene(self.store.get(key, make))
 
 
-def _picture(frame: Frame, method: MapMethod, lidar_height_m: float) -> UInt8:
-    calibration, size_px = camera_of(frame)
-    dense = densify(project_scan(frame.points_velo, calibration, size_px), method)
+def _picture(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:
+    calibration, _ = camera_of(frame)
+    dense = densify(project_frame(frame), method)
     return camera_picture(dense, calibration.image_P_velo, lidar_height_m)
 
 
-def _scene(frame: Frame, labels: Labels, rules: ProposalRules) -> Scene:
+def _scene(frame: Frame, labels: Labels, rules: FrameRules) -> Scene:
     calibration, size_px = camera_of(frame)
-    proposals = propose(frame.points_velo, calibration, size_px, rules)
+    points_velo = frame.points_velo
+    proposals = propose(points_velo, calibration, size_px, rules.proposals, rules.method)
     is_within = points_inside(labels.boxes_velo, frame.points_velo, _MARGIN_M)
     _, depth_m = project(calibration.image_P_velo, frame.points_velo)
     nearest_m = np.where(is_within & (depth_m > 0), depth_m, np.inf).min(axis=1, initial=np.inf)

@@ -20,13 +20,12 @@ from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
 from perception.detection.depthcn import DetectionRules
 from perception.detection.proposals import ProposalRules
-from perception.detection.verifier import Method
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
 from perception.render.detections import depth_picture
 from perception.render.video import PictureSink, video_or_none
-from perception.types import UInt8
+from perception.types import Method, UInt8
 
 log = logging.getLogger(__name__)
 
@@ -40,7 +39,7 @@ def detect(  # noqa: PLR0913 - flags of a command
     frames: int | None = None,
     method: Method = "default",
     model: Path | None = None,
-    rules: ProposalRules = ProposalRules(),  # noqa: B008 - frozen
+    rules: ProposalRules | None = None,
     least_score: float = DetectionRules.least_score,
     shown_score: float = 0.5,
     video: bool = True,

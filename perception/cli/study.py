@@ -26,10 +26,9 @@ from perception.cli.studies.sensors import SensorsPlan, study_sensors
 from perception.cli.studies.speed import SpeedPlan, study_speed
 from perception.cli.studies.stages import study_stages
 from perception.cli.training.verifier_plan import VerifierData, listed
-from perception.detection.verifier import Method
 from perception.errors import UsageError
 from perception.sensor import sensor_named
-from perception.types import Frame
+from perception.types import Frame, Method
 
 _RESULTS = Path("results") / "study"
 _SYNTHETIC_FRAMES = 40

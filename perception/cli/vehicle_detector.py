@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -11,14 +11,13 @@ from tqdm import tqdm
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.detection.depthcn import DepthCn, DetectionRules
-from perception.detection.proposals import ProposalRules, propose
-from perception.detection.verifier import Method
+from perception.detection.proposals import ProposalRules
 from perception.geometry.threads import one_blas_thread
-from perception.maps.densify import DenseMaps, densify
-from perception.maps.projection import camera_of, project_scan
+from perception.maps.densify import DenseMaps
+from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
 from perception.sensor import LidarModel
-from perception.types import Detections, Float64, Frame
+from perception.types import Detections, Float64, Frame, Method
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,8 @@ class VehicleDetector(Protocol):
 class TimedDepthCn:
     """DepthCN, part by part; implements `VehicleDetector`."""
 
-    def __init__(self, detector: DepthCn, rules: ProposalRules) -> None:
-        self._detector, self._rules = detector, rules
+    def __init__(self, detector: DepthCn) -> None:
+        self._detector = detector
 
     @property
     def facts(self) -> Mapping[str, str]:
@@ -74,12 +73,12 @@ class TimedDepthCn:
         Raises:
             CalibrationError: the frame has no camera to project to.
         """
-        calibration, size_px = camera_of(frame)
+        calibration, _ = camera_of(frame)
         clock = StageClock()
         with clock.stage("proposals"):
-            proposals = propose(frame.points_velo, calibration, size_px, self._rules)
+            proposals = self._detector.propose(frame)
         with clock.stage("maps"):
-            dense = densify(project_scan(frame.points_velo, calibration, size_px))
+            dense = self._detector.densify(frame)
         with clock.stage("verification"):
             detections = self._detector.verify(proposals, dense, calibration).detections
         return Sighting(frame, dense, proposals.boxes_px, detections, clock.seconds)
@@ -92,13 +91,13 @@ class DetectorChoice:
     Attributes:
         method: default or thesis, of those that ship.
         model: file of another network, or None.
-        rules: how proposals are found.
+        rules: how proposals are found; else as the network's method does.
         least_score: of a detection.
     """
 
     method: Method = "default"
     model: Path | None = None
-    rules: ProposalRules = field(default_factory=ProposalRules)
+    rules: ProposalRules | None = None
     least_score: float = DetectionRules.least_score
 
     def open(self, sensor: LidarModel) -> VehicleDetector:
@@ -114,7 +113,7 @@ class DetectorChoice:
             proposal_rules=self.rules,
             detection_rules=DetectionRules(least_score=self.least_score),
         )
-        return TimedDepthCn(detector, self.rules)
+        return TimedDepthCn(detector)
 
 
 def sightings(

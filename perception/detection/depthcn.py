@@ -12,13 +12,13 @@ import numpy as np
 from perception.detection.picture import camera_picture
 from perception.detection.proposals import ProposalRules, Proposals, propose
 from perception.detection.suppression import suppress
-from perception.detection.verifier import VEHICLE, Judgement, Method, Verifier
+from perception.detection.verifier import VEHICLE, Judgement, Verifier
 from perception.detection.windows import windows_px
 from perception.errors import UsageError
 from perception.maps.densify import DenseMaps, densify
-from perception.maps.projection import camera_of, project_scan
+from perception.maps.projection import camera_of, project_frame
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Calibration, Detections, Float64, Frame, Int
+from perception.types import Calibration, Detections, Float64, Frame, Int, Method
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class DepthCn:
         Args:
             model: file of a network, or default or thesis for one that ships.
             sensor: LiDAR that the scans are from.
-            proposal_rules: how candidates are found.
+            proposal_rules: how candidates are found; else as the network's method does.
             detection_rules: which of them are detections.
             threads: that the network runs on.
 
@@ -98,7 +98,8 @@ class DepthCn:
         """
         self.verifier = Verifier(model, threads)
         self._sensor = sensor
-        self._proposal_rules = proposal_rules or ProposalRules()
+        self._method = self.verifier.method
+        self._proposal_rules = proposal_rules
         self._detection_rules = detection_rules or DetectionRules()
 
     def detect(self, frame: Frame) -> Detections:
@@ -116,11 +117,19 @@ class DepthCn:
             frame: a scan and a camera.
             dense: its maps where they are made already.
         """
-        calibration, size_px = camera_of(frame)
-        proposals = propose(frame.points_velo, calibration, size_px, self._proposal_rules)
-        if dense is None:
-            dense = densify(project_scan(frame.points_velo, calibration, size_px))
+        proposals = self.propose(frame)
+        dense = self.densify(frame) if dense is None else dense
+        calibration, _ = camera_of(frame)
         return self.verify(proposals, dense, calibration)
+
+    def propose(self, frame: Frame) -> Proposals:
+        """Find the candidates of a frame."""
+        calibration, size_px = camera_of(frame)
+        return propose(frame.points_velo, calibration, size_px, self._proposal_rules, self._method)
+
+    def densify(self, frame: Frame) -> DenseMaps:
+        """Make the maps of a frame."""
+        return densify(project_frame(frame), self._method)
 
     def verify(self, proposals: Proposals, dense: DenseMaps, calibration: Calibration) -> Verified:
         """Judge candidates that are found already, by maps of the same scan."""

@@ -5,15 +5,16 @@
 The three steps are apart, so that a search over the parameters of one need not repeat those before it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from perception.detection.clustering import cluster
-from perception.detection.standing import ProposalMethod, Standing, find_standing
+from perception.detection.standing import Standing, find_standing
 from perception.errors import UsageError
-from perception.types import Bool, Calibration, Float32, Float64, Int
+from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 
 _SMALLEST_CELL_M = 0.05
 _TOP_MARGIN_PX = 5  # the author's code: the beam above the highest hit passes over the roof
@@ -26,7 +27,10 @@ _SPLIT = 0.5  # of the radius
 
 @dataclass(frozen=True)
 class ProposalRules:
-    """The four parameters that the thesis searches for jointly (6.1.4); its values from the author's code.
+    """The four parameters that the thesis searches for jointly (6.1.4).
+
+    The values are the author's, but for the radius: the search prefers a smaller one where it grows with
+    the range; `RULES` holds those of each method.
 
     Attributes:
         cell_m: edge of a cell of the ground removal, the thesis' upsilon.
@@ -39,7 +43,7 @@ class ProposalRules:
     cell_m: float = 0.5
     least_variance_m2: float = 0.01
     least_points: int = 5
-    radius_m: float = 0.5
+    radius_m: float = 0.3
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -55,6 +59,12 @@ class ProposalRules:
                 "more, radius and least points above zero",
                 found=found,
             )
+
+
+RULES: Mapping[Method, ProposalRules] = {
+    "default": ProposalRules(),
+    "thesis": ProposalRules(radius_m=0.5),
+}
 
 
 @dataclass(frozen=True)
@@ -87,19 +97,18 @@ def propose(
     points_velo: Float32,
     calibration: Calibration,
     size_px: tuple[int, int],
-    rules: ProposalRules = ProposalRules(),
-    method: ProposalMethod = "default",
+    rules: ProposalRules | None = None,
+    method: Method = "default",
 ) -> Proposals:
-    """Find the candidates of an (N, 4) scan in an image of (width, height)."""
+    """Find the candidates of an (N, 4) scan in an image of (width, height), by the method's own rules or others."""
+    rules = rules or RULES[method]
     standing = find_standing(
         points_velo, calibration, size_px, rules.cell_m, rules.least_variance_m2, method
     )
     return box(standing, cut(standing, rules.radius_m, rules.least_points, method))
 
 
-def cut(
-    standing: Standing, radius_m: float, least_points: int, method: ProposalMethod = "default"
-) -> Int:
+def cut(standing: Standing, radius_m: float, least_points: int, method: Method = "default") -> Int:
     """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
 
     Args:

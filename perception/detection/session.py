@@ -86,7 +86,8 @@ class OnnxModel:
         Raises:
             ModelError: there is no such file, it is no ONNX model, or one made for something else.
         """
-        self._file = file
+        self.name = file.name
+        """Of the file."""
         self._session = _open(file, threads)
         self.facts: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         """What the file says of itself."""
@@ -108,7 +109,7 @@ class OnnxModel:
         except Exception as error:  # ONNX Runtime's errors have no base of their own
             shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
             raise ModelError(
-                self._file.name,
+                self.name,
                 expected=f"to run on {shapes}",
                 found=_first_line(error),
             ) from error
@@ -116,7 +117,7 @@ class OnnxModel:
         for name, array in outputs.items():
             if not np.isfinite(array).all():
                 raise ModelError(
-                    self._file.name,
+                    self.name,
                     expected=f"finite numbers in output {name}",
                     found=f"{int((~np.isfinite(array)).sum())} that are NaN or infinite",
                     advice="train it anew, or export an earlier checkpoint",
@@ -129,7 +130,7 @@ class OnnxModel:
             found = self.facts.get(name)
             if found is None or (wanted is not None and found != wanted):
                 raise ModelError(
-                    self._file.name,
+                    self.name,
                     expected=f"{name} {wanted}" if wanted else f"{name} in its metadata",
                     found=found or "no such entry in its metadata",
                     advice="give a model that `trifuse export` wrote for this detector",
@@ -141,13 +142,13 @@ class OnnxModel:
         )
         if not fits:
             raise ModelError(
-                self._file.name,
+                self.name,
                 expected=f"inputs {_listed(contract.inputs)}",
                 found=_listed(self.inputs),
             )
         if missing := [name for name in contract.outputs if name not in self._outputs]:
             raise ModelError(
-                self._file.name,
+                self.name,
                 expected=f"an output {missing[0]}",
                 found=", ".join(self._outputs),
             )

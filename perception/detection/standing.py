@@ -8,16 +8,13 @@ crown of a tree that would tie together all that is parked under it.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from perception.detection.height_cells import HeightCells
 from perception.geometry.camera import project
 from perception.maps.projection import may_be_in_view
-from perception.types import Bool, Calibration, Float32, Float64, Int
-
-ProposalMethod = Literal["default", "thesis"]
+from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 
 _FARTHEST_M = 80.0  # as in the maps, ahead and to each side
 _NEAREST_M = 0.5  # what is nearer is the vehicle itself
@@ -69,7 +66,7 @@ def find_standing(
     size_px: tuple[int, int],
     cell_m: float,
     least_variance_m2: float,
-    method: ProposalMethod = "default",
+    method: Method = "default",
 ) -> Standing:
     """Find the points of an (N, 4) scan that can belong to a candidate.
 
@@ -145,11 +142,11 @@ def _is_typical(points: Float32) -> Bool:
     return np.asarray(log_density > np.log(_LEAST_DENSITY))
 
 
-_AREAS: Mapping[ProposalMethod, Callable[[Float32, Float64, tuple[int, int]], Int]] = {
+_AREAS: Mapping[Method, Callable[[Float32, Float64, tuple[int, int]], Int]] = {
     "default": _near_in_view,
     "thesis": _ahead,
 }
-_CHOICES: Mapping[ProposalMethod, Callable[[Float32, float, float], _Chosen]] = {
+_CHOICES: Mapping[Method, Callable[[Float32, float, float], _Chosen]] = {
     "default": _over_the_lowest,
     "thesis": _in_varied_cells,
 }

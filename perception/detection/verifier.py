@@ -1,8 +1,9 @@
 """The network that tells vehicles among candidates: it says by its file what it looks at."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.abc import Traversable
-from typing import Literal, Self
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -11,9 +12,8 @@ from perception.detection.picture import CHANNELS
 from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
 from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError
-from perception.types import Float64, UInt8
+from perception.types import Float64, Method, UInt8
 
-Method = Literal["default", "thesis"]
 KIND = "depthcn"
 VEHICLE = "Car"
 
@@ -32,6 +32,8 @@ CONTRACT = ModelContract(
     outputs=("scores", "boxes_px"),
 )
 _WINDOWS: dict[str, WindowKind] = {"box": "box", "metric": "metric"}
+_METHODS: dict[str, Method] = {"default": "default", "thesis": "thesis"}
+Noted = TypeVar("Noted")
 
 
 @dataclass(frozen=True)
@@ -77,14 +79,17 @@ class Verifier:
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
                 found=f"{', '.join(channels)} for an input of {taken}",
             )
-        if self.model.facts["window"] not in _WINDOWS:
-            raise ModelError(
-                file.name,
-                expected=f"window {' or '.join(_WINDOWS)}",
-                found=self.model.facts["window"],
-            )
-        self.window: WindowKind = _WINDOWS[self.model.facts["window"]]
+        self.window: WindowKind = self._noted("window", _WINDOWS)
         """Which part of the picture it wants to see of a candidate."""
+        self.method: Method = self._noted("method", _METHODS)
+        """By which proposals and maps it was trained."""
+
+    def _noted(self, key: str, known: Mapping[str, Noted]) -> Noted:
+        """Return what the file says, if it is something that we know."""
+        value = self.model.facts[key]
+        if value not in known:
+            raise ModelError(self.model.name, expected=f"{key} {' or '.join(known)}", found=value)
+        return known[value]
 
     def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""

@@ -1,6 +1,6 @@
 """Which obstacles stand and which move: the stage, by the thesis' method or by free space."""
 
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from perception.obstacles.moving_clusters import MotionRules, moving_voxels
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
 from perception.sensor import LidarModel
-from perception.types import Bool, Float64, GroundModel, Obstacles, Voxels
-
-MotionMethod = Literal["default", "thesis"]
+from perception.types import Bool, Float64, GroundModel, Method, Obstacles, Voxels
 
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
@@ -104,7 +102,7 @@ class FreeSpaceSegmenter:
 
 
 def motion_segmenter(
-    sensor: LidarModel, area: LocalArea, method: MotionMethod = "default"
+    sensor: LidarModel, area: LocalArea, method: Method = "default"
 ) -> MotionSegmenter:
     """Make the segmenter of a method with its default values."""
     if method == "thesis":

@@ -87,12 +87,13 @@ def test_beams_part_with_range_and_so_does_the_neighbourhood():
 
 
 def test_a_long_cluster_is_cut_where_it_is_thin():
+    rules = ProposalRules(radius_m=0.5)
     # Two cars nose to tail, 0.4 m apart: together longer than a car, so that half the radius rules.
     cars = [upright(8, (-4.2, -1.5), (-0.2, 0), 2000), upright(8, (0.2, -1.5), (4.2, 0), 2000)]
-    assert len(propose(scene(*cars), CALIBRATION, SIZE)) == 2
+    assert len(propose(scene(*cars), CALIBRATION, SIZE, rules)) == 2
     # Alone, the same gap within 3 m parts nothing.
     halves = [upright(8, (-1.5, -1.5), (-0.2, 0), 800), upright(8, (0.2, -1.5), (1.5, 0), 800)]
-    assert len(propose(scene(*halves), CALIBRATION, SIZE)) == 1
+    assert len(propose(scene(*halves), CALIBRATION, SIZE, rules)) == 1
 
 
 def test_thesis_equals_loops_over_points():

@@ -12,9 +12,10 @@ import torch
 from torch import Tensor, nn
 
 from perception.detection.picture import CHANNELS
-from perception.detection.verifier import CONTRACT, KIND, Method
+from perception.detection.verifier import CONTRACT, KIND
 from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError
+from perception.types import Method
 from train.checkpoints import read_checkpoint, weights_of
 
 MODEL = KIND  # what the checkpoints say that they are of

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
 from perception.detection.proposals import ProposalRules, box, cut
-from perception.detection.standing import ProposalMethod, find_standing
+from perception.detection.standing import find_standing
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_reached
 from perception.maps.projection import camera_of
-from perception.types import Frame
+from perception.types import Frame, Method
 from train.proposal_search.survey import FrameSet, is_of_class
 
 
@@ -31,7 +31,7 @@ class Part:
     chunk: int
     frames: FrameSet
     rules: tuple[ProposalRules, ...]
-    method: ProposalMethod
+    method: Method
     of_class: str
     overlaps: tuple[float, ...]
     on_bad_frame: OnBadFrame = "stop"

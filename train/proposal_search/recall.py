@@ -10,11 +10,10 @@ from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.proposal_order import ProposalOrder, order_scores
 from perception.detection.proposals import ProposalRules, propose
-from perception.detection.standing import ProposalMethod
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
-from perception.types import Detections, Frame
+from perception.types import Detections, Frame, Method
 from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchPlan
 from train.proposal_search.survey import FrameSet
@@ -34,7 +33,7 @@ class Setting:
     """
 
     rules: ProposalRules = field(default_factory=ProposalRules)
-    method: ProposalMethod = "default"
+    method: Method = "default"
 
 
 @dataclass(frozen=True)

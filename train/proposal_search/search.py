@@ -9,9 +9,9 @@ from typing import Any
 
 from data.frames import OnBadFrame
 from perception import __version__
-from perception.detection.standing import ProposalMethod
 from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import OVERLAPS, require_iou
+from perception.types import Method
 from train.proposal_search.counting import Count, Part, count_part
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.ledger import Ledger
@@ -37,7 +37,7 @@ class SearchPlan:
 
     survey: Survey
     grid: SearchGrid = field(default_factory=SearchGrid)
-    method: ProposalMethod = "default"
+    method: Method = "default"
     overlaps: tuple[float, ...] = OVERLAPS
     chunk_frames: int = 10
     on_bad_frame: OnBadFrame = "stop"

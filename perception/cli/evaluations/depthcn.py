@@ -22,12 +22,13 @@ from perception.cli.evaluations.detection import (
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.vehicle_detector import DetectorChoice
 from perception.detection.proposals import ProposalRules
-from perception.detection.verifier import VEHICLE, Method
+from perception.detection.verifier import VEHICLE
 from perception.errors import UsageError
 from perception.evaluation.detection.curve import RecallPoints
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 from perception.render.precision_plots import plot_precision
+from perception.types import Method
 
 RecallOption = Literal["11", "40"]
 
@@ -52,7 +53,7 @@ def depthcn(  # noqa: PLR0913 - flags of a command
     frames: int | None = None,
     method: Method = "default",
     model: Path | None = None,
-    rules: ProposalRules = ProposalRules(),  # noqa: B008 - frozen
+    rules: ProposalRules | None = None,
     iou: float | tuple[float, ...] = (0.7, 0.5),
     recall_points: RecallOption = "40",
     bootstrap: int = 0,

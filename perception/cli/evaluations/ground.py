@@ -11,7 +11,8 @@ from perception.cli.evaluations.ground_report import (
     ground_tables,
     measure_ground,
 )
-from perception.pipeline import Method, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.types import Method
 
 
 def ground(  # noqa: PLR0913 - flags of a command

@@ -12,7 +12,8 @@ from perception.cli.evaluations.obstacle_report import (
     measure_obstacles,
 )
 from perception.evaluation.obstacles import ObjectRule
-from perception.pipeline import Method, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.types import Method
 
 
 def obstacles(  # noqa: PLR0913 - flags of a command

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
 from perception.cli.training.verifier_plan import VerifierData, run_training, trainer_plan
-from perception.detection.verifier import Method
 from perception.render.training_plots import plot_accuracies
+from perception.types import Method
 
 if TYPE_CHECKING:
     from train.verifier_run import TrainedVerifier

@@ -7,7 +7,7 @@ from data.frames import OnBadFrame
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.verifier_plan import VerifierData, listed, run_training, trainer_plan
-from perception.detection.verifier import Method
+from perception.types import Method
 
 if TYPE_CHECKING:
     from train.verifier_run import TrainedVerifier

@@ -18,9 +18,9 @@ from perception.cli.training.proposal_figures import (
     search_document,
 )
 from perception.detection.proposal_order import ProposalOrder
-from perception.detection.standing import ProposalMethod
 from perception.evaluation.detection.proposal_recall import OVERLAPS
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
+from perception.types import Method
 from train.proposal_search.counting import Count
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.recall import Gathered, Setting, measure_recall
@@ -40,7 +40,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
     grid: SearchGrid = _GRID,
-    method: ProposalMethod = "default",
+    method: Method = "default",
     object_class: str = "Car",
     iou: tuple[float, ...] = OVERLAPS,
     order: ProposalOrder = "size",

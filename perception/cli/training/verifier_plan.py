@@ -11,8 +11,8 @@ from tqdm import tqdm
 from data.frames import OnBadFrame
 from perception import __version__
 from perception.cli.documents import write_yaml
-from perception.detection.verifier import Method
 from perception.errors import MissingDependencyError, UsageError
+from perception.types import Method
 
 if TYPE_CHECKING:
     from data.candidates.module import CandidateData
@@ -110,6 +110,7 @@ def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateD
     """Return the batches of one of the networks."""
     from data.candidates.augmentation import Augmentation
     from data.candidates.gathering import GatheringRules
+    from data.candidates.labelled_frames import FrameRules
     from data.candidates.module import CandidateData, CandidateRules, Loading, Sources
     from train.networks.depthcn import FORMS
 
@@ -117,7 +118,7 @@ def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateD
     gathering = GatheringRules(window=form.window, on_bad_frame=data.on_bad_frame, seed=seed)
     return CandidateData(
         Sources(data.drives, data.validation, data.cache),
-        CandidateRules(gathering=gathering),
+        CandidateRules(FrameRules(method), gathering),
         Augmentation() if data.augment else None,
         Loading(form.channels, data.batch, data.workers, seed=seed),
         _bar,

@@ -62,7 +62,7 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
     ("rules", "pictures", "scenes"),
     [
         pytest.param(FrameRules(), 0, 0, id="nothing"),
-        pytest.param(FrameRules(map_method="nearest"), 1, 0, id="maps"),
+        pytest.param(FrameRules("thesis"), 1, 1, id="method"),
         pytest.param(FrameRules(proposals=ProposalRules(radius_m=0.4)), 0, 1, id="proposals"),
     ],
 )
