@@ -7,7 +7,7 @@ import torch
 from perception.errors import ModelError
 from train.networks.depthcn import (
     FORMS,
-    SceneChannels,
+    AroundCandidate,
     ThesisVerifier,
     Verifier,
     load_verifier,
@@ -118,23 +118,28 @@ def test_a_crop_is_judged_alone_as_among_others():
 
 
 def test_depth_becomes_meters_behind_the_candidate():
-    # (6.2): 10 m, 12 m and 40 m of 5..80 m; heights of 128 say that it is known.
-    encoded = [round(255 * 80 * (z - 5) / (75 * z)) for z in (10.0, 12.0, 40.0)]
+    # (6.2): 10 m, 10.5 m and 40 m of 5..80 m; heights of 128 say that it is known.
+    encoded = [round(255 * 80 * (z - 5) / (75 * z)) for z in (10.0, 10.5, 40.0)]
     crop = torch.full((1, 3, 66, 112), 128.0)
     crop[:, 0] = encoded[0]
     crop[:, 0, 0, 0], crop[:, 0, 0, 1] = encoded[1], encoded[2]
     crop[:, :, 0, 2] = 0
-    channels = SceneChannels()(crop)
-    known, shape = channels[0, 3], channels[0, 4]
-    assert shape[0, 0].item() == pytest.approx(2 / 8, abs=0.02)
-    assert shape[0, 1].item() == 1  # 30 m, more than the 8 m that are told apart
-    assert shape[40, 50].item() == pytest.approx(0, abs=1e-5)
-    assert known[0, :4].tolist() == [1, 1, 0, 1]
-    assert shape[0, 2].item() == 0
+    crop[:, :, 40, 50] = 0  # unknown in the middle: leaves the mean as it is
+    channels, distance = AroundCandidate()(crop)
+    assert distance.item() == pytest.approx(10 / 80, rel=0.01)
+    behind = channels[0, 0]
+    assert behind[0, 0].item() == pytest.approx(0.5 / 8, abs=0.01)
+    # By the slope at 10 m: what lies far behind comes out nearer, 10 (1 - 10 / 40) m.
+    assert behind[0, 1].item() == pytest.approx(7.5 / 8, abs=0.01)
+    assert behind[40, 55].item() == pytest.approx(0, abs=1e-5)
+    assert channels[0, :, 0, 2].tolist() == pytest.approx([-0.626, -1, -1], abs=0.01)
+    assert channels[0, 1, 40, 55].item() == pytest.approx(128 / 127.5 - 1)
 
 
-def test_unknown_pixels_are_zero_in_every_channel():
-    assert not SceneChannels()(torch.zeros(2, 3, 66, 112, dtype=torch.uint8)).any()
+def test_a_crop_of_nothing_known_stays_finite():
+    channels, distance = AroundCandidate()(torch.zeros(2, 3, 66, 112, dtype=torch.uint8))
+    assert torch.isfinite(channels).all()
+    assert distance.flatten().tolist() == pytest.approx([5 / 80, 5 / 80])
 
 
 def saved(path, method, of_model="depthcn"):

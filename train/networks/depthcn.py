@@ -101,14 +101,14 @@ class Verifier(VehicleVerifier):
 
     def __init__(self) -> None:
         super().__init__()
-        self.scene = SceneChannels()
-        blocks, before = [], self.scene.COUNT
+        self.around = AroundCandidate()
+        blocks, before = [], len(CHANNELS)
         for filters, stride in self._LAYERS:
             blocks.append(_block(before, filters, stride))
             before = filters
         self.features = nn.Sequential(*blocks, nn.Flatten())
         self.full = nn.Sequential(
-            nn.Linear(before * 5 * 7, self._UNITS, bias=False),
+            nn.Linear(before * 5 * 7 + 1, self._UNITS, bias=False),
             nn.BatchNorm1d(self._UNITS),
             nn.ReLU(),
             nn.Dropout(0.2),
@@ -121,39 +121,39 @@ class Verifier(VehicleVerifier):
 
     def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         """Return (M,) logits and (M, 4) shares of the window, which may lie outside 0..1."""
-        features = self.full(self.features(self.scene(crops)))
+        channels, distance = self.around(crops)
+        features = self.full(torch.cat((self.features(channels), distance), dim=1))
         return self.vehicle(features)[:, 0], self.box(features)
 
 
-class SceneChannels(nn.Module):
-    """From 8-bit pictures to what a network learns easily; unknown pixels are 0 in every channel.
+class AroundCandidate(nn.Module):
+    """From 8-bit pictures to what a network learns easily: every channel from -1 to 1.
 
-    depth, height, reflectance   as they are, 0..1
-    known                        1 where something is known
-    shape                        metres behind the middle of the window, -1..1 for 8 m to both sides
+    depth         how far behind the middle of the window, 8 m to both sides; unknown pixels come out nearest
+    height        as it is, unknown pixels -1
+    reflectance   as it is
+
+    Encoded depths are linear in inverse depth (6.2), so that one factor and one offset a channel and
+    candidate do it all.
     """
 
-    COUNT = 5
-    _SHAPE_RANGE_M = 8.0
+    _RANGE_M = 8.0
+    _MIDDLE = (..., slice(30, 54), slice(48, 64))
 
-    def forward(self, crops: Tensor) -> Tensor:
-        """Return (M, 5, H, W) from (M, 3, H, W) depth, height and reflectance of 0..255."""
-        pictures = crops.float() / 255
-        depth, height = pictures[:, :1], pictures[:, 1:2]
+    def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+        """Return (M, 3, H, W) channels of (M, 3, H, W) pictures of 0..255, and (M, 1) how far they are."""
+        pictures = crops.float()
+        depth, height = pictures[:, 0][self._MIDDLE], pictures[:, 1][self._MIDDLE]
         known = (height > 0).float()  # heights are 1..255
-        return torch.cat((pictures, known, known * self._shape(depth, known)), dim=1)
-
-    def _shape(self, depth: Tensor, known: Tensor) -> Tensor:
-        """Tell how far each pixel lies behind the mean of those where a candidate stands."""
-        middle = (..., slice(30, 54), slice(48, 64))
-        mean = depth[middle].sum((2, 3)) / known[middle].sum((2, 3)).clamp(min=1)
-        behind_m: Tensor = _meters(depth) - _meters(mean)[..., None, None]
-        return (behind_m / self._SHAPE_RANGE_M).clamp(-1, 1)
-
-
-def _meters(encoded: Tensor) -> Tensor:
-    """Return depths from 0..1 of (6.2) between 5 and 80 m."""
-    return 400 * (80 - 75 * encoded).reciprocal()
+        mean = (depth * known).sum((1, 2)) / known.sum((1, 2)).clamp(min=1)
+        distance_m = 400 / (80 - 75 / 255 * mean)
+        # The derivative of (6.2)'s inverse: metres that one step of the encoding stands for.
+        step_m = distance_m**2 * (75 / 400 / 255)
+        factor = step_m / self._RANGE_M
+        even = torch.full_like(factor, 2 / 255)
+        factors = torch.stack((factor, even, even), dim=1)[..., None, None]
+        offsets = torch.stack((-factor * mean, even * 0 - 1, even * 0 - 1), dim=1)[..., None, None]
+        return (pictures * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
 
 
 def _block(before: int, filters: int, stride: int) -> nn.Sequential:
