@@ -132,7 +132,7 @@ def test_depth_becomes_meters_behind_the_candidate():
     # By the slope at 10 m: what lies far behind comes out nearer, 10 (1 - 10 / 40) m.
     assert behind[0, 1].item() == pytest.approx(7.5 / 8, abs=0.01)
     assert behind[40, 55].item() == pytest.approx(0, abs=1e-5)
-    assert channels[0, :, 0, 2].tolist() == pytest.approx([-0.626, -1, -1], abs=0.01)
+    assert channels[0, :, 0, 2].tolist() == [-1, -1, -1]
     assert channels[0, 1, 40, 55].item() == pytest.approx(128 / 127.5 - 1)
 
 
