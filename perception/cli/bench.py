@@ -2,10 +2,9 @@
 
 import logging
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from tqdm import tqdm
 
@@ -57,9 +56,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
-    chain, stages, moving_objects, following, maps, average_precision, depthcn, proposals = (
-        _benchmarks()
-    )
+    chain, stages, parts = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
     shows = part in ("all", "following")
     opened: Drive = (
@@ -81,28 +78,12 @@ def bench(  # noqa: PLR0913 - flags of a command
         }
         print(f"{_chain_table(figures)}\n", flush=True)
         document["chain"] = figures
-    comparisons: dict[str, Callable[..., Any]] = {
-        "registration": stages.compare_registration,
-        "ground": stages.compare_ground,
-        "voxels": stages.compare_voxels,
-        "motion": stages.compare_motion,
-        "objects": moving_objects.compare_moving_objects,
-        "map": moving_objects.compare_short_term_maps,
-        "filters": moving_objects.compare_filters,
-        "following": following.compare_following,
-        "colors": following.compare_color_filters,
-        "maps": maps.compare_maps,
-        "clusters": proposals.compare_clusters,
-        "turns": proposals.compare_turns,
-        "proposals": proposals.compare_proposals,
-        "depthcn": depthcn.compare_depthcn,
-    }
-    chosen = [name for name in comparisons if part in ("all", name)]
+    chosen = [name for name in parts.COMPARISONS if part in ("all", name)]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
     for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
         try:
             with one_blas_thread():
-                comparison = comparisons[name](prepared)
+                comparison = parts.COMPARISONS[name](prepared)
         except ModelError as error:  # a network that did not come with this copy
             if part != "all":
                 raise
@@ -110,9 +91,6 @@ def bench(  # noqa: PLR0913 - flags of a command
             continue
         tqdm.write(f"{comparison.table()}\n")
         document[name] = comparison
-    if part in ("all", "average-precision"):
-        document["average-precision"] = measured = average_precision.compare_average_precision()
-        print(f"{measured.table()}\n")
     if json is not None:
         write_json(json, document)
 
@@ -120,16 +98,7 @@ def bench(  # noqa: PLR0913 - flags of a command
 def _benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import (
-            average_precision,
-            chain,
-            depthcn,
-            following,
-            maps,
-            moving_objects,
-            proposals,
-            stages,
-        )
+        from benchmarks import chain, parts, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -137,7 +106,7 @@ def _benchmarks() -> tuple[ModuleType, ...]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages, moving_objects, following, maps, average_precision, depthcn, proposals
+    return chain, stages, parts
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

@@ -1,0 +1,40 @@
+"""What `trifuse bench` compares, stage by stage: ours beside plain forms, the thesis' form and libraries."""
+
+from collections.abc import Callable, Mapping
+
+from benchmarks.average_precision import compare_average_precision
+from benchmarks.depthcn import compare_depthcn
+from benchmarks.following import compare_color_filters, compare_following
+from benchmarks.maps import compare_maps
+from benchmarks.moving_objects import (
+    compare_filters,
+    compare_moving_objects,
+    compare_short_term_maps,
+)
+from benchmarks.proposals import compare_clusters, compare_proposals, compare_turns
+from benchmarks.stages import (
+    Comparison,
+    Prepared,
+    compare_ground,
+    compare_motion,
+    compare_registration,
+    compare_voxels,
+)
+
+COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
+    "registration": compare_registration,
+    "ground": compare_ground,
+    "voxels": compare_voxels,
+    "motion": compare_motion,
+    "objects": compare_moving_objects,
+    "map": compare_short_term_maps,
+    "filters": compare_filters,
+    "following": compare_following,
+    "colors": compare_color_filters,
+    "maps": compare_maps,
+    "clusters": compare_clusters,
+    "turns": compare_turns,
+    "proposals": compare_proposals,
+    "depthcn": compare_depthcn,
+    "average-precision": lambda _: compare_average_precision(),
+}
