@@ -122,12 +122,12 @@ def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
             cells[column + step, row] = returns[column, row]
         for column, row in (cell for cell in returns if cell not in behind):
             cells[column - step, row] = returns[column, row]
-    for step in range(1, rules.most_steps):
-        for begin, end in following.items():
-            if end is not None and step < end[0] - begin[0]:
-                share = step / (end[0] - begin[0])
-                row = end[1] if share >= 0.5 else begin[1]
-                cells[begin[0] + step, row] = _across(returns[begin], returns[end], share, rules)
+    for begin, end in following.items():
+        steps = 0 if end is None else end[0] - begin[0]
+        for step in range(1, steps):
+            row = end[1] if 2 * step >= steps else begin[1]
+            value = _across(returns[begin], returns[end], step / steps, rules)
+            cells[begin[0] + step, row] = value
     cells.update(returns)
     return cells
 

@@ -125,47 +125,50 @@ def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
     unlinked = number
     for step in range(1, rules.most_steps + 1):
         found = at[cells[unlinked] + step * grid.rows]
-        is_found = found >= 0
-        linked = unlinked[is_found]
-        following[linked], steps[linked] = found[is_found], step
-        unlinked = unlinked[~is_found]
+        following[unlinked], steps[unlinked] = found, step
+        unlinked = unlinked[np.flatnonzero(found < 0)]
+    steps[unlinked] = 0
     values = np.empty(len(cells), np.complex64)
     values.real, values.imag = np.reciprocal(sparse.depth_m[owns]), sparse.reflectance[owns]
     return _Returns(cells, values, following, steps)
 
 
 def _extend_ends(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
-    is_last = returns.steps == 0
-    is_first = np.ones(len(is_last), bool)
-    is_first[returns.following[~is_last]] = False
+    is_first = np.ones(len(returns.cells), bool)
+    is_first[returns.following[np.flatnonzero(returns.steps)]] = False
+    last, first = np.flatnonzero(returns.steps == 0), np.flatnonzero(is_first)
     for step in range(_reach(returns.cells, grid, rules), 0, -1):
-        for is_end, way in ((is_last, grid.rows), (is_first, -grid.rows)):
-            filled[returns.cells[is_end] + step * way] = returns.values[is_end]
+        for ends, way in ((last, grid.rows), (first, -grid.rows)):
+            filled[returns.cells[ends] + step * way] = returns.values[ends]
 
 
 def _reach(cells: Int, grid: Grid, rules: ColumnRules) -> int:
     """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
-    in_order = np.sort(cells)
-    gaps = np.diff(in_order)[np.diff(in_order // grid.rows) == 0]
-    gaps = gaps[gaps > 1]
+    is_return = grid.full(False, bool)
+    is_return[cells] = True
+    in_order = np.flatnonzero(is_return)
+    gaps = np.diff(in_order)
+    gaps = gaps[(gaps > 1) & (np.diff(in_order // grid.rows) == 0)]
     spacing_px = float(np.median(gaps)) if len(gaps) else 0.0
     return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), grid.margin)
 
 
 def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
     """Interpolate between the two sides of a gap if they are one surface, else take the closer side."""
-    gaps = np.flatnonzero(returns.steps > 1)
-    begin, end = gaps, returns.following[gaps]
-    steps, first, last = returns.steps[gaps], returns.values[begin], returns.values[end]
-    is_surface = _is_one_surface(first, last, rules)
-    drift = returns.cells[end] - returns.cells[begin] - steps * grid.rows
-    for step in range(1, rules.most_steps):
-        rows = np.flatnonzero(steps > step)
-        share = step / steps[rows]
-        is_behind = share >= 0.5
-        weight = np.where(is_surface[rows], share, is_behind).astype(np.float32)
-        cells = returns.cells[begin[rows]] + step * grid.rows + is_behind * drift[rows]
-        filled[cells] = first[rows] + weight * (last[rows] - first[rows])
+    begin = np.flatnonzero(returns.steps > 1)
+    end, steps = returns.following[begin], returns.steps[begin]
+    is_surface = _is_one_surface(returns.values[begin], returns.values[end], rules)
+    # From here on one element for each cell between two returns.
+    step = np.arange(1, (steps - 1).sum() + 1) - np.repeat(
+        np.cumsum(steps - 1) - steps + 1, steps - 1
+    )
+    begin, end, steps, is_surface = np.repeat([begin, end, steps, is_surface], steps - 1, axis=1)
+    share = step / steps
+    is_behind = share >= 0.5
+    weight = np.where(is_surface, share, is_behind).astype(np.float32)
+    first = returns.values[begin]
+    rows = np.where(is_behind, returns.cells[end] - steps * grid.rows, returns.cells[begin])
+    filled[rows + step * grid.rows] = first + weight * (returns.values[end] - first)
 
 
 def _is_one_surface(first: Complex64, last: Complex64, rules: ColumnRules) -> Bool:

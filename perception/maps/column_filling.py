@@ -85,40 +85,43 @@ class _Anchors:
     def interpolate(self, rules: ColumnRules) -> Complex64:
         """Return the (columns, rows) values of all cells.
 
-        Each cell belongs to the closer anchor, above or below it: to one of two halves an anchor. A half
-        is a line over the rows.
+        From each anchor a line goes down, to the next one if both are on one surface. Where they are not,
+        the line is level and ends half way: from there on, or from the top of the column, the next
+        anchor's value holds. A line is a start + a slope * row.
         """
-        gap, is_neighbor = np.diff(self.cells), self._is_neighbor
-        row = (self.cells % self.rows).astype(np.float32)
-        change = np.diff(self.values)
-        is_surface = is_neighbor & (np.abs(change.real) <= rules.steepest_per_m_px * gap)
-        slope = np.where(is_surface, change / gap.astype(np.float32), 0)
+        column = self.cells // self.rows
+        row = self.cells - column * self.rows
+        gap, change = np.diff(self.cells).astype(np.float32), np.diff(self.values)
+        is_surface = self._is_neighbor & (np.abs(change.real) <= rules.steepest_per_m_px * gap)
         slopes = np.zeros((len(row), 2), np.complex64)
-        slopes[1:, 0], slopes[:-1, 1] = slope, slope
-        starts = self.values[:, None] - slopes * row[:, None]
-        lengths = self._lengths(gap, is_neighbor).ravel()
+        slopes[:-1, 1] = change * (is_surface / gap)
+        starts = np.stack(
+            [self.values, self.values - slopes[:, 1] * row.astype(np.float32)], axis=1
+        )
+        lengths = self._lengths(row, is_surface).ravel()
         cells = np.repeat(slopes.ravel(), lengths).view(np.float32).reshape(-1, 2 * self.rows)
         cells *= np.repeat(np.arange(self.rows, dtype=np.float32), 2)
         cells += np.repeat(starts.ravel(), lengths).view(np.float32).reshape(cells.shape)
         return cells.view(np.complex64)
 
-    def _lengths(self, gap: Int, is_neighbor: Bool) -> Int:
-        """Return the (A, 2) cells above an anchor, and from it on down."""
-        row = self.cells % self.rows
+    def _lengths(self, row: Int, is_surface: Bool) -> Int:
+        """Return the (A, 2) cells above an anchor that are level with it, and from it on down."""
+        gap, is_neighbor = np.diff(self.cells), self._is_neighbor
         lengths = np.empty((len(row), 2), np.intp)
-        lengths[0, 0], lengths[-1, 1] = row[0], self.rows - row[-1]
-        lengths[1:, 0] = np.where(is_neighbor, gap // 2, row[1:])
-        lengths[:-1, 1] = np.where(is_neighbor, gap - gap // 2, self.rows - row[:-1])
+        lengths[0, 0] = row[0]
+        lengths[1:, 0] = np.where(is_neighbor, np.where(is_surface, 0, gap // 2), row[1:])
+        lengths[:-1, 1] = gap - lengths[1:, 0]
+        lengths[-1, 1] = self.rows - row[-1]
         return lengths
 
 
 def _in_image(columns: Complex64, grid: Grid, sparse: SparseMaps, rules: ColumnRules) -> Filling:
     """Return both maps within the region; a return that the camera sees keeps its value at its pixel."""
-    both = columns.view(np.float32).reshape(*columns.shape, 2)[:, : grid.rows - 1]
-    inverse, reflectance = cv2.split(cv2.transpose(both))
+    both = columns[:, : grid.rows - 1].T
     begins = np.arange(0, sparse.size_px[0], rules.squeeze_px)
     first = np.minimum.reduceat(first_rows(sparse), begins) - grid.top
     is_inside = (np.arange(grid.rows - 1, dtype=np.int32)[:, None] >= first).view(np.uint8)
+    inverse, reflectance = np.ascontiguousarray(both.real), np.ascontiguousarray(both.imag)
     depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, rules)
     whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, rules)
     # What the camera does not see is not shown either.
@@ -134,6 +137,5 @@ def _widened(rows: MatLike, grid: Grid, sparse: SparseMaps, rules: ColumnRules) 
     width, height = sparse.size_px
     image = np.empty((height, grid.columns * rules.squeeze_px), np.float32)
     image[: grid.top] = 0
-    size = image.shape[1], rows.shape[0]
-    cv2.resize(rows, size, image[grid.top :], interpolation=cv2.INTER_NEAREST)
+    cv2.merge([rows] * rules.squeeze_px, image[grid.top :].reshape(*rows.shape, -1))
     return np.ascontiguousarray(image[:, :width])

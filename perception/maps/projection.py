@@ -54,7 +54,7 @@ class SparseMaps:
     @cached_property
     def places(self) -> Int:
         """(N,) row * width + column."""
-        return np.asarray(self.pixels[:, 1] * np.intp(self.size_px[0]) + self.pixels[:, 0])
+        return _places(self.pixels, self.size_px)
 
     def scattered(self, values: Float32) -> Float32:
         """Return (N,) values in an (H, W) map, 0 where there is no return."""
@@ -75,18 +75,17 @@ def project_scan(
 ) -> SparseMaps:
     """Project (N, 4) points into an image of (width, height); the nearest wins a pixel."""
     image_P_velo = calibration.image_P_velo
-    points = points_velo[np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))]
+    in_view = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
+    points = points_velo.take(in_view, axis=0)
     exact_px, depth_m = project(image_P_velo, points)
     with np.errstate(invalid="ignore"):
         u, v = np.rint(exact_px.T)
         is_inside = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
     depths = depth_m[rows].astype(np.float32)
-    order = _farthest_first(depths)
-    rows = rows[order]
     pixels = np.stack([u[rows], v[rows]], axis=1).astype(np.int32)
-    nearest = np.flatnonzero(_last_of_each(pixels, size_px))
-    return SparseMaps(pixels[nearest], depths[order[nearest]], points[rows[nearest], 3], size_px)
+    order = _nearest_of_each(pixels, depths, size_px)
+    return SparseMaps(pixels.take(order, axis=0), depths[order], points[rows[order], 3], size_px)
 
 
 def project_frame(frame: Frame) -> SparseMaps:
@@ -136,6 +135,16 @@ def may_be_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[i
     return np.asarray(is_inner.view(np.uint32).ravel() == np.uint32(0x01010101))
 
 
+def _nearest_of_each(pixels: Int, depths_m: Float32, size_px: tuple[int, int]) -> Int:
+    """Return which of N points own their pixels, the farthest first."""
+    order = _farthest_first(depths_m)
+    places = _places(pixels, size_px)[order]
+    # Of what is written to one place, the last stays.
+    owner = np.empty(size_px[0] * size_px[1], np.int32)
+    owner[places] = order
+    return order[np.flatnonzero(owner[places] == order)]
+
+
 def _farthest_first(depths_m: Float32) -> Int:
     """Return the order of positive depths; of equals, the first comes last.
 
@@ -147,10 +156,6 @@ def _farthest_first(depths_m: Float32) -> Int:
     return np.asarray(keys[::-1] & np.uint64(0xFFFFFFFF), np.intp)
 
 
-def _last_of_each(pixels: Int, size_px: tuple[int, int]) -> Bool:
-    """Tell which of (N, 2) pixels no later one equals."""
-    flat = pixels[:, 1] * np.int32(size_px[0]) + pixels[:, 0]
-    order = np.arange(len(flat), dtype=np.int32)
-    owner = np.empty(size_px[0] * size_px[1], np.int32)
-    owner[flat] = order
-    return np.asarray(owner[flat] == order)
+def _places(pixels: Int, size_px: tuple[int, int]) -> Int:
+    """Return row * width + column of (N, 2) pixels."""
+    return np.asarray(pixels[:, 1] * np.intp(size_px[0]) + pixels[:, 0])
