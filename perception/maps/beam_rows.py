@@ -70,9 +70,9 @@ class Grid:
         column = sparse.pixels[:, 0] // rules.squeeze_px + self.margin
         return np.asarray(column * self.rows + (sparse.pixels[:, 1] - self.top), np.intp)
 
-    def full(self, value: int, kind: type) -> np.ndarray:
+    def zeros(self, kind: type) -> np.ndarray:
         """Return an array of all cells, margins included."""
-        return np.full((self.columns + 2 * self.margin) * self.rows, value, kind)
+        return np.zeros((self.columns + 2 * self.margin) * self.rows, kind)
 
     def within(self, cells: np.ndarray) -> np.ndarray:
         """Return such an array without its margins."""
@@ -102,7 +102,7 @@ def fill_rows(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> Complex64:
     One complex number for both maps: all that is done with them is linear.
     """
     returns = _linked(sparse, grid, rules)
-    filled = grid.full(0, np.complex64)
+    filled = grid.zeros(np.complex64)
     # What counts least comes first, to be overwritten; of equals, the least deep comes last.
     _extend_ends(filled, returns, grid, rules)
     _bridge_gaps(filled, returns, grid, rules)
@@ -113,20 +113,20 @@ def fill_rows(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> Complex64:
 def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
     """Find the next return of each beam: in the nearest column, there in the same row if possible."""
     cells, number = grid.cells_of(sparse, rules), np.arange(len(sparse))
-    at = grid.full(-1, np.int32)
+    at = grid.zeros(np.int32) - 1
     at[cells] = number
-    owns = at[cells] == number
-    cells, number = cells[owns], number[: np.count_nonzero(owns)]
+    owns = np.flatnonzero(at[cells] == number)
+    cells, number = cells[owns], number[: len(owns)]
     at[cells - 1] = number
     at[cells + 1] = number
     at[cells] = number
     at[grid.rows - 1 :: grid.rows] = -1
-    following, steps = np.zeros(len(cells), np.intp), np.zeros(len(cells), np.intp)
-    unlinked = number
-    for step in range(1, rules.most_steps + 1):
+    following, steps = np.asarray(at[cells + grid.rows], np.intp), np.ones(len(cells), np.intp)
+    unlinked = np.flatnonzero(following < 0)
+    for step in range(2, rules.most_steps + 1):
         found = at[cells[unlinked] + step * grid.rows]
         following[unlinked], steps[unlinked] = found, step
-        unlinked = unlinked[np.flatnonzero(found < 0)]
+        unlinked = unlinked[found < 0]
     steps[unlinked] = 0
     values = np.empty(len(cells), np.complex64)
     values.real, values.imag = np.reciprocal(sparse.depth_m[owns]), sparse.reflectance[owns]
@@ -144,11 +144,11 @@ def _extend_ends(filled: Complex64, returns: _Returns, grid: Grid, rules: Column
 
 def _reach(cells: Int, grid: Grid, rules: ColumnRules) -> int:
     """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
-    is_return = grid.full(False, bool)
+    is_return = grid.zeros(bool)
     is_return[cells] = True
     in_order = np.flatnonzero(is_return)
     gaps = np.diff(in_order)
-    gaps = gaps[(gaps > 1) & (np.diff(in_order // grid.rows) == 0)]
+    gaps = gaps[np.flatnonzero((gaps > 1) & (np.diff(in_order // grid.rows) == 0))]
     spacing_px = float(np.median(gaps)) if len(gaps) else 0.0
     return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), grid.margin)
 

@@ -10,6 +10,7 @@ In inverse depth a plane is linear in the image's rows, so that the road comes o
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -61,7 +62,7 @@ class _Anchors:
     values: Complex64
     rows: int
 
-    @property
+    @cached_property
     def _is_neighbor(self) -> Bool:
         """(A - 1,) whether an anchor and the next are in one column."""
         return np.asarray(np.diff(self.cells // self.rows) == 0)
@@ -80,7 +81,8 @@ class _Anchors:
         is_narrow = self.cells[2:] - self.cells[:-2] <= rules.longest_gap_px
         is_seen = np.ones(len(self.cells), bool)
         is_seen[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
-        return _Anchors(self.cells[is_seen], self.values[is_seen], self.rows)
+        seen = np.flatnonzero(is_seen)
+        return _Anchors(self.cells[seen], self.values[seen], self.rows)
 
     def interpolate(self, rules: ColumnRules) -> Complex64:
         """Return the (columns, rows) values of all cells.

@@ -20,7 +20,7 @@ def encode_depth(depth_m: Float32, nearest_m: float = 5.0, farthest_m: float = 8
             found=f"{nearest_m:g} and {farthest_m:g} m",
         )
     scale = 255 * farthest_m / (farthest_m - nearest_m)
-    inverse = np.maximum(depth_m, np.float32(nearest_m))
+    inverse = np.clip(depth_m, np.float32(nearest_m), np.float32(farthest_m))
     np.reciprocal(inverse, out=inverse)
     # The one call that scales, rounds and saturates at once; nothing here is below -0.5.
     return np.asarray(cv2.convertScaleAbs(inverse, alpha=-scale * nearest_m, beta=scale), np.uint8)

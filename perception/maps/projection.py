@@ -83,9 +83,10 @@ def project_scan(
         is_inside = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
     depths = depth_m[rows].astype(np.float32)
-    pixels = np.stack([u[rows], v[rows]], axis=1).astype(np.int32)
-    order = _nearest_of_each(pixels, depths, size_px)
-    return SparseMaps(pixels.take(order, axis=0), depths[order], points[rows[order], 3], size_px)
+    # Component after component, as everything that follows takes them.
+    pixels = np.stack([u[rows], v[rows]]).astype(np.int32)
+    order = _nearest_of_each(pixels.T, depths, size_px)
+    return SparseMaps(pixels.take(order, axis=1).T, depths[order], points[rows[order], 3], size_px)
 
 
 def project_frame(frame: Frame) -> SparseMaps:
@@ -158,4 +159,4 @@ def _farthest_first(depths_m: Float32) -> Int:
 
 def _places(pixels: Int, size_px: tuple[int, int]) -> Int:
     """Return row * width + column of (N, 2) pixels."""
-    return np.asarray(pixels[:, 1] * np.intp(size_px[0]) + pixels[:, 0])
+    return np.asarray(pixels[:, 1] * np.int32(size_px[0]) + pixels[:, 0], np.intp)
