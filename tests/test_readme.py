@@ -17,6 +17,8 @@ SHORT = {
     "track": ["--frames", "3"],
     "bench": ["--frames", "3", "--chain-frames", "3"],
     "synth": ["--frames", "3"],
+    "detect": ["--frames", "3"],
+    "train": ["--epochs", "1"],
 }
 
 

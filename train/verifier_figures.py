@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 from torchmetrics import Metric
 
-from train.verifier_loss import box_iou
+from train.box_overlap import paired_iou
 
 
 class VerifierFigures(Metric):
@@ -48,7 +48,7 @@ class VerifierFigures(Metric):
         self.is_right += torch.bincount(truth[is_right], minlength=2)
         self.is_wrong += torch.bincount(truth[~is_right], minlength=2)
         has_box = is_vehicle.bool() & box_share.isfinite().all(1)
-        overlaps = box_iou(shares[has_box].float(), box_share[has_box].float())
+        overlaps = paired_iou(shares[has_box].float(), box_share[has_box].float())
         self.iou_sum += overlaps.sum()
         self.good_boxes += (overlaps > 0.7).sum()
         self.boxes += has_box.sum()

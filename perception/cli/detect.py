@@ -13,9 +13,8 @@ from data.frames import OnBadFrame, file_number, frame_count
 from data.kitti.detection_rows import format_result_rows
 from data.open_drive import open_drive
 from data.whole_file import write_whole
-from perception import __version__
 from perception.cli.detect_summary import DetectSummary
-from perception.cli.documents import write_json, write_yaml
+from perception.cli.documents import write_configuration, write_json
 from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
 from perception.detection.depthcn import DetectionRules
@@ -110,7 +109,7 @@ def detect_in_drive(
         PerceptionError: a frame cannot be used; what was done before it stays in the folder.
     """
     summary = DetectSummary(drive.name, out, plan.shown_score)
-    _write_configuration(out, drive, detector, plan)
+    write_configuration(out, drive, plan=plan, network=dict(detector.facts))
     found = sightings(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
@@ -133,20 +132,6 @@ def detect_in_drive(
             summary.elapsed_s = time.perf_counter() - start
             write_json(out / "summary.json", summary.to_json())
     return summary
-
-
-def _write_configuration(
-    out: Path, drive: Drive, detector: VehicleDetector, plan: DetectPlan
-) -> None:
-    document = {
-        "trifuse": __version__,
-        "drive": drive.root.resolve(),
-        "name": drive.name,
-        "sensor": drive.sensor.name,
-        "plan": plan,
-        "network": dict(detector.facts),
-    }
-    write_yaml(out / "config.yaml", document)
 
 
 class _Pictures:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from data.drive import Drive
 from data.whole_file import write_whole
+from perception import __version__
 
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_plain` takes
@@ -36,3 +38,15 @@ def to_plain(value: Any) -> Any:  # noqa: ANN401 - walks whatever configurations
 def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_plain` takes
     """Write a document whole or not at all, keeping the order of its fields."""
     write_whole(path, yaml.safe_dump(to_plain(document), sort_keys=False).encode())
+
+
+def write_configuration(out: Path, drive: Drive, **effective: object) -> None:
+    """Write `config.yaml` into a folder of results: what they were made from, and with what."""
+    document = {
+        "trifuse": __version__,
+        "drive": drive.root.resolve(),
+        "name": drive.name,
+        "sensor": drive.sensor.name,
+        **effective,
+    }
+    write_yaml(out / "config.yaml", document)

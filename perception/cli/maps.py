@@ -7,8 +7,7 @@ import cv2
 from tqdm import tqdm
 
 from data.drive import Drive
-from data.frames import read_frames
-from data.kitti.objects import ObjectFrames
+from data.frames import file_number, read_frames
 from data.open_drive import open_drive
 from perception.cli.results_folder import new_results_folder
 from perception.cli.table import format_table
@@ -44,7 +43,7 @@ def maps(
     folder = out or new_results_folder(Path("results"))
     if all:
         for one in tqdm(read_frames(opened), "frames", len(opened), file=sys.stderr):
-            name = f"{_number(opened, one.index):06d}.png"
+            name = f"{file_number(opened, one.index):06d}.png"
             write_maps(densify(project_frame(one), method), folder, name)
         print(f"{len(opened)} depth and reflectance maps in {folder}")
         return
@@ -71,14 +70,9 @@ def write_maps(dense: DenseMaps, folder: Path, name: str) -> None:
             raise DriveError(folder / kind, expected="a folder to write to", found="none")
 
 
-def _number(drive: Drive, index: int) -> int:
-    """Return the number that a frame has in its files."""
-    return drive.number(index) if isinstance(drive, ObjectFrames) else index
-
-
 def _index(drive: Drive, number: int) -> int:
     """Return where in a drive the frame of that number is."""
-    numbers = [_number(drive, index) for index in range(len(drive))]
+    numbers = [file_number(drive, index) for index in range(len(drive))]
     if number not in numbers:
         raise UsageError(
             "--frame",

@@ -25,8 +25,7 @@ import numpy as np
 
 from data.drive import Drive
 from data.whole_file import write_whole
-from perception import __version__
-from perception.cli.documents import write_json, write_yaml
+from perception.cli.documents import write_json
 from perception.cli.track_files import TrackFiles
 from perception.geometry.grids import LocalArea
 from perception.types import Float64, GroundModel, PointState, Result, UInt8
@@ -103,17 +102,6 @@ class ResultsFolder:
             ground_height_m=heights_m,
         )
         write_whole(path, content.getvalue())
-
-    def write_configuration(self, drive: Drive, plan: object) -> None:
-        """Write what this run was made from and with."""
-        document = {
-            "trifuse": __version__,
-            "drive": drive.root.resolve(),
-            "name": drive.name,
-            "sensor": drive.sensor.name,
-            "plan": plan,
-        }
-        write_yaml(self.out / "config.yaml", document)
 
     def write_picture(self, picture: UInt8) -> None:
         """Write one (H, W, 3) RGB picture of the video."""

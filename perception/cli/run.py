@@ -12,6 +12,7 @@ from data.drive import Drive, PointTruth
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.documents import write_configuration
 from perception.cli.drive_results import drive_results
 from perception.cli.follow_on import Following, FollowOn, NobodyFollowed
 from perception.cli.results_folder import ResultsFolder, new_results_folder
@@ -206,7 +207,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     start = time.perf_counter()
     with ExitStack() as files:
         folder = files.enter_context(ResultsFolder(out, drive, area))
-        folder.write_configuration(drive, plan)
+        write_configuration(out, drive, plan=plan)
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         following = files.enter_context(_following(drive, out, plan))

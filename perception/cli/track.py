@@ -14,8 +14,7 @@ from tqdm import tqdm
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
-from perception import __version__
-from perception.cli.documents import write_json, write_yaml
+from perception.cli.documents import write_configuration, write_json
 from perception.cli.follow_files import FollowedFile, FollowedRows
 from perception.cli.follow_start import FollowStart, StartRequest, find_start
 from perception.cli.follow_summary import FollowSummary
@@ -130,7 +129,12 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
                 FollowedRows(out / "trajectory.txt", drive.calibration, start.object_id, start.kind)
             )
         )
-        _write_configuration(out, drive, start, plan)
+        write_configuration(
+            out,
+            drive,
+            object={"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},
+            plan={name: value for name, value in vars(plan).items() if name != "make"},
+        )
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         try:
@@ -174,24 +178,6 @@ def _draw_colors(
         filtered=tracker.colors.colors.ratios,
     )
     plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)
-
-
-def _write_configuration(out: Path, drive: Drive, start: FollowStart, plan: FollowPlan) -> None:
-    document = {
-        "trifuse": __version__,
-        "drive": drive.root.resolve(),
-        "name": drive.name,
-        "sensor": drive.sensor.name,
-        "object": {"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},
-        "plan": {
-            "tracker": plan.tracker,
-            "frames": plan.frames,
-            "video": plan.video,
-            "on_bad_frame": plan.on_bad_frame,
-            "pipeline": plan.pipeline,
-        },
-    }
-    write_yaml(out / "config.yaml", document)
 
 
 @dataclass(frozen=True)

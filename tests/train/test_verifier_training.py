@@ -11,12 +11,13 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from perception.errors import ModelError, UsageError
 from tests.train.toy_candidates import ToyCandidates, toy_batch
+from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
 from train.schedules import stepped, warm_cosine
 from train.trainer import TrainerPlan, checkpoint_to_resume, fit, make_trainer
 from train.verifier_figures import VerifierFigures
-from train.verifier_loss import box_iou, box_loss
+from train.verifier_loss import box_loss
 from train.verifier_pictures import JudgedCrops, VerifierPictures, draw_judged
 from train.verifier_training import PLANS, VerifierTraining
 
@@ -72,7 +73,7 @@ def test_a_batch_is_learned_by_heart():
     logits, shares = module.network.heads(batch["crops"])
     is_vehicle = batch["is_vehicle"]
     assert binary_cross_entropy_with_logits(logits, is_vehicle.float()) < 0.02
-    assert box_iou(shares[is_vehicle], batch["box_share"][is_vehicle]).mean() > 0.85
+    assert paired_iou(shares[is_vehicle], batch["box_share"][is_vehicle]).mean() > 0.85
 
 
 def weights_after(folder, epochs, killed_at=None):
@@ -211,7 +212,7 @@ def make_trainer_for_rates():
 def test_iou_of_boxes_by_hand():
     boxes = torch.tensor([[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 2.0, 2.0]])
     targets = torch.tensor([[2.0, 0.0, 3.0, 1.0], [1.0, 1.0, 3.0, 3.0]])
-    torch.testing.assert_close(box_iou(boxes, targets), torch.tensor([0, 1 / 7]))
+    torch.testing.assert_close(paired_iou(boxes, targets), torch.tensor([0, 1 / 7]))
 
 
 def test_errors_of_edges_by_hand():
