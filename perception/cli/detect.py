@@ -54,7 +54,7 @@ def detect(  # noqa: PLR0913 - flags of a command
         sequence: which one, where there are several.
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         frames: only so many from the start; else all.
-        method: default, or thesis for its own network; both ship.
+        method: default, or thesis for its own network, of which --model has to name a file.
         model: a network that you trained and exported; goes before method.
         rules: how proposals are found; --rules.radius_m 0.6 for one of them.
         least_score: of what is written, low, since the measure draws the whole curve.

@@ -89,7 +89,7 @@ class DetectorChoice:
     """Which detector, and how it decides.
 
     Attributes:
-        method: default or thesis, of those that ship.
+        method: default, or thesis, of which model has to name a file.
         model: file of another network, or None.
         rules: how proposals are found; else as the network's method does.
         least_score: of a detection.

@@ -87,7 +87,7 @@ class DepthCn:
         """Open the network.
 
         Args:
-            model: file of a network, or default or thesis for one that ships.
+            model: file of a network, or default for the one that ships.
             sensor: LiDAR that the scans are from.
             proposal_rules: how candidates are found; else as the network's method does.
             detection_rules: which of them are detections.

@@ -61,7 +61,7 @@ class Verifier:
         """Open it.
 
         Args:
-            model: a file, or default or thesis for one that ships.
+            model: a file, or default for the one that ships.
             threads: that it runs on.
 
         Raises:

@@ -73,7 +73,7 @@ def depthcn(  # noqa: PLR0913 - flags of a command
         sequence: which one of a tracking folder; else each of them for itself.
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         frames: of each drive only so many from the start; else all.
-        method: default, or thesis for its own network; both ship.
+        method: default, or thesis for its own network, of which --model has to name a file.
         model: a network that you trained and exported; goes before method.
         rules: how proposals are found; --rules.radius_m 0.6 for one of them.
         iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7.
