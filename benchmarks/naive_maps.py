@@ -123,7 +123,9 @@ def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
         for column, row in (cell for cell in returns if cell not in behind):
             cells[column - step, row] = returns[column, row]
     for begin, end in following.items():
-        steps = 0 if end is None else end[0] - begin[0]
+        if end is None:
+            continue
+        steps = end[0] - begin[0]
         for step in range(1, steps):
             row = end[1] if 2 * step >= steps else begin[1]
             value = _across(returns[begin], returns[end], step / steps, rules)

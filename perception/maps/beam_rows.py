@@ -159,10 +159,10 @@ def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: Column
     end, steps = returns.following[begin], returns.steps[begin]
     is_surface = _is_one_surface(returns.values[begin], returns.values[end], rules)
     # From here on one element for each cell between two returns.
-    step = np.arange(1, (steps - 1).sum() + 1) - np.repeat(
-        np.cumsum(steps - 1) - steps + 1, steps - 1
-    )
-    begin, end, steps, is_surface = np.repeat([begin, end, steps, is_surface], steps - 1, axis=1)
+    between = steps - 1
+    gap = np.repeat(np.arange(len(begin)), between)
+    step = np.arange(1, len(gap) + 1) - (np.cumsum(between) - between)[gap]
+    begin, end, steps, is_surface = begin[gap], end[gap], steps[gap], is_surface[gap]
     share = step / steps
     is_behind = share >= 0.5
     weight = np.where(is_surface, share, is_behind).astype(np.float32)

@@ -34,18 +34,12 @@ def fill_columns(sparse: SparseMaps, rules: ColumnRules = _RULES) -> Filling:
     # Neither of the two numbers of a cell is -0: where a beam passes, some bit is set.
     is_passed = filled.view(np.int64) != 0
     is_known = is_passed.any(axis=1)
-    if is_known.all():
-        return _in_image(_fill_between(filled, is_passed, rules), grid, sparse, rules)
-    columns = _fill_between(filled[is_known], is_passed[is_known], rules)
-    nearest = (np.cumsum(is_known) - 1)[nearest_true(is_known)]
-    return _in_image(columns[nearest], grid, sparse, rules)
-
-
-def _fill_between(filled: Complex64, is_passed: Bool, rules: ColumnRules) -> Complex64:
-    """Return (columns, rows) that are known everywhere; a beam passes each column."""
+    if not is_known.all():
+        nearest = nearest_true(is_known)
+        filled, is_passed = filled[nearest], is_passed[nearest]
     cells = np.flatnonzero(is_passed)
-    anchors = _Anchors(cells, filled.ravel()[cells], filled.shape[1])
-    return anchors.seen_by_camera(rules).interpolate(rules)
+    anchors = _Anchors(cells, filled.ravel()[cells], grid.rows).seen_by_camera(rules)
+    return _in_image(anchors.interpolate(rules), grid, sparse, rules)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.naive_maps import project_by_loop
 from perception.errors import PerceptionError
+from perception.maps.densify import densify
 from perception.maps.projection import SparseMaps, project_scan
 from perception.types import Calibration
 
@@ -68,3 +69,25 @@ def test_points_that_are_not_numbers_are_not_seen():
     sparse = project_scan(scan, CALIBRATION, SIZE)
     assert sparse.depth_m.tolist() == [10.0]
     assert sparse.places.tolist() == [4 * 17 + 8]
+
+
+def test_of_many_returns_in_one_pixel_the_nearest_stays_alone():
+    generator = np.random.default_rng(4)
+    # All within a tenth of a pixel of (8, 4) + the offset of 2 / x.
+    scan = np.zeros((500, 4), np.float32)
+    scan[:, 0], scan[:, 3] = generator.uniform(100, 300, 500), generator.uniform(0, 1, 500)
+    scan = np.concatenate([scan, scan[::-1]])
+    sparse = project_scan(scan, CALIBRATION, SIZE)
+    nearest = scan[:, 0].argmin()
+    assert sparse.pixels.tolist() == [[8, 4]]
+    assert sparse.depth_m.tolist() == [scan[nearest, 0]]
+    assert sparse.reflectance.tolist() == [scan[nearest, 3]]
+    dense = densify(sparse)
+    assert (dense.depth_m[4:] == scan[nearest, 0]).all()
+    assert np.argwhere(dense.is_measured).tolist() == [[4, 8]]
+    assert (~dense.is_valid[:4]).all()
+
+
+def test_of_equals_in_one_pixel_the_first_stays():
+    scan = points([10, 0, 0, 0.3], [10, 0, 0, 0.8], [10, 0, 0, 0.1])
+    assert project_scan(scan, CALIBRATION, SIZE).reflectance.tolist() == [np.float32(0.3)]
