@@ -161,7 +161,7 @@ def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: Column
     # From here on one element for each cell between two returns.
     between = steps - 1
     gap = np.repeat(np.arange(len(begin)), between)
-    step = np.arange(1, len(gap) + 1) - (np.cumsum(between) - between)[gap]
+    step = np.arange(1, len(gap) + 1) - (between.cumsum() - between)[gap]
     begin, end, steps, is_surface = begin[gap], end[gap], steps[gap], is_surface[gap]
     share = step / steps
     is_behind = share >= 0.5
