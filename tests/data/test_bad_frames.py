@@ -113,7 +113,9 @@ def test_an_image_of_another_size_than_its_calibration(raw_drive):
 def test_an_image_of_another_size_than_the_first(tracking_root):
     path = tracking_root / "training/image_02/0001/000002.png"
     cv2.imwrite(str(path), np.zeros((19, 70, 3), np.uint8))
-    with pytest.raises(ImageError, match=r"000002\.png: expected 62x19 pixels as .*0001.txt says, found 70x19"):
+    with pytest.raises(
+        ImageError, match=r"000002\.png: expected 62x19 pixels as .*0001.txt says, found 70x19"
+    ):
         open_drive(tracking_root, sequence="0001")[2]
 
 
