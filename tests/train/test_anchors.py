@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.errors import LabelError
-from train.anchors import fit_anchors, shape_iou
+from train.detector.anchors import fit_anchors, shape_iou
 
 
 def test_overlap_of_shapes_by_hand():

@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from perception.errors import ModelError  # noqa: E402
-from train.darknet_weights import (  # noqa: E402
+from train.detector.darknet_weights import (  # noqa: E402
     DarknetHeader,
     load_darknet_weights,
     save_darknet_weights,
@@ -104,7 +104,7 @@ def test_round_trip_of_a_detector_keeps_every_number(tmp_path):
 
 
 def test_the_order_is_that_of_the_cfg():
-    from train.darknet_weights import _slots
+    from train.detector.darknet_weights import _slots
     from train.networks.yolov2 import YOLOv2
 
     with torch.device("meta"):

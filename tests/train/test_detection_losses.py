@@ -10,10 +10,10 @@ from train.box_overlap import (  # noqa: E402
     pairwise_iou,
     pairwise_share,
 )
-from train.detection_losses import DetectionLossOptions, detection_loss  # noqa: E402
+from train.detector.losses import DetectionLossOptions, detection_loss  # noqa: E402
+from train.detector.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
 from train.networks.compact import CompactDetector  # noqa: E402
 from train.networks.grid_head import GridHead  # noqa: E402
-from train.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
 
 LATER = 12_800
 HEAD = GridHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])

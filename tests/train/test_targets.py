@@ -5,14 +5,14 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from perception.errors import UsageError  # noqa: E402
-from train.input_sizes import (  # noqa: E402
+from train.detector.input_sizes import (  # noqa: E402
     InputSize,
     resize_labels,
     resize_pictures,
     scaled_sizes,
     size_of_batch,
 )
-from train.targets import (  # noqa: E402
+from train.detector.targets import (  # noqa: E402
     Grid,
     ImageLabels,
     assign_targets,

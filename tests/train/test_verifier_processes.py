@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 from tests.train.toy_candidates import ToyCandidates
 from train.trainer import TrainerPlan, fit, make_trainer
-from train.verifier_training import PLANS, VerifierTraining
+from train.verifier.training import PLANS, VerifierTraining
 torch.set_num_threads(1)
 torch.manual_seed(0)
 trainer = make_trainer(Path(sys.argv[1]), TrainerPlan(1, "cpu", devices=2))

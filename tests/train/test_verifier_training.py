@@ -16,10 +16,10 @@ from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
 from train.schedules import stepped, warm_cosine
 from train.trainer import TrainerPlan, checkpoint_to_resume, fit, make_trainer
-from train.verifier_figures import VerifierFigures
-from train.verifier_loss import box_loss
-from train.verifier_pictures import JudgedCrops, VerifierPictures, draw_judged
-from train.verifier_training import PLANS, VerifierTraining
+from train.verifier.figures import VerifierFigures
+from train.verifier.loss import box_loss
+from train.verifier.pictures import JudgedCrops, VerifierPictures, draw_judged
+from train.verifier.training import PLANS, VerifierTraining
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from perception.render.training_plots import plot_accuracies
 from perception.types import Method
 
 if TYPE_CHECKING:
-    from train.verifier_run import TrainedVerifier
+    from train.verifier.run import TrainedVerifier
 
 # By whether the training set was augmented: accuracy on it and on the validation set.
 THESIS_PERCENT = {False: (92.83, 86.69), True: (96.45, 91.93)}

@@ -10,7 +10,7 @@ from perception.cli.training.verifier_plan import VerifierData, listed, run_trai
 from perception.types import Method
 
 if TYPE_CHECKING:
-    from train.verifier_run import TrainedVerifier
+    from train.verifier.run import TrainedVerifier
 
 _COLUMNS = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
 

@@ -17,7 +17,7 @@ from perception.types import Method
 if TYPE_CHECKING:
     from data.candidates.module import CandidateData
     from train.trainer import TrainerPlan
-    from train.verifier_run import TrainedVerifier
+    from train.verifier.run import TrainedVerifier
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def run_training(
     """Train a network in a folder; return what came of it, in the first process only."""
     from train.revision import program_revision
     from train.trainer import checkpoint_to_resume, is_first_process
-    from train.verifier_run import train_verifier
-    from train.verifier_training import PLANS
+    from train.verifier.run import train_verifier
+    from train.verifier.training import PLANS
 
     checkpoint = checkpoint_to_resume(out, resume)
     plan = replace(PLANS[method], training_data=data.names, revision=program_revision())

@@ -14,8 +14,8 @@ from torch.optim.lr_scheduler import LambdaLR
 from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
 from train.schedules import stepped, warm_cosine
-from train.verifier_figures import VerifierFigures
-from train.verifier_loss import box_loss
+from train.verifier.figures import VerifierFigures
+from train.verifier.loss import box_loss
 
 Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, box_share
 

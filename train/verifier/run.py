@@ -14,9 +14,9 @@ from data.candidates.module import CandidateData
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
 from train.trainer import BEST, TrainerPlan, fit, make_trainer
-from train.verifier_figures import VerifierFigures
-from train.verifier_pictures import VerifierPictures
-from train.verifier_training import VerifierPlan, VerifierTraining
+from train.verifier.figures import VerifierFigures
+from train.verifier.pictures import VerifierPictures
+from train.verifier.training import VerifierPlan, VerifierTraining
 
 _SHOWN_SAMPLES = 8
 _JUDGED_AT_ONCE = 256

@@ -12,8 +12,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from perception.errors import UsageError
+from train.detector.targets import BatchLabels
 from train.networks.grid_detector import SIZE_STEP_PX
-from train.targets import BatchLabels
 
 
 class InputSize(NamedTuple):

@@ -13,8 +13,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pairwise_share
+from train.detector.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
 from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, GridHead, box_corners
-from train.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
 
 _MOSTLY = 0.5  # of a box that lies in an ignored area
 

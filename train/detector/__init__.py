@@ -1,0 +1,1 @@
+"""The detectors of whole images: anchors, targets, losses, weights of Darknet."""

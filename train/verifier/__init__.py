@@ -1,0 +1,1 @@
+"""DepthCN's network: how it learns to tell vehicles among candidates, and what is watched meanwhile."""
