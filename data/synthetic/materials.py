@@ -46,6 +46,12 @@ class Slot(IntEnum):
     TROUSERS = auto()
     SHOES = auto()
     BICYCLE = auto()
+    RAIL = auto()
+    WIRE = auto()
+    CONCRETE = auto()
+    PANEL = auto()
+    SIGNAL = auto()
+    CARGO = auto()
 
 
 class SemanticClass(IntEnum):
@@ -60,11 +66,13 @@ class SemanticClass(IntEnum):
     SIDEWALK = 48
     BUILDING = 50
     FENCE = 51
+    OTHER_STRUCTURE = 52
     VEGETATION = 70
     TRUNK = 71
     TERRAIN = 72
     POLE = 80
     TRAFFIC_SIGN = 81
+    OTHER_OBJECT = 99
 
 
 # Still class: its number while the object moves.
@@ -130,7 +138,15 @@ MATERIALS = {
     Slot.SHIRT: Material((0.30, 0.30, 0.35), 0.35),
     Slot.TROUSERS: Material((0.06, 0.07, 0.12), 0.25),
     Slot.SHOES: Material((0.05, 0.045, 0.04), 0.20),
-    Slot.BICYCLE: Material((0.08, 0.08, 0.09), 0.25, gloss=0.03, drop=0.05),
+    Slot.BICYCLE: Material(
+        (0.08, 0.08, 0.09), 0.25, SemanticClass.OTHER_OBJECT, gloss=0.03, drop=0.05
+    ),
+    Slot.RAIL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.FENCE, gloss=0.05),
+    Slot.WIRE: Material((0.10, 0.14, 0.10), 0.25, SemanticClass.FENCE, drop=0.2, transmission=0.5),
+    Slot.CONCRETE: Material((0.38, 0.37, 0.35), 0.40, SemanticClass.OTHER_STRUCTURE),
+    Slot.PANEL: Material((0.30, 0.31, 0.30), 0.35, SemanticClass.OTHER_OBJECT, gloss=0.04),
+    Slot.SIGNAL: Material((0.03, 0.035, 0.03), 0.12, SemanticClass.POLE, gloss=0.03),
+    Slot.CARGO: Material((0.55, 0.55, 0.54), 0.40, gloss=0.03),
 }
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import meshes, street
+from data.synthetic import furniture, meshes, street, vegetation
 from data.synthetic.materials import SemanticClass, palette
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
@@ -99,15 +99,7 @@ class _Roadside:
         return [house, self._border(s_m, length_m)] if front_garden_m > 0 else [house]
 
     def _along(self, s_m: float, length_m: float, edge_m: float) -> Float64:
-        """Return the pose of a straight front along the road: x along it, y away from the road."""
-        # Straight fronts stand clear of the pavement where the road curves.
-        sagitta = self.road.shape.curvature_1_m * length_m**2 / 8
-        ends = self.road.place(
-            np.array([s_m, s_m + length_m]), np.full(2, self.side * (edge_m + sagitta))
-        )
-        start, end = ends if self.side > 0 else ends[::-1]
-        heading = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
-        return se3.from_euler(0.0, 0.0, heading, np.array([*start[:2], ends[:, 2].min()]))
+        return street.fronting(self.road, s_m, length_m, self.side * edge_m)
 
     def _house(self, s_m: float, length_m: float, edge_m: float) -> Part:
         floors = int(self.rng.choice([2, 2, 3, 3, 4]))
@@ -120,11 +112,11 @@ class _Roadside:
         pose = self._along(s_m, length_m, self._edge_m + 0.7)
         height, kind = float(self.rng.uniform(0.8, 1.7)), self.rng.random()
         if kind < self.style.greenery:
-            hedge = street.hedge(length_m, height, self.rng)
-            return Part(meshes.moved(hedge, pose), street.foliage_palette(self.rng))
+            hedge = vegetation.hedge(length_m, height, self.rng)
+            return Part(meshes.moved(hedge, pose), vegetation.foliage_palette(self.rng))
         if kind < 0.85:
-            return Part(meshes.moved(street.fence(length_m, min(height, 1.3)), pose), palette())
-        wall = meshes.moved(street.garden_wall(length_m, min(height, 1.1)), pose)
+            return Part(meshes.moved(furniture.fence(length_m, min(height, 1.3)), pose), palette())
+        wall = meshes.moved(furniture.garden_wall(length_m, min(height, 1.1)), pose)
         return Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
@@ -139,9 +131,9 @@ class _Roadside:
         ]
 
     def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
-        mesh = street.tree(height_m, self.rng)
+        mesh = vegetation.tree(height_m, self.rng)
         pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
-        return Part(meshes.moved(mesh, pose), street.foliage_palette(self.rng))
+        return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))
 
     def kerbside(self, start_m: float, end_m: float, clearings: list[Clearing]) -> list[Part]:
         """Stand lamps, signs, bollards and trees in a row behind the kerb."""
@@ -167,15 +159,17 @@ class _Roadside:
         return Part(meshes.moved(mesh, pose), looks)
 
     def _lamp(self) -> Mesh:
-        return street.lamp(float(self.rng.uniform(5, 8)), float(self.rng.uniform(0.04, 0.05)), 1.2)
+        return furniture.lamp(
+            float(self.rng.uniform(5, 8)), float(self.rng.uniform(0.04, 0.05)), 1.2
+        )
 
     def _post(self) -> tuple[Mesh, Float32]:
         """Draw a sign, or a bollard."""
         if self.rng.random() < 0.6:
             kind = int(self.rng.choice([0, 0, 1, 2, 2, 3]))
-            return street.sign(kind, 0.03), street.sign_palette(kind, self.rng)
+            return furniture.sign(kind, 0.03), furniture.sign_palette(kind, self.rng)
         height, radius = float(self.rng.uniform(0.9, 1.1)), float(self.rng.uniform(0.025, 0.05))
-        return street.bollard(height, radius), palette()
+        return furniture.bollard(height, radius), palette()
 
     def backdrop(self, start_m: float, end_m: float) -> list[Part]:
         """Stand a loose row of tall trees behind the houses."""
