@@ -106,11 +106,11 @@ class Material(NamedTuple):
 
 
 MATERIALS = {
-    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.52, SemanticClass.ROAD),
-    Slot.KERB: Material((0.42, 0.41, 0.39), 0.38, SemanticClass.SIDEWALK),
-    Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.34, SemanticClass.SIDEWALK),
-    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.42, SemanticClass.TERRAIN, drop=0.04),
-    Slot.WALL: Material((0.50, 0.46, 0.40), 0.36, SemanticClass.BUILDING),
+    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.48, SemanticClass.ROAD),
+    Slot.KERB: Material((0.42, 0.41, 0.39), 0.46, SemanticClass.SIDEWALK),
+    Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.46, SemanticClass.SIDEWALK),
+    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.52, SemanticClass.TERRAIN, drop=0.04),
+    Slot.WALL: Material((0.50, 0.46, 0.40), 0.40, SemanticClass.BUILDING),
     Slot.WINDOW: Material(
         (0.03, 0.04, 0.05), 0.10, SemanticClass.BUILDING, gloss=0.35, drop=0.35, transmission=0.6
     ),
@@ -119,7 +119,7 @@ MATERIALS = {
     Slot.ROOF: Material((0.26, 0.10, 0.07), 0.30, SemanticClass.BUILDING),
     Slot.DOOR: Material((0.16, 0.09, 0.05), 0.30, SemanticClass.BUILDING),
     Slot.TRUNK: Material((0.12, 0.09, 0.07), 0.30, SemanticClass.TRUNK),
-    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.38, SemanticClass.VEGETATION, drop=0.05),
+    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.50, SemanticClass.VEGETATION, drop=0.05),
     Slot.FENCE: Material((0.30, 0.24, 0.18), 0.35, SemanticClass.FENCE),
     Slot.METAL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.POLE, gloss=0.05),
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
@@ -209,8 +209,8 @@ def random_clothes(rng: np.random.Generator) -> Float32:
     frame = _CLOTHES[rng.integers(len(_CLOTHES))] * rng.uniform(0.6, 1.4, 3)
     hair = np.array([0.10, 0.06, 0.03]) * rng.uniform(0.2, 2.5)
     colours = {
-        Slot.SHIRT: (*shirt, rng.uniform(0.15, 0.6)),
-        Slot.TROUSERS: (*trousers, rng.uniform(0.1, 0.4)),
+        Slot.SHIRT: (*shirt, rng.uniform(0.2, 0.75)),
+        Slot.TROUSERS: (*trousers, rng.uniform(0.15, 0.6)),
         Slot.SKIN: (*skin, 0.45),
         Slot.HAIR: (*hair, 0.15),
         Slot.BICYCLE: (*frame, 0.25),

@@ -9,7 +9,6 @@ from data.synthetic.materials import SemanticClass, palette
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.street import Part
-from perception.geometry import se3
 from perception.types import Float32, Float64
 
 

@@ -56,7 +56,7 @@ def tree(height_m: float, rng: np.random.Generator, leaves: int = 1700) -> Mesh:
 def foliage_palette(rng: np.random.Generator) -> Float32:
     """Draw a green."""
     green = np.array([0.10, 0.16, 0.035]) * rng.uniform([0.6, 0.7, 0.6], [1.5, 1.25, 1.4])
-    return palette({Slot.LEAVES: (*green, rng.uniform(0.3, 0.45))})
+    return palette({Slot.LEAVES: (*green, rng.uniform(0.38, 0.6))})
 
 
 def hedge(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:

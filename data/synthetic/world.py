@@ -32,6 +32,7 @@ class World:
         sun: (3,) unit vector towards the sun.
         shapes: numbers of each actor's shapes in the scene, by track id.
         things: number of each actor in the scene, by track id.
+        sensor_unit: serial number of the LiDAR, whose lasers differ from those of others.
     """
 
     config: WorldConfig
@@ -43,6 +44,7 @@ class World:
     sun: Float64
     shapes: Sequence[tuple[int, ...]]
     things: Sequence[int]
+    sensor_unit: int = 0
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
         """Return (K, 4, 4) poses of the ego body over the road: sway, and pitch under braking."""
@@ -150,6 +152,7 @@ def assemble(
         sun=np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)]),
         shapes=[shapes_of[id(actor.body)] for actor in actors],
         things=things,
+        sensor_unit=int(rng.integers(1000)),
     )
 
 
