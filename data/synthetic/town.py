@@ -1,11 +1,12 @@
 """Lay out a street: plots of houses and gardens, furniture along the kerb, parked vehicles."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from data.synthetic import furniture, meshes, street, vegetation
-from data.synthetic.materials import SemanticClass, palette
+from data.synthetic.materials import SemanticClass, Slot, palette
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.street import Part
@@ -21,12 +22,20 @@ class TownStyle:
         greenery: share of kerbside places with a tree, and of gardens with a hedge.
         furniture: share of kerbside places with a lamp, sign or bollard.
         parking: share of parking places taken, where there is a parking lane.
+        borders: share of gardens with a hedge, fence or wall towards the pavement.
+        lamps: share of the lamps' places with one.
+        backdrop: share of places behind the houses with a tall tree.
+        ground_reflectance: of road and land, over the usual.
     """
 
     houses: float = 0.65
     greenery: float = 0.4
     furniture: float = 0.75
     parking: float = 0.55
+    borders: float = 1.0
+    lamps: float = 1.0
+    backdrop: float = 1.0
+    ground_reflectance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -48,15 +57,31 @@ def furnish(
     style: TownStyle,
     clearings: list[Clearing],
     rng: np.random.Generator,
+    is_free: Callable[[float, float, int], bool] = lambda s_m, length_m, side: True,
 ) -> list[Part]:
-    """Return the ground of a stretch and all that stands on it."""
-    parts = [street.ground(road, *stretch_m)]
+    """Return the ground of a stretch and all that is built on it.
+
+    Args:
+        road: the road.
+        stretch_m: from and to.
+        style: how it is built up.
+        clearings: where nothing may stand.
+        rng: draws what stands where.
+        is_free: whether a plot may be built on, by where it begins, its length and its side.
+    """
+    parts = [street.ground(road, *stretch_m, _ground_palette(style))]
     for side in (-1, 1):
         roadside = _Roadside(road, side, style, rng)
-        parts += roadside.plots(*stretch_m)
+        parts += roadside.plots(*stretch_m, is_free)
         parts += roadside.kerbside(*stretch_m, clearings)
         parts += roadside.backdrop(*stretch_m)
     return parts
+
+
+def _ground_palette(style: TownStyle) -> Float32:
+    looks = palette()
+    looks[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= style.ground_reflectance
+    return looks
 
 
 @dataclass(frozen=True)
@@ -80,22 +105,25 @@ class _Roadside:
         """Outer edge of the pavement."""
         return self.road.shape.half_width_m + self.road.shape.pavement_m
 
-    def plots(self, start_m: float, end_m: float) -> list[Part]:
+    def plots(
+        self, start_m: float, end_m: float, is_free: Callable[[float, float, int], bool]
+    ) -> list[Part]:
         """Fill the land behind the pavement with houses and gardens, plot after plot."""
         parts: list[Part] = []
         s = start_m
         while s < end_m - 8:
             length = float(self.rng.uniform(9, 17))
-            parts += self._plot(s, length)
+            if is_free(s, length, self.side):
+                parts += self._plot(s, length)
             s += length + float(self.rng.choice([0.3, 0.3, 3.5]))
         return parts
 
     def _plot(self, s_m: float, length_m: float) -> list[Part]:
         if self.rng.random() >= self.style.houses:
-            return [self._border(s_m, length_m), *self._garden(s_m, length_m)]
+            return [*self._border(s_m, length_m), *self._garden(s_m, length_m)]
         front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
         house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
-        return [house, self._border(s_m, length_m)] if front_garden_m > 0 else [house]
+        return [house, *self._border(s_m, length_m)] if front_garden_m > 0 else [house]
 
     def _along(self, s_m: float, length_m: float, edge_m: float) -> Float64:
         return street.fronting(self.road, s_m, length_m, self.side * edge_m)
@@ -106,17 +134,24 @@ class _Roadside:
         pose = self._along(s_m, length_m, edge_m)
         return Part(meshes.moved(mesh, pose), street.house_palette(self.rng))
 
-    def _border(self, s_m: float, length_m: float) -> Part:
+    def _border(self, s_m: float, length_m: float) -> list[Part]:
         """Close a plot off towards the pavement by a hedge, a fence or a low wall."""
+        if self._lacks(self.style.borders):
+            return []
         pose = self._along(s_m, length_m, self._edge_m + 0.7)
         height, kind = float(self.rng.uniform(0.8, 1.7)), self.rng.random()
         if kind < self.style.greenery:
             hedge = vegetation.hedge(length_m, height, self.rng)
-            return Part(meshes.moved(hedge, pose), vegetation.foliage_palette(self.rng))
+            return [Part(meshes.moved(hedge, pose), vegetation.foliage_palette(self.rng))]
         if kind < 0.85:
-            return Part(meshes.moved(furniture.fence(length_m, min(height, 1.3)), pose), palette())
+            fence = furniture.fence(length_m, min(height, 1.3))
+            return [Part(meshes.moved(fence, pose), palette())]
         wall = meshes.moved(furniture.garden_wall(length_m, min(height, 1.1)), pose)
-        return Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)
+        return [Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)]
+
+    def _lacks(self, share: float) -> bool:
+        """Draw whether one of many is missing; of a full share none is, and nothing is drawn."""
+        return share < 1 and self.rng.random() >= share
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
         count = 1 + int(self.rng.random() < self.style.greenery)
@@ -144,6 +179,8 @@ class _Roadside:
             if any(abs(s_m - clearing.s_m) < clearing.half_m for clearing in clearings):
                 continue
             if number % 4 == 0:
+                if self._lacks(self.style.lamps):
+                    continue
                 parts.append(self._facing_traffic(self._lamp(), palette(), s_m, row_m))
             elif self.rng.random() < self.style.furniture * 0.6:
                 parts.append(self._facing_traffic(*self._post(), s_m, row_m))
@@ -179,4 +216,5 @@ class _Roadside:
                 float(self.rng.uniform(9, 15)),
             )
             for s in np.arange(start_m, end_m, 14.0)
+            if not self._lacks(self.style.backdrop)
         ]

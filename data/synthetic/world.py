@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import meshes, town
+from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
@@ -115,9 +115,17 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     )
     plan = TrafficPlan(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
-    parts = town.furnish(road, stretch, config.town, plan.clearings, rng)
+    own = rng.spawn(1)[0]
+    yards = clutter.draw_yards(stretch, config.clutter.yards, own)
+
+    def is_free(s_m: float, length_m: float, side: int) -> bool:
+        return not any(yard.overlaps(s_m, length_m, side) for yard in yards)
+
+    parts = town.furnish(road, stretch, config.town, plan.clearings, rng, is_free)
+    parts += clutter.litter(road, stretch, config.clutter, plan.clearings, own)
     plan.walk_and_ride(stretch)
     plan.park(stretch)
+    plan.park_off_road(yards)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 

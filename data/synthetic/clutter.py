@@ -1,0 +1,321 @@
+"""Lay out what else stands along a road: bushes and grass, rails, boxes, islands with signals, places to park.
+
+All of it is drawn from a generator of its own, so that a street without it is the same street.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from data.synthetic import furniture, meshes, people, street, vegetation
+from data.synthetic.materials import SemanticClass, palette, random_clothes
+from data.synthetic.meshes import Mesh
+from data.synthetic.road import Road
+from data.synthetic.street import Part
+from data.synthetic.town import Clearing
+from perception.types import Float32
+
+_RAIL_M = 10.0  # pieces that follow a curve
+_YARD_M = (12.0, 34.0)
+_LAND_M = 16.0  # how far beside the road bushes grow
+
+
+@dataclass(frozen=True)
+class Clutter:
+    """How much of what stands along a road; shares from 0 to 1, numbers in 100 m of each side.
+
+    Attributes:
+        bushes: thickets of one to six bushes on the land.
+        grass: patches of tall grass on the land and along the kerb.
+        conifers: trees with twigs down to the ground.
+        rails: share of the edges with a guard rail, or a barrier of concrete.
+        railings: share of the pavements' edges with a railing or a fence of wire.
+        boxes: cabinets, bins, pillars, boards, benches and bicycle stands.
+        shelters: bus stops.
+        poles: groups of poles, signs and signals on the pavement.
+        islands: traffic islands in the middle of the road, with signs and signals.
+        delineators: white posts.
+        yards: places off the road where vehicles stand.
+    """
+
+    bushes: float = 0.0
+    grass: float = 0.0
+    conifers: float = 0.0
+    rails: float = 0.0
+    railings: float = 0.0
+    boxes: float = 0.0
+    shelters: float = 0.0
+    poles: float = 0.0
+    islands: float = 0.0
+    delineators: float = 0.0
+    yards: float = 0.0
+
+
+@dataclass(frozen=True)
+class Yard:
+    """A place off the road where vehicles stand.
+
+    Attributes:
+        s_m: where it begins.
+        length_m: along the road.
+        side: 1 to the road's left, -1 to its right.
+    """
+
+    s_m: float
+    length_m: float
+    side: int
+
+    def overlaps(self, s_m: float, length_m: float, side: int) -> bool:
+        """Tell whether a plot would lie on it."""
+        before, after = s_m + length_m <= self.s_m, s_m >= self.s_m + self.length_m
+        return side == self.side and not (before or after)
+
+
+def draw_yards(
+    stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
+) -> list[Yard]:
+    """Draw yards along a stretch, none over another."""
+    yards: list[Yard] = []
+    for side in (-1, 1):
+        for s_m in _places(stretch_m, amount, rng):
+            length_m = float(rng.uniform(*_YARD_M))
+            if not any(yard.overlaps(s_m, length_m, side) for yard in yards):
+                yards.append(Yard(s_m, length_m, side))
+    return yards
+
+
+def _places(stretch_m: tuple[float, float], amount: float, rng: np.random.Generator) -> list[float]:
+    """Draw places along a stretch, some number in 100 m."""
+    count = rng.poisson(amount * (stretch_m[1] - stretch_m[0]) / 100)
+    return [float(s_m) for s_m in rng.uniform(stretch_m[0] + 4, stretch_m[1] - 4, count)]
+
+
+def litter(
+    road: Road,
+    stretch_m: tuple[float, float],
+    clutter: Clutter,
+    clearings: Sequence[Clearing],
+    rng: np.random.Generator,
+) -> list[Part]:
+    """Return all clutter of a stretch."""
+    if not any(getattr(clutter, amount.name) for amount in fields(clutter)):
+        return []
+    parts = _Islands(road, rng).along(stretch_m, clutter.islands, clearings)
+    shrubs = [vegetation.bush(rng) for _ in range(6)]
+    grasses = [vegetation.tuft(rng) for _ in range(3)]
+    for side in (-1, 1):
+        verge = _Verge(road, side, rng, shrubs, grasses)
+        amounts: list[tuple[float, Callable[[float], list[Part]]]] = [
+            (clutter.bushes, verge.thicket),
+            (clutter.grass, verge.grass),
+            (clutter.conifers, verge.conifer),
+            (clutter.boxes, verge.box),
+            (clutter.shelters, verge.shelter),
+            (clutter.poles, verge.poles),
+            (clutter.delineators, verge.delineator),
+            (clutter.rails * 100 / _RAIL_M, verge.rail),
+            (clutter.railings * 100 / _RAIL_M, verge.railing),
+        ]
+        for amount, place in amounts:
+            for s_m in _places(stretch_m, amount, rng):
+                if all(abs(s_m - clearing.s_m) > clearing.half_m for clearing in clearings):
+                    parts += place(s_m)
+    return parts
+
+
+@dataclass(frozen=True)
+class _Verge:
+    """One side of a road, on which clutter is placed.
+
+    Attributes:
+        road: the road.
+        side: 1 to its left, -1 to its right.
+        rng: draws what stands where.
+        shrubs: bushes 1 m high, to be stretched.
+        grasses: patches of grass 1 m high, to be stretched.
+    """
+
+    road: Road
+    side: int
+    rng: np.random.Generator
+    shrubs: Sequence[Mesh]
+    grasses: Sequence[Mesh]
+
+    def thicket(self, s_m: float) -> list[Part]:
+        """Let some bushes of one kind grow close together."""
+        looks, height_m = vegetation.foliage_palette(self.rng), float(self.rng.uniform(0.4, 2.6))
+        out_m = self.road.shape.outer_m + 0.7 + _LAND_M * float(self.rng.random()) ** 1.5
+        return [
+            self._grown(
+                self.shrubs[int(self.rng.integers(len(self.shrubs)))],
+                (s_m + float(self.rng.normal(0, 2.5)), max(out_m + float(self.rng.normal(0, 1.2)), self.road.shape.outer_m + 0.6)),
+                height_m * self.rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2]) ,
+                looks,
+            )
+            for _ in range(int(self.rng.integers(1, 7)))
+        ]  # fmt: skip
+
+    def grass(self, s_m: float) -> list[Part]:
+        """Let grass grow on the land, or along the kerb."""
+        shape = self.road.shape
+        out_m = shape.outer_m + float(self.rng.uniform(0.2, 7))
+        if self.rng.random() < 0.25:
+            out_m = shape.half_width_m + float(self.rng.uniform(0.1, 0.4))
+        size_m = self.rng.uniform([0.6, 0.5, 0.15], [2.5, 1.5, 0.7])
+        mesh = self.grasses[int(self.rng.integers(len(self.grasses)))]
+        return [self._grown(mesh, (s_m, out_m), size_m, vegetation.foliage_palette(self.rng))]
+
+    def _grown(
+        self, mesh: Mesh, place_m: tuple[float, float], size_m: np.ndarray, looks: Float32
+    ) -> Part:
+        turn = float(self.rng.uniform(0, 2 * np.pi))
+        pose = street.standing(self.road, place_m[0], self.side * place_m[1], turn)
+        return Part(meshes.moved(meshes.stretched(mesh, size_m), pose), looks)
+
+    def conifer(self, s_m: float) -> list[Part]:
+        """Plant a fir, or a young tree, or a row of them."""
+        out_m = self.road.shape.outer_m + float(self.rng.uniform(2, _LAND_M))
+        mesh = vegetation.conifer(float(self.rng.uniform(1.5, 9)), self.rng, leaves=900)
+        looks, row = vegetation.foliage_palette(self.rng), int(self.rng.choice([1, 1, 2, 4]))
+        return [
+            self._grown(mesh, (s_m + 2.2 * n, out_m), self.rng.uniform(0.8, 1.2, 3), looks)
+            for n in range(row)
+        ]
+
+    def rail(self, s_m: float) -> list[Part]:
+        """Set up pieces of a guard rail or a barrier, one after another."""
+        is_steel, looks = self.rng.random() < 0.8, furniture.panel_palette(self.rng)
+        mesh = (furniture.guard_rail if is_steel else furniture.barrier)(_RAIL_M)
+        edge_m = self.road.shape.half_width_m + 0.45
+        count = int(self.rng.integers(1, 5))
+        return [self._fronting(mesh, s_m + _RAIL_M * n, edge_m, looks) for n in range(count)]
+
+    def railing(self, s_m: float) -> list[Part]:
+        """Set up a railing at the kerb or behind the pavement, or a fence of wire behind it."""
+        looks, edge_m = furniture.panel_palette(self.rng), self.road.shape.outer_m + 0.25
+        height_m = float(self.rng.uniform(0.9, 1.3))
+        if self.rng.random() < 0.4:
+            return [
+                self._fronting(furniture.wire_fence(_RAIL_M, 1.6 * height_m), s_m, edge_m, looks)
+            ]
+        if self.rng.random() < 0.5:
+            edge_m = self.road.shape.half_width_m + 0.3
+        return [self._fronting(furniture.railing(_RAIL_M, height_m), s_m, edge_m, looks)]
+
+    def _fronting(self, mesh: Mesh, s_m: float, edge_m: float, looks: Float32) -> Part:
+        pose = street.fronting(self.road, s_m, _RAIL_M, self.side * edge_m)
+        return Part(meshes.moved(mesh, pose), looks)
+
+    def box(self, s_m: float) -> list[Part]:
+        """Set up one of the boxes, boards and stands behind the pavement."""
+        draw = self.rng.random()
+        if draw < 0.12:
+            return self._bicycles(s_m)
+        for share, build in (
+            (0.40, furniture.cabinet),
+            (0.65, furniture.bins),
+            (0.75, furniture.pillar),
+            (0.90, furniture.billboard),
+        ):
+            if draw < share:
+                return [self._behind_pavement(build(self.rng), s_m)]
+        return [self._behind_pavement(furniture.bench(), s_m)]
+
+    def shelter(self, s_m: float) -> list[Part]:
+        """Set up a bus stop."""
+        return [self._behind_pavement(furniture.shelter(self.rng), s_m)]
+
+    def _behind_pavement(self, mesh: Mesh, s_m: float) -> Part:
+        turn = (0.0 if self.side > 0 else np.pi) + float(self.rng.normal(0, 0.1))
+        if self.rng.random() < 0.15:
+            turn += np.pi / 2
+        out_m = self.road.shape.outer_m + float(self.rng.uniform(-0.6, 0.3))
+        pose = street.standing(self.road, s_m, self.side * out_m, turn)
+        return Part(meshes.moved(mesh, pose), furniture.panel_palette(self.rng))
+
+    def _bicycles(self, s_m: float) -> list[Part]:
+        """Park bicycles side by side."""
+        out_m = self.road.shape.outer_m - 0.5
+        parts = []
+        for number in range(int(self.rng.integers(1, 7))):
+            turn = np.pi / 2 + float(self.rng.normal(0, 0.12))
+            pose = street.standing(self.road, s_m + 0.55 * number, self.side * out_m, turn)
+            looks = random_clothes(self.rng)
+            parts.append(
+                Part(meshes.moved(people.bicycle(), pose), looks, SemanticClass.OTHER_OBJECT)
+            )
+        return parts
+
+    def poles(self, s_m: float) -> list[Part]:
+        """Stand poles together, as at the corner of a junction."""
+        shape = self.road.shape
+        width_m = max(shape.pavement_m - 0.6, 0.5)
+        return [
+            _pole(self.road, self.rng, s_m + float(self.rng.normal(0, 1.6)), self.side * (shape.half_width_m + 0.35 + width_m * float(self.rng.random())))
+            for _ in range(int(self.rng.integers(1, 6)))
+        ]  # fmt: skip
+
+    def delineator(self, s_m: float) -> list[Part]:
+        """Stand a white post at the road's edge."""
+        l_m = self.side * (self.road.shape.half_width_m + 0.5)
+        pose = street.standing(self.road, s_m, l_m, np.pi if self.side > 0 else 0.0)
+        return [Part(meshes.moved(furniture.delineator(), pose), palette())]
+
+
+@dataclass(frozen=True)
+class _Islands:
+    """The middle of a road, on which islands are placed.
+
+    Attributes:
+        road: the road.
+        rng: draws what stands where.
+    """
+
+    road: Road
+    rng: np.random.Generator
+
+    def along(
+        self, stretch_m: tuple[float, float], amount: float, clearings: Sequence[Clearing]
+    ) -> list[Part]:
+        """Return the islands of a stretch with all that stands on them."""
+        parts: list[Part] = []
+        for s_m in _places(stretch_m, amount, self.rng):
+            length_m = float(self.rng.uniform(3, 8))
+            if any(abs(s_m - c.s_m) < c.half_m + length_m for c in clearings):
+                continue
+            pose = street.standing(self.road, s_m, 0.0)
+            parts.append(Part(meshes.moved(furniture.kerb_island(length_m, 0.7), pose), palette()))
+            parts += [
+                _pole(self.road, self.rng, s_m + float(self.rng.uniform(-0.4, 0.4)) * length_m, 0.0)
+                for _ in range(int(self.rng.integers(1, 5)))
+            ]
+        return parts
+
+
+def _pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> Part:
+    """Stand a signal, a sign, a lamp or a bare post, facing either way."""
+    draw, reach_m = rng.random(), 0.0
+    if draw < 0.45:
+        if abs(l_m) > 1 and rng.random() < 0.3:
+            reach_m = float(rng.uniform(2, 4.5))
+        mesh = furniture.signal(float(rng.uniform(3.0, 5.5)), reach_m, rng)
+        looks = furniture.panel_palette(rng)
+    elif draw < 0.8:
+        kind = int(rng.choice([0, 0, 1, 2, 3]))
+        mesh, looks = (
+            furniture.sign(kind, float(rng.uniform(0.03, 0.05))),
+            furniture.sign_palette(kind, rng),
+        )
+    else:
+        radius_m = float(rng.uniform(0.04, 0.14))
+        mesh, looks = (
+            furniture.bollard(float(rng.uniform(0.9, 7)), radius_m),
+            furniture.panel_palette(rng),
+        )
+    # An arm reaches along y, over the road.
+    is_left = l_m > 0
+    if reach_m == 0 and rng.random() < 0.4:
+        is_left = not is_left
+    pose = street.standing(road, s_m, l_m, (np.pi if is_left else 0.0) + float(rng.normal(0, 0.15)))
+    return Part(meshes.moved(mesh, pose), looks)
