@@ -18,6 +18,7 @@ from perception.types import Float32
 
 _RAIL_M = 10.0  # pieces that follow a curve
 _YARD_M = (12.0, 34.0)
+_ROWS = 0.3  # share of thickets that are rows
 _LAND_M = 16.0  # how far beside the road bushes grow
 
 
@@ -143,18 +144,24 @@ class _Verge:
     grasses: Sequence[Mesh]
 
     def thicket(self, s_m: float) -> list[Part]:
-        """Let some bushes of one kind grow close together."""
-        looks, height_m = vegetation.foliage_palette(self.rng), float(self.rng.uniform(0.4, 2.6))
-        out_m = self.road.shape.outer_m + 0.7 + _LAND_M * float(self.rng.random()) ** 1.5
+        """Let some bushes of one kind grow close together, or in a row as a wild hedge."""
+        rng, near_m = self.rng, self.road.shape.outer_m + 0.7
+        is_row = rng.random() < _ROWS
+        looks, height_m = vegetation.foliage_palette(rng), float(rng.uniform(0.4, 2.6))
+        height_m *= 1.6 if is_row else 1.0
+        out_m = near_m + _LAND_M * float(rng.random()) ** 1.5
+        count = int(rng.integers(4, 13) if is_row else rng.integers(1, 7))
+        along_m = 0.8 * height_m * (np.arange(count) - count / 2) if is_row else np.zeros(count)
+        places_m = rng.normal(0, (0.4, 0.3) if is_row else (2.5, 1.2), (count, 2))
         return [
             self._grown(
-                self.shrubs[int(self.rng.integers(len(self.shrubs)))],
-                (s_m + float(self.rng.normal(0, 2.5)), max(out_m + float(self.rng.normal(0, 1.2)), self.road.shape.outer_m + 0.6)),
-                height_m * self.rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2]) ,
+                self.shrubs[int(rng.integers(len(self.shrubs)))],
+                (float(s_m + along + place[0]), max(out_m + float(place[1]), near_m)),
+                height_m * rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2]),
                 looks,
             )
-            for _ in range(int(self.rng.integers(1, 7)))
-        ]  # fmt: skip
+            for along, place in zip(along_m, places_m, strict=True)
+        ]
 
     def grass(self, s_m: float) -> list[Part]:
         """Let grass grow on the land, or along the kerb."""

@@ -6,6 +6,7 @@ Origin at the centre of the footprint on the road, x forward, y left, z up.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
@@ -112,7 +113,9 @@ def _bus(design: HeavyDesign) -> list[Mesh]:
     body = _extruded([(-half, 0.32), (half, 0.32), (half, 1.1), (half - 0.12, top - 0.25),
                       (half - 0.35, top), (-half + 0.1, top), (-half, top - 0.3)], side)  # fmt: skip
     x = np.linspace(-half + 0.5, half - 1.7, max(4, round(design.length_m / 1.6)))
-    panes = [_side_pane(a + 0.05, b - 0.05, 1.25, top - 0.65, side) for a, b in zip(x, x[1:])]
+    panes = [
+        _side_pane(a + 0.05, b - 0.05, 1.25, top - 0.65, side) for a, b in pairwise(x.tolist())
+    ]
     doors = [_side_pane(a, a + 1.2, 0.45, top - 0.55, side, (-1,)) for a in (half - 1.5, -0.6)]
     windscreen = _front_pane((half + 0.01, half - 0.13), 1.05, top - 0.35, side - 0.12)
     rear = _front_pane((-half - 0.01, -half - 0.01), 1.4, top - 0.6, side - 0.25)

@@ -86,7 +86,7 @@ def conifer(height_m: float, rng: np.random.Generator, leaves: int = 1500) -> Me
     return meshes.merge([trunk, _leaf_cards(centres, outward, 0.07 + 0.006 * height_m, rng)])
 
 
-def bush(rng: np.random.Generator, leaves: int = 420) -> Mesh:
+def bush(rng: np.random.Generator, leaves: int = 640) -> Mesh:
     """Build a bush of some lobes, 1 m high and about as wide, to be stretched to its size."""
     lobes = int(rng.integers(2, 6))
     middles = rng.uniform([-0.3, -0.3, 0.25], [0.3, 0.3, 0.55], (lobes, 3))
@@ -98,14 +98,14 @@ def bush(rng: np.random.Generator, leaves: int = 420) -> Mesh:
     depth = rng.uniform(0.55, 1.0, (leaves, 1)) ** 0.5
     centres = middles[of] + unit * radii[of] * depth
     centres[:, 2] = np.abs(centres[:, 2])
-    return _leaf_cards(centres, unit, 0.06, rng)
+    return _leaf_cards(centres, unit, 0.042, rng)
 
 
-def tuft(rng: np.random.Generator, blades: int = 60) -> Mesh:
+def tuft(rng: np.random.Generator, blades: int = 130) -> Mesh:
     """Build a patch of tall grass 1 m across and 1 m high, to be stretched to its size."""
     feet = np.column_stack([rng.normal(0, 0.28, (blades, 2)), np.zeros(blades)])
-    tips = feet + np.column_stack([rng.normal(0, 0.12, (blades, 2)), rng.uniform(0.4, 1.0, blades)])
-    across = 0.05 * np.column_stack([rng.normal(size=(blades, 2)), np.zeros(blades)])
+    tips = feet + np.column_stack([rng.normal(0, 0.16, (blades, 2)), rng.uniform(0.4, 1.0, blades)])
+    across = 0.022 * np.column_stack([rng.normal(size=(blades, 2)), np.zeros(blades)])
     corners = np.stack([feet - across, feet + across, tips], axis=1)
     numbers = np.arange(3 * blades).reshape(-1, 3)
     return meshes.make(corners.reshape(-1, 3), numbers, Slot.LEAVES)

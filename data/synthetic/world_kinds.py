@@ -74,12 +74,11 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     """Draw a wide road of several lanes with guard rails, heavy traffic, and green beside it."""
     lanes = int(rng.choice([1, 2, 2]))
     road = replace(
-        _curved(rng, least_radius_m=250, slope=0.03),
+        _on_uneven_land(rng, _curved(rng, least_radius_m=250, slope=0.03), height_m=2.5),
         lane_m=_between(rng, 3.5, 4.2),
         lanes=lanes,
         parking_m=0.0,
         pavement_m=_between(rng, 0.8, 3.0),
-        **_land(rng, height_m=2.5),
     )
     town = TownStyle(
         houses=0.0,
@@ -155,12 +154,11 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
 def country_road(rng: np.random.Generator) -> WorldConfig:
     """Draw a road without kerbs between slopes and ditches, grass, bushes and woods."""
     road = replace(
-        _curved(rng, least_radius_m=120, slope=0.06),
+        _on_uneven_land(rng, _curved(rng, least_radius_m=120, slope=0.06), height_m=4.0),
         lane_m=_between(rng, 3.1, 3.7),
         parking_m=0.0,
         kerb_m=0.0,
         pavement_m=_between(rng, 0.6, 1.6),
-        **_land(rng, height_m=4.0),
     )
     town = TownStyle(
         houses=0.0,
@@ -213,14 +211,15 @@ def _curved(rng: np.random.Generator, least_radius_m: float, slope: float) -> Ro
     )
 
 
-def _land(rng: np.random.Generator, height_m: float) -> dict[str, float | tuple[float, float]]:
+def _on_uneven_land(rng: np.random.Generator, road: RoadShape, height_m: float) -> RoadShape:
     """Draw slopes up and down beside a road, and how uneven they are."""
     right, left = rng.uniform(-0.4 * height_m, height_m, 2) * (rng.random(2) < 0.7)
-    return {
-        "land_m": (float(right), float(left)),
-        "land_reach_m": _between(rng, 3, 10),
-        "roughness_m": _between(rng, 0.03, 0.22),
-    }
+    return replace(
+        road,
+        land_m=(float(right), float(left)),
+        land_reach_m=_between(rng, 3, 10),
+        roughness_m=_between(rng, 0.03, 0.22),
+    )
 
 
 def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> WorldConfig:
