@@ -183,7 +183,7 @@ class _Verge:
     def conifer(self, s_m: float) -> list[Part]:
         """Plant a fir, or a young tree, or a row of them."""
         out_m = self.road.shape.outer_m + float(self.rng.uniform(2, _LAND_M))
-        mesh = vegetation.conifer(float(self.rng.uniform(1.5, 9)), self.rng, leaves=900)
+        mesh = vegetation.conifer(float(self.rng.uniform(1.5, 9)), self.rng, leaves=600)
         looks, row = vegetation.foliage_palette(self.rng), int(self.rng.choice([1, 1, 2, 4]))
         return [
             self._grown(mesh, (s_m + 2.2 * n, out_m), self.rng.uniform(0.8, 1.2, 3), looks)

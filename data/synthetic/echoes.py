@@ -83,7 +83,8 @@ class EchoModel:
         rng: np.random.Generator,
     ) -> Float32:
         """Return what is reported of each shot that comes back, in steps of a hundredth."""
-        grazing = np.where(_IS_GLOSSY[slots], self.glossy_grazing, self.grazing)
+        edge_on = np.where(_IS_GLOSSY, self.glossy_grazing, self.grazing).astype(np.float32)
+        grazing = edge_on[slots]
         angle = grazing + (1 - grazing) * shots.cosine
         full_m = self.full_power * sensor.max_range_m
         weakening = np.minimum(1, angle * (full_m / np.maximum(shots.distance_m, 1.0)) ** 2)

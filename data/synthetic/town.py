@@ -25,6 +25,8 @@ class TownStyle:
         borders: share of gardens with a hedge, fence or wall towards the pavement.
         lamps: share of the lamps' places with one.
         backdrop: share of places behind the houses with a tall tree.
+        low_crowns: share of trees whose leaves reach down to the ground.
+        leaves: of a tree.
         ground_reflectance: of road and land, over the usual.
     """
 
@@ -35,6 +37,8 @@ class TownStyle:
     borders: float = 1.0
     lamps: float = 1.0
     backdrop: float = 1.0
+    low_crowns: float = 0.0
+    leaves: int = 1700
     ground_reflectance: float = 1.0
 
 
@@ -165,7 +169,8 @@ class _Roadside:
         ]
 
     def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
-        mesh = vegetation.tree(height_m, self.rng)
+        is_low = self.style.low_crowns > 0 and self.rng.random() < self.style.low_crowns
+        mesh = vegetation.tree(height_m, self.rng, self.style.leaves, is_low=is_low)
         pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
         return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))
 

@@ -158,7 +158,9 @@ class TrafficPlan:
             )
         for _ in range(int(self.config.pedestrians * length / 100)):
             side, way = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
-            row = side * (shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4)))
+            row = side * (
+                shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
+            )
             stands = self.rng.random() < 0.15
             body = cast_of.draw_standing(self.rng) if stands else self._walker()
             pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)

@@ -7,6 +7,9 @@ from data.synthetic.materials import Slot, palette
 from data.synthetic.meshes import Mesh
 from perception.types import Float32, Float64
 
+# Shares of a tree's height below its crown.
+_STEM, _LOW_STEM = (0.28, 0.4), (-0.05, 0.1)
+
 
 def _leaf_cards(
     centres: Float64, outward: Float64, size_m: float, rng: np.random.Generator
@@ -22,9 +25,11 @@ def _leaf_cards(
     return meshes.Mesh(mesh.vertices_m, mesh.triangles, mesh.slots, shaded, mesh.texture_m)
 
 
-def tree(height_m: float, rng: np.random.Generator, leaves: int = 1700) -> Mesh:
-    """Build a trunk with boughs and a crown of loose leaf clusters."""
-    stem = rng.uniform(0.28, 0.4) * height_m
+def tree(
+    height_m: float, rng: np.random.Generator, leaves: int = 1700, *, is_low: bool = False
+) -> Mesh:
+    """Build a trunk with boughs and a crown of loose leaf clusters, high up or down to the ground."""
+    stem = rng.uniform(*(_LOW_STEM if is_low else _STEM)) * height_m
     trunk_m = 0.012 * height_m + 0.06
     top = np.array([rng.normal(0, 0.2), rng.normal(0, 0.2), 0.75 * height_m])
     parts = [meshes.tube((0, 0, -0.3), top, (trunk_m, 0.3 * trunk_m), Slot.TRUNK)]
@@ -47,9 +52,9 @@ def tree(height_m: float, rng: np.random.Generator, leaves: int = 1700) -> Mesh:
         shell = rng.uniform(0.5, 1.0, (len(unit), 1)) ** 0.5
         centres.append(middle + unit * radii * shell)
         outward.append(unit)
-    crown = _leaf_cards(
-        np.concatenate(centres), np.concatenate(outward), 0.085 + 0.007 * height_m, rng
-    )
+    # Fewer leaves are larger, so that a crown hides as much.
+    leaf_m = (0.085 + 0.007 * height_m) * np.sqrt(1700 / leaves)
+    crown = _leaf_cards(np.concatenate(centres), np.concatenate(outward), leaf_m, rng)
     return meshes.merge([*parts, crown])
 
 
@@ -86,7 +91,7 @@ def conifer(height_m: float, rng: np.random.Generator, leaves: int = 1500) -> Me
     return meshes.merge([trunk, _leaf_cards(centres, outward, 0.07 + 0.006 * height_m, rng)])
 
 
-def bush(rng: np.random.Generator, leaves: int = 640) -> Mesh:
+def bush(rng: np.random.Generator, leaves: int = 360) -> Mesh:
     """Build a bush of some lobes, 1 m high and about as wide, to be stretched to its size."""
     lobes = int(rng.integers(2, 6))
     middles = rng.uniform([-0.3, -0.3, 0.25], [0.3, 0.3, 0.55], (lobes, 3))
@@ -98,14 +103,14 @@ def bush(rng: np.random.Generator, leaves: int = 640) -> Mesh:
     depth = rng.uniform(0.55, 1.0, (leaves, 1)) ** 0.5
     centres = middles[of] + unit * radii[of] * depth
     centres[:, 2] = np.abs(centres[:, 2])
-    return _leaf_cards(centres, unit, 0.042, rng)
+    return _leaf_cards(centres, unit, 0.052, rng)
 
 
-def tuft(rng: np.random.Generator, blades: int = 130) -> Mesh:
+def tuft(rng: np.random.Generator, blades: int = 80) -> Mesh:
     """Build a patch of tall grass 1 m across and 1 m high, to be stretched to its size."""
     feet = np.column_stack([rng.normal(0, 0.28, (blades, 2)), np.zeros(blades)])
     tips = feet + np.column_stack([rng.normal(0, 0.16, (blades, 2)), rng.uniform(0.4, 1.0, blades)])
-    across = 0.022 * np.column_stack([rng.normal(size=(blades, 2)), np.zeros(blades)])
+    across = 0.03 * np.column_stack([rng.normal(size=(blades, 2)), np.zeros(blades)])
     corners = np.stack([feet - across, feet + across, tips], axis=1)
     numbers = np.arange(3 * blades).reshape(-1, 3)
     return meshes.make(corners.reshape(-1, 3), numbers, Slot.LEAVES)

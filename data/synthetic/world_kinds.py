@@ -31,12 +31,14 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
     )
     town = TownStyle(
         houses=_between(rng, 0.1, 0.95),
-        greenery=_between(rng, 0.15, 0.8),
+        greenery=_between(rng, 0.1, 0.7),
         furniture=_between(rng, 0.1, 0.8),
         parking=_between(rng, 0.2, 0.9),
         borders=_between(rng, 0.3, 1.0),
         lamps=_between(rng, 0.3, 1.0),
         backdrop=_between(rng, 0.2, 1.0),
+        low_crowns=_between(rng, 0.0, 0.6),
+        leaves=1000,
         ground_reflectance=_between(rng, 0.75, 1.25),
     )
     clutter = Clutter(
@@ -82,15 +84,17 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     )
     town = TownStyle(
         houses=0.0,
-        greenery=_between(rng, 0.2, 0.9),
+        greenery=_between(rng, 0.1, 0.6),
         furniture=_between(rng, 0.05, 0.4),
         borders=_between(rng, 0.0, 0.4),
         lamps=_between(rng, 0.0, 1.0),
-        backdrop=_between(rng, 0.3, 1.0),
+        backdrop=_between(rng, 0.2, 0.9),
+        low_crowns=_between(rng, 0.0, 0.6),
+        leaves=1000,
         ground_reflectance=_between(rng, 0.7, 1.25),
     )
     clutter = Clutter(
-        bushes=_between(rng, 4, 18),
+        bushes=_between(rng, 3, 14),
         grass=_between(rng, 10, 40),
         conifers=_between(rng, 0, 4),
         rails=_between(rng, 0.1, 0.8) / 2.5,
@@ -128,7 +132,9 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         parking=_between(rng, 0.3, 0.95),
         borders=_between(rng, 0.0, 0.5),
         lamps=_between(rng, 0.3, 1.0),
-        backdrop=_between(rng, 0.3, 1.0),
+        backdrop=_between(rng, 0.2, 0.9),
+        low_crowns=_between(rng, 0.0, 0.6),
+        leaves=1000,
         ground_reflectance=_between(rng, 0.7, 1.25),
     )
     clutter = Clutter(
@@ -167,12 +173,14 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         borders=_between(rng, 0.0, 0.3),
         lamps=0.0,
         backdrop=_between(rng, 0.0, 1.0),
+        low_crowns=_between(rng, 0.0, 0.6),
+        leaves=1000,
         ground_reflectance=_between(rng, 0.75, 1.25),
     )
     clutter = Clutter(
-        bushes=_between(rng, 4, 22),
-        grass=_between(rng, 15, 60),
-        conifers=_between(rng, 0, 8),
+        bushes=_between(rng, 3, 15),
+        grass=_between(rng, 10, 50),
+        conifers=_between(rng, 0, 6),
         rails=float(rng.choice([0.0, 0.1, 0.25])),
         boxes=_between(rng, 0, 0.5),
         delineators=_between(rng, 0, 4),
