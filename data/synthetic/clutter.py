@@ -14,7 +14,7 @@ from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing
-from perception.types import Float32
+from perception.types import Float32, Float64
 
 _RAIL_M = 10.0  # pieces that follow a curve
 _YARD_M = (12.0, 34.0)
@@ -145,22 +145,22 @@ class _Verge:
 
     def thicket(self, s_m: float) -> list[Part]:
         """Let some bushes of one kind grow close together, or in a row as a wild hedge."""
-        rng, near_m = self.rng, self.road.shape.outer_m + 0.7
+        rng = self.rng
         is_row = rng.random() < _ROWS
         looks, height_m = vegetation.foliage_palette(rng), float(rng.uniform(0.4, 2.6))
         height_m *= 1.6 if is_row else 1.0
-        out_m = near_m + _LAND_M * float(rng.random()) ** 1.5
         count = int(rng.integers(4, 13) if is_row else rng.integers(1, 7))
-        along_m = 0.8 * height_m * (np.arange(count) - count / 2) if is_row else np.zeros(count)
+        sizes_m = height_m * rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2], (count, 3))
+        along_m = 0.8 * height_m * (np.arange(count) - count / 2) * is_row
         places_m = rng.normal(0, (0.4, 0.3) if is_row else (2.5, 1.2), (count, 2))
+        places_m += np.column_stack([s_m + along_m, np.full(count, _LAND_M * rng.random() ** 1.5)])
+        # None grows over the pavement.
+        room_m = 0.5 * sizes_m[:, :2].max(axis=1)
+        places_m[:, 1] = self.road.shape.outer_m + np.maximum(places_m[:, 1], room_m)
+        kinds = rng.integers(len(self.shrubs), size=count)
         return [
-            self._grown(
-                self.shrubs[int(rng.integers(len(self.shrubs)))],
-                (float(s_m + along + place[0]), max(out_m + float(place[1]), near_m)),
-                height_m * rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2]),
-                looks,
-            )
-            for along, place in zip(along_m, places_m, strict=True)
+            self._grown(self.shrubs[kind], place, size, looks)
+            for kind, place, size in zip(kinds, places_m, sizes_m, strict=True)
         ]
 
     def grass(self, s_m: float) -> list[Part]:
@@ -171,22 +171,27 @@ class _Verge:
             out_m = shape.half_width_m + float(self.rng.uniform(0.1, 0.4))
         size_m = self.rng.uniform([0.6, 0.5, 0.15], [2.5, 1.5, 0.7])
         mesh = self.grasses[int(self.rng.integers(len(self.grasses)))]
-        return [self._grown(mesh, (s_m, out_m), size_m, vegetation.foliage_palette(self.rng))]
+        place_m, looks = np.array([s_m, out_m]), vegetation.foliage_palette(self.rng)
+        return [self._grown(mesh, place_m, size_m, looks)]
 
-    def _grown(
-        self, mesh: Mesh, place_m: tuple[float, float], size_m: np.ndarray, looks: Float32
-    ) -> Part:
+    def _grown(self, mesh: Mesh, place_m: Float64, size_m: Float64, looks: Float32) -> Part:
+        """Stretch a plant by a factor along each axis, and plant it at s and a distance from the centreline."""
         turn = float(self.rng.uniform(0, 2 * np.pi))
         pose = street.standing(self.road, place_m[0], self.side * place_m[1], turn)
         return Part(meshes.moved(meshes.stretched(mesh, size_m), pose), looks)
 
     def conifer(self, s_m: float) -> list[Part]:
         """Plant a fir, or a young tree, or a row of them."""
-        out_m = self.road.shape.outer_m + float(self.rng.uniform(2, _LAND_M))
-        mesh = vegetation.conifer(float(self.rng.uniform(1.5, 9)), self.rng, leaves=600)
+        height_m = float(self.rng.uniform(1.5, 9))
+        out_m = self.road.shape.outer_m + float(
+            self.rng.uniform(vegetation.CROWN_REACH * height_m, _LAND_M)
+        )
+        mesh = vegetation.conifer(height_m, self.rng, leaves=600)
         looks, row = vegetation.foliage_palette(self.rng), int(self.rng.choice([1, 1, 2, 4]))
         return [
-            self._grown(mesh, (s_m + 2.2 * n, out_m), self.rng.uniform(0.8, 1.2, 3), looks)
+            self._grown(
+                mesh, np.array([s_m + 2.2 * n, out_m]), self.rng.uniform(0.8, 1.2, 3), looks
+            )
             for n in range(row)
         ]
 

@@ -154,8 +154,8 @@ class _Roadside:
         return [Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)]
 
     def _lacks(self, share: float) -> bool:
-        """Draw whether one of many is missing; of a full share none is, and nothing is drawn."""
-        return share < 1 and self.rng.random() >= share
+        """Draw whether one of many is missing; where all or none are, nothing is drawn."""
+        return share <= 0 or (share < 1 and self.rng.random() >= share)
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
         count = 1 + int(self.rng.random() < self.style.greenery)
@@ -169,7 +169,9 @@ class _Roadside:
         ]
 
     def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
-        is_low = self.style.low_crowns > 0 and self.rng.random() < self.style.low_crowns
+        # A crown that reaches the ground must not reach the pavement.
+        has_room = out_m - self._edge_m > vegetation.CROWN_REACH * height_m
+        is_low = has_room and not self._lacks(self.style.low_crowns)
         mesh = vegetation.tree(height_m, self.rng, self.style.leaves, is_low=is_low)
         pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
         return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))

@@ -7,8 +7,8 @@ from data.synthetic.materials import Slot, palette
 from data.synthetic.meshes import Mesh
 from perception.types import Float32, Float64
 
-# Shares of a tree's height below its crown.
-_STEM, _LOW_STEM = (0.28, 0.4), (-0.05, 0.1)
+CROWN_REACH = 0.38  # of a tree's height, from its trunk
+_STEM, _LOW_STEM = (0.28, 0.4), (-0.05, 0.1)  # share of a tree's height below its crown
 
 
 def _leaf_cards(
