@@ -117,7 +117,7 @@ def _bus(design: HeavyDesign) -> list[Mesh]:
         _side_pane(a + 0.05, b - 0.05, 1.25, top - 0.65, side) for a, b in pairwise(x.tolist())
     ]
     doors = [_side_pane(a, a + 1.2, 0.45, top - 0.55, side, (-1,)) for a in (half - 1.5, -0.6)]
-    windscreen = _front_pane((half + 0.01, half - 0.13), 1.05, top - 0.35, side - 0.12)
+    windscreen = _front_pane((half + 0.01, half - 0.09), 1.05, top - 0.35, side - 0.12)
     rear = _front_pane((-half - 0.01, -half - 0.01), 1.4, top - 0.6, side - 0.25)
     # Seats and people, which a laser meets behind the panes.
     seats = meshes.box(
@@ -183,7 +183,9 @@ def _lights(design: HeavyDesign) -> list[Mesh]:
 def _tail(design: HeavyDesign) -> list[Mesh]:
     """Build a bumper with its lights and plate."""
     half, side = design.length_m / 2, design.width_m / 2
-    bumper = meshes.box((-half, -side + 0.1, 0.45), (-half + 0.12, side - 0.1, 0.75), Slot.TRIM)
+    bumper = meshes.box(
+        (-half + 0.01, -side + 0.1, 0.45), (-half + 0.12, side - 0.1, 0.75), Slot.TRIM
+    )
     lights = [
         meshes.box((-half - 0.01, y - 0.15, 0.52), (-half + 0.02, y + 0.15, 0.68), Slot.TAILLIGHT)
         for y in (side - 0.3, 0.3 - side)

@@ -94,6 +94,11 @@ class VehicleDesign:
         return self.style.is_van or self.style is BodyStyle.OFF_ROADER
 
     @property
+    def has_rear_seats(self) -> bool:
+        """Whether its roof is long enough for a second row."""
+        return self.style not in (BodyStyle.COUPE, BodyStyle.PICK_UP)
+
+    @property
     def axles_m(self) -> tuple[float, float]:
         """Positions of the front and the rear axle along x."""
         return (

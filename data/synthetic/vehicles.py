@@ -72,9 +72,9 @@ def _interior(design: VehicleDesign) -> list[Mesh]:
     """Build seats and floor, which a laser sees through the windows."""
     half, width = design.length_m / 2, design.width_m / 2 - 0.2
     front = half - design.roof_ahead_m - 0.35
-    rear = max(front - 0.95, -half + design.screen_back_m + 0.3)
+    rear = max(front - 0.95, -half + 0.5)
     belt, seats = design.belt_m, []
-    for x in (front, rear):
+    for x in (front, rear) if design.has_rear_seats else (front,):
         for side in (1, -1):
             y = sorted((side * 0.12, side * (width - 0.08)))
             seats.append(meshes.box((x - 0.14, y[0], 0.35), (x, y[1], belt + 0.12), Slot.INTERIOR))

@@ -105,7 +105,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
-        _peopled(rng, config, heavy=0.25),
+        _peopled(rng, config, heavy=0.15),
         ego_m_s=_between(rng, 11, 19),
         ego_lane=int(rng.integers(lanes)),
         cyclists=_between(rng, 0, 1),
@@ -151,7 +151,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
-        _peopled(rng, config, heavy=0.18),
+        _peopled(rng, config, heavy=0.12),
         ego_lane=int(rng.integers(lanes)),
         crossing_every_s=0.0 if lanes > 1 else 11.0,
     )
@@ -187,7 +187,7 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
-        _peopled(rng, config, heavy=0.15),
+        _peopled(rng, config, heavy=0.12),
         ego_m_s=_between(rng, 9, 18),
         cyclists=_between(rng, 0, 3),
         pedestrians=0.0,
