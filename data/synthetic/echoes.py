@@ -4,7 +4,7 @@
     reported  = echo, or 0 where it is weaker than the receiver's first step
 
 A scan of KITTI reports a reflectance evened over the range as far as the sensor can raise its power, some
-28 m of an HDL-64E's 120; beyond that the echo of the same surface weakens, and more and more of the points
+30 m of an HDL-64E's 120; beyond that the echo of the same surface weakens, and more and more of the points
 read 0 although their range is right. So do dark paint and glass at any range.
 """
 
@@ -43,7 +43,7 @@ class EchoModel:
     """
 
     lost_signal: float = 0.035
-    full_power: float = 0.26
+    full_power: float = 0.25
     least_echo: float = 0.10
     grazing: float = 0.45
     glossy_grazing: float = 0.2

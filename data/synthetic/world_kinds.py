@@ -31,13 +31,13 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
     )
     town = TownStyle(
         houses=_between(rng, 0.1, 0.95),
-        greenery=_between(rng, 0.1, 0.7),
-        furniture=_between(rng, 0.1, 0.8),
+        greenery=_between(rng, 0.05, 0.55),
+        furniture=_between(rng, 0.05, 0.6),
         parking=_between(rng, 0.2, 0.9),
         borders=_between(rng, 0.3, 1.0),
-        lamps=_between(rng, 0.3, 1.0),
-        backdrop=_between(rng, 0.2, 1.0),
-        low_crowns=_between(rng, 0.0, 0.6),
+        lamps=_between(rng, 0.1, 0.8),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
         leaves=1000,
         ground_reflectance=_between(rng, 0.75, 1.25),
     )
@@ -84,12 +84,12 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     )
     town = TownStyle(
         houses=0.0,
-        greenery=_between(rng, 0.1, 0.6),
+        greenery=_between(rng, 0.05, 0.5),
         furniture=_between(rng, 0.05, 0.4),
         borders=_between(rng, 0.0, 0.4),
         lamps=_between(rng, 0.0, 1.0),
-        backdrop=_between(rng, 0.2, 0.9),
-        low_crowns=_between(rng, 0.0, 0.6),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
         leaves=1000,
         ground_reflectance=_between(rng, 0.7, 1.25),
     )
@@ -127,13 +127,13 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
     )
     town = TownStyle(
         houses=_between(rng, 0.0, 0.35),
-        greenery=_between(rng, 0.1, 0.6),
+        greenery=_between(rng, 0.05, 0.5),
         furniture=_between(rng, 0.1, 0.7),
         parking=_between(rng, 0.3, 0.95),
         borders=_between(rng, 0.0, 0.5),
-        lamps=_between(rng, 0.3, 1.0),
-        backdrop=_between(rng, 0.2, 0.9),
-        low_crowns=_between(rng, 0.0, 0.6),
+        lamps=_between(rng, 0.1, 0.8),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
         leaves=1000,
         ground_reflectance=_between(rng, 0.7, 1.25),
     )
@@ -172,8 +172,8 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         furniture=_between(rng, 0.0, 0.2),
         borders=_between(rng, 0.0, 0.3),
         lamps=0.0,
-        backdrop=_between(rng, 0.0, 1.0),
-        low_crowns=_between(rng, 0.0, 0.6),
+        backdrop=_between(rng, 0.0, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
         leaves=1000,
         ground_reflectance=_between(rng, 0.75, 1.25),
     )
