@@ -11,13 +11,14 @@ import numpy as np
 from data.synthetic import furniture, meshes, people, street, vegetation
 from data.synthetic.materials import SemanticClass, palette, random_clothes
 from data.synthetic.meshes import Mesh
+from data.synthetic.poles import draw_pole, islands
 from data.synthetic.road import Road
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing
+from data.synthetic.yards import draw_places
 from perception.types import Float32, Float64
 
 _RAIL_M = 10.0  # pieces that follow a curve
-_YARD_M = (12.0, 34.0)
 _ROWS = 0.3  # share of thickets that are rows
 _LAND_M = 16.0  # how far beside the road bushes grow
 
@@ -53,45 +54,6 @@ class Clutter:
     yards: float = 0.0
 
 
-@dataclass(frozen=True)
-class Yard:
-    """A place off the road where vehicles stand.
-
-    Attributes:
-        s_m: where it begins.
-        length_m: along the road.
-        side: 1 to the road's left, -1 to its right.
-    """
-
-    s_m: float
-    length_m: float
-    side: int
-
-    def overlaps(self, s_m: float, length_m: float, side: int) -> bool:
-        """Tell whether a plot would lie on it."""
-        before, after = s_m + length_m <= self.s_m, s_m >= self.s_m + self.length_m
-        return side == self.side and not (before or after)
-
-
-def draw_yards(
-    stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
-) -> list[Yard]:
-    """Draw yards along a stretch, none over another."""
-    yards: list[Yard] = []
-    for side in (-1, 1):
-        for s_m in _places(stretch_m, amount, rng):
-            length_m = float(rng.uniform(*_YARD_M))
-            if not any(yard.overlaps(s_m, length_m, side) for yard in yards):
-                yards.append(Yard(s_m, length_m, side))
-    return yards
-
-
-def _places(stretch_m: tuple[float, float], amount: float, rng: np.random.Generator) -> list[float]:
-    """Draw places along a stretch, some number in 100 m."""
-    count = rng.poisson(amount * (stretch_m[1] - stretch_m[0]) / 100)
-    return [float(s_m) for s_m in rng.uniform(stretch_m[0] + 4, stretch_m[1] - 4, count)]
-
-
 def litter(
     road: Road,
     stretch_m: tuple[float, float],
@@ -102,7 +64,7 @@ def litter(
     """Return all clutter of a stretch."""
     if not any(getattr(clutter, amount.name) for amount in fields(clutter)):
         return []
-    parts = _Islands(road, rng).along(stretch_m, clutter.islands, clearings)
+    parts = islands(road, stretch_m, clutter.islands, clearings, rng)
     shrubs = [vegetation.bush(rng) for _ in range(6)]
     grasses = [vegetation.tuft(rng) for _ in range(3)]
     for side in (-1, 1):
@@ -119,7 +81,7 @@ def litter(
             (clutter.railings * 100 / _RAIL_M, verge.railing),
         ]
         for amount, place in amounts:
-            for s_m in _places(stretch_m, amount, rng):
+            for s_m in draw_places(stretch_m, amount, rng):
                 if all(abs(s_m - clearing.s_m) > clearing.half_m for clearing in clearings):
                     parts += place(s_m)
     return parts
@@ -264,7 +226,7 @@ class _Verge:
         shape = self.road.shape
         width_m = max(shape.pavement_m - 0.6, 0.5)
         return [
-            _pole(self.road, self.rng, s_m + float(self.rng.normal(0, 1.6)), self.side * (shape.half_width_m + 0.35 + width_m * float(self.rng.random())))
+            draw_pole(self.road, self.rng, s_m + float(self.rng.normal(0, 1.6)), self.side * (shape.half_width_m + 0.35 + width_m * float(self.rng.random())))
             for _ in range(int(self.rng.integers(1, 6)))
         ]  # fmt: skip
 
@@ -273,61 +235,3 @@ class _Verge:
         l_m = self.side * (self.road.shape.half_width_m + 0.5)
         pose = street.standing(self.road, s_m, l_m, np.pi if self.side > 0 else 0.0)
         return [Part(meshes.moved(furniture.delineator(), pose), palette())]
-
-
-@dataclass(frozen=True)
-class _Islands:
-    """The middle of a road, on which islands are placed.
-
-    Attributes:
-        road: the road.
-        rng: draws what stands where.
-    """
-
-    road: Road
-    rng: np.random.Generator
-
-    def along(
-        self, stretch_m: tuple[float, float], amount: float, clearings: Sequence[Clearing]
-    ) -> list[Part]:
-        """Return the islands of a stretch with all that stands on them."""
-        parts: list[Part] = []
-        for s_m in _places(stretch_m, amount, self.rng):
-            length_m = float(self.rng.uniform(3, 8))
-            if any(abs(s_m - c.s_m) < c.half_m + length_m for c in clearings):
-                continue
-            pose = street.standing(self.road, s_m, 0.0)
-            parts.append(Part(meshes.moved(furniture.kerb_island(length_m, 0.7), pose), palette()))
-            parts += [
-                _pole(self.road, self.rng, s_m + float(self.rng.uniform(-0.4, 0.4)) * length_m, 0.0)
-                for _ in range(int(self.rng.integers(1, 5)))
-            ]
-        return parts
-
-
-def _pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> Part:
-    """Stand a signal, a sign, a lamp or a bare post, facing either way."""
-    draw, reach_m = rng.random(), 0.0
-    if draw < 0.45:
-        if abs(l_m) > 1 and rng.random() < 0.3:
-            reach_m = float(rng.uniform(2, 4.5))
-        mesh = furniture.signal(float(rng.uniform(3.0, 5.5)), reach_m, rng)
-        looks = furniture.panel_palette(rng)
-    elif draw < 0.8:
-        kind = int(rng.choice([0, 0, 1, 2, 3]))
-        mesh, looks = (
-            furniture.sign(kind, float(rng.uniform(0.03, 0.05))),
-            furniture.sign_palette(kind, rng),
-        )
-    else:
-        radius_m = float(rng.uniform(0.04, 0.14))
-        mesh, looks = (
-            furniture.bollard(float(rng.uniform(0.9, 7)), radius_m),
-            furniture.panel_palette(rng),
-        )
-    # An arm reaches along y, over the road.
-    is_left = l_m > 0
-    if reach_m == 0 and rng.random() < 0.4:
-        is_left = not is_left
-    pose = street.standing(road, s_m, l_m, (np.pi if is_left else 0.0) + float(rng.normal(0, 0.15)))
-    return Part(meshes.moved(mesh, pose), looks)

@@ -7,12 +7,12 @@ import numpy as np
 from data.synthetic import actors as cast_of
 from data.synthetic import traffic
 from data.synthetic.actors import Actor, Body
-from data.synthetic.clutter import Yard
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import Yard
 from perception.geometry import se3
 from perception.types import Float64
 

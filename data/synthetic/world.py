@@ -13,6 +13,7 @@ from data.synthetic.scene import Moving, Scene
 from data.synthetic.street import Part
 from data.synthetic.traffic_plan import TrafficPlan
 from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import draw_yards
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
@@ -116,7 +117,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     plan = TrafficPlan(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     own = rng.spawn(1)[0]
-    yards = clutter.draw_yards(stretch, config.clutter.yards, own)
+    yards = draw_yards(stretch, config.clutter.yards, own)
 
     def is_free(s_m: float, length_m: float, side: int) -> bool:
         return not any(yard.overlaps(s_m, length_m, side) for yard in yards)

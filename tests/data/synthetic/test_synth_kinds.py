@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from data.synthetic import actors, clutter, world_kinds
-from data.synthetic.clutter import Clutter, Yard
+from data.synthetic.clutter import Clutter
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.traffic_plan import _apart
 from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import Yard
 from perception.errors import UsageError
 from perception.geometry.box_overlap_ground import iou_ground
 
