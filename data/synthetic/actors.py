@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from data.synthetic import people, vehicles
+from data.synthetic import heavy_vehicles, people, vehicles
+from data.synthetic.heavy_vehicles import HeavyKind
 from data.synthetic.materials import SemanticClass, Slot, palette, random_clothes, random_paint
 from data.synthetic.meshes import Mesh
 from data.synthetic.motion import Path, upright_poses, vehicle_poses
@@ -17,6 +18,8 @@ MOVING_M_S = 0.1  # slower is standing
 _CLASS_OF = {
     "Car": SemanticClass.CAR,
     "Van": SemanticClass.OTHER_VEHICLE,
+    "Truck": SemanticClass.TRUCK,
+    "Misc": SemanticClass.OTHER_VEHICLE,
     "Pedestrian": SemanticClass.PERSON,
     "Cyclist": SemanticClass.BICYCLIST,
 }
@@ -93,18 +96,48 @@ class Actor:
         return int(self.path.travelled_m(time_s) / self.body.cycle_m * count) % count
 
 
+_COMMON_STYLES = [
+    BodyStyle.HATCHBACK, BodyStyle.ESTATE, BodyStyle.SALOON, BodyStyle.HATCHBACK, BodyStyle.SUV,
+    BodyStyle.MINIVAN, BodyStyle.PANEL_VAN, BodyStyle.SALOON, BodyStyle.HATCHBACK, BodyStyle.ESTATE,
+]  # fmt: skip
+# How many in a hundred vehicles of a mixed fleet are of a style.
+_MIXED_STYLES = {
+    BodyStyle.HATCHBACK: 20, BodyStyle.ESTATE: 14, BodyStyle.SALOON: 12, BodyStyle.COMPACT_MPV: 11,
+    BodyStyle.CITY_CAR: 9, BodyStyle.SUV: 8, BodyStyle.LIMOUSINE: 5, BodyStyle.COUPE: 5,
+    BodyStyle.OFF_ROADER: 2, BodyStyle.PICK_UP: 2, BodyStyle.MINIVAN: 4, BodyStyle.PANEL_VAN: 3,
+    BodyStyle.SMALL_VAN: 3, BodyStyle.HIGH_VAN: 2,
+}  # fmt: skip
+_HEAVY_KINDS = [
+    HeavyKind.BOX_TRUCK, HeavyKind.BUS, HeavyKind.ARTICULATED, HeavyKind.BOX_TRUCK,
+    HeavyKind.FLATBED, HeavyKind.TRAILER, HeavyKind.BUS,
+]  # fmt: skip
+
+
 def draw_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
-    """Draw car and van bodies of all styles, the common ones first."""
-    common = [
-        BodyStyle.HATCHBACK, BodyStyle.ESTATE, BodyStyle.SALOON, BodyStyle.HATCHBACK, BodyStyle.SUV,
-        BodyStyle.MINIVAN, BodyStyle.PANEL_VAN, BodyStyle.SALOON, BodyStyle.HATCHBACK, BodyStyle.ESTATE,
-    ]  # fmt: skip
-    bodies = []
+    """Draw car and van bodies of the commonest styles, in turn."""
+    return [_vehicle(_COMMON_STYLES[n % len(_COMMON_STYLES)], rng) for n in range(count)]
+
+
+def draw_mixed_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw car and van bodies of all styles, as often as on a street."""
+    weights = np.array(list(_MIXED_STYLES.values()), float)
+    styles = rng.choice(len(weights), size=count, p=weights / weights.sum())
+    return [_vehicle(list(_MIXED_STYLES)[style], rng) for style in styles]
+
+
+def _vehicle(style: BodyStyle, rng: np.random.Generator) -> Body:
+    design = draw_design(style, rng)
+    return Body("Van" if style.is_van else "Car", design.size_m, (vehicles.build(design),))
+
+
+def draw_heavy_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
+    """Draw trucks, buses and trailers; KITTI labels the first two trucks, and trailers miscellaneous."""
+    first, bodies = int(rng.integers(len(_HEAVY_KINDS))), []
     for number in range(count):
-        style = common[number % len(common)]
-        design = draw_design(style, rng)
-        kind = "Van" if style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN) else "Car"
-        bodies.append(Body(kind, design.size_m, (vehicles.build(design),)))
+        kind = _HEAVY_KINDS[(first + number) % len(_HEAVY_KINDS)]
+        design = heavy_vehicles.draw_design(kind, rng)
+        label = "Misc" if kind is HeavyKind.TRAILER else "Truck"
+        bodies.append(Body(label, design.size_m, (heavy_vehicles.build(design),)))
     return bodies
 
 
@@ -143,4 +176,7 @@ def draw_looks(body: Body, rng: np.random.Generator) -> Float32:
     """Draw paint or clothes."""
     if body.is_person:
         return random_clothes(rng)
-    return palette({Slot.PAINT: random_paint(rng)})
+    looks = {Slot.PAINT: random_paint(rng)}
+    if body.kind in ("Truck", "Misc"):
+        looks[Slot.CARGO] = random_paint(rng)
+    return palette(looks)

@@ -9,7 +9,8 @@ import numpy as np
 from data.synthetic import writer
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
-from data.synthetic.world_config import WorldConfig, draw_config
+from data.synthetic.world_config import WorldConfig
+from data.synthetic.world_kinds import draw_config
 from data.synthetic.writer import Layout
 from perception.errors import UsageError
 from perception.geometry.threads import one_blas_thread

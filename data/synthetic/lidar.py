@@ -11,7 +11,8 @@ import numpy as np
 
 from data.drive import PointTruth
 from data.synthetic.actors import MOVING_M_S
-from data.synthetic.materials import Slot, column
+from data.synthetic.echoes import EchoModel, Shots
+from data.synthetic.materials import column
 from data.synthetic.scene import Hits, Moving, Rays, near_any
 from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
@@ -19,8 +20,7 @@ from perception.geometry import se3
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int
 
-# Reflectance over the squared share of the range at which half of all returns is lost.
-_LOST_SIGNAL = 0.035
+_ECHOES = EchoModel()
 _BEYOND_GLASS_M = 0.02
 
 
@@ -146,20 +146,7 @@ def _returns(
     cosine = np.abs(np.einsum("ij,ij->i", normals, rays.directions))
     albedo = tables.palettes[hits.thing, slots, 3]
     albedo = marking_reflectance(world, hits, slots, albedo)
-    share = np.maximum(hits.distance_m, 1.0) / sensor.max_range_m
-    signal = albedo * cosine / share**2
-    # Half of the returns is lost at the limit, nearly none at thrice and nearly all at a third of it.
-    kept_share = (1 - column("drop")[slots]) / (1 + (_LOST_SIGNAL / np.maximum(signal, 1e-6)) ** 2)
-    # Dark glossy paint mirrors slanting shots away instead of scattering them back.
-    is_mirror = column("gloss")[slots] > 0.05
-    kept_share -= is_mirror * 0.6 * np.clip(1 - albedo / 0.15, 0, 1) * (1 - cosine)
-    kept = rng.random(len(slots), np.float32) < kept_share
-    kept &= (hits.distance_m > sensor.min_range_m) & (hits.distance_m < sensor.max_range_m)
-    speckle = rng.normal(0, 0.035, len(slots)).astype(np.float32)
-    reflectance = albedo * (0.45 + 0.55 * cosine) * (1 + 2 * speckle) + speckle
-    # Lasers of one head differ in gain even after calibration, which shows as rings.
-    gains = 1 + 0.10 * np.random.default_rng(sensor.beams).standard_normal(sensor.beams)
-    reflectance *= np.tile(gains, sensor.columns)
-    retro = np.isin(slots, (Slot.SIGN, Slot.PLATE, Slot.TAILLIGHT))
-    reflectance = np.where(retro, albedo, reflectance)
-    return kept, np.round(np.clip(reflectance, 0, 0.99), 2).astype(np.float32)
+    shots = Shots(albedo, cosine, np.maximum(hits.distance_m, np.float32(1e-3)))
+    kept = rng.random(len(slots), np.float32) < _ECHOES.kept_share(sensor, slots, shots)
+    reflectance = _ECHOES.reflectance(sensor, slots, shots, world.sensor_unit, rng)
+    return kept & shots.within(sensor), reflectance

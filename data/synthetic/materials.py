@@ -46,6 +46,12 @@ class Slot(IntEnum):
     TROUSERS = auto()
     SHOES = auto()
     BICYCLE = auto()
+    RAIL = auto()
+    WIRE = auto()
+    CONCRETE = auto()
+    PANEL = auto()
+    SIGNAL = auto()
+    CARGO = auto()
 
 
 class SemanticClass(IntEnum):
@@ -60,11 +66,13 @@ class SemanticClass(IntEnum):
     SIDEWALK = 48
     BUILDING = 50
     FENCE = 51
+    OTHER_STRUCTURE = 52
     VEGETATION = 70
     TRUNK = 71
     TERRAIN = 72
     POLE = 80
     TRAFFIC_SIGN = 81
+    OTHER_OBJECT = 99
 
 
 # Still class: its number while the object moves.
@@ -98,11 +106,11 @@ class Material(NamedTuple):
 
 
 MATERIALS = {
-    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.52, SemanticClass.ROAD),
-    Slot.KERB: Material((0.42, 0.41, 0.39), 0.38, SemanticClass.SIDEWALK),
-    Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.34, SemanticClass.SIDEWALK),
-    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.42, SemanticClass.TERRAIN, drop=0.04),
-    Slot.WALL: Material((0.50, 0.46, 0.40), 0.36, SemanticClass.BUILDING),
+    Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.48, SemanticClass.ROAD),
+    Slot.KERB: Material((0.42, 0.41, 0.39), 0.46, SemanticClass.SIDEWALK),
+    Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.46, SemanticClass.SIDEWALK),
+    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.52, SemanticClass.TERRAIN, drop=0.04),
+    Slot.WALL: Material((0.50, 0.46, 0.40), 0.40, SemanticClass.BUILDING),
     Slot.WINDOW: Material(
         (0.03, 0.04, 0.05), 0.10, SemanticClass.BUILDING, gloss=0.35, drop=0.35, transmission=0.6
     ),
@@ -111,7 +119,7 @@ MATERIALS = {
     Slot.ROOF: Material((0.26, 0.10, 0.07), 0.30, SemanticClass.BUILDING),
     Slot.DOOR: Material((0.16, 0.09, 0.05), 0.30, SemanticClass.BUILDING),
     Slot.TRUNK: Material((0.12, 0.09, 0.07), 0.30, SemanticClass.TRUNK),
-    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.38, SemanticClass.VEGETATION, drop=0.05),
+    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.50, SemanticClass.VEGETATION, drop=0.05),
     Slot.FENCE: Material((0.30, 0.24, 0.18), 0.35, SemanticClass.FENCE),
     Slot.METAL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.POLE, gloss=0.05),
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
@@ -130,7 +138,15 @@ MATERIALS = {
     Slot.SHIRT: Material((0.30, 0.30, 0.35), 0.35),
     Slot.TROUSERS: Material((0.06, 0.07, 0.12), 0.25),
     Slot.SHOES: Material((0.05, 0.045, 0.04), 0.20),
-    Slot.BICYCLE: Material((0.08, 0.08, 0.09), 0.25, gloss=0.03, drop=0.05),
+    Slot.BICYCLE: Material(
+        (0.08, 0.08, 0.09), 0.25, SemanticClass.OTHER_OBJECT, gloss=0.03, drop=0.05
+    ),
+    Slot.RAIL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.FENCE, gloss=0.05),
+    Slot.WIRE: Material((0.10, 0.14, 0.10), 0.25, SemanticClass.FENCE, drop=0.2, transmission=0.5),
+    Slot.CONCRETE: Material((0.38, 0.37, 0.35), 0.40, SemanticClass.OTHER_STRUCTURE),
+    Slot.PANEL: Material((0.30, 0.31, 0.30), 0.35, SemanticClass.OTHER_OBJECT, gloss=0.04),
+    Slot.SIGNAL: Material((0.03, 0.035, 0.03), 0.12, SemanticClass.POLE, gloss=0.03),
+    Slot.CARGO: Material((0.55, 0.55, 0.54), 0.40, gloss=0.03),
 }
 
 
@@ -193,8 +209,8 @@ def random_clothes(rng: np.random.Generator) -> Float32:
     frame = _CLOTHES[rng.integers(len(_CLOTHES))] * rng.uniform(0.6, 1.4, 3)
     hair = np.array([0.10, 0.06, 0.03]) * rng.uniform(0.2, 2.5)
     colours = {
-        Slot.SHIRT: (*shirt, rng.uniform(0.15, 0.6)),
-        Slot.TROUSERS: (*trousers, rng.uniform(0.1, 0.4)),
+        Slot.SHIRT: (*shirt, rng.uniform(0.2, 0.75)),
+        Slot.TROUSERS: (*trousers, rng.uniform(0.15, 0.6)),
         Slot.SKIN: (*skin, 0.45),
         Slot.HAIR: (*hair, 0.15),
         Slot.BICYCLE: (*frame, 0.25),

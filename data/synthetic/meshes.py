@@ -114,6 +114,14 @@ def moved(mesh: Mesh, dst_SE3_src: Float64) -> Mesh:
     return Mesh(vertices, mesh.triangles, mesh.slots, mesh.normals @ rotation.T, mesh.texture_m)
 
 
+def stretched(mesh: Mesh, factors: Float | Sequence[float]) -> Mesh:
+    """Stretch a mesh along its axes."""
+    by = np.asarray(factors, np.float32)
+    normals = mesh.normals / by
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return Mesh(mesh.vertices_m * by, mesh.triangles, mesh.slots, normals, mesh.texture_m)
+
+
 def grid(points_m: Float, slots: Int | UInt8 | int) -> Mesh:
     """Span a surface over (R, C, 3) points; slots per (R-1, C-1) cell or one for all."""
     rows, columns = points_m.shape[:2]

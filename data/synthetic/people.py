@@ -130,7 +130,8 @@ def _wheel(centre_m: Float64, radius_m: float) -> Mesh:
 
 
 @lru_cache
-def _bicycle() -> Mesh:
+def bicycle() -> Mesh:
+    """Build a bicycle."""
     rear, front = np.array([-0.52, 0, 0.34]), np.array([0.55, 0, 0.34])
     crank, seat, head = (
         np.array([-0.08, 0, 0.30]),
@@ -161,7 +162,7 @@ def _bicycle() -> Mesh:
 @lru_cache(maxsize=512)
 def cyclist(height_m: float, phase: int) -> Mesh:
     """Build a bicycle and its rider in one of the poses of a pedal turn."""
-    parts = [_bicycle()]
+    parts = [bicycle()]
     hip, neck = np.array([-0.22, 0, 0.98]), np.array([0.06, 0, 1.44])
     turn = -2 * np.pi * phase / PHASES
     for side in (1, -1):

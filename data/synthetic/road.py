@@ -15,6 +15,8 @@ from scipy.spatial import cKDTree
 from perception.types import Float64
 
 _STEP_M = 0.5
+# Waves of the land's bumps: radians a metre along the road and across it.
+_BUMPS_1_M = [(0.31, 0.13), (-0.22, 0.57), (0.83, -0.41), (0.52, 1.17), (1.31, 0.71), (-1.53, 1.19)]
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class RoadShape:
         parking_m: width of a parking lane, 0 for none.
         kerb_m: height of the kerbs.
         pavement_m: width of a pavement.
+        lanes: in each direction.
+        land_m: heights that the land rises to beside the road, right and left; negative for ditches.
+        land_reach_m: way over which it rises.
+        roughness_m: standard deviation of the heights of the land's bumps.
     """
 
     curvature_1_m: float = 1 / 160
@@ -44,11 +50,30 @@ class RoadShape:
     parking_m: float = 2.1
     kerb_m: float = 0.12
     pavement_m: float = 2.8
+    lanes: int = 1
+    land_m: tuple[float, float] = (0.0, 0.0)
+    land_reach_m: float = 6.0
+    roughness_m: float = 0.0
+
+    @property
+    def lanes_m(self) -> float:
+        """From the centreline to the edge of the outer lane."""
+        return self.lanes * self.lane_m
 
     @property
     def half_width_m(self) -> float:
         """From the centreline to a kerb."""
-        return self.lane_m + self.parking_m
+        return self.lanes_m + self.parking_m
+
+    @property
+    def outer_m(self) -> float:
+        """From the centreline to the outer edge of a pavement, where the land begins."""
+        return self.half_width_m + self.pavement_m
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the land beside the road is more than a plane."""
+        return self.roughness_m > 0 or any(self.land_m)
 
 
 @dataclass(frozen=True)
@@ -108,11 +133,30 @@ class Road:
         kerb = shape.half_width_m
         carriageway = -shape.crown * np.minimum(side, kerb)
         beside = np.where(side > kerb, shape.kerb_m + 0.015 * (side - kerb), 0.0)
-        return np.asarray(carriageway + beside)
+        return np.asarray(carriageway + beside + self._land_m(l_m))
+
+    def _land_m(self, l_m: Float64) -> Float64:
+        """Return how far the land has risen, in a curve without edges."""
+        shape = self.shape
+        share = np.clip((np.abs(l_m) - shape.outer_m) / shape.land_reach_m, 0, 1)
+        return np.where(l_m < 0, *shape.land_m) * share**2 * (3 - 2 * share)
+
+    def bumps_m(self, s_m: Float64, l_m: Float64) -> Float64:
+        """Return the bumps of the land: waves of 3 to 20 m in all directions, none on the road."""
+        if self.shape.roughness_m == 0:
+            return np.zeros(np.broadcast(s_m, l_m).shape)
+        amplitude = self.shape.roughness_m * np.sqrt(2 / len(_BUMPS_1_M))
+        waves = sum(
+            np.sin(along * s_m + across * l_m + number * self.phases_rad.sum())
+            for number, (along, across) in enumerate(_BUMPS_1_M, start=1)
+        )
+        share = np.clip((np.abs(l_m) - self.shape.outer_m) / 1.5, 0, 1)
+        return np.asarray(amplitude * share * waves)
 
     def height_m(self, s_m: Float64, l_m: Float64) -> Float64:
         """Return the ground's height at (s, l)."""
-        return self.profile_m(s_m) + self.bank(s_m) * l_m + self.section_m(l_m)
+        plane = self.profile_m(s_m) + self.bank(s_m) * l_m
+        return plane + self.section_m(l_m) + self.bumps_m(s_m, l_m)
 
     def place(self, s_m: Float64, l_m: Float64) -> Float64:
         """Return (..., 3) the ground's points at (s, l)."""

@@ -63,11 +63,13 @@ def texture_at(tables: SurfaceTables, hits: Hits, rows: Int) -> Float32:
 def is_marking(shape: RoadShape, s_m: Float32, l_m: Float32) -> Bool:
     """Tell where the road is painted: a dashed centreline, and lines along the parking lanes."""
     side = np.abs(l_m)
-    dash = (np.mod(s_m, 9.0) < 3.0) & (side < 0.06)
+    # Dashes between lanes, the centreline's among them.
+    from_line = np.abs(np.mod(side + shape.lane_m / 2, shape.lane_m) - shape.lane_m / 2)
+    dash = (np.mod(s_m, 9.0) < 3.0) & (from_line < 0.06) & (side < shape.lanes_m - 1)
     if shape.parking_m < 1.0:
         return np.asarray(dash | (np.abs(side - shape.half_width_m + 0.25) < 0.05))
-    edge = (np.abs(side - shape.lane_m) < 0.05) & (np.mod(s_m, 2.0) < 1.0)
-    bay = (np.mod(s_m, 5.6) < 0.09) & (side > shape.lane_m)
+    edge = (np.abs(side - shape.lanes_m) < 0.05) & (np.mod(s_m, 2.0) < 1.0)
+    bay = (np.mod(s_m, 5.6) < 0.09) & (side > shape.lanes_m)
     return np.asarray(dash | edge | bay)
 
 
@@ -115,7 +117,9 @@ class Painter:
         s, side = place[:, 0], place[:, 1]
         patches = smooth_noise(s * 2, side * 6)
         tone = 1 + 0.05 * patches + 0.16 * fade * grain(s * 60, side * 60)
-        tracks = np.cos(2 * np.pi * (np.abs(side) - 0.9) / 1.6) * (np.abs(side) < self._road.lane_m)
+        tracks = np.cos(2 * np.pi * (np.abs(side) - 0.9) / 1.6) * (
+            np.abs(side) < self._road.lanes_m
+        )
         tone -= 0.05 * tracks
         seam = np.abs(side + 0.25 + 0.05 * np.sin(s * 0.9) * np.sin(s * 0.37)) < 0.025
         crack = np.abs(smooth_noise(s * 5 + 99, side * 5)) < 0.012 * fade

@@ -1,15 +1,15 @@
 """Lay out a street: plots of houses and gardens, furniture along the kerb, parked vehicles."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import meshes, street
-from data.synthetic.materials import SemanticClass, palette
+from data.synthetic import furniture, meshes, street, vegetation
+from data.synthetic.materials import SemanticClass, Slot, palette
 from data.synthetic.meshes import Mesh
 from data.synthetic.road import Road
 from data.synthetic.street import Part
-from perception.geometry import se3
 from perception.types import Float32, Float64
 
 
@@ -22,12 +22,24 @@ class TownStyle:
         greenery: share of kerbside places with a tree, and of gardens with a hedge.
         furniture: share of kerbside places with a lamp, sign or bollard.
         parking: share of parking places taken, where there is a parking lane.
+        borders: share of gardens with a hedge, fence or wall towards the pavement.
+        lamps: share of the lamps' places with one.
+        backdrop: share of places behind the houses with a tall tree.
+        low_crowns: share of trees whose leaves reach down to the ground.
+        leaves: of a tree.
+        ground_reflectance: of road and land, over the usual.
     """
 
     houses: float = 0.65
     greenery: float = 0.4
     furniture: float = 0.75
     parking: float = 0.55
+    borders: float = 1.0
+    lamps: float = 1.0
+    backdrop: float = 1.0
+    low_crowns: float = 0.0
+    leaves: int = 1700
+    ground_reflectance: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,15 +61,31 @@ def furnish(
     style: TownStyle,
     clearings: list[Clearing],
     rng: np.random.Generator,
+    is_free: Callable[[float, float, int], bool] = lambda s_m, length_m, side: True,
 ) -> list[Part]:
-    """Return the ground of a stretch and all that stands on it."""
-    parts = [street.ground(road, *stretch_m)]
+    """Return the ground of a stretch and all that is built on it.
+
+    Args:
+        road: the road.
+        stretch_m: from and to.
+        style: how it is built up.
+        clearings: where nothing may stand.
+        rng: draws what stands where.
+        is_free: whether a plot may be built on, by where it begins, its length and its side.
+    """
+    parts = [street.ground(road, *stretch_m, _ground_palette(style))]
     for side in (-1, 1):
         roadside = _Roadside(road, side, style, rng)
-        parts += roadside.plots(*stretch_m)
+        parts += roadside.plots(*stretch_m, is_free)
         parts += roadside.kerbside(*stretch_m, clearings)
         parts += roadside.backdrop(*stretch_m)
     return parts
+
+
+def _ground_palette(style: TownStyle) -> Float32:
+    looks = palette()
+    looks[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= style.ground_reflectance
+    return looks
 
 
 @dataclass(frozen=True)
@@ -81,33 +109,28 @@ class _Roadside:
         """Outer edge of the pavement."""
         return self.road.shape.half_width_m + self.road.shape.pavement_m
 
-    def plots(self, start_m: float, end_m: float) -> list[Part]:
+    def plots(
+        self, start_m: float, end_m: float, is_free: Callable[[float, float, int], bool]
+    ) -> list[Part]:
         """Fill the land behind the pavement with houses and gardens, plot after plot."""
         parts: list[Part] = []
         s = start_m
         while s < end_m - 8:
             length = float(self.rng.uniform(9, 17))
-            parts += self._plot(s, length)
+            if is_free(s, length, self.side):
+                parts += self._plot(s, length)
             s += length + float(self.rng.choice([0.3, 0.3, 3.5]))
         return parts
 
     def _plot(self, s_m: float, length_m: float) -> list[Part]:
         if self.rng.random() >= self.style.houses:
-            return [self._border(s_m, length_m), *self._garden(s_m, length_m)]
+            return [*self._border(s_m, length_m), *self._garden(s_m, length_m)]
         front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
         house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
-        return [house, self._border(s_m, length_m)] if front_garden_m > 0 else [house]
+        return [house, *self._border(s_m, length_m)] if front_garden_m > 0 else [house]
 
     def _along(self, s_m: float, length_m: float, edge_m: float) -> Float64:
-        """Return the pose of a straight front along the road: x along it, y away from the road."""
-        # Straight fronts stand clear of the pavement where the road curves.
-        sagitta = self.road.shape.curvature_1_m * length_m**2 / 8
-        ends = self.road.place(
-            np.array([s_m, s_m + length_m]), np.full(2, self.side * (edge_m + sagitta))
-        )
-        start, end = ends if self.side > 0 else ends[::-1]
-        heading = float(np.arctan2(end[1] - start[1], end[0] - start[0]))
-        return se3.from_euler(0.0, 0.0, heading, np.array([*start[:2], ends[:, 2].min()]))
+        return street.fronting(self.road, s_m, length_m, self.side * edge_m)
 
     def _house(self, s_m: float, length_m: float, edge_m: float) -> Part:
         floors = int(self.rng.choice([2, 2, 3, 3, 4]))
@@ -115,17 +138,24 @@ class _Roadside:
         pose = self._along(s_m, length_m, edge_m)
         return Part(meshes.moved(mesh, pose), street.house_palette(self.rng))
 
-    def _border(self, s_m: float, length_m: float) -> Part:
+    def _border(self, s_m: float, length_m: float) -> list[Part]:
         """Close a plot off towards the pavement by a hedge, a fence or a low wall."""
+        if self._lacks(self.style.borders):
+            return []
         pose = self._along(s_m, length_m, self._edge_m + 0.7)
         height, kind = float(self.rng.uniform(0.8, 1.7)), self.rng.random()
         if kind < self.style.greenery:
-            hedge = street.hedge(length_m, height, self.rng)
-            return Part(meshes.moved(hedge, pose), street.foliage_palette(self.rng))
+            hedge = vegetation.hedge(length_m, height, self.rng)
+            return [Part(meshes.moved(hedge, pose), vegetation.foliage_palette(self.rng))]
         if kind < 0.85:
-            return Part(meshes.moved(street.fence(length_m, min(height, 1.3)), pose), palette())
-        wall = meshes.moved(street.garden_wall(length_m, min(height, 1.1)), pose)
-        return Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)
+            fence = furniture.fence(length_m, min(height, 1.3))
+            return [Part(meshes.moved(fence, pose), palette())]
+        wall = meshes.moved(furniture.garden_wall(length_m, min(height, 1.1)), pose)
+        return [Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)]
+
+    def _lacks(self, share: float) -> bool:
+        """Draw whether one of many is missing; where all or none are, nothing is drawn."""
+        return share <= 0 or (share < 1 and self.rng.random() >= share)
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
         count = 1 + int(self.rng.random() < self.style.greenery)
@@ -139,9 +169,12 @@ class _Roadside:
         ]
 
     def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
-        mesh = street.tree(height_m, self.rng)
+        # A crown that reaches the ground must not reach the pavement.
+        has_room = out_m - self._edge_m > vegetation.CROWN_REACH * height_m
+        is_low = has_room and not self._lacks(self.style.low_crowns)
+        mesh = vegetation.tree(height_m, self.rng, self.style.leaves, is_low=is_low)
         pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
-        return Part(meshes.moved(mesh, pose), street.foliage_palette(self.rng))
+        return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))
 
     def kerbside(self, start_m: float, end_m: float, clearings: list[Clearing]) -> list[Part]:
         """Stand lamps, signs, bollards and trees in a row behind the kerb."""
@@ -153,6 +186,8 @@ class _Roadside:
             if any(abs(s_m - clearing.s_m) < clearing.half_m for clearing in clearings):
                 continue
             if number % 4 == 0:
+                if self._lacks(self.style.lamps):
+                    continue
                 parts.append(self._facing_traffic(self._lamp(), palette(), s_m, row_m))
             elif self.rng.random() < self.style.furniture * 0.6:
                 parts.append(self._facing_traffic(*self._post(), s_m, row_m))
@@ -167,15 +202,17 @@ class _Roadside:
         return Part(meshes.moved(mesh, pose), looks)
 
     def _lamp(self) -> Mesh:
-        return street.lamp(float(self.rng.uniform(5, 8)), float(self.rng.uniform(0.04, 0.05)), 1.2)
+        return furniture.lamp(
+            float(self.rng.uniform(5, 8)), float(self.rng.uniform(0.04, 0.05)), 1.2
+        )
 
     def _post(self) -> tuple[Mesh, Float32]:
         """Draw a sign, or a bollard."""
         if self.rng.random() < 0.6:
             kind = int(self.rng.choice([0, 0, 1, 2, 2, 3]))
-            return street.sign(kind, 0.03), street.sign_palette(kind, self.rng)
+            return furniture.sign(kind, 0.03), furniture.sign_palette(kind, self.rng)
         height, radius = float(self.rng.uniform(0.9, 1.1)), float(self.rng.uniform(0.025, 0.05))
-        return street.bollard(height, radius), palette()
+        return furniture.bollard(height, radius), palette()
 
     def backdrop(self, start_m: float, end_m: float) -> list[Part]:
         """Stand a loose row of tall trees behind the houses."""
@@ -186,4 +223,5 @@ class _Roadside:
                 float(self.rng.uniform(9, 15)),
             )
             for s in np.arange(start_m, end_m, 14.0)
+            if not self._lacks(self.style.backdrop)
         ]

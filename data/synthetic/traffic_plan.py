@@ -1,5 +1,7 @@
 """Draw who is on the road and where they go, so that nobody runs into anybody."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from data.synthetic import actors as cast_of
@@ -10,10 +12,14 @@ from data.synthetic.road import Road
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import Yard
 from perception.geometry import se3
 from perception.types import Float64
 
 _EGO_LENGTH_M = 4.6
+_LONG_M = 6.5
+_HEAVY_IN_YARDS = 0.07
+_LEAST_GAP_M = 3.0  # between bumpers at the start
 
 
 class TrafficPlan:
@@ -27,7 +33,9 @@ class TrafficPlan:
         self.times_s = traffic.simulation_times(duration_s)
         self.actors: list[Actor] = []
         self.clearings: list[Clearing] = []
-        self._vehicles = cast_of.draw_vehicles(rng, 11)
+        draw = cast_of.draw_mixed_vehicles if config.is_mixed_fleet else cast_of.draw_vehicles
+        self._vehicles = draw(rng, 11)
+        self._heavy = cast_of.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
         self._walkers = cast_of.draw_pedestrians(rng, 3)
         self._riders = cast_of.draw_cyclists(rng, 2)
         self._crossers: list[Path] = []
@@ -41,11 +49,14 @@ class TrafficPlan:
         free = traffic.drive_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
         own_blocks, oncoming_blocks = self._crossings(free)
         places = traffic.drive_lane(lane, self.times_s, own_blocks, slowdowns)
-        centre = -self.road.shape.lane_m / 2 + 0.1
+        centre = 0.1 - (self.config.ego_lane + 0.5) * self.road.shape.lane_m
         for row, body in enumerate(bodies):
             if row != ego_row:
                 self._add(body, Path(self.times_s, places[:, row], self._wander(centre)), 1.1)
-        self._oncoming(oncoming_blocks)
+        for number in range(self.road.shape.lanes):
+            self._oncoming(oncoming_blocks, (number + 0.5) * self.road.shape.lane_m)
+            if number != self.config.ego_lane:
+                self._alongside(-(number + 0.5) * self.road.shape.lane_m)
         ego = Path(self.times_s, places[:, ego_row], self._wander(centre))
         self._tracks.append((self._sampled(ego), 1.3))
         return ego
@@ -62,6 +73,7 @@ class TrafficPlan:
         desired = config.ego_m_s * rng.uniform(0.9, 1.08, len(place))
         length = np.array([body.size_m[0] for body in bodies])
         length[len(ahead)] = _EGO_LENGTH_M
+        place = _apart(place, length, len(ahead))
         desired[len(ahead)] = config.ego_m_s * 1.1
         return Lane(place, length, desired), bodies, len(ahead)
 
@@ -73,8 +85,21 @@ class TrafficPlan:
             for n, t in enumerate(starts)
         ]
 
-    def _oncoming(self, blocks: list[Block]) -> None:
-        """Draw the vehicles of the other lane; their places run against the road."""
+    def _alongside(self, l_m: float) -> None:
+        """Draw the vehicles of another lane of the same direction."""
+        config, rng = self.config, self.rng
+        gaps = config.vehicle_gap_m * rng.uniform(0.5, 2.0, int(260 / config.vehicle_gap_m) + 2)
+        place = 130.0 - np.cumsum(gaps) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
+        bodies = [self._vehicle() for _ in place]
+        length = np.array([body.size_m[0] for body in bodies])
+        desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
+        lane = Lane(_apart(place, length, 0), length, desired)
+        places = traffic.drive_lane(lane, self.times_s, [], [])
+        for row, body in enumerate(bodies):
+            self._add_inside(body, Path(self.times_s, places[:, row], self._wander(l_m)))
+
+    def _oncoming(self, blocks: list[Block], l_m: float) -> None:
+        """Draw the vehicles of a lane of the other direction; their places run against the road."""
         config, rng = self.config, self.rng
         speed = config.ego_m_s * 1.0
         farthest = 2.05 * (self.duration_s + traffic.WARM_UP_S) * speed + 150.0
@@ -84,15 +109,18 @@ class TrafficPlan:
         place = 60.0 - np.cumsum(gaps)
         bodies = [self._vehicle() for _ in place]
         desired = speed * rng.uniform(0.92, 1.08, len(place))
-        lane = Lane(place, np.array([body.size_m[0] for body in bodies]), desired)
+        length = np.array([body.size_m[0] for body in bodies])
+        lane = Lane(_apart(place, length, 0), length, desired)
         stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
         places = traffic.drive_lane(lane, self.times_s, blocks, stops)
-        centre = self.road.shape.lane_m / 2
         for row, body in enumerate(bodies):
-            path = Path(self.times_s, -places[:, row], self._wander(centre), facing=-1)
-            inside = (path.s_m > self.road.start_m + 5) & (path.s_m < self.road.end_m - 5)
-            if inside.all():
-                self._add(body, path, 1.1)
+            path = Path(self.times_s, -places[:, row], self._wander(l_m), facing=-1)
+            self._add_inside(body, path)
+
+    def _add_inside(self, body: Body, path: Path) -> None:
+        """Add a vehicle unless it would leave the road."""
+        if path.s_m.min() > self.road.start_m + 5 and path.s_m.max() < self.road.end_m - 5:
+            self._add(body, path, 1.1)
 
     def _crossings(self, ego_place_m: Float64) -> tuple[list[Block], list[Block]]:
         """Let people cross before the ego vehicle; return when which lane is closed."""
@@ -124,13 +152,15 @@ class TrafficPlan:
         shape, length = self.road.shape, stretch_m[1] - stretch_m[0]
         for _ in range(int(self.config.cyclists * length / 100)):
             side = int(self.rng.choice([-1, 1]))
-            row = side * (shape.lane_m - 0.35)
+            row = side * (shape.lanes_m - 0.35)
             self._try_add(
                 self._rider(), self._ride(stretch_m, row, -side, self.rng.uniform(3.6, 5.5)), 0.8
             )
         for _ in range(int(self.config.pedestrians * length / 100)):
             side, way = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
-            row = side * (shape.half_width_m + self.rng.uniform(1.1, shape.pavement_m - 0.4))
+            row = side * (
+                shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
+            )
             stands = self.rng.random() < 0.15
             body = cast_of.draw_standing(self.rng) if stands else self._walker()
             pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
@@ -153,7 +183,7 @@ class TrafficPlan:
         for side in (-1, 1):
             s = stretch_m[0] + 4.0
             while s < stretch_m[1] - 8:
-                body = self._vehicle()
+                body = self._light_vehicle()
                 s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
                 is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in self.clearings)
                 if rng.random() < self.config.town.parking and is_clear:
@@ -170,7 +200,46 @@ class TrafficPlan:
         looks = cast_of.draw_looks(body, self.rng)
         self.actors.append(Actor(len(self.actors), body, looks, None, pose))
 
+    def park_off_road(self, yards: Sequence[Yard]) -> None:
+        """Stand vehicles in yards, in one or two rows, all at about the same angle to the road."""
+        for yard in yards:
+            angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
+            for row in range(int(self.rng.choice([1, 1, 2]))):
+                out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
+                self._fill_row(yard, out_m, angle)
+
+    def _fill_row(self, yard: Yard, out_m: float, angle_rad: float) -> None:
+        s = yard.s_m + 1.0
+        while s < yard.s_m + yard.length_m - 2.0:
+            is_heavy = bool(self._heavy) and self.rng.random() < _HEAVY_IN_YARDS
+            body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
+            # Long ones stand along the road, lest they reach into it.
+            angle = 0.0 if is_heavy else angle_rad
+            along_m = float(np.array([np.cos(angle), np.sin(angle)]) @ body.size_m[:2])
+            s += along_m / 2 + 0.4
+            if self.rng.random() < self.config.town.parking:
+                turn = angle + float(self.rng.normal(0, 0.06)) + np.pi * float(self.rng.integers(2))
+                self._stand(body, s, yard.side * (out_m + float(self.rng.normal(0, 0.2))), turn)
+            s += along_m / 2 + 0.4
+
+    def _stand(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
+        """Park a vehicle at any angle to the road, level with the ground under it."""
+        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]))
+        level = vehicle_poses(self.road, path, np.zeros(1))[0]
+        looks = cast_of.draw_looks(body, self.rng)
+        pose = level @ se3.from_euler(0, 0, turn_rad)
+        self.actors.append(Actor(len(self.actors), body, looks, None, pose))
+
     def _vehicle(self) -> Body:
+        """Draw one that drives."""
+        is_heavy = bool(self._heavy) and self.rng.random() < self.config.heavy
+        body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
+        return body if body.kind != "Misc" else self._light_vehicle()
+
+    def _heavy_vehicle(self) -> Body:
+        return self._heavy[int(self.rng.integers(len(self._heavy)))]
+
+    def _light_vehicle(self) -> Body:
         return self._vehicles[int(self.rng.integers(len(self._vehicles)))]
 
     def _walker(self) -> Body:
@@ -194,6 +263,10 @@ class TrafficPlan:
 
     def _add(self, body: Body, path: Path, radius_m: float) -> None:
         self._tracks.append((self._sampled(path), radius_m))
+        if body.size_m[0] > _LONG_M:
+            for shift_m in np.array([-1, 1]) * (body.size_m[0] / 2 - radius_m):
+                end = Path(path.times_s, path.s_m + shift_m, path.l_m)
+                self._tracks.append((self._sampled(end), radius_m))
         looks = cast_of.draw_looks(body, self.rng)
         self.actors.append(Actor(len(self.actors), body, looks, path))
 
@@ -204,3 +277,12 @@ class TrafficPlan:
             if (np.linalg.norm(other - places, axis=1) < radius_m + reach).any():
                 return
         self._add(body, path, radius_m)
+
+
+def _apart(place_m: Float64, length_m: Float64, fixed: int) -> Float64:
+    """Move the vehicles of a lane apart where they would touch, but for one that stays."""
+    least = (length_m[:-1] + length_m[1:]) / 2 + _LEAST_GAP_M
+    if (-np.diff(place_m) >= least).all():
+        return place_m
+    behind = np.concatenate([[0.0], np.cumsum(np.maximum(-np.diff(place_m), least))])
+    return np.asarray(place_m[fixed] + behind[fixed] - behind)

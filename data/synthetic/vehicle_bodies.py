@@ -9,7 +9,7 @@ import numpy as np
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
-from data.synthetic.vehicle_designs import BodyStyle, VehicleDesign
+from data.synthetic.vehicle_designs import VehicleDesign
 from perception.types import Bool, Float64, UInt8
 
 
@@ -37,9 +37,7 @@ def _pillars(design: VehicleDesign) -> Float64:
     """Return (P, 2) x at both edges of the pillars between the side windows."""
     half = design.length_m / 2
     front, rear = half - design.roof_ahead_m, -half + design.roof_back_m
-    middle = (
-        front - 0.42 * (front - rear) if design.style is not BodyStyle.PANEL_VAN else front - 0.75
-    )
+    middle = front - 0.42 * (front - rear) if design.has_rear_windows else front - 0.75
     centres = np.array([middle, rear + 0.22 * (middle - rear)])
     return np.asarray(centres[:, None] + (-0.05, 0.05))
 

@@ -15,6 +15,22 @@ class BodyStyle(Enum):
     SUV = "suv"
     MINIVAN = "minivan"
     PANEL_VAN = "panel van"
+    CITY_CAR = "city car"
+    COUPE = "coupé"
+    LIMOUSINE = "limousine"
+    COMPACT_MPV = "compact MPV"
+    OFF_ROADER = "off-roader"
+    PICK_UP = "pick-up"
+    SMALL_VAN = "small van"
+    HIGH_VAN = "high van"
+
+    @property
+    def is_van(self) -> bool:
+        """Whether it is labelled a van and not a car."""
+        return self in _VANS
+
+
+_VANS = (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN, BodyStyle.SMALL_VAN, BodyStyle.HIGH_VAN)
 
 
 @dataclass(frozen=True)
@@ -75,7 +91,12 @@ class VehicleDesign:
     @property
     def is_tall(self) -> bool:
         """Whether its sides are nearly upright."""
-        return self.style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN)
+        return self.style.is_van or self.style is BodyStyle.OFF_ROADER
+
+    @property
+    def has_rear_seats(self) -> bool:
+        """Whether its roof is long enough for a second row."""
+        return self.style not in (BodyStyle.COUPE, BodyStyle.PICK_UP)
 
     @property
     def axles_m(self) -> tuple[float, float]:
@@ -94,7 +115,16 @@ _TYPICAL_M = {
     BodyStyle.SUV: (4.45, 1.83, 1.70, 1.06, 1.09, 0.95, 1.10, 1.12, 1.72, 0.50, 0.16),
     BodyStyle.MINIVAN: (4.55, 1.82, 1.85, 1.02, 1.08, 0.90, 1.08, 0.82, 1.70, 0.28, 0.10),
     BodyStyle.PANEL_VAN: (5.20, 1.95, 2.10, 1.15, 1.22, 1.02, 1.15, 0.72, 1.55, 0.10, 0.05),
+    BodyStyle.CITY_CAR: (3.45, 1.62, 1.49, 0.93, 0.97, 0.82, 0.98, 0.74, 1.36, 0.42, 0.12),
+    BodyStyle.COUPE: (4.25, 1.79, 1.34, 0.87, 0.89, 0.71, 0.92, 1.35, 2.05, 1.35, 0.55),
+    BodyStyle.LIMOUSINE: (4.95, 1.87, 1.47, 0.95, 0.98, 0.80, 1.02, 1.30, 2.10, 1.55, 0.75),
+    BodyStyle.COMPACT_MPV: (4.35, 1.79, 1.64, 0.97, 1.02, 0.86, 1.02, 0.90, 1.68, 0.40, 0.12),
+    BodyStyle.OFF_ROADER: (4.50, 1.85, 1.86, 1.12, 1.15, 1.08, 1.12, 1.20, 1.52, 0.14, 0.08),
+    BodyStyle.PICK_UP: (5.05, 1.83, 1.77, 1.06, 1.10, 1.00, 1.06, 1.20, 1.85, 2.25, 2.10),
+    BodyStyle.SMALL_VAN: (4.35, 1.81, 1.86, 1.06, 1.12, 0.98, 1.06, 0.66, 1.36, 0.12, 0.06),
+    BodyStyle.HIGH_VAN: (6.00, 2.00, 2.58, 1.22, 1.30, 1.10, 1.22, 0.60, 1.50, 0.10, 0.05),
 }
+_HIGH_WHEELS = (BodyStyle.SUV, BodyStyle.OFF_ROADER, BodyStyle.PICK_UP, BodyStyle.HIGH_VAN)
 
 
 def draw_design(style: BodyStyle, rng: np.random.Generator) -> VehicleDesign:
@@ -103,8 +133,8 @@ def draw_design(style: BodyStyle, rng: np.random.Generator) -> VehicleDesign:
     length, width, height, belt, bonnet, nose, tail, *back = (
         np.array(_TYPICAL_M[style]) * (1 + spread * rng.uniform(-1, 1, len(spread)))
     ).tolist()
-    is_suv = style is BodyStyle.SUV
-    is_tall = style in (BodyStyle.MINIVAN, BodyStyle.PANEL_VAN)
+    is_high = style in _HIGH_WHEELS
+    is_tall = style.is_van or style is BodyStyle.OFF_ROADER
     return VehicleDesign(
         style,
         length_m=length,
@@ -119,8 +149,8 @@ def draw_design(style: BodyStyle, rng: np.random.Generator) -> VehicleDesign:
         roof_back_m=back[2],
         screen_back_m=back[3],
         roof_width=0.86 if is_tall else rng.uniform(0.70, 0.78),
-        wheel_m=rng.uniform(0.34, 0.37) if is_suv else rng.uniform(0.29, 0.33),
-        clearance_m=0.26 if is_suv else 0.19,
-        has_rear_windows=style is not BodyStyle.PANEL_VAN,
+        wheel_m=rng.uniform(0.34, 0.37) if is_high else rng.uniform(0.29, 0.33),
+        clearance_m=0.26 if is_high else 0.19,
+        has_rear_windows=style not in (BodyStyle.PANEL_VAN, BodyStyle.HIGH_VAN),
         has_dark_bumpers=bool(rng.random() < 0.35),
     )

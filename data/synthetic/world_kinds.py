@@ -1,0 +1,245 @@
+"""Kinds of worlds: streets of a town, housing streets, main roads, open junctions, country roads.
+
+Each is drawn with its own amounts of everything, so that no two worlds look alike.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from data.synthetic.clutter import Clutter
+from data.synthetic.road import RoadShape
+from data.synthetic.town import TownStyle
+from data.synthetic.world_config import WorldConfig
+
+
+def draw_config(rng: np.random.Generator) -> WorldConfig:
+    """Draw a world of one of the kinds."""
+    kinds = list(_SHARES)
+    return kinds[int(rng.choice(len(kinds), p=list(_SHARES.values())))](rng)
+
+
+def town_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a street of houses and gardens: narrower, greener, busier, steeper."""
+    road = _curved(rng, least_radius_m=110, slope=0.05)
+    road = replace(
+        road,
+        lane_m=_between(rng, 3.3, 4.0),
+        parking_m=float(rng.choice([0.0, 2.1, 2.1, 2.3])),
+        pavement_m=_between(rng, 2.2, 4.0),
+    )
+    town = TownStyle(
+        houses=_between(rng, 0.1, 0.95),
+        greenery=_between(rng, 0.05, 0.55),
+        furniture=_between(rng, 0.05, 0.6),
+        parking=_between(rng, 0.2, 0.9),
+        borders=_between(rng, 0.3, 1.0),
+        lamps=_between(rng, 0.1, 0.8),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
+        leaves=1000,
+        ground_reflectance=_between(rng, 0.75, 1.25),
+    )
+    clutter = Clutter(
+        bushes=_between(rng, 0, 7),
+        grass=_between(rng, 0, 20),
+        conifers=_between(rng, 0, 2),
+        railings=_between(rng, 0, 0.2),
+        boxes=_between(rng, 1, 6),
+        shelters=_between(rng, 0, 0.6),
+        poles=_between(rng, 0, 1.2),
+        yards=_between(rng, 0, 1.5),
+    )
+    return _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.08)
+
+
+def housing_street(rng: np.random.Generator) -> WorldConfig:
+    """Draw a narrow street with vehicles parked along both sides, hedges and dustbins."""
+    config = town_street(rng)
+    road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
+    town = replace(
+        config.town,
+        houses=_between(rng, 0.6, 0.95),
+        parking=_between(rng, 0.6, 1.0),
+        greenery=_between(rng, 0.3, 0.9),
+    )
+    clutter = replace(
+        config.clutter, boxes=_between(rng, 4, 10), bushes=_between(rng, 3, 10), yards=0.0
+    )
+    return replace(
+        config, road=road, town=town, clutter=clutter, ego_m_s=_between(rng, 5, 9), heavy=0.03
+    )
+
+
+def main_road(rng: np.random.Generator) -> WorldConfig:
+    """Draw a wide road of several lanes with guard rails, heavy traffic, and green beside it."""
+    lanes = int(rng.choice([1, 2, 2]))
+    road = replace(
+        _on_uneven_land(rng, _curved(rng, least_radius_m=250, slope=0.03), height_m=2.5),
+        lane_m=_between(rng, 3.5, 4.2),
+        lanes=lanes,
+        parking_m=0.0,
+        pavement_m=_between(rng, 0.8, 3.0),
+    )
+    town = TownStyle(
+        houses=0.0,
+        greenery=_between(rng, 0.05, 0.5),
+        furniture=_between(rng, 0.05, 0.4),
+        borders=_between(rng, 0.0, 0.4),
+        lamps=_between(rng, 0.0, 1.0),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
+        leaves=1000,
+        ground_reflectance=_between(rng, 0.7, 1.25),
+    )
+    clutter = Clutter(
+        bushes=_between(rng, 3, 14),
+        grass=_between(rng, 10, 40),
+        conifers=_between(rng, 0, 4),
+        rails=_between(rng, 0.1, 0.8) / 2.5,
+        railings=_between(rng, 0, 0.25),
+        boxes=_between(rng, 0, 2),
+        poles=_between(rng, 0, 0.8),
+        delineators=_between(rng, 0, 3),
+    )
+    config = WorldConfig(road=road, town=town, clutter=clutter)
+    return replace(
+        _peopled(rng, config, heavy=0.15),
+        ego_m_s=_between(rng, 11, 19),
+        ego_lane=int(rng.integers(lanes)),
+        cyclists=_between(rng, 0, 1),
+        pedestrians=_between(rng, 0, 2),
+        crossing_every_s=0.0,
+    )
+
+
+def open_junction(rng: np.random.Generator) -> WorldConfig:
+    """Draw an open place: islands with signals and signs, groups of poles, bus stops, yards of vehicles."""
+    lanes = int(rng.choice([1, 2]))
+    road = replace(
+        _curved(rng, least_radius_m=150, slope=0.02),
+        lane_m=_between(rng, 4.2, 4.9) if lanes == 1 else _between(rng, 3.9, 4.3),
+        lanes=lanes,
+        parking_m=0.0,
+        kerb_m=_between(rng, 0.05, 0.13),
+        pavement_m=_between(rng, 2.5, 6.0),
+    )
+    town = TownStyle(
+        houses=_between(rng, 0.0, 0.35),
+        greenery=_between(rng, 0.05, 0.5),
+        furniture=_between(rng, 0.1, 0.7),
+        parking=_between(rng, 0.3, 0.95),
+        borders=_between(rng, 0.0, 0.5),
+        lamps=_between(rng, 0.1, 0.8),
+        backdrop=_between(rng, 0.1, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
+        leaves=1000,
+        ground_reflectance=_between(rng, 0.7, 1.25),
+    )
+    clutter = Clutter(
+        bushes=_between(rng, 2, 12),
+        grass=_between(rng, 0, 25),
+        conifers=_between(rng, 0, 2),
+        rails=_between(rng, 0, 0.05),
+        railings=_between(rng, 0, 0.3),
+        boxes=_between(rng, 1, 5),
+        shelters=_between(rng, 0.2, 1.2),
+        poles=_between(rng, 1.5, 5),
+        islands=_between(rng, 1, 5),
+        yards=_between(rng, 0.5, 4),
+    )
+    config = WorldConfig(road=road, town=town, clutter=clutter)
+    return replace(
+        _peopled(rng, config, heavy=0.12),
+        ego_lane=int(rng.integers(lanes)),
+        crossing_every_s=0.0 if lanes > 1 else 11.0,
+    )
+
+
+def country_road(rng: np.random.Generator) -> WorldConfig:
+    """Draw a road without kerbs between slopes and ditches, grass, bushes and woods."""
+    road = replace(
+        _on_uneven_land(rng, _curved(rng, least_radius_m=120, slope=0.06), height_m=4.0),
+        lane_m=_between(rng, 3.1, 3.7),
+        parking_m=0.0,
+        kerb_m=0.0,
+        pavement_m=_between(rng, 0.6, 1.6),
+    )
+    town = TownStyle(
+        houses=0.0,
+        greenery=_between(rng, 0.0, 0.5),
+        furniture=_between(rng, 0.0, 0.2),
+        borders=_between(rng, 0.0, 0.3),
+        lamps=0.0,
+        backdrop=_between(rng, 0.0, 0.8),
+        low_crowns=_between(rng, 0.1, 0.8),
+        leaves=1000,
+        ground_reflectance=_between(rng, 0.75, 1.25),
+    )
+    clutter = Clutter(
+        bushes=_between(rng, 3, 15),
+        grass=_between(rng, 10, 50),
+        conifers=_between(rng, 0, 6),
+        rails=float(rng.choice([0.0, 0.1, 0.25])),
+        boxes=_between(rng, 0, 0.5),
+        delineators=_between(rng, 0, 4),
+    )
+    config = WorldConfig(road=road, town=town, clutter=clutter)
+    return replace(
+        _peopled(rng, config, heavy=0.12),
+        ego_m_s=_between(rng, 9, 18),
+        cyclists=_between(rng, 0, 3),
+        pedestrians=0.0,
+        crossing_every_s=0.0,
+    )
+
+
+# How often each kind is drawn.
+_SHARES: dict[Callable[[np.random.Generator], WorldConfig], float] = {
+    town_street: 0.28,
+    housing_street: 0.18,
+    main_road: 0.18,
+    open_junction: 0.22,
+    country_road: 0.14,
+}
+
+
+def _between(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(rng.uniform(low, high))
+
+
+def _curved(rng: np.random.Generator, least_radius_m: float, slope: float) -> RoadShape:
+    return RoadShape(
+        curvature_1_m=_between(rng, 0, 1 / least_radius_m),
+        curve_length_m=_between(rng, 150, 260),
+        slope=_between(rng, 0, slope),
+        bank=_between(rng, 0, 0.025),
+        kerb_m=_between(rng, 0.10, 0.15),
+    )
+
+
+def _on_uneven_land(rng: np.random.Generator, road: RoadShape, height_m: float) -> RoadShape:
+    """Draw slopes up and down beside a road, and how uneven they are."""
+    right, left = rng.uniform(-0.4 * height_m, height_m, 2) * (rng.random(2) < 0.7)
+    return replace(
+        road,
+        land_m=(float(right), float(left)),
+        land_reach_m=_between(rng, 3, 10),
+        roughness_m=_between(rng, 0.03, 0.22),
+    )
+
+
+def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> WorldConfig:
+    """Draw how much traffic there is."""
+    return replace(
+        config,
+        ego_m_s=_between(rng, 6, 12),
+        leader_gap_m=_between(rng, 11, 45),
+        vehicle_gap_m=_between(rng, 18, 45),
+        is_mixed_fleet=True,
+        heavy=_between(rng, 0, 2 * heavy),
+        cyclists=_between(rng, 1, 8),
+        pedestrians=_between(rng, 3, 20),
+        is_sunny=bool(rng.random() < 0.65),
+    )

@@ -1,0 +1,48 @@
+"""Places along a road, and yards: places off the road where vehicles stand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_YARD_M = (12.0, 34.0)
+
+
+def draw_places(
+    stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
+) -> list[float]:
+    """Draw places along a stretch, some number in 100 m."""
+    count = rng.poisson(amount * (stretch_m[1] - stretch_m[0]) / 100)
+    return [float(s_m) for s_m in rng.uniform(stretch_m[0] + 4, stretch_m[1] - 4, count)]
+
+
+@dataclass(frozen=True)
+class Yard:
+    """A place off the road where vehicles stand.
+
+    Attributes:
+        s_m: where it begins.
+        length_m: along the road.
+        side: 1 to the road's left, -1 to its right.
+    """
+
+    s_m: float
+    length_m: float
+    side: int
+
+    def overlaps(self, s_m: float, length_m: float, side: int) -> bool:
+        """Tell whether a plot would lie on it."""
+        before, after = s_m + length_m <= self.s_m, s_m >= self.s_m + self.length_m
+        return side == self.side and not (before or after)
+
+
+def draw_yards(
+    stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
+) -> list[Yard]:
+    """Draw yards along a stretch, none over another."""
+    yards: list[Yard] = []
+    for side in (-1, 1):
+        for s_m in draw_places(stretch_m, amount, rng):
+            length_m = float(rng.uniform(*_YARD_M))
+            if not any(yard.overlaps(s_m, length_m, side) for yard in yards):
+                yards.append(Yard(s_m, length_m, side))
+    return yards

@@ -1,0 +1,117 @@
+"""Worlds of every kind can be built, and nobody in them stands in anybody else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.synthetic import actors, clutter, world_kinds
+from data.synthetic.clutter import Clutter
+from data.synthetic.drive import SyntheticDrive
+from data.synthetic.materials import SemanticClass
+from data.synthetic.road import Road, RoadShape
+from data.synthetic.traffic_plan import _apart
+from data.synthetic.world_config import WorldConfig
+from data.synthetic.yards import Yard
+from perception.errors import UsageError
+from perception.geometry.box_overlap_ground import iou_ground
+
+KINDS = [
+    world_kinds.town_street,
+    world_kinds.housing_street,
+    world_kinds.main_road,
+    world_kinds.open_junction,
+    world_kinds.country_road,
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_two_vehicles_touch(kind):
+    config = kind(np.random.default_rng(5))
+    drive = SyntheticDrive(20, seed=5, config=config, images=False)
+    for index in (0, 19):
+        labels = drive.labels_around(index)
+        vehicles = labels.boxes_velo[np.isin(labels.types, ["Car", "Van", "Truck", "Misc"])]
+        overlap = iou_ground(vehicles, vehicles) - np.eye(len(vehicles))
+        assert len(vehicles) > 2
+        assert overlap.max() < 1e-3
+
+
+def test_a_place_full_of_clutter_has_all_of_it():
+    road = Road(RoadShape(lanes=2, land_m=(1.5, -1.0), roughness_m=0.1))
+    everything = Clutter(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5)
+    parts = clutter.litter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
+    assert len(parts) > 300
+    heights = [
+        part.mesh.vertices_m[:, 2].max() - part.mesh.vertices_m[:, 2].min() for part in parts
+    ]
+    assert max(heights) < 12
+    assert not clutter.litter(road, (0.0, 100.0), Clutter(), [], np.random.default_rng(0))
+
+
+def test_bushes_do_not_grow_over_the_road():
+    road = Road(RoadShape(pavement_m=0.5))
+    parts = clutter.litter(
+        road, (0.0, 100.0), Clutter(bushes=30, conifers=10), [], np.random.default_rng(1)
+    )
+    for part in parts:
+        _, side = road.locate(part.mesh.vertices_m[:, :2].astype(float))
+        assert np.quantile(np.abs(side), 0.05) > road.shape.half_width_m
+
+
+def test_slopes_and_bumps_begin_beyond_the_pavement():
+    shape = RoadShape(land_m=(-1.0, 2.0), land_reach_m=4.0, roughness_m=0.2, crown=0.0, bank=0.0)
+    rough, smooth = Road(shape), Road(replace(shape, roughness_m=0.0, land_m=(0.0, 0.0)))
+    s = np.linspace(0, 80, 400)
+    inside, outside = shape.outer_m - 0.01, shape.outer_m + 6.0
+    for side in (inside, -inside):
+        assert rough.height_m(s, side) == pytest.approx(smooth.height_m(s, side), abs=1e-9)
+    left = rough.height_m(s, outside) - smooth.height_m(s, outside)
+    right = rough.height_m(s, -outside) - smooth.height_m(s, -outside)
+    assert left.mean() == pytest.approx(2.0, abs=0.1)
+    assert right.mean() == pytest.approx(-1.0, abs=0.1)
+    assert left.std() == pytest.approx(0.2, rel=0.3)
+
+
+def test_nothing_is_built_on_a_yard_of_the_same_side():
+    yard = Yard(10.0, 20.0, 1)
+    assert yard.overlaps(25.0, 10.0, 1)
+    assert not yard.overlaps(25.0, 10.0, -1)
+    assert not yard.overlaps(30.0, 5.0, 1)
+
+
+def test_trucks_start_apart_from_the_ego_vehicle():
+    place = _apart(np.array([12.0, 0.0, -9.0]), np.array([16.0, 4.6, 12.0]), 1)
+    assert place == pytest.approx([13.3, 0.0, -11.3])
+    free = np.array([40.0, 0.0, -30.0])
+    assert _apart(free, np.array([16.0, 4.6, 12.0]), 1) is free
+
+
+def test_heavy_vehicles_fill_their_boxes():
+    for body in actors.draw_heavy_vehicles(np.random.default_rng(0), 7):
+        low, high = body.poses[0].vertices_m.min(axis=0), body.poses[0].vertices_m.max(axis=0)
+        length, width, height = body.size_m
+        assert body.kind in ("Truck", "Misc")
+        assert high[0] - low[0] == pytest.approx(length, abs=0.06)
+        assert width - 0.05 < high[1] - low[1] < width + 0.35  # mirrors
+        assert (low[2], high[2]) == pytest.approx((0.0, height), abs=0.02)
+
+
+def test_a_mixed_fleet_spans_the_sizes_of_cars():
+    bodies = actors.draw_mixed_vehicles(np.random.default_rng(0), 120)
+    sizes = np.array([body.size_m for body in bodies if body.kind == "Car"])
+    assert sizes[:, 0].min() < 3.5
+    assert sizes[:, 0].max() > 5.0
+    assert sizes[:, 2].min() < 1.36
+    assert sizes[:, 2].max() > 1.8
+
+
+def test_points_on_trucks_are_labelled_so():
+    config = replace(WorldConfig(), heavy=1.0)
+    scan = SyntheticDrive(2, seed=1, config=config, images=False).scan(0)
+    assert (scan.truth.classes == SemanticClass.TRUCK).sum() > 500
+
+
+def test_an_ego_lane_that_the_road_lacks_is_refused():
+    with pytest.raises(UsageError, match="ego_lane below the 1 lanes"):
+        WorldConfig(ego_lane=1)
