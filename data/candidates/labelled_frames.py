@@ -4,10 +4,8 @@ Both take long to make and are kept in an `ArrayStore`, under a key of all that 
 the settings, and the code itself.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +13,9 @@ import numpy as np
 
 import perception.detection
 import perception.maps
-from data.candidates.array_store import Arrays, ArrayStore, entry_key
+from data.array_store import Arrays, ArrayStore, entry_key
 from data.drive import Drive, Labels
-from data.kitti.objects import ObjectFrames
-from data.kitti.sequence import KittiSequence
+from data.frame_origin import code_mark, frame_origin
 from perception.detection.picture import camera_picture
 from perception.detection.proposals import ProposalRules, propose
 from perception.geometry.boxes import points_inside
@@ -163,39 +160,5 @@ def _shares(clusters: Int, is_within: np.ndarray, count: int) -> Float64:
 
 
 def _origin(drive: Drive, index: int) -> dict[str, Any]:
-    """Return what tells a frame from all others, and this from earlier contents of its files."""
-    files = _files(drive, index)
-    stats = [path.stat() if path.is_file() else None for path in files]
-    return {
-        "files": [
-            (path.resolve(), stat and (stat.st_size, stat.st_mtime_ns))
-            for path, stat in zip(files, stats, strict=True)
-        ],
-        "drive": (drive.name, drive.root.resolve(), index),
-        "lidar_height_m": drive.sensor.height_m,
-        "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
-        "code": _code_mark(),
-        # A drive that is not on disk is known by what it shows.
-        "scan": None if files else hashlib.blake2b(drive[index].points_velo.tobytes()).hexdigest(),
-    }
-
-
-def _files(drive: Drive, index: int) -> list[Path]:
-    """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
-    if isinstance(drive, ObjectFrames):
-        scan = drive.scans.path(drive.number(index))
-        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
-        return [scan, *texts]
-    if isinstance(drive, KittiSequence):
-        scan = drive.scans.path(drive.scans.numbers[index])
-        return [scan, *([drive.label_file] if drive.label_file else [])]
-    return []
-
-
-@cache
-def _code_mark() -> str:
-    """Return a hash of the code that makes pictures and scenes, so that none outlives a change of it."""
-    packages = (perception.detection, perception.maps)
-    folders = [Path(folder) for package in packages for folder in package.__path__]
-    sources = sorted(path for folder in folders for path in folder.glob("*.py"))
-    return entry_key(code=[path.read_text() for path in [*sources, Path(__file__)]])
+    code = code_mark(perception.detection, perception.maps, Path(__file__))
+    return {**frame_origin(drive, index), "code": code}

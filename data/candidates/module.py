@@ -11,36 +11,18 @@ from lightning.pytorch import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Sampler
 
-from data.candidates.array_store import ArrayStore
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import Ask, CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, Progress, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
-from data.candidates.splitting import SplitBy, validation_frames
-from data.open_drive import open_drive, sequences_in
 from data.process_share import ProcessShare
+from data.splitting import SplitBy, validation_frames
+from data.training_drives import Sources, open_drives
 from perception.detection.picture import CHANNELS
-from perception.errors import DriveError, UsageError
+from perception.errors import UsageError
 
 _SPLIT = 0x5B  # stream of random numbers
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Which drives are learned from.
-
-    Attributes:
-        training: drives, or folders of drives or sequences, all of which are taken.
-        validation: likewise, to judge by; none keeps a share of the training frames back.
-        cache: folder for what is made of the frames; else the user's cache folder.
-        cache_gb: what is unused for the longest time is deleted where there is more.
-    """
-
-    training: tuple[Path, ...]
-    validation: tuple[Path, ...] = ()
-    cache: Path | None = None
-    cache_gb: float = 20.0
 
 
 @dataclass(frozen=True)
@@ -181,13 +163,7 @@ class CandidateData(LightningDataModule):
         return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
 
     def _frames(self, paths: Sequence[Path]) -> LabelledFrames:
-        if not paths:
-            raise DriveError("candidates", expected="drives to learn from", found="none")
-        drives = [
-            open_drive(path, sequence=sequence) for path in paths for sequence in sequences_in(path)
-        ]
-        store = ArrayStore(self.sources.cache, int(self.sources.cache_gb * 1e9))
-        return LabelledFrames(drives, self.rules.frames, store)
+        return LabelledFrames(open_drives(paths), self.rules.frames, self.sources.store)
 
     def _dataset(
         self, frames: LabelledFrames, found: CandidateSet, augmentation: Augmentation | None

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from data.array_store import ArrayStore
 from data.drive import Labels
 from data.kitti.calibration import (
     DriveCalibration,
@@ -122,3 +123,8 @@ def object_root(tmp_path: Path) -> Path:
         _write(training / f"label_2/{number:06d}.txt", text)
         write_image(training / f"image_2/{number:06d}.png", (width, 19))
     return tmp_path / "object"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ArrayStore:
+    return ArrayStore(tmp_path / "cache")

@@ -4,9 +4,9 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from perception.detection.input_size import InputSize  # noqa: E402
 from perception.errors import UsageError  # noqa: E402
 from train.detector.input_sizes import (  # noqa: E402
-    InputSize,
     resize_labels,
     resize_pictures,
     scaled_sizes,

@@ -5,22 +5,15 @@ Every tenth batch draws a new size, as in Redmon and Farhadi, "YOLO9000: better,
 """
 
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from torch import Tensor
 from torch.nn import functional
 
+from perception.detection.input_size import SIZE_STEP_PX, InputSize
 from perception.errors import UsageError
 from train.detector.targets import BatchLabels
-from train.networks.grid_detector import SIZE_STEP_PX
-
-
-class InputSize(NamedTuple):
-    """Of the pictures that go into a network."""
-
-    height_px: int
-    width_px: int
 
 
 def scaled_sizes(

@@ -2,10 +2,9 @@
 
 from torch import Tensor, nn
 
+from perception.detection.input_size import SIZE_STEP_PX
 from perception.errors import ModelError
 from train.networks.grid_head import DecodedBoxes, GridHead
-
-SIZE_STEP_PX = 32  # both trunks halve the picture five times
 
 
 class GridDetector(nn.Module):

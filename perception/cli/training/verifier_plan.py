@@ -111,7 +111,8 @@ def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateD
     from data.candidates.augmentation import Augmentation
     from data.candidates.gathering import GatheringRules
     from data.candidates.labelled_frames import FrameRules
-    from data.candidates.module import CandidateData, CandidateRules, Loading, Sources
+    from data.candidates.module import CandidateData, CandidateRules, Loading
+    from data.training_drives import Sources
     from train.networks.depthcn import FORMS
 
     form = FORMS[method]

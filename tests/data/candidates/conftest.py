@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.candidates.array_store import ArrayStore
+from data.array_store import ArrayStore
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.drive import Labels
 from data.kitti.calibration import DriveCalibration, format_benchmark_calibration
@@ -92,11 +92,6 @@ def make_street(tmp_path: Path) -> Callable[..., Path]:
         return tmp_path / name
 
     return make
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> ArrayStore:
-    return ArrayStore(tmp_path / "cache")
 
 
 @pytest.fixture

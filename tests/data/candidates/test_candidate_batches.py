@@ -20,8 +20,9 @@ from data.candidates.dataset import Ask, CandidateDataset
 from data.candidates.gathering import GatheringRules, gather
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
-from data.candidates.module import CandidateData, CandidateRules, Loading, Sources
-from data.candidates.splitting import validation_frames
+from data.candidates.module import CandidateData, CandidateRules, Loading
+from data.splitting import validation_frames
+from data.training_drives import Sources
 from perception.detection.crops import crop_windows
 from perception.errors import DriveError, LabelError, UsageError
 
@@ -245,7 +246,7 @@ def test_grids_show_every_operation(dataset: CandidateDataset):
 
 def test_arrays_and_geometry_need_no_torch():
     code = (
-        "import sys, data.candidates.array_store, data.candidates.gathering\n"
+        "import sys, data.array_store, data.candidates.gathering\n"
         "import data.candidates.changes\n"
         "print([m for m in ('torch', 'lightning') if m in sys.modules])"
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.candidates.array_store import ArrayStore
+from data.array_store import ArrayStore
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.open_drive import open_drive

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data.array_store import ArrayStore
 from data.candidates import labelled_frames
-from data.candidates.array_store import ArrayStore
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.open_drive import open_drive
 from perception.detection.proposals import ProposalRules
@@ -90,7 +90,7 @@ def test_other_files_make_new_entries(street: LabelledFrames, name: str):
 
 def test_other_code_makes_new_entries(street: LabelledFrames, monkeypatch):
     street.scene(0)
-    monkeypatch.setattr(labelled_frames, "_code_mark", lambda: "another")
+    monkeypatch.setattr(labelled_frames, "code_mark", lambda *sources: "another")
     street.scene(0)
     assert entries(street.store) == 2
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.candidates import array_store
-from data.candidates.array_store import ArrayStore, default_folder, entry_key
+from data import array_store
+from data.array_store import ArrayStore, default_folder, entry_key
 from perception.errors import UsageError
 
 

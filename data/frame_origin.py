@@ -1,0 +1,55 @@
+"""What tells a frame, and what is made of it, from all others: the key of whatever a store keeps."""
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from data.array_store import entry_key
+from data.drive import Drive
+from data.kitti.objects import ObjectFrames
+from data.kitti.sequence import KittiSequence
+
+
+def frame_origin(drive: Drive, index: int) -> dict[str, Any]:
+    """Return what tells a frame from all others, and this from earlier contents of its files."""
+    files = frame_files(drive, index)
+    stats = [path.stat() if path.is_file() else None for path in files]
+    return {
+        "files": [
+            (path.resolve(), stat and (stat.st_size, stat.st_mtime_ns))
+            for path, stat in zip(files, stats, strict=True)
+        ],
+        "drive": (drive.name, drive.root.resolve(), index),
+        "lidar_height_m": drive.sensor.height_m,
+        "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
+        # A drive that is not on disk is known by what it shows.
+        "scan": None if files else hashlib.blake2b(drive[index].points_velo.tobytes()).hexdigest(),
+    }
+
+
+def frame_files(drive: Drive, index: int) -> list[Path]:
+    """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
+    if isinstance(drive, ObjectFrames):
+        scan = drive.scans.path(drive.number(index))
+        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
+        return [scan, *texts]
+    if isinstance(drive, KittiSequence):
+        scan = drive.scans.path(drive.scans.numbers[index])
+        return [scan, *([drive.label_file] if drive.label_file else [])]
+    return []
+
+
+@cache
+def code_mark(*sources: ModuleType | Path) -> str:
+    """Return a hash of packages and files, so that nothing kept outlives a change of what made it."""
+    files = [file for source in sources for file in _python_files(source)]
+    return entry_key(code=[file.read_text() for file in sorted(files)])
+
+
+def _python_files(source: ModuleType | Path) -> Sequence[Path]:
+    if isinstance(source, Path):
+        return [source]
+    return [file for folder in source.__path__ for file in Path(folder).glob("*.py")]

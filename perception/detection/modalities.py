@@ -1,0 +1,58 @@
+"""The three views of a road, and the 8-bit picture of each that a detector is shown (6.2.2).
+
+    rgb   the camera's image                                          (H, W, 3)
+    dm    depth of the LiDAR's returns, near 0, far 255 (6.2)          (H, W, 1)
+    rm    their reflectance, 0..1 as 0..255 (B.2.1)                    (H, W, 1)
+
+Where a map knows nothing it is 0.
+"""
+
+from collections.abc import Mapping
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+
+from perception.errors import ImageError
+from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
+from perception.maps.encoding import encode_depth, encode_reflectance
+from perception.maps.filling import Filling
+from perception.maps.projection import SparseMaps
+from perception.types import Frame, UInt8
+
+Modality = Literal["rgb", "dm", "rm"]
+MODALITIES: tuple[Modality, ...] = get_args(Modality)
+CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
+
+# How the maps of a detector are made: filled by some method, or the returns alone (Table B.2).
+MapFilling = MapMethod | Literal["sparse"]
+
+
+def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
+    """Return both maps, filled as asked for."""
+    if filling == "sparse":
+        return dense_maps(sparse, _leave_sparse)
+    return densify(sparse, filling)
+
+
+def map_picture(dense: DenseMaps, modality: Literal["dm", "rm"]) -> UInt8:
+    """Return (H, W, 1), the depth or the reflectance map as 8-bit numbers, 0 where nothing is known."""
+    if modality == "rm":
+        return encode_reflectance(dense.reflectance)[..., None]
+    picture = cv2.multiply(encode_depth(dense.depth_m), dense.is_valid.view(np.uint8))
+    return np.asarray(picture, np.uint8)[..., None]
+
+
+def camera_image(frame: Frame) -> UInt8:
+    """Return (H, W, 3) the RGB image of a frame.
+
+    Raises:
+        ImageError: it has none.
+    """
+    if frame.image is None:
+        raise ImageError(frame.source, expected="a camera image", found="none")
+    return frame.image
+
+
+def _leave_sparse(sparse: SparseMaps) -> Filling:
+    return Filling(sparse.scattered(sparse.depth_m), sparse.scattered(sparse.reflectance))
