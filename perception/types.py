@@ -3,9 +3,10 @@
 N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, y left, z up, in metres.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Protocol, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ Bool = NDArray[np.bool_]
 
 # By which form of a stage: ours, or the thesis' own.
 Method = Literal["default", "thesis"]
+# A view of the road that a detector looks at: the camera's image, the depth map, the reflectance map.
+Modality = Literal["rgb", "dm", "rm"]
+MODALITIES: tuple[Modality, ...] = get_args(Modality)
 
 
 def _require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:
@@ -303,6 +307,79 @@ class Detections:
         return cls(np.zeros((0, 4)), np.zeros(0), np.zeros(0, np.str_))
 
 
+# What the detector of each modality sees; one that did not look has no entry.
+ModalDetections = Mapping[Modality, Detections]
+
+
+@dataclass(frozen=True)
+class FusedDetections:
+    """M objects after joint rescoring, best first, and what they were made of.
+
+    Attributes:
+        detections: (M)
+        parts: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector saw nothing.
+        carriers: (M,) column of the modality that carried the detection most.
+    """
+
+    detections: Detections
+    parts: Int
+    carriers: Int
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        count = len(self.detections)
+        _require_shape("FusedDetections.parts", self.parts, (count, len(MODALITIES)))
+        _require_shape("FusedDetections.carriers", self.carriers, (count,))
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.detections)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the detections of a mask, of indices, or of a slice."""
+        return type(self)(self.detections[rows], self.parts[rows], self.carriers[rows])
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return no detections."""
+        return cls(
+            Detections.empty(), np.zeros((0, len(MODALITIES)), np.int64), np.zeros(0, np.int64)
+        )
+
+
+@dataclass(frozen=True)
+class Vehicles:
+    """M detected vehicles as objects on the road, in the LiDAR frame of one scan of N points.
+
+    Attributes:
+        fused: (M) what the detectors saw.
+        ids: (M,) track ids, those of `Tracks` where an object is followed by both; -1 before one is given.
+        boxes: (M) 3D boxes on the ground; rows of NaN where the LiDAR says too little.
+        distances_m: (M,) from the LiDAR to the nearest return, NaN without one.
+        velocities_m_s: (M, 2) over the ground along x and y of the LiDAR frame, NaN before it is known.
+        owners: (N,) for each point the vehicle that it belongs to, or -1.
+    """
+
+    fused: FusedDetections
+    ids: Int
+    boxes: Boxes3D
+    distances_m: Float64
+    velocities_m_s: Float64
+    owners: Int
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        count = len(self.fused)
+        _require_shape("Vehicles.ids", self.ids, (count,))
+        _require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
+        _require_shape("Vehicles.distances_m", self.distances_m, (count,))
+        _require_shape("Vehicles.velocities_m_s", self.velocities_m_s, (count, 2))
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.fused)
+
+
 @dataclass(frozen=True)
 class Result:
     """What the pipeline made of one frame.
@@ -313,6 +390,9 @@ class Result:
         ground: the ground surface in the LiDAR frame.
         obstacles: static and moving.
         tracks: what moves, as objects with an identity.
+        modal: what each detector saw by itself; empty where detection is off.
+        vehicles: what they say together, None where detection is off.
+        depthcn: what DepthCN saw, None where it is off.
         timings_s: seconds by stage, in the order in which the stages ran.
     """
 
@@ -321,4 +401,7 @@ class Result:
     ground: GroundModel
     obstacles: Obstacles
     tracks: Tracks = field(default_factory=Tracks.empty)
+    modal: ModalDetections = field(default_factory=dict)
+    vehicles: Vehicles | None = None
+    depthcn: Detections | None = None
     timings_s: dict[str, float] = field(default_factory=dict)

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from perception.detection.modalities import Modality
-from perception.types import Float64, UInt8
+from perception.types import Float64, Modality, UInt8
 
 SIZE_STEP_PX = 32  # every trunk halves its picture five times
 

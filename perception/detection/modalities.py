@@ -8,7 +8,7 @@ Where a map knows nothing it is 0.
 """
 
 from collections.abc import Mapping
-from typing import Literal, get_args
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,10 +18,8 @@ from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
-from perception.types import Frame, UInt8
+from perception.types import Frame, Modality, UInt8
 
-Modality = Literal["rgb", "dm", "rm"]
-MODALITIES: tuple[Modality, ...] = get_args(Modality)
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 
 # How the maps of a detector are made: filled by some method, or the returns alone (Table B.2).
