@@ -5,11 +5,13 @@ picture's own shape, with about as many pixels as it was trained with; the thesi
 """
 
 import math
-from typing import NamedTuple
+import re
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
 
+from perception.errors import UsageError
 from perception.types import Float64, Modality, UInt8
 
 SIZE_STEP_PX = 32  # every trunk halves its picture five times
@@ -20,6 +22,23 @@ class InputSize(NamedTuple):
 
     height_px: int
     width_px: int
+
+    @classmethod
+    def parse(cls, words: str) -> Self:
+        """Return the size that words such as 192x640 say: height and width, multiples of 32.
+
+        Raises:
+            UsageError: they say none.
+        """
+        found = re.fullmatch(r"(\d+)x(\d+)", words)
+        sides = [int(side) for side in found.groups()] if found else [0]
+        if min(sides) < SIZE_STEP_PX or any(side % SIZE_STEP_PX for side in sides):
+            raise UsageError(
+                "input size",
+                expected=f"HEIGHTxWIDTH in multiples of {SIZE_STEP_PX} pixels, such as 192x640",
+                found=words,
+            )
+        return cls(*sides)
 
     def for_picture(self, height_px: int, width_px: int) -> "InputSize":
         """Return a size of about as many pixels, in the shape of a picture and multiples of 32.

@@ -1,0 +1,43 @@
+"""What a network answers for every place of a picture, reduced to the objects that it sees."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from perception.detection.input_size import InputSize
+from perception.detection.suppression import suppress
+from perception.types import Detections, Float
+
+LEAST_SCORE = 0.01
+MOST_IOU = 0.5  # of two detections of one class (6.2.4)
+_MOST_ANSWERS = 1000  # that are compared with each other, the best
+
+
+def seen_objects(
+    boxes_px: Float,
+    scores: Float,
+    class_names: Sequence[str],
+    size: InputSize,
+    least_score: float = LEAST_SCORE,
+) -> Detections:
+    """Return the objects of one picture, best first, in pixels of the network's input.
+
+    Overlap is the same before and after a picture is stretched, so that the choice may be made here.
+
+    Args:
+        boxes_px: (K, 4) x1 y1 x2 y2 of the places.
+        scores: (K, classes) of them.
+        class_names: in the order of the scores.
+        size: of the input, at whose edges boxes end.
+        least_score: what is less sure is left out.
+    """
+    limits = np.tile([size.width_px, size.height_px], 2)
+    boxes_px = np.clip(np.asarray(boxes_px, np.float64), 0, limits)
+    has_area = np.all(boxes_px[:, 2:] > boxes_px[:, :2], axis=1)
+    places, classes = np.nonzero((scores >= least_score) & has_area[:, None])
+    sureness = np.asarray(scores[places, classes], np.float64)
+    best = np.argsort(-sureness, kind="stable")[:_MOST_ANSWERS]
+    found = Detections(
+        boxes_px[places[best]], sureness[best], np.array(class_names, np.str_)[classes[best]]
+    )
+    return found[suppress(found, MOST_IOU)]
