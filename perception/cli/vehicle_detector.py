@@ -1,10 +1,10 @@
 """A vehicle detector over a drive, with a clock on each of its parts."""
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from tqdm import tqdm
 
@@ -18,6 +18,8 @@ from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
 from perception.sensor import LidarModel
 from perception.types import Detections, Float64, Frame, Method
+
+Look = TypeVar("Look")
 
 
 @dataclass(frozen=True)
@@ -119,11 +121,19 @@ class DetectorChoice:
 def sightings(
     drive: Drive, detector: VehicleDetector, *, limit: int | None, on_bad_frame: OnBadFrame
 ) -> Iterator[Sighting]:
-    """Yield what a detector makes of each frame of a drive, with a progress bar.
+    """Yield what a detector makes of each frame of a drive, as `looks` does."""
+    for _, sighting in looks(drive, detector.look, limit=limit, on_bad_frame=on_bad_frame):
+        yield sighting
+
+
+def looks(
+    drive: Drive, look: Callable[[Frame], Look], *, limit: int | None, on_bad_frame: OnBadFrame
+) -> Iterator[tuple[Frame, Look]]:
+    """Yield each frame of a drive and what is made of it, with a progress bar.
 
     Args:
         drive: what is read.
-        detector: what looks at it.
+        look: what is made of a frame.
         limit: only so many frames from the start, or None.
         on_bad_frame: stop or skip.
 
@@ -134,5 +144,5 @@ def sightings(
     bar = tqdm(frames, drive.name, frame_count(drive, limit), unit="frame", file=sys.stderr)
     for frame in bar:
         with one_blas_thread():
-            sighting = detector.look(frame)
-        yield sighting
+            seen = look(frame)
+        yield frame, seen

@@ -1,45 +1,39 @@
 """`trifuse evaluate depthcn`: DepthCN on labelled drives, by KITTI's measure of boxes in the image."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from data.frames import OnBadFrame
-from data.open_drive import sequences_in
+from perception.cli.evaluations.class_precision import (
+    TRUNCATION_WORDS,
+    ClassPrecision,
+    MeasureRules,
+    RecallOption,
+)
 from perception.cli.evaluations.depthcn_figures import (
     DriveFigures,
     depthcn_panels,
     depthcn_results,
     depthcn_table,
 )
-from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars, open_labelled
-from perception.cli.evaluations.detection import (
-    DETECTION_PROTOCOL,
-    Resampling,
-    measure_detections,
-)
+from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
+from perception.cli.evaluations.detection import DETECTION_PROTOCOL
 from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.labelled_drives import (
+    ReadingRules,
+    labelled_places,
+    open_labelled,
+)
 from perception.cli.vehicle_detector import DetectorChoice
 from perception.detection.proposals import ProposalRules
 from perception.detection.verifier import VEHICLE
-from perception.errors import UsageError
-from perception.evaluation.detection.curve import RecallPoints
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 from perception.render.precision_plots import plot_precision
 from perception.types import Method
 
-RecallOption = Literal["11", "40"]
-
-_AVERAGED: dict[RecallOption, RecallPoints] = {"11": 11, "40": 40}
 _CAR = next(known for known in KITTI_CLASSES if known.name == VEHICLE)
 _PROTOCOL_WORDS = {
-    "truncation": (
-        "of tracking labels, level 0 counts at every difficulty, levels 1 and 2 at none; the objects that "
-        "are in both of KITTI's benchmarks bear this out: of level 0, 97 % are cut by 0.15 or less, of "
-        "level 1, 99.6 % by more than 0.5, of level 2, half"
-    ),
+    "truncation": TRUNCATION_WORDS,
     "proposals": "objects whose box some proposal's own box overlaps by the IoU, before verification",
     "thesis": "Table 7.9: the server's test set, whose labels are not public; other frames, other labels",
 }
@@ -84,62 +78,30 @@ def depthcn(  # noqa: PLR0913 - flags of a command
         plot: gets the precision-recall curves as PNG.
         json: gets the same figures with protocol, data and configuration.
     """
-    if not drives:
-        raise UsageError("drives", expected="at least one", found="none")
-    if frames is not None and frames < 1:
-        raise UsageError("--frames", expected="at least 1", found=str(frames))
+    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
+    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
     choice = DetectorChoice(method, model, rules)
-    resampling = Resampling(bootstrap, seed)
-    overlaps = (iou,) if isinstance(iou, float | int) else iou
     measured, facts = [], {}
-    for place in _places(drives, sequence):
-        drive = open_labelled(place.path, place.sequence, sensor)
+    for place in labelled_places(drives, sequence):
+        drive = open_labelled(place, reading)
         detector = choice.open(drive.sensor)
         facts = dict(detector.facts)
-        found = find_cars(place.name, drive, detector, frames, on_bad_frame)
-        measured.append(measure_cars(found, overlaps, _AVERAGED[recall_points], resampling))
+        found = find_cars(place.name, drive, detector, reading)
+        measured.append(measure_cars(found, measuring))
     print(depthcn_table(measured))
     if plot is not None:
         plot_precision(plot, f"DepthCN, {facts.get('method', 'default')}", depthcn_panels(measured))
     if json is not None:
         configuration = {"detector": choice, "network": facts}
         words = {**DETECTION_PROTOCOL, **_PROTOCOL_WORDS}
-        values = {"difficulties": DIFFICULTIES, "iou": overlaps, "resampling": resampling}
+        values = {"difficulties": DIFFICULTIES, **vars(measuring)}
         figures = Figures("depthcn", {**words, "values": values}, depthcn_results(measured))
         split = f"the network was trained on: {facts.get('training_data', 'not known')}"
         write_evaluation(json, [one.found.data for one in measured], configuration, figures, split)
 
 
-@dataclass(frozen=True)
-class _Place:
-    name: str
-    path: Path
-    sequence: str | None
-
-
-def _places(paths: Sequence[Path], sequence: str | None) -> Iterator[_Place]:
-    """Name every drive of every path; a sequence is asked of those that have several."""
-    for path in paths:
-        names = sequences_in(path)
-        if names == [None] or sequence is not None:
-            asked = sequence if names != [None] or len(paths) == 1 else None
-            yield _Place(" ".join(filter(None, (str(path), asked))), path, asked)
-            continue
-        for name in names:
-            yield _Place(f"{path} {name}", path, name)
-
-
-def measure_cars(
-    found: FoundCars,
-    overlaps: Sequence[float],
-    averaged: RecallPoints,
-    resampling: Resampling,
-) -> DriveFigures:
+def measure_cars(found: FoundCars, rules: MeasureRules) -> DriveFigures:
     """Measure detections at every overlap, and what their proposals reach."""
-    reports = {
-        overlap: measure_detections(found.boxes, (_CAR.at_iou(overlap),), (averaged,), resampling)
-        for overlap in overlaps
-    }
     frames = found.data.frames_evaluated
-    recall = proposal_recall(found.boxes.truths, found.proposals, frames, VEHICLE, overlaps)
-    return DriveFigures(found, reports, recall)
+    recall = proposal_recall(found.boxes.truths, found.proposals, frames, VEHICLE, rules.overlaps)
+    return DriveFigures(found, ClassPrecision.of(found.boxes, _CAR, rules), recall)

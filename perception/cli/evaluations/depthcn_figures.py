@@ -1,28 +1,26 @@
 """The figures of `trifuse evaluate depthcn`, for people and for programs: each drive for itself."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from perception.cli.evaluations.depthcn_steps import FoundCars
-from perception.cli.evaluations.detection_figures import (
-    CONFIDENCE,
-    DetectionReport,
-    detection_panels,
-    detection_results,
+from perception.cli.evaluations.class_precision import (
+    ClassPrecision,
+    notes_on_few,
+    precision_header,
 )
+from perception.cli.evaluations.depthcn_steps import FoundCars
 from perception.cli.table import Cell, format_table, percent
-from perception.detection.verifier import VEHICLE
-from perception.evaluation.detection.curve import best_ap
 from perception.evaluation.detection.proposal_recall import ProposalRecall
-from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS
+from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import PrecisionPanel
 
 # Table 7.9, on the test set of KITTI's server, over 11 recall points; 2.3 s a frame (7.2.1).
 THESIS_EASY_PERCENT, THESIS_FRAMES = 37.59, 7518
 _THESIS_IOU = 0.7
+_REACHED = 5  # the column of what proposals reach, behind that of the objects
 
 
 @dataclass(frozen=True)
@@ -31,99 +29,59 @@ class DriveFigures:
 
     Attributes:
         found: what the figures are of.
-        reports: by IoU, each of one class.
+        precision: of the detections.
         recall: of the proposals, at the same IoUs.
     """
 
     found: FoundCars
-    reports: Mapping[float, DetectionReport]
+    precision: ClassPrecision
     recall: ProposalRecall
-
-    @property
-    def kind(self) -> str:
-        """Whether the drive is real."""
-        return "synthetic" if self.found.data.is_synthetic else "real"
 
     def rows(self) -> Iterator[list[Cell]]:
         """Yield one row for each IoU and difficulty."""
-        for iou, report in self.reports.items():
-            for difficulty in (one.name for one in DIFFICULTIES):
-                reached = self.recall.difficulties[difficulty]
-                curve = report.figures.classes[0].curves.get(difficulty)
-                yield [
-                    f"{self.found.data.name} {difficulty}",
-                    self.kind,
-                    self.recall.frames,
-                    f"{iou:g}",
-                    reached.objects,
-                    percent(reached.found(iou), reached.objects),
-                    percent(curve.matches, curve.truths) if curve else None,
-                    f"{curve.ap(report.averaged[0]):.2f}" if curve and curve.truths else None,
-                    *_interval(report, difficulty),
-                    f"{best_ap(reached.objects, report.averaged[0]):.1f}"
-                    if reached.objects
-                    else None,
-                ]
+        data = self.found.data
+        rows = self.precision.rows(data.name, data.kind, self.recall.frames)
+        for row, reached in zip(rows, self._reached(), strict=True):
+            yield [*row[:_REACHED], reached, *row[_REACHED:]]
 
     def to_json(self) -> dict[str, Any]:
         """Return the same figures for programs."""
         ms = 1e3 * self.found.seconds
+        at_ious = self.precision.to_json()
+        for iou in self.precision.reports:
+            for difficulty, figures in at_ious[f"{iou:g}"].items():
+                figures["proposals_reach"] = self.recall.difficulties[difficulty].recall(iou)
         return {
-            "data": self.kind,
+            "data": self.found.data.kind,
             "frames": self.recall.frames,
             "ms_a_frame": {"mean": ms.mean(), "p99": np.percentile(ms, 99)},
             "proposals_a_frame": self.recall.proposals_a_frame,
-            "iou": {f"{iou:g}": self._at_iou(iou) for iou in self.reports},
+            "iou": at_ious,
         }
 
-    def _at_iou(self, iou: float) -> dict[str, Any]:
-        found = detection_results(self.reports[iou])[VEHICLE]["difficulties"] or {}
-        return {
-            one.name: {
-                "objects": self.recall.difficulties[one.name].objects,
-                "at_most_percent": best_ap(
-                    self.recall.difficulties[one.name].objects, self.reports[iou].averaged[0]
-                ),
-                "proposals_reach": self.recall.difficulties[one.name].recall(iou),
-                "detections": found.get(one.name),
-            }
-            for one in DIFFICULTIES
-        }
+    def _reached(self) -> Iterator[str | None]:
+        for iou in self.precision.reports:
+            for difficulty in (one.name for one in DIFFICULTIES):
+                reached = self.recall.difficulties[difficulty]
+                yield percent(reached.found(iou), reached.objects)
 
 
 def depthcn_table(measured: Sequence[DriveFigures]) -> str:
     """Return a row for each drive, IoU and difficulty, the thesis' row, and what one has to know."""
-    report = next(iter(measured[0].reports.values()))
-    points, has_intervals = report.averaged[0], bool(report.samples)
-    header: list[str] = [
-        *("", "data", "frames", "IoU", "objects", "proposals reach", "found", f"AP R{points} %"),
-        *([f"{100 * CONFIDENCE:g} % interval"] if has_intervals else []),
-        "of at most",
-    ]
+    header = precision_header(measured[0].precision, "data", "frames")
+    header.insert(_REACHED, "proposals reach")
     rows: list[list[Cell]] = [row for one in measured for row in one.rows()]
-    thesis: list[Cell] = [
-        "thesis, Table 7.9 easy",
-        "real",
-        THESIS_FRAMES,
-        f"{_THESIS_IOU:g}",
-        None,
-        None,
-        None,
-    ]
-    rows.append([*thesis, f"{THESIS_EASY_PERCENT:.2f}", *([None] * has_intervals), "100.0"])
+    thesis: dict[str, Cell] = {
+        "": "thesis, Table 7.9 easy",
+        "data": "real",
+        "frames": THESIS_FRAMES,
+        "IoU": f"{_THESIS_IOU:g}",
+        f"AP R{measured[0].precision.averaged} %": f"{THESIS_EASY_PERCENT:.2f}",
+        "of at most": "100.0",
+    }
+    rows.append([thesis.get(column) for column in header])
     table = format_table("DepthCN: cars, by KITTI's measure of boxes in the image", header, rows)
     return "\n".join([table, *_notes(measured)])
-
-
-def _interval(report: DetectionReport, difficulty: str) -> list[Cell]:
-    """Return the cell of the interval, or none where none was asked for."""
-    if not report.samples:
-        return []
-    samples = report.samples[0].get(difficulty)
-    if samples is None or np.isnan(samples.percent[report.averaged[0]]).all():
-        return [None]
-    interval = samples.interval(report.averaged[0], CONFIDENCE)
-    return [f"{interval.low:.2f} to {interval.high:.2f}"]
 
 
 def _notes(measured: Sequence[DriveFigures]) -> Iterator[str]:
@@ -131,17 +89,7 @@ def _notes(measured: Sequence[DriveFigures]) -> Iterator[str]:
         "The thesis' figure is of the test set of KITTI's server, whose labels are not public, over 11 "
         "points: beside these, not comparable with them."
     )
-    objects = [
-        one.recall.difficulties[difficulty.name].objects
-        for one in measured
-        for difficulty in DIFFICULTIES
-    ]
-    if min(objects) <= RECALL_STEPS:
-        yield (
-            f"Of {RECALL_STEPS} objects and fewer, the protocol has fewer than {RECALL_STEPS + 1} "
-            "thresholds: finding all of them and nothing else comes to less than 100 %, to what is "
-            "named as at most."
-        )
+    yield from notes_on_few([one.precision for one in measured])
     for one in measured:
         ms = 1e3 * one.found.seconds
         yield (
@@ -162,8 +110,7 @@ def depthcn_results(measured: Sequence[DriveFigures]) -> dict[str, Any]:
 def depthcn_panels(measured: Sequence[DriveFigures]) -> list[PrecisionPanel]:
     """Return what is drawn: one panel for each drive and IoU."""
     return [
-        replace(panel, title=f"{one.found.data.name} ({one.kind}), IoU over {iou:g}")
+        panel
         for one in measured
-        for iou, report in one.reports.items()
-        for panel in detection_panels(report)
+        for panel in one.precision.panels(f"{one.found.data.name} ({one.found.data.kind})")
     ]

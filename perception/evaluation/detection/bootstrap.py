@@ -37,12 +37,16 @@ class PrecisionSamples:
 
     def interval(self, recall_points: RecallPoints = 40, confidence: float = 0.95) -> Interval:
         """Return the percentiles between which the given share of the averages lies."""
-        values = self.percent[recall_points]
-        values = values[~np.isnan(values)]
-        if len(values) == 0:
-            return Interval(np.nan, np.nan)
-        low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
-        return Interval(float(low), float(high))
+        return percentile_interval(self.percent[recall_points], confidence)
+
+
+def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
+    """Return the percentiles between which the given share of (N,) averages, or of their differences, lies."""
+    known = percent[~np.isnan(percent)]
+    if len(known) == 0:
+        return Interval(np.nan, np.nan)
+    low, high = np.quantile(known, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return Interval(float(low), float(high))
 
 
 def resample_precision(

@@ -142,6 +142,18 @@ def judge(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Jud
     )
 
 
+def count_objects(
+    truths: TrueBoxes, frames: int, of_class: DetectionClass, difficulty: Difficulty
+) -> int:
+    """Return how many objects must be found, whatever was detected.
+
+    Raises:
+        PerceptionError: a box is of a frame beyond the last.
+    """
+    scene = lay_out(truths, DetectedBoxes.of_frames(()), frames)
+    return int(judge(scene, of_class, difficulty).is_valid.sum())
+
+
 def _heights_px(boxes_px: Float64) -> Float64:
     return np.asarray(boxes_px[:, 3] - boxes_px[:, 1])
 
