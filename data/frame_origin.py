@@ -33,18 +33,24 @@ def frame_origin(drive: Drive, index: int) -> dict[str, Any]:
 def frame_files(drive: Drive, index: int) -> list[Path]:
     """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
     if isinstance(drive, ObjectFrames):
-        scan = drive.scans.path(drive.number(index))
+        number = drive.number(index)
+        scan = drive.scans.path(number)
         texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
-        return [scan, *texts]
+        return [scan, *texts, *_image_files(drive, number)]
     if isinstance(drive, KittiSequence):
-        scan = drive.scans.path(drive.scans.numbers[index])
-        return [scan, *([drive.label_file] if drive.label_file else [])]
+        number = drive.scans.numbers[index]
+        labels = [drive.label_file] if drive.label_file else []
+        return [drive.scans.path(number), *labels, *_image_files(drive, number)]
     return []
+
+
+def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]:
+    return [drive.images.path(number)] if drive.images is not None else []
 
 
 @cache
 def code_mark(*sources: ModuleType | Path) -> str:
-    """Return a hash of packages and files, so that nothing kept outlives a change of what made it."""
+    """Return a hash of packages, modules and files: nothing kept outlives a change of what made it."""
     files = [file for source in sources for file in _python_files(source)]
     return entry_key(code=[file.read_text() for file in sorted(files)])
 
@@ -52,4 +58,6 @@ def code_mark(*sources: ModuleType | Path) -> str:
 def _python_files(source: ModuleType | Path) -> Sequence[Path]:
     if isinstance(source, Path):
         return [source]
+    if not hasattr(source, "__path__"):
+        return [Path(str(source.__file__))]
     return [file for folder in source.__path__ for file in Path(folder).glob("*.py")]

@@ -1,7 +1,6 @@
 """Candidates as tensors: a torch `Dataset` that changes each a little whenever it is asked for."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -12,6 +11,7 @@ from data.candidates.augmentation import Augmentation, Change, draw_change
 from data.candidates.changes import Candidate, look_at
 from data.candidates.gathering import CandidateSet
 from data.candidates.labelled_frames import LabelledFrames
+from data.loading import Ask
 from perception.detection.picture import CHANNELS
 from perception.errors import UsageError
 from perception.types import UInt8
@@ -19,18 +19,6 @@ from perception.types import UInt8
 Sample = Mapping[str, Tensor]
 
 _OPEN_PICTURES = 384  # a file handle each; systems allow a process 1024 or more
-
-
-class Ask(NamedTuple):
-    """Which candidate is asked for, and which of its looks.
-
-    Attributes:
-        row: of the candidate set.
-        look: numbers that the change is drawn by, such as the epoch and the place within it.
-    """
-
-    row: int
-    look: tuple[int, ...]
 
 
 class CandidateDataset(Dataset[Sample]):

@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
@@ -10,14 +10,12 @@ import numpy as np
 
 from data.candidates.labelled_frames import LabelledFrames, Scene
 from data.candidates.matching import MATCHING, VEHICLE
-from data.frames import OnBadFrame
+from data.frames import OnBadFrame, Progress
 from perception.detection.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError, UsageError
 from perception.types import Bool, Float32, Float64, Int
 
 log = logging.getLogger(__name__)
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)

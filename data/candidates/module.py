@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule
@@ -13,9 +12,11 @@ from torch.utils.data import DataLoader, Sampler
 
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedSampler
-from data.candidates.dataset import Ask, CandidateDataset, Sample
-from data.candidates.gathering import CandidateSet, GatheringRules, Progress, gather
+from data.candidates.dataset import CandidateDataset, Sample
+from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
+from data.frames import Progress
+from data.loading import Ask, make_loader
 from data.process_share import ProcessShare
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
@@ -174,20 +175,7 @@ class CandidateData(LightningDataModule):
     def _loader(
         self, dataset: CandidateDataset, sampler: Sampler[Ask] | None
     ) -> DataLoader[Sample]:
-        return DataLoader(
-            dataset,
-            batch_size=self.loading.batch_size,
-            sampler=sampler,
-            num_workers=self.loading.workers,
-            persistent_workers=self.loading.workers > 0,
-            pin_memory=self._has_accelerator(),
-            worker_init_fn=_keep_to_one_thread,
+        loading = self.loading
+        return make_loader(
+            self, dataset, sampler, batch_size=loading.batch_size, workers=loading.workers
         )
-
-    def _has_accelerator(self) -> bool:
-        return self.trainer is not None and self.trainer.strategy.root_device.type != "cpu"
-
-
-def _keep_to_one_thread(worker: int) -> None:
-    """Keep a worker's libraries to one thread: the workers share the cores already."""
-    cv2.setNumThreads(1)

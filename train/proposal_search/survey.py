@@ -1,7 +1,7 @@
 """What is searched over: the frames of labelled drives, cut into chunks that any process can read."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from data.drive import Drive, Labels
+from data.frames import Progress
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, LabelError, UsageError
 from perception.types import Bool
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,12 @@ from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import OPERATIONS, Augmentation
 from data.candidates.balance import BalancedSampler
-from data.candidates.dataset import Ask, CandidateDataset
+from data.candidates.dataset import CandidateDataset
 from data.candidates.gathering import GatheringRules, gather
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
 from data.candidates.module import CandidateData, CandidateRules, Loading
+from data.loading import Ask
 from data.splitting import validation_frames
 from data.training_drives import Sources
 from perception.detection.crops import crop_windows

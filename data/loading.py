@@ -1,0 +1,57 @@
+"""How samples come to a network: which is asked for, and by how many processes it is made."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import cv2
+from lightning.pytorch import LightningDataModule
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+
+class Ask(NamedTuple):
+    """Which sample is asked for, and which of its looks.
+
+    Attributes:
+        row: of the set of samples.
+        look: numbers that the change is drawn by, such as the epoch and the place within it.
+    """
+
+    row: int
+    look: tuple[int, ...]
+
+
+def make_loader(
+    module: LightningDataModule,
+    dataset: Dataset[Any],
+    sampler: Sampler[Ask] | None,
+    *,
+    batch_size: int,
+    workers: int,
+    collate: Callable[[Sequence[Any]], Any] | None = None,
+) -> DataLoader[Any]:
+    """Return batches of a data set, whose workers leave the cores to each other.
+
+    Args:
+        module: whose trainer says whether batches go to an accelerator.
+        dataset: of samples.
+        sampler: in which order; None takes all as they come.
+        batch_size: samples a batch.
+        workers: processes that make samples; 0 makes them where the network is trained.
+        collate: makes a batch of samples; else equal shapes are stacked.
+    """
+    trainer = module.trainer
+    return DataLoader(
+        dataset,
+        batch_size=batch_size,
+        sampler=sampler,
+        num_workers=workers,
+        persistent_workers=workers > 0,
+        pin_memory=trainer is not None and trainer.strategy.root_device.type != "cpu",
+        worker_init_fn=_keep_to_one_thread,
+        collate_fn=collate,
+    )
+
+
+def _keep_to_one_thread(worker: int) -> None:
+    """Keep a worker's libraries to one thread: the workers share the cores already."""
+    cv2.setNumThreads(1)

@@ -1,0 +1,210 @@
+"""Pictures of drives on disk, in batches, for Lightning."""
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lightning.pytorch import LightningDataModule
+from torch.utils.data import DataLoader, Sampler
+
+from data.frames import OnBadFrame, Progress
+from data.loading import Ask, make_loader
+from data.pictures.augmentation import PictureAugmentation
+from data.pictures.dataset import PictureDataset, Sample, ShuffledLooks, collate
+from data.pictures.labelled_pictures import LabelledPictures
+from data.pictures.making import PictureRules
+from data.pictures.splits import Split, drawn_split, listed_split
+from data.process_share import ProcessShare
+from data.splitting import SplitBy
+from data.training_drives import Sources, open_drives
+from perception.errors import PerceptionError, UsageError
+from perception.types import Int
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PictureLoading:
+    """Which pictures are learned from, and how they come to the network.
+
+    Attributes:
+        batch_size: pictures a batch.
+        workers: processes that make samples; 0 makes them where the network is trained.
+        validation_share: of the training frames or drives, where no validation drives are named.
+        test_share: of the training frames or drives, kept for the end; the thesis' split is 0.2 and 0.2 (7.2.2).
+        split_by: keep single frames back, or whole drives.
+        frame_lists: files of frame numbers to learn from and to judge by, instead of the shares; of one drive.
+        on_bad_frame: stop at a frame that cannot be read, or leave it out.
+        seed: of the split, the order and the augmentation.
+    """
+
+    batch_size: int = 16
+    workers: int = 0
+    validation_share: float = 0.2
+    test_share: float = 0.0
+    split_by: SplitBy = "frames"
+    frame_lists: tuple[Path, Path] | None = None
+    on_bad_frame: OnBadFrame = "stop"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what no batch could be made of."""
+        if self.batch_size < 1 or self.workers < 0:
+            raise UsageError(
+                "loading",
+                expected="a batch size from 1 and workers from 0",
+                found=f"{self.batch_size} and {self.workers}",
+            )
+        shares = self.validation_share, self.test_share
+        if min(shares) < 0 or sum(shares) >= 1:
+            raise UsageError(
+                "validation and test share",
+                expected="both from 0, together below 1",
+                found=f"{shares[0]:g} and {shares[1]:g}",
+            )
+
+
+class PictureData(LightningDataModule):
+    """Batches of pictures of one modality: changed to learn from, as they are to judge by.
+
+    A batch holds what `PictureDataset` says of a sample, with a first axis of samples; labels are filled up
+    with boxes of zero size.
+
+    Attributes:
+        training: what is learned from; there, as all of them, after `setup`.
+        validation: what is judged by.
+        test: what is kept for the end; empty where no share is.
+    """
+
+    training: PictureDataset
+    validation: PictureDataset
+    test: PictureDataset
+
+    def __init__(
+        self,
+        sources: Sources,
+        rules: PictureRules,
+        augmentation: PictureAugmentation | None = None,
+        loading: PictureLoading = PictureLoading(),
+        progress: Progress = iter,
+    ) -> None:
+        """Keep what `setup` needs; nothing is read yet.
+
+        Args:
+            sources: drives.
+            rules: what becomes of their frames.
+            augmentation: how pictures are changed to learn from; None leaves them as they are.
+            loading: which are learned from, and how they come to the network.
+            progress: goes through the numbers of the frames, and may show how far it is.
+        """
+        super().__init__()
+        self.sources, self.rules = sources, rules
+        self.augmentation, self.loading = augmentation, loading
+        self._progress = progress
+
+    def prepare_data(self) -> None:
+        """Fill the cache; with several GPUs, in one process only.
+
+        Raises:
+            PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
+        """
+        for paths in (self.sources.training, self.sources.validation):
+            if paths:
+                frames = self._frames(paths)
+                self._readable(frames, self._progress(range(len(frames))))
+
+    def setup(self, stage: str | None = None) -> None:
+        """Read all labels and keep some frames back.
+
+        Raises:
+            LabelError: nothing that is looked for is labelled, or a list of frames cannot be used.
+            UsageError: the shares leave nothing of one part, or lists and shares or drives contradict.
+            PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
+        """
+        frames = self._frames(self.sources.training)
+        split = self._split(frames)
+        kept_frames, kept = frames, split.validation
+        if self.sources.validation:
+            kept_frames = self._frames(self.sources.validation)
+            kept = np.arange(len(kept_frames))
+        self.training = self._dataset(frames, split.training, self.augmentation)
+        self.validation = self._dataset(kept_frames, kept, None)
+        self.test = self._dataset(frames, split.test, None)
+        self.training.require_wanted("training pictures")
+        self.validation.require_wanted("validation pictures")
+
+    def train_dataloader(self) -> DataLoader[Sample]:
+        """Return batches in a new order, with new looks, at every epoch."""
+        sampler = ShuffledLooks(len(self.training), self.loading.seed)
+        if self.trainer is None:
+            return self._loader(self.training, sampler)
+        # Workers begin before Lightning says which epoch a resumed training goes on with.
+        sampler.set_epoch(self.trainer.current_epoch)
+        share = ProcessShare(sampler, self.trainer.global_rank, self.trainer.world_size)
+        return self._loader(self.training, share)
+
+    def val_dataloader(self) -> DataLoader[Sample]:
+        """Return batches of everything that is judged by, in order."""
+        return self._loader(self.validation, None)
+
+    def test_dataloader(self) -> DataLoader[Sample]:
+        """Return batches of everything that was kept for the end, in order."""
+        return self._loader(self.test, None)
+
+    def _frames(self, paths: Sequence[Path]) -> LabelledPictures:
+        return LabelledPictures(open_drives(paths), self.rules, self.sources.store)
+
+    def _split(self, frames: LabelledPictures) -> Split:
+        loading, has_drives = self.loading, bool(self.sources.validation)
+        if loading.frame_lists is None:
+            return drawn_split(
+                frames.drive_numbers,
+                validation_share=0.0 if has_drives else loading.validation_share,
+                test_share=loading.test_share,
+                by=loading.split_by,
+                seed=loading.seed,
+            )
+        if has_drives or len(frames.drives) > 1 or loading.test_share > 0:
+            raise UsageError(
+                "lists of frames",
+                expected="one drive, no validation drives and no test share beside them",
+                found=f"{len(frames.drives)} drives, {len(self.sources.validation)} validation drives "
+                f"and a test share of {loading.test_share:g}",
+            )
+        return listed_split(frames.file_numbers, loading.frame_lists)
+
+    def _dataset(
+        self, frames: LabelledPictures, numbers: Int, augmentation: PictureAugmentation | None
+    ) -> PictureDataset:
+        readable = self._readable(frames, numbers.tolist(), is_told=True)
+        return PictureDataset(frames, readable, augmentation, self.loading.seed)
+
+    def _readable(
+        self, frames: LabelledPictures, numbers: Iterable[int], *, is_told: bool = False
+    ) -> Int:
+        """Return the numbers of frames of which there is a picture; make it where it is not kept yet."""
+        readable = []
+        for number in numbers:
+            try:
+                frames.picture(number)
+            except PerceptionError as error:
+                if self.loading.on_bad_frame == "stop":
+                    raise
+                if is_told:
+                    log.warning("skipped frame %d: %s", number, error)
+                continue
+            readable.append(number)
+        return np.array(readable, np.int64)
+
+    def _loader(self, dataset: PictureDataset, sampler: Sampler[Ask] | None) -> DataLoader[Sample]:
+        loading = self.loading
+        return make_loader(
+            self,
+            dataset,
+            sampler,
+            batch_size=loading.batch_size,
+            workers=loading.workers,
+            collate=collate,
+        )
