@@ -1,10 +1,10 @@
 """A network as a file: checked when it is opened, ready for its first frame, arrays by name in and out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.abc import Traversable
 from importlib.resources import files
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import onnxruntime
@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from perception.errors import ModelError
 
 Array = NDArray[Any]
-# As many rows as a frame has candidates: memory for them is set aside before the first frame.
-_WARM_UP_ROWS = 32
 # As ONNX Runtime names the types of numbers that go in.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
@@ -59,12 +57,19 @@ class ModelContract:
         noted: names of metadata that have to be there, whatever their value.
         inputs: by name; the file must have these and no others.
         outputs: names.
+        usual_rows: that go in at once, as many as a frame has candidates: memory for them is set aside
+            before the first frame.
     """
 
     facts: Mapping[str, str]
     noted: tuple[str, ...] = ()
     inputs: Mapping[str, Input] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
+    usual_rows: int = 32
+
+    def with_facts(self, facts: Mapping[str, str]) -> Self:
+        """Return the same contract with further facts, or others in their place."""
+        return replace(self, facts={**self.facts, **facts})
 
 
 def shipped_model(name: str) -> Traversable:
@@ -93,10 +98,11 @@ class OnnxModel:
         """What the file says of itself."""
         self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
         """What goes in, by name."""
-        self._outputs = [entry.name for entry in self._session.get_outputs()]
+        self.output_shapes = {entry.name: _shape_of(entry) for entry in self._session.get_outputs()}
+        """What comes out, by name; None along an axis of any length."""
         self._check_facts(contract)
         self._check_interface(contract)
-        self(self._blank_inputs())
+        self(self._blank_inputs(contract.usual_rows))
 
     def __call__(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
         """Run the network once.
@@ -105,7 +111,7 @@ class OnnxModel:
             ModelError: the inputs are not the network's, or what comes out is not finite.
         """
         try:
-            arrays = self._session.run(self._outputs, dict(inputs))
+            arrays = self._session.run(list(self.output_shapes), dict(inputs))
         except Exception as error:  # ONNX Runtime's errors have no base of their own
             shapes = ", ".join(f"{name} {array.shape}" for name, array in inputs.items())
             raise ModelError(
@@ -113,7 +119,7 @@ class OnnxModel:
                 expected=f"to run on {shapes}",
                 found=_first_line(error),
             ) from error
-        outputs = dict(zip(self._outputs, arrays, strict=True))
+        outputs = dict(zip(self.output_shapes, arrays, strict=True))
         for name, array in outputs.items():
             if not np.isfinite(array).all():
                 raise ModelError(
@@ -146,16 +152,16 @@ class OnnxModel:
                 expected=f"inputs {_listed(contract.inputs)}",
                 found=_listed(self.inputs),
             )
-        if missing := [name for name in contract.outputs if name not in self._outputs]:
+        if missing := [name for name in contract.outputs if name not in self.output_shapes]:
             raise ModelError(
                 self.name,
                 expected=f"an output {missing[0]}",
-                found=", ".join(self._outputs),
+                found=", ".join(self.output_shapes),
             )
 
-    def _blank_inputs(self) -> dict[str, Array]:
+    def _blank_inputs(self, rows: int) -> dict[str, Array]:
         return {
-            name: np.zeros([n or _WARM_UP_ROWS for n in entry.shape], entry.type)
+            name: np.zeros([n or rows for n in entry.shape], entry.type)
             for name, entry in self.inputs.items()
         }
 
@@ -194,8 +200,11 @@ def _first_line(error: Exception) -> str:
 
 def _input_of(entry: Any) -> Input:  # noqa: ANN401 - ONNX Runtime has no types
     types = {name: number for number, name in _TYPE_NAMES.items()}
-    shape = tuple(n if isinstance(n, int) else None for n in entry.shape)
-    return Input(types.get(entry.type), shape)
+    return Input(types.get(entry.type), _shape_of(entry))
+
+
+def _shape_of(entry: Any) -> tuple[int | None, ...]:  # noqa: ANN401 - ONNX Runtime has no types
+    return tuple(n if isinstance(n, int) else None for n in entry.shape)
 
 
 def _listed(inputs: Mapping[str, Input]) -> str:

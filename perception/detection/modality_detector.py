@@ -1,0 +1,145 @@
+"""A detector of one modality: it says by its file which pictures it takes and what it detects (6.2.3).
+
+picture -- stretch --> input of the network --> boxes and scores -- suppress --> detections
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.abc import Traversable
+from typing import TypeVar
+
+import cv2
+import numpy as np
+
+from perception.detection.input_size import InputSize, boxes_in_picture, stretch
+from perception.detection.modalities import CHANNELS, MapFilling
+from perception.detection.network_answers import seen_objects
+from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
+from perception.errors import ImageError, ModelError
+from perception.maps.densify import FILLINGS
+from perception.types import MODALITIES, Detections, Modality, UInt8
+
+KIND = "detector"
+CONTRACT = ModelContract(
+    facts={"kind": KIND},
+    noted=("modality", "classes", "input_height", "input_width", "filling"),
+    inputs={"pictures": Input(np.uint8, (None, None, None, None))},
+    outputs=("boxes_px", "scores"),
+    usual_rows=1,
+)
+_FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILLINGS)
+Noted = TypeVar("Noted")
+
+
+class ModalityDetector:
+    """A trained network, from a file or as it ships."""
+
+    def __init__(
+        self,
+        model: Traversable | Modality,
+        threads: int = 2,
+        class_names: Sequence[str] | None = None,
+    ) -> None:
+        """Open it.
+
+        Args:
+            model: a file, or a modality for the network that ships.
+            threads: that it runs on.
+            class_names: what it has to detect, in this order; else whatever the file says.
+
+        Raises:
+            ModelError: the file does not hold a detector, or one of other pictures or classes.
+        """
+        file = shipped_model(f"{model}_compact") if isinstance(model, str) else model
+        wanted: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
+        if class_names is not None:
+            wanted["classes"] = ",".join(class_names)
+        self.model = OnnxModel(file, CONTRACT.with_facts(wanted), threads)
+        """The network itself."""
+        self.modality: Modality = self._noted("modality", MODALITIES)
+        """Which view of the road it is shown."""
+        self.filling: MapFilling = self._noted("filling", _FILLINGS)
+        """How the maps that it learned from were made."""
+        self.class_names = tuple(self.facts["classes"].split(","))
+        """What it detects."""
+        self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
+        """Of the pictures that go in; whatever it is shown is stretched to it."""
+        self._check_pictures()
+        self._check_classes()
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """What the file says of itself."""
+        return self.model.facts
+
+    def detect(self, picture: UInt8) -> Detections:
+        """Return the objects in an (H, W, C) picture of its modality, best first.
+
+        Boxes are within the picture and in its pixels. None overlaps a better one of its class by more
+        than half.
+
+        Raises:
+            ImageError: the picture has other channels than the modality.
+            ModelError: what comes out of the network is not finite.
+        """
+        outputs = self.model({"pictures": self.input_of(picture)})
+        seen = seen_objects(
+            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
+        )
+        height, width = picture.shape[:2]
+        # To the centres of the outermost pixels, as KITTI's labels are.
+        within = np.clip(
+            boxes_in_picture(seen.boxes_px, self.size, picture), 0, [width - 1, height - 1] * 2
+        )
+        return replace(seen, boxes_px=within)
+
+    def input_of(self, picture: UInt8) -> UInt8:
+        """Return (1, C, h, w) what the network is shown of an (H, W, C) picture.
+
+        Raises:
+            ImageError: the picture has other channels than the modality.
+        """
+        channels = CHANNELS[self.modality]
+        if picture.ndim != 3 or picture.shape[2] != channels or not picture.size:
+            raise ImageError(
+                f"picture for {self.model.name}",
+                expected=f"shape (H, W, {channels}) of modality {self.modality}",
+                found=f"shape {picture.shape}",
+            )
+        planes = cv2.split(stretch(picture, self.size, self.modality))
+        return np.stack(planes).astype(np.uint8, copy=False)[None]
+
+    def _noted(self, key: str, known: Sequence[Noted]) -> Noted:
+        """Return what the file says, if it is something that we know."""
+        value = self.facts[key]
+        for one in known:
+            if one == value:
+                return one
+        raise ModelError(
+            self.model.name, expected=f"{key} {' or '.join(map(str, known))}", found=value
+        )
+
+    def _pixels(self, key: str) -> int:
+        value = self.facts[key]
+        if not value.isdecimal() or int(value) < 1:
+            raise ModelError(self.model.name, expected=f"{key} in pixels", found=value)
+        return int(value)
+
+    def _check_pictures(self) -> None:
+        wanted = Input(np.uint8, (None, CHANNELS[self.modality], *self.size))
+        found = self.model.inputs["pictures"]
+        if not wanted.takes(found):
+            raise ModelError(
+                self.model.name,
+                expected=f"pictures {wanted}, as it says that it is of {self.modality}",
+                found=str(found),
+            )
+
+    def _check_classes(self) -> None:
+        told = self.model.output_shapes["scores"][-1]
+        if told != len(self.class_names):
+            raise ModelError(
+                self.model.name,
+                expected=f"scores of {len(self.class_names)} classes: {', '.join(self.class_names)}",
+                found=f"scores of {told}",
+            )

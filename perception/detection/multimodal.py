@@ -1,0 +1,192 @@
+"""Three detectors look at one frame: the camera's image, the depth map and the reflectance map (6.2).
+
+    core 1   image -- rgb ------------------+-- dm --+
+                                            |        +-- fusion --> vehicles
+    core 2   scan -- maps ------------------+-- rm --+
+
+The camera's image waits for no map, so that its network runs while the maps are made. A network on one
+thread leaves the other core to another network: measured, this is faster than each on both cores in turn.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
+
+from perception.detection.modalities import (
+    MapFilling,
+    camera_image,
+    fill_maps,
+    map_picture,
+)
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.union import Union
+from perception.errors import ModelError, UsageError
+from perception.maps.densify import DenseMaps
+from perception.maps.projection import camera_of, project_frame
+from perception.types import (
+    MODALITIES,
+    Detections,
+    Frame,
+    FusedDetections,
+    ModalDetections,
+    Modality,
+    UInt8,
+)
+
+MapModality = Literal["dm", "rm"]
+_MAP_MODALITIES: tuple[MapModality, ...] = get_args(MapModality)
+Made = TypeVar("Made")
+
+
+class JointJudge(Protocol):
+    """Makes one list of what several detectors saw."""
+
+    def fuse(
+        self,
+        modal: ModalDetections,
+        size_px: tuple[int, int],
+        dense: DenseMaps | None = None,
+    ) -> FusedDetections:
+        """Return the objects, best first, of an image of (width, height)."""
+        ...
+
+
+@dataclass(frozen=True)
+class MultimodalSight:
+    """What the detectors make of one frame.
+
+    Attributes:
+        modal: what each saw by itself; one that had nothing to look at has no entry.
+        fused: what they say together.
+        dense: the maps that were looked at, None where none was.
+        timings_s: of each part. Parts overlap in time: all of them took less than their sum.
+    """
+
+    modal: ModalDetections
+    fused: FusedDetections
+    dense: DenseMaps | None
+    timings_s: Mapping[str, float]
+
+
+class MultimodalDetector:
+    """The vehicle detector of 6.2: camera and LiDAR, any of the three modalities."""
+
+    def __init__(
+        self,
+        detectors: Mapping[Modality, ModalityDetector],
+        fusion: JointJudge | None = None,
+        workers: int = 2,
+    ) -> None:
+        """Put detectors together.
+
+        Args:
+            detectors: one or more; open them with one thread where several work at once.
+            fusion: how their detections become one list; None for the best box of each place.
+            workers: so many detectors work at once.
+
+        Raises:
+            ModelError: one is of another modality, or they detect other classes.
+            UsageError: there is none.
+        """
+        _require_alike(detectors)
+        self.detectors = dict(detectors)
+        """By modality."""
+        self._fusion: JointJudge = fusion or Union()
+        self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detector")
+
+    def look(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalSight:
+        """Detect in one frame; one without an image is seen by the LiDAR's detectors alone.
+
+        Args:
+            frame: a scan and a camera, and an image where there is one.
+            dense: its maps where they are made already, filled as by `densify`'s default.
+
+        Raises:
+            CalibrationError: maps are wanted, and there is no camera to project the scan to.
+            ImageError: an image is wanted by the only detector, and there is none.
+            ModelError: a network yields numbers that are not finite.
+        """
+        looks: dict[Modality, Future[_Timed[Detections]]] = {}
+        if self._looks_at_image(frame):
+            looks["rgb"] = self._start("rgb", lambda: camera_image(frame))
+        maps = _timed(lambda: self._make_maps(frame, dense))
+        for modality in _MAP_MODALITIES:
+            if modality in self.detectors:
+                looks[modality] = self._start(modality, partial(self._picture, modality, maps.made))
+        seen = {name: looks[name].result() for name in MODALITIES if name in looks}
+        modal = {name: one.made for name, one in seen.items()}
+        shown = next(iter(maps.made.values()), dense)
+        fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown))
+        timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
+        timings_s |= {str(name): one.seconds for name, one in seen.items()}
+        return MultimodalSight(modal, fused.made, shown, timings_s)
+
+    def _looks_at_image(self, frame: Frame) -> bool:
+        is_alone = len(self.detectors) == 1
+        return "rgb" in self.detectors and (frame.image is not None or is_alone)
+
+    def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
+        """Make the maps of every way of filling that a detector asks for."""
+        wanted = {
+            self.detectors[name].filling for name in _MAP_MODALITIES if name in self.detectors
+        }
+        made: dict[MapFilling, DenseMaps] = {}
+        if dense is not None and "default" in wanted:
+            made["default"] = dense
+        if missing := sorted(wanted - made.keys()):
+            sparse = project_frame(frame)
+            made |= {filling: fill_maps(sparse, filling) for filling in missing}
+        return made
+
+    def _picture(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
+        return map_picture(maps[self.detectors[modality].filling], modality)
+
+    def _start(
+        self, modality: Modality, picture: Callable[[], UInt8]
+    ) -> "Future[_Timed[Detections]]":
+        """Let a detector look at a picture, which is made by whoever does this, too."""
+        detect = self.detectors[modality].detect
+        return self._workers.submit(_timed, lambda: detect(picture()))
+
+
+class _Timed(NamedTuple, Generic[Made]):
+    """What was made, and in which time."""
+
+    made: Made
+    seconds: float
+
+
+def _timed(make: Callable[[], Made]) -> _Timed[Made]:
+    start = time.perf_counter()
+    made = make()
+    return _Timed(made, time.perf_counter() - start)
+
+
+def _size_px(frame: Frame) -> tuple[int, int]:
+    """Return (width, height) of the image, there or not."""
+    if frame.image is not None:
+        return frame.image.shape[1], frame.image.shape[0]
+    return camera_of(frame)[1]
+
+
+def _require_alike(detectors: Mapping[Modality, ModalityDetector]) -> None:
+    if not detectors:
+        raise UsageError("detectors", expected=f"one of {', '.join(MODALITIES)}", found="none")
+    first = next(iter(detectors.values()))
+    for modality, detector in detectors.items():
+        if detector.modality != modality:
+            raise ModelError(
+                detector.model.name,
+                expected=f"a detector of modality {modality}",
+                found=f"one of {detector.modality}",
+            )
+        if detector.class_names != first.class_names:
+            raise ModelError(
+                detector.model.name,
+                expected=f"classes {', '.join(first.class_names)} as of {first.model.name}",
+                found=", ".join(detector.class_names),
+                advice="fuse detectors that were trained for the same classes, in the same order",
+            )

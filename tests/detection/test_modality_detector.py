@@ -1,0 +1,127 @@
+"""A detector of one modality says where in a picture of any size its objects are, or what does not fit."""
+
+import numpy as np
+import pytest
+
+from perception.detection.input_size import InputSize
+from perception.detection.modality_detector import ModalityDetector
+from perception.errors import ImageError, ModelError
+from tests.detection.bright_cells import bright_cells
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(name="bright.onnx", *words, **options):
+        path = tmp_path / name
+        path.write_bytes(bright_cells(*words, **options))
+        return path
+
+    return write
+
+
+def picture_with_bright_cells(channels=1, cells=(((0, 0), 204), ((1, 2), 102))):
+    """Return a picture of 64 x 96 whose cells (row, column) are as bright as told."""
+    picture = np.zeros((64, 96, channels), np.uint8)
+    for (row, column), brightness in cells:
+        picture[32 * row : 32 * row + 32, 32 * column : 32 * column + 32] = brightness
+    return picture
+
+
+@pytest.mark.parametrize(("modality", "channels"), [("rgb", 3), ("dm", 1), ("rm", 1)])
+def test_bright_cells_are_found_best_first(write, modality, channels):
+    found = ModalityDetector(write("a.onnx", modality)).detect(picture_with_bright_cells(channels))
+    # The last pixels of the picture are at 95 and 63.
+    np.testing.assert_allclose(found.boxes_px, [[0, 0, 32, 32], [64, 32, 95, 63]])
+    np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
+    assert found.types.tolist() == ["Car", "Car"]
+
+
+def test_boxes_are_in_pixels_of_the_picture_that_was_shown(write):
+    large = picture_with_bright_cells().repeat(3, axis=0).repeat(5, axis=1)
+    found = ModalityDetector(write()).detect(large)
+    np.testing.assert_allclose(found.boxes_px, [[0, 0, 160, 96], [320, 96, 479, 191]])
+    np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
+
+
+def test_nothing_is_found_in_the_dark(write):
+    assert len(ModalityDetector(write()).detect(np.full((64, 96, 1), 2, np.uint8))) == 0
+
+
+def test_channels_are_not_mixed_up(write):
+    picture = np.zeros((64, 96, 3), np.uint8)
+    picture[..., 0], picture[..., 2] = 30, 90
+    shown = ModalityDetector(write("a.onnx", "rgb")).input_of(picture)
+    assert shown.shape == (1, 3, 64, 96)
+    assert shown.dtype == np.uint8
+    np.testing.assert_array_equal(shown[0, :, 5, 7], [30, 0, 90])
+
+
+def test_each_class_is_found_by_itself(write):
+    detector = ModalityDetector(write("a.onnx", "dm", "Car,Pedestrian"))
+    found = detector.detect(picture_with_bright_cells())
+    assert sorted(found.types.tolist()) == ["Car", "Car", "Pedestrian", "Pedestrian"]
+
+
+def test_file_says_what_it_is(write):
+    detector = ModalityDetector(
+        write("a.onnx", "rm", "Car,Van", (32, 96), filling="sparse", revision="0123abc")
+    )
+    assert detector.modality == "rm"
+    assert detector.class_names == ("Car", "Van")
+    assert detector.size == InputSize(height_px=32, width_px=96)
+    assert detector.filling == "sparse"
+    assert detector.facts["revision"] == "0123abc"
+
+
+def test_answer_does_not_depend_on_threads(write):
+    picture = np.random.default_rng(0).integers(0, 256, (375, 1242, 1), dtype=np.uint8)
+    one, two = (ModalityDetector(write(), threads).detect(picture) for threads in (1, 2))
+    np.testing.assert_array_equal(one.scores, two.scores)
+    np.testing.assert_array_equal(one.boxes_px, two.boxes_px)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"kind": "depthcn"}, "expected kind detector, found depthcn"),
+        ({"modality": "sonar"}, "expected modality rgb or dm or rm, found sonar"),
+        ({"filling": "guess"}, "expected filling sparse or default or .* found guess"),
+        ({"input_height": "tall"}, "expected input_height in pixels, found tall"),
+        ({"input_width": "0"}, "expected input_width in pixels, found 0"),
+        (
+            {"input_width": "640"},
+            "expected pictures uint8 any x 1 x 64 x 640, as it says .* found uint8 any x 1 x 64 x 96",
+        ),
+        (
+            {"planes": 3},
+            "expected pictures uint8 any x 1 x 64 x 96, as it says that it is of dm, found uint8 any x 3",
+        ),
+        ({"told_classes": 2}, "expected scores of 1 classes: Car, found scores of 2"),
+        ({"divisor": 0.0}, "expected finite numbers in output scores, found 6 that are NaN"),
+    ],
+)
+def test_file_that_does_not_fit_itself_or_us(write, options, sentence):
+    with pytest.raises(ModelError, match=f"bright.onnx: {sentence}"):
+        ModalityDetector(write(**options))
+
+
+def test_file_of_other_classes_than_asked_for(write):
+    path = write("a.onnx", "dm", "Car,Van")
+    assert ModalityDetector(path, class_names=("Car", "Van")).class_names == ("Car", "Van")
+    with pytest.raises(ModelError, match=r"expected classes Car, found Car,Van"):
+        ModalityDetector(path, class_names=("Car",))
+
+
+def test_broken_and_missing_file(write, tmp_path):
+    path = write()
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(ModelError, match=r"bright.onnx: expected"):
+        ModalityDetector(path)
+    with pytest.raises(ModelError, match=r"gone.onnx: expected a model file, found no file"):
+        ModalityDetector(tmp_path / "gone.onnx")
+
+
+@pytest.mark.parametrize("shape", [(64, 96, 1), (64, 96), (0, 96, 3)])
+def test_picture_of_another_modality(write, shape):
+    with pytest.raises(ImageError, match=r"expected shape \(H, W, 3\) of modality rgb, found"):
+        ModalityDetector(write("a.onnx", "rgb")).detect(np.zeros(shape, np.uint8))

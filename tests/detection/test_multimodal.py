@@ -1,0 +1,170 @@
+"""Detectors of any modalities look at a frame; what they say together is the best box of each place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.detection.modalities import fill_maps, map_picture
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.multimodal import MultimodalDetector
+from perception.detection.union import Union
+from perception.errors import CalibrationError, ImageError, ModelError, UsageError
+from perception.maps.densify import densify
+from perception.maps.projection import project_frame
+from perception.types import MODALITIES, Detections, Frame, FusedDetections
+from tests.car_frames import CALIBRATION, SIZE_PX
+from tests.detection.bright_cells import bright_cells
+
+
+@pytest.fixture(scope="module")
+def detectors(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    opened = {}
+    for modality in MODALITIES:
+        path = folder / f"{modality}.onnx"
+        path.write_bytes(bright_cells(modality))
+        opened[modality] = ModalityDetector(path, threads=1)
+    return opened
+
+
+@pytest.fixture(scope="module")
+def frame():
+    """A wall before the camera, its right half bright; the image is bright at the left."""
+    y, z = np.meshgrid(np.linspace(-6, 6, 200), np.linspace(-1.5, 1.5, 60))
+    bright = np.where(y < 0, 0.9, 0.2)
+    wall = np.stack([np.full(y.size, 8.0), y.ravel(), z.ravel(), bright.ravel()], axis=1)
+    image = np.zeros((SIZE_PX[1], SIZE_PX[0], 3), np.uint8)
+    image[:, :200] = 255
+    return Frame(0, 0.0, wall.astype(np.float32), image, calibration=CALIBRATION)
+
+
+def assert_same(one: Detections, other: Detections):
+    np.testing.assert_array_equal(one.boxes_px, other.boxes_px)
+    np.testing.assert_array_equal(one.scores, other.scores)
+
+
+def test_each_detector_sees_what_it_sees_alone(detectors, frame):
+    sight = MultimodalDetector(detectors).look(frame)
+    dense = densify(project_frame(frame))
+    pictures = {"rgb": frame.image} | {name: map_picture(dense, name) for name in ("dm", "rm")}
+    assert list(sight.modal) == list(MODALITIES)
+    for modality, picture in pictures.items():
+        assert_same(sight.modal[modality], detectors[modality].detect(picture))
+        assert len(sight.modal[modality])
+    np.testing.assert_array_equal(sight.dense.depth_m, dense.depth_m)
+    assert sorted(sight.timings_s) == ["dm", "fusion", "maps", "rgb", "rm"]
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_answer_does_not_depend_on_who_works_at_once(detectors, frame, workers):
+    expected = MultimodalDetector(detectors).look(frame).fused
+    fused = MultimodalDetector(detectors, workers=workers).look(frame).fused
+    assert_same(fused.detections, expected.detections)
+    np.testing.assert_array_equal(fused.parts, expected.parts)
+
+
+@pytest.mark.parametrize("names", [("rgb",), ("dm",), ("rgb", "rm"), ("dm", "rm")])
+def test_any_of_the_modalities(detectors, frame, names):
+    sight = MultimodalDetector({name: detectors[name] for name in names}).look(frame)
+    assert tuple(sight.modal) == names
+    assert (sight.dense is None) == (names == ("rgb",))
+    columns = [MODALITIES.index(name) for name in names]
+    assert set(sight.fused.carriers) <= set(columns)
+
+
+def test_frame_without_an_image(detectors, frame):
+    blind = replace(frame, image=None)
+    assert list(MultimodalDetector(detectors).look(blind).modal) == ["dm", "rm"]
+    with pytest.raises(ImageError, match="expected a camera image, found none"):
+        MultimodalDetector({"rgb": detectors["rgb"]}).look(blind)
+
+
+def test_image_alone_needs_no_calibration(detectors, frame):
+    bare = replace(frame, calibration=None)
+    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).look(bare).modal) == ["rgb"]
+    with pytest.raises(CalibrationError, match="expected a camera's calibration"):
+        MultimodalDetector(detectors).look(bare)
+
+
+def test_maps_that_are_made_already_are_used(detectors, frame):
+    dense = densify(project_frame(frame))
+    dark = replace(dense, reflectance=np.zeros_like(dense.reflectance))
+    sight = MultimodalDetector(detectors).look(frame, dark)
+    assert sight.dense is dark
+    assert len(sight.modal["rm"]) == 0
+
+
+def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
+    path = tmp_path / "sparse.onnx"
+    path.write_bytes(bright_cells("rm", filling="sparse"))
+    sparse = ModalityDetector(path, 1)
+    sight = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).look(frame)
+    maps = fill_maps(project_frame(frame), "sparse")
+    assert_same(sight.modal["rm"], sparse.detect(map_picture(maps, "rm")))
+    dense = densify(project_frame(frame))
+    assert_same(sight.modal["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
+
+
+def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
+    asked = {}
+
+    class Silent:
+        def fuse(self, modal, size_px, dense=None):
+            asked.update(modal=modal, size_px=size_px, dense=dense)
+            return FusedDetections.empty()
+
+    sight = MultimodalDetector(detectors, Silent()).look(frame)
+    assert len(sight.fused) == 0
+    assert asked == {"modal": sight.modal, "size_px": SIZE_PX, "dense": sight.dense}
+
+
+def test_no_detector_or_one_of_another_modality_or_class(detectors, tmp_path):
+    with pytest.raises(UsageError, match="expected one of rgb, dm, rm, found none"):
+        MultimodalDetector({})
+    with pytest.raises(
+        ModelError, match=r"dm.onnx: expected a detector of modality rm, found .*dm"
+    ):
+        MultimodalDetector({"rm": detectors["dm"]})
+    path = tmp_path / "van.onnx"
+    path.write_bytes(bright_cells("rm", "Van"))
+    with pytest.raises(
+        ModelError, match=r"van.onnx: expected classes Car as of dm.onnx, found Van"
+    ):
+        MultimodalDetector({"dm": detectors["dm"], "rm": ModalityDetector(path)})
+
+
+def detections(*rows, types=None):
+    boxes_px = np.array([row[:4] for row in rows], float).reshape(-1, 4)
+    return Detections(
+        boxes_px,
+        np.array([row[4] for row in rows]),
+        np.array(types or ["Car"] * len(rows), np.str_),
+    )
+
+
+def test_union_keeps_the_best_of_each_place_and_says_who_else_saw_it():
+    modal = {
+        "rgb": detections((0, 0, 10, 10, 0.6), (50, 0, 60, 10, 0.5)),
+        "dm": detections((0, 0, 10, 12, 0.9)),
+        "rm": detections((100, 0, 110, 10, 0.7), (0, 0, 10, 11, 0.1)),
+    }
+    fused = Union().fuse(modal, (200, 100))
+    np.testing.assert_array_equal(fused.detections.scores, [0.9, 0.7, 0.5])
+    np.testing.assert_array_equal(fused.parts, [[0, 0, 1], [-1, -1, 0], [1, -1, -1]])
+    np.testing.assert_array_equal(fused.carriers, [1, 2, 0])
+
+
+def test_union_keeps_classes_apart():
+    modal = {
+        "rgb": detections((0, 0, 10, 10, 0.6), types=["Van"]),
+        "rm": detections((0, 0, 10, 10, 0.9)),
+    }
+    fused = Union().fuse(modal, (200, 100))
+    assert fused.detections.types.tolist() == ["Car", "Van"]
+    np.testing.assert_array_equal(fused.parts, [[-1, -1, 0], [0, -1, -1]])
+
+
+def test_union_of_nothing():
+    assert len(Union().fuse({}, (200, 100))) == 0
+    assert len(Union().fuse({"rgb": Detections.empty()}, (200, 100))) == 0
