@@ -7,7 +7,11 @@ from typing import Any, Literal
 import numpy as np
 
 from data.kitti.detection_rows import DetectionSet
-from perception.cli.evaluations.detection import Resampling, measure_detections
+from perception.cli.evaluations.detection import (
+    DETECTION_PROTOCOL,
+    Resampling,
+    measure_detections,
+)
 from perception.cli.evaluations.detection_figures import (
     CONFIDENCE,
     DetectionReport,
@@ -25,11 +29,14 @@ from perception.types import Float64
 RecallOption = Literal["11", "40"]
 AVERAGED: Mapping[RecallOption, RecallPoints] = {"11": 11, "40": 40}
 
-TRUNCATION_WORDS = (
-    "of tracking labels, level 0 counts at every difficulty, levels 1 and 2 at none; the objects that "
-    "are in both of KITTI's benchmarks bear this out: of level 0, 97 % are cut by 0.15 or less, of "
-    "level 1, 99.6 % by more than 0.5, of level 2, half"
-)
+PROTOCOL_WORDS = {
+    **DETECTION_PROTOCOL,
+    "truncation": (
+        "of tracking labels, level 0 counts at every difficulty, levels 1 and 2 at none; the objects that "
+        "are in both of KITTI's benchmarks bear this out: of level 0, 97 % are cut by 0.15 or less, of "
+        "level 1, 99.6 % by more than 0.5, of level 2, half"
+    ),
+}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from data.frames import OnBadFrame
 from perception.cli.evaluations.class_precision import (
-    TRUNCATION_WORDS,
+    PROTOCOL_WORDS,
     ClassPrecision,
     MeasureRules,
     RecallOption,
@@ -16,7 +16,6 @@ from perception.cli.evaluations.depthcn_figures import (
     depthcn_table,
 )
 from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
-from perception.cli.evaluations.detection import DETECTION_PROTOCOL
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.labelled_drives import (
     ReadingRules,
@@ -32,8 +31,7 @@ from perception.render.precision_plots import plot_precision
 from perception.types import Method
 
 _CAR = next(known for known in KITTI_CLASSES if known.name == VEHICLE)
-_PROTOCOL_WORDS = {
-    "truncation": TRUNCATION_WORDS,
+_OWN_WORDS = {
     "proposals": "objects whose box some proposal's own box overlaps by the IoU, before verification",
     "thesis": "Table 7.9: the server's test set, whose labels are not public; other frames, other labels",
 }
@@ -93,7 +91,7 @@ def depthcn(  # noqa: PLR0913 - flags of a command
         plot_precision(plot, f"DepthCN, {facts.get('method', 'default')}", depthcn_panels(measured))
     if json is not None:
         configuration = {"detector": choice, "network": facts}
-        words = {**DETECTION_PROTOCOL, **_PROTOCOL_WORDS}
+        words = {**PROTOCOL_WORDS, **_OWN_WORDS}
         values = {"difficulties": DIFFICULTIES, **vars(measuring)}
         figures = Figures("depthcn", {**words, "values": values}, depthcn_results(measured))
         split = f"the network was trained on: {facts.get('training_data', 'not known')}"

@@ -1,0 +1,97 @@
+"""`trifuse evaluate detector`: a detector of one modality on labelled drives, by KITTI's measure."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from data.frames import OnBadFrame
+from perception.cli.evaluations.class_precision import (
+    PROTOCOL_WORDS,
+    MeasureRules,
+    RecallOption,
+)
+from perception.cli.evaluations.detector_figures import (
+    detector_panels,
+    detector_results,
+    detector_table,
+)
+from perception.cli.evaluations.detector_pictures import draw_worst
+from perception.cli.evaluations.detector_steps import classes_of, measure_detector, open_detector
+from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.labelled_drives import (
+    ReadingRules,
+    labelled_places,
+    open_labelled,
+)
+from perception.errors import UsageError
+from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.render.precision_plots import plot_precision
+from perception.types import Modality
+
+
+def detector(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    model: Modality | Path,
+    classes: str | tuple[str, ...] | None = None,
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int | None = None,
+    iou: float | tuple[float, ...] = (0.7, 0.5),
+    recall_points: RecallOption = "40",
+    bootstrap: int = 0,
+    seed: int = 0,
+    on_bad_frame: OnBadFrame = "stop",
+    pictures: Path | None = None,
+    worst: int = 12,
+    plot: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """Detect by the network of one modality in labelled drives and measure it by KITTI's 2D protocol.
+
+    Each drive has its own figures: what was synthesised and what was recorded never share one.
+
+    Example: trifuse evaluate detector synth/test kitti/object --model rm --bootstrap 1000 --plot rm.png
+
+    Args:
+        drives: object folder, tracking folder or synthetic drive; one or several.
+        model: an ONNX file, or rgb, dm or rm for the network that ships.
+        classes: of those that the network knows; several as [Car,Van]; else all.
+        sequence: which one of a tracking folder; else each of them for itself.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: of each drive only so many from the start; else all.
+        iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7 of cars.
+        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of these choices.
+        on_bad_frame: stop at a damaged frame, or skip it and say so.
+        pictures: folder for the frames with most mistakes, drawn.
+        worst: how many of each drive and class are drawn.
+        plot: gets the precision-recall curves as PNG.
+        json: gets the same figures with protocol, data and configuration.
+    """
+    if worst < 1:
+        raise UsageError("--worst", expected="at least 1", found=str(worst))
+    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
+    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    network = open_detector(model)
+    wanted = classes_of(network, classes)
+    measured = []
+    for place in labelled_places(drives, sequence):
+        drive = open_labelled(place, reading)
+        one = measure_detector(place.name, drive, network, wanted, reading, measuring)
+        measured.append(one)
+        if pictures is not None:
+            draw_worst(pictures, drive, network, one, worst)
+    title = f"{network.model.name}: {network.modality}, {network.size.height_px}x{network.size.width_px}"
+    print(detector_table(title, measured))
+    if plot is not None:
+        plot_precision(plot, title, detector_panels(measured))
+    if json is not None:
+        facts = dict(network.facts)
+        values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
+        figures = Figures(
+            "detector", {**PROTOCOL_WORDS, "values": values}, detector_results(measured)
+        )
+        split = f"the network was trained on: {facts.get('training_data', 'not known')}"
+        configuration = {"model": network.model.name, "network": facts}
+        write_evaluation(json, [one.seen.data for one in measured], configuration, figures, split)

@@ -1,0 +1,71 @@
+"""The frames in which a detector makes most mistakes, drawn as it saw them."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from data.drive import Drive
+from data.whole_file import write_whole
+from perception.cli.evaluations.detector_steps import MeasuredDetector
+from perception.detection.modalities import camera_image, fill_maps, map_picture
+from perception.detection.modality_detector import ModalityDetector
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.mistakes import count_mistakes
+from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
+from perception.evaluation.detection.scene import judge, lay_out
+from perception.maps.projection import project_frame
+from perception.render.detection_mistakes import draw_mistakes
+from perception.types import Frame, UInt8
+
+_JUDGED = DIFFICULTIES[-1]  # where most objects count
+
+
+def draw_worst(
+    folder: Path, drive: Drive, network: ModalityDetector, measured: MeasuredDetector, most: int
+) -> None:
+    """Write pictures NAME_CLASS_RANK_NUMBER.jpg of the worst frames of every class."""
+    seen = measured.seen
+    for of_class, precision in measured.precision.items():
+        judged = of_class.at_iou(next(iter(precision.reports)))
+        found = seen.beside([look.detections for look in seen.looks])
+        mistakes = count_mistakes(found.truths, found.detections, len(seen.looks), judged, _JUDGED)
+        for rank, place in enumerate(mistakes.worst(most).tolist()):
+            frame = drive[seen.looks[place].index]
+            picture = _with_mistakes(
+                _as_seen(frame, network), measured, place, judged, mistakes.threshold
+            )
+            name = f"{drive.name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
+            _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1])
+            write_whole(folder / name.replace("/", "_"), encoded.tobytes())
+
+
+def _as_seen(frame: Frame, network: ModalityDetector) -> UInt8:
+    if network.modality == "rgb":
+        return camera_image(frame)
+    return map_picture(fill_maps(project_frame(frame), network.filling), network.modality)
+
+
+def _with_mistakes(
+    picture: UInt8,
+    measured: MeasuredDetector,
+    place: int,
+    of_class: DetectionClass,
+    threshold: float,
+) -> UInt8:
+    """Draw one frame; what may be found but need not be is told as the measure tells it."""
+    seen = measured.seen
+    truths = seen.truths[seen.truths.frames == place]
+    scene = lay_out(truths, DetectedBoxes.of_frames(()), len(seen.looks))
+    is_wanted = judge(scene, of_class, _JUDGED).is_valid
+    detections = seen.looks[place].detections
+    counts = (detections.scores >= threshold) & (
+        np.char.lower(detections.types) == of_class.name.lower()
+    )
+    return draw_mistakes(
+        picture,
+        truths.boxes_px[is_wanted],
+        truths.boxes_px[~is_wanted],
+        detections[counts],
+        of_class.iou,
+    )

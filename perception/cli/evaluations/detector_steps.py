@@ -1,0 +1,111 @@
+"""A labelled drive through the detector of one modality, class by class beside what is true."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from data.drive import Drive
+from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
+from perception.cli.evaluations.labelled_drives import ReadingRules, SeenDrive, see_drive
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.multimodal import MultimodalDetector
+from perception.errors import UsageError
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.types import Detections, Float64, Frame, Modality
+
+_USUAL_IOU = 0.5  # of a class that KITTI does not judge
+_THREADS = 2
+
+
+@dataclass(frozen=True)
+class DetectorLook:
+    """What is kept of one frame.
+
+    Attributes:
+        index: of the frame in its drive.
+        detections: of all classes.
+        seconds: for its picture and the network.
+    """
+
+    index: int
+    detections: Detections
+    seconds: float
+
+
+@dataclass(frozen=True)
+class MeasuredDetector:
+    """What the detector is worth on one drive.
+
+    Attributes:
+        seen: what it saw, and what is true.
+        precision: by class.
+    """
+
+    seen: SeenDrive[DetectorLook]
+    precision: Mapping[DetectionClass, ClassPrecision]
+
+    @property
+    def ms_a_frame(self) -> Float64:
+        """(F,) for picture and network."""
+        return 1e3 * np.array([look.seconds for look in self.seen.looks])
+
+
+def open_detector(model: Modality | Path) -> ModalityDetector:
+    """Open the network of a file, or the one that ships for a modality.
+
+    Raises:
+        ModelError: the file holds no detector.
+    """
+    return ModalityDetector(model, _THREADS)
+
+
+def classes_of(
+    network: ModalityDetector, names: str | tuple[str, ...] | None
+) -> tuple[DetectionClass, ...]:
+    """Return what is measured: the classes named, or all that the network knows.
+
+    Raises:
+        UsageError: it does not know one of them.
+    """
+    named = (names,) if isinstance(names, str) else names or network.class_names
+    known = {name.lower(): name for name in network.class_names}
+    for name in named:
+        if name.lower() not in known:
+            raise UsageError("--classes", expected=", ".join(network.class_names), found=name)
+    return tuple(_class_named(known[name.lower()]) for name in named)
+
+
+def measure_detector(
+    name: str,
+    drive: Drive,
+    network: ModalityDetector,
+    classes: tuple[DetectionClass, ...],
+    reading: ReadingRules,
+    measuring: MeasureRules,
+) -> MeasuredDetector:
+    """Detect in the frames of a drive and measure every class.
+
+    Raises:
+        PerceptionError: a frame or its labels cannot be read or used, or no frame can.
+    """
+    detector = MultimodalDetector({network.modality: network}, workers=1)
+
+    def look(frame: Frame) -> DetectorLook:
+        sight = detector.look(frame)
+        seconds = sum(sight.timings_s.values())
+        return DetectorLook(frame.index, sight.modal[network.modality], seconds)
+
+    seen = see_drive(name, drive, look, reading)
+    found = seen.beside([one.detections for one in seen.looks])
+    return MeasuredDetector(
+        seen, {one: ClassPrecision.of(found, one, measuring) for one in classes}
+    )
+
+
+def _class_named(name: str) -> DetectionClass:
+    for known in KITTI_CLASSES:
+        if known.name.lower() == name.lower():
+            return known
+    return DetectionClass(name, _USUAL_IOU)
