@@ -1,0 +1,111 @@
+"""Detections become objects on the road: their points, how far they are, and the box around each."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from perception.detection.vehicle_fit import FitRules, ImageSpans, fit_rectangles
+from perception.detection.vehicle_points import PointRules, VehiclePoints, find_points
+from perception.geometry.angles import wrap
+from perception.maps.projection import camera_of
+from perception.types import (
+    Boxes3D,
+    Calibration,
+    Float64,
+    Frame,
+    FusedDetections,
+    GroundModel,
+    Int,
+    Vehicles,
+)
+
+
+@dataclass(frozen=True)
+class LocateRules:
+    """Every choice of `locate`.
+
+    Attributes:
+        points: what tells the points of a vehicle.
+        fit: what tells its box.
+    """
+
+    points: PointRules = field(default_factory=PointRules)
+    fit: FitRules = field(default_factory=FitRules)
+
+
+def locate(
+    fused: FusedDetections,
+    frame: Frame,
+    ground: GroundModel | None,
+    rules: LocateRules | None = None,
+) -> Vehicles:
+    """Find each detection in the scan.
+
+    Headings are known but for their sign, and point away from the LiDAR's back; ids and velocities are for
+    a tracker to tell.
+
+    Args:
+        fused: M detections.
+        frame: whose scan it is; the image matters by its size only, where the calibration does not say it.
+        ground: below the scan, or None: then what is lowest around a vehicle is its ground.
+        rules: every choice.
+
+    Raises:
+        CalibrationError: the frame has no camera, or nothing says how large its image is.
+    """
+    rules, camera, count = rules or LocateRules(), camera_of(frame), len(fused)
+    boxes_px = fused.detections.boxes_px
+    found = find_points(frame.points_velo, boxes_px, camera, ground, rules.points)
+    owners = np.full(len(frame.points_velo), -1)
+    owners[found.rows] = found.owners
+    distances_m = np.full(count, np.inf)
+    np.minimum.at(distances_m, found.owners, np.linalg.norm(found.xyz_m, axis=1))
+    return Vehicles(
+        fused=fused,
+        ids=np.full(count, -1),
+        boxes=_boxes(found, boxes_px, camera, rules.fit),
+        distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
+        velocities_m_s=np.full((count, 2), np.nan),
+        owners=owners,
+    )
+
+
+def _boxes(
+    found: VehiclePoints,
+    boxes_px: Float64,
+    camera: tuple[Calibration, tuple[int, int]],
+    rules: FitRules,
+) -> Boxes3D:
+    """Return (M) boxes; rows of NaN where there are too few points."""
+    count = len(boxes_px)
+    bottom_m, size_m = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+    yaw_rad = np.full(count, np.nan)
+    counts = np.bincount(found.owners, minlength=count)
+    shown = np.flatnonzero(counts >= rules.least_points)
+    if len(shown):
+        order, owners = _of_vehicles(found.owners, shown, count)
+        xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
+        ground_m = np.add.reduceat(found.ground_m[order], starts) / counts[shown]
+        top_m = np.maximum.reduceat(xyz_m[:, 2], starts)
+        heights_m = np.maximum(top_m - ground_m, rules.height_m)
+        calibration, size_px = camera
+        spans = ImageSpans(
+            boxes_px[shown][:, [0, 2]],
+            calibration.image_P_velo,
+            size_px[0],
+            ground_m + heights_m / 2,
+        )
+        rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, rules)
+        bottom_m[shown] = np.column_stack([rectangles.centers_m, ground_m])
+        size_m[shown] = np.column_stack([rectangles.sizes_m, heights_m])
+        yaw_rad[shown] = wrap(rectangles.yaw_rad, np.pi)
+    return Boxes3D(bottom_m, size_m, yaw_rad)
+
+
+def _of_vehicles(owners: Int, shown: Int, count: int) -> tuple[Int, Int]:
+    """Return the points of some vehicles, vehicle after vehicle, and their owners counted from 0."""
+    number = np.full(count, -1)
+    number[shown] = np.arange(len(shown))
+    order = np.flatnonzero(number[owners] >= 0)
+    order = order[np.argsort(number[owners[order]], kind="stable")]
+    return order, number[owners[order]]

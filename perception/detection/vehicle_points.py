@@ -1,0 +1,221 @@
+"""Which points of a scan belong to which detected vehicle: not the ground, nor what is seen before or behind it.
+
+Every return covers about the same part of the image, so that what a box was drawn around holds most of the
+returns about its middle. Within each box the points that stand on the ground are clustered from above; each
+has a say by how central it lies, by whether a vehicle there would be as high as the box, and by how few
+other boxes claim it. The cluster of the greatest say is the vehicle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.detection.clustering import cluster
+from perception.detection.height_cells import HeightCells
+from perception.geometry.camera import project
+from perception.maps.projection import may_be_in_view
+from perception.types import Calibration, Float32, Float64, GroundModel, Int
+
+
+@dataclass(frozen=True)
+class PointRules:
+    """What tells the points of a vehicle.
+
+    Attributes:
+        farthest_m: beyond it along an axis no point is looked at.
+        cell_m: edge of the cells in which the lowest point is looked for.
+        reach_m: how far around; under a car some ground is seen from one side or the other.
+        clearance_m: over the ground, from which on a point stands on it.
+        highest_m: over the ground, of lorries and buses.
+        model_error_m: by which the lowest point around may miss a ground model that is true there.
+        height_m: of a common car.
+        nearer: standard deviation of the logarithm of depth over the depth at which a box would hold a
+            common car, for nearer ones: small cars, and boxes that are drawn too high.
+        farther: the same for farther ones: vans and lorries.
+        cut_off: the same for nearer ones where the image's border cuts the box.
+        centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
+        gap_m: between two points of one vehicle, seen from above, close to the sensor.
+        gap_per_m: by which the gap grows with distance, as beams spread.
+    """
+
+    farthest_m: float = 100.0
+    cell_m: float = 0.5
+    reach_m: float = 1.5
+    clearance_m: float = 0.2
+    highest_m: float = 3.5
+    model_error_m: float = 0.5
+    height_m: float = 1.5
+    nearer: float = 0.25
+    farther: float = 0.5
+    cut_off: float = 1.0
+    centrality: float = 0.5
+    gap_m: float = 0.4
+    gap_per_m: float = 0.012
+
+
+@dataclass(frozen=True)
+class VehiclePoints:
+    """K points of M vehicles.
+
+    Attributes:
+        rows: (K,) where they are in the scan.
+        owners: (K,) whose they are, from 0 to M - 1.
+        xyz_m: (K, 3) in the LiDAR frame.
+        ground_m: (K,) z of the ground below.
+    """
+
+    rows: Int
+    owners: Int
+    xyz_m: Float64
+    ground_m: Float64
+
+
+@dataclass(frozen=True)
+class _Standing:
+    """Points that stand on the ground around the boxes."""
+
+    rows: Int
+    xyz_m: Float64
+    pixels: Float64
+    depths_m: Float64
+    ground_m: Float64
+
+
+def find_points(
+    points_velo: Float32,
+    boxes_px: Float64,
+    camera: tuple[Calibration, tuple[int, int]],
+    ground: GroundModel | None,
+    rules: PointRules = PointRules(),
+) -> VehiclePoints:
+    """Find the points of the vehicles in (M, 4) boxes.
+
+    Args:
+        points_velo: (N, 4) the scan.
+        boxes_px: x1 y1 x2 y2.
+        camera: its calibration, and (width, height) of its image.
+        ground: the ground below, or None: then what is lowest around is the ground.
+        rules: every choice.
+    """
+    calibration, size_px = camera
+    near = _standing(points_velo, boxes_px, calibration.image_P_velo, size_px, ground, rules)
+    box, point = _in_boxes(near.pixels, boxes_px)
+    likely = _likelihoods(near, boxes_px, box, point, camera, rules)
+    claimed = np.bincount(point, likely, len(near.rows))
+    say = np.divide(likely**2, claimed[point], out=np.zeros(len(box)), where=likely > 0)
+    labels = _clusters(near.xyz_m[point, :2], box, len(boxes_px), rules)
+    chosen = np.flatnonzero(_is_best(labels, box, say))
+    # Where boxes overlap a point may be of both their best clusters: of writes to a place the last stays.
+    chosen = chosen[np.argsort(say[chosen], kind="stable")]
+    owners = np.full(len(near.rows), -1)
+    owners[point[chosen]] = box[chosen]
+    kept = np.flatnonzero(owners >= 0)
+    return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
+
+
+def _standing(
+    points_velo: Float32,
+    boxes_px: Float64,
+    image_P_velo: Float64,
+    size_px: tuple[int, int],
+    ground: GroundModel | None,
+    rules: PointRules,
+) -> _Standing:
+    """Find what stands on the ground in the boxes, and how high the ground is there."""
+    rows = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
+    rows = rows[(np.abs(points_velo[rows, :2]) <= rules.farthest_m).all(axis=1)]
+    pixels, depths_m = project(image_P_velo, points_velo[rows])
+    around = np.flatnonzero((depths_m > 0) & _is_around(pixels, boxes_px, size_px))
+    rows, pixels, depths_m = rows[around], pixels[around], depths_m[around]
+    xyz_m = points_velo[rows, :3].astype(np.float64)
+    cells = HeightCells.of(xyz_m, rules.cell_m)
+    lowest_m = cells.lowest_m(rules.reach_m)
+    ground_m = lowest_m
+    if ground is not None and len(rows):
+        model_m = ground.height_m(xyz_m[:, :2])
+        # A model knows only its own area; far from what is seen it does not hold.
+        holds = np.abs(model_m - lowest_m) < rules.model_error_m
+        ground_m = np.where(holds, model_m, lowest_m)
+    over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
+    kept = np.flatnonzero((over_m >= rules.clearance_m) & (over_m <= rules.highest_m))
+    return _Standing(rows[kept], xyz_m[kept], pixels[kept], depths_m[kept], ground_m[kept])
+
+
+def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> np.ndarray:
+    """Tell which pixels lie in a box, or as far below one as the ground before it shows."""
+    width, height = size_px
+    is_near = np.zeros((height + 2, width + 2), bool)
+    heights = boxes_px[:, 3] - boxes_px[:, 1]
+    grown = boxes_px + np.column_stack([0 * heights, 0 * heights, 0 * heights, heights / 3])
+    last_px = np.array([width, height, width, height])
+    for x1, y1, x2, y2 in np.clip(grown, 0, last_px).astype(np.int64).tolist():
+        is_near[y1 : y2 + 2, x1 : x2 + 2] = True
+    columns, rows = np.clip(np.nan_to_num(pixels, nan=-1), 0, size_px).astype(np.int64).T
+    return np.asarray(is_near[rows, columns])
+
+
+def _in_boxes(pixels: Float64, boxes_px: Float64) -> tuple[Int, Int]:
+    """Return all pairs of a box and a point in it, box after box."""
+    u, v = pixels[:, 0], pixels[:, 1]
+    x1, y1, x2, y2 = boxes_px.T[:, :, None]
+    box, point = np.nonzero((u >= x1) & (u <= x2) & (v >= y1) & (v <= y2))
+    return box, point
+
+
+def _likelihoods(
+    near: _Standing,
+    boxes_px: Float64,
+    box: Int,
+    point: Int,
+    camera: tuple[Calibration, tuple[int, int]],
+    rules: PointRules,
+) -> Float64:
+    """Return (L,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
+    calibration, size_px = camera
+    middles, halves = (
+        (boxes_px[:, :2] + boxes_px[:, 2:]) / 2,
+        (boxes_px[:, 2:] - boxes_px[:, :2]) / 2,
+    )
+    off = (near.pixels[point] - middles[box]) / np.maximum(halves[box], 0.5)
+    off_center = (off**2).sum(axis=1) / rules.centrality**2
+    focal_px = float(calibration.image_P_cam[1, 1])
+    expected_m = focal_px * rules.height_m / np.maximum(2 * halves[:, 1], 1.0)
+    is_cut = (boxes_px[:, 1] <= 1) | (boxes_px[:, 3] >= size_px[1] - 2)
+    ratio = np.log(near.depths_m[point] / expected_m[box])
+    nearer = np.where(is_cut, rules.cut_off, rules.nearer)[box]
+    deviation = np.where(ratio < 0, nearer, rules.farther)
+    return np.asarray(np.exp(-(off_center + (ratio / deviation) ** 2) / 2))
+
+
+def _clusters(xy_m: Float64, box: Int, boxes: int, rules: PointRules) -> Int:
+    """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
+
+    All boxes are clustered at once: each lies in a strip of its own, along its line of sight, measured in
+    its own gaps.
+    """
+    if len(box) == 0:
+        return np.zeros(0, np.int64)
+    counts = np.maximum(np.bincount(box, minlength=boxes), 1)
+    sums_m = np.column_stack([np.bincount(box, xy_m[:, axis], boxes) for axis in (0, 1)])
+    means_m = sums_m / counts[:, None]
+    away_m = np.hypot(means_m[:, 0], means_m[:, 1])
+    sight = means_m / np.maximum(away_m, 1e-6)[:, None]
+    gap_m = rules.gap_m + rules.gap_per_m * away_m
+    scaled, sight = xy_m / gap_m[box, None], sight[box]
+    along = (scaled * sight).sum(axis=1)
+    across = scaled[:, 1] * sight[:, 0] - scaled[:, 0] * sight[:, 1]
+    low, high = np.zeros(boxes), np.zeros(boxes)
+    np.minimum.at(low, box, across)
+    np.maximum.at(high, box, across)
+    strips = np.cumsum(high - low + 3.0)
+    return cluster(np.column_stack([along, across - high[box] + strips[box]]), 1.0, 1)
+
+
+def _is_best(labels: Int, box: Int, say: Float64) -> np.ndarray:
+    """Tell which pairs are of the cluster that has the greatest say in their box."""
+    if len(labels) == 0:
+        return np.zeros(0, bool)
+    says = np.bincount(labels, say)
+    most = np.zeros(int(box.max()) + 1)
+    np.maximum.at(most, box, says[labels])
+    return np.asarray(says[labels] >= most[box])
