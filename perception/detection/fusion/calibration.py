@@ -1,0 +1,51 @@
+"""Scores that are probabilities: a rising curve from what a network says to how often it is right.
+
+M. Kull, T. Silva Filho, P. Flach, "Beta calibration", AISTATS 2017: the logit of the probability is
+a ln s - b ln (1 - s) + c. With a = b = 1 and c = 0, scores stay as they are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import UsageError
+from perception.types import Float64
+
+_EDGE = 1e-6  # scores are kept so far from 0 and 1, where logarithms end
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A curve that keeps the order of the scores: a and b are not below 0."""
+
+    a: float = 1.0
+    b: float = 1.0
+    c: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a curve that falls."""
+        if not (self.a >= 0 and self.b >= 0 and self.a + self.b > 0 and np.isfinite(self.c)):
+            raise UsageError(
+                "calibration", expected="a and b from 0 on, not both 0", found=f"{self}"
+            )
+
+    def __str__(self) -> str:
+        """Write it as in a model file."""
+        return f"{self.a!r},{self.b!r},{self.c!r}"
+
+    @classmethod
+    def parse(cls, text: str) -> "Calibration":
+        """Read what a model file says; ValueError where it is no curve."""
+        a, b, c = map(float, text.split(","))
+        return cls(a, b, c)
+
+    def probabilities(self, scores: Float64) -> Float64:
+        """Return (M,) how likely detections with (M,) scores are right."""
+        for_it, against = score_logs(scores)
+        return np.asarray(1 / (1 + np.exp(-(self.a * for_it + self.b * against + self.c))))
+
+
+def score_logs(scores: Float64) -> tuple[Float64, Float64]:
+    """Return (M,) ln s and -ln (1 - s) of scores, kept off the edges."""
+    inside = np.clip(scores, _EDGE, 1 - _EDGE)
+    return np.log(inside), -np.log1p(-inside)

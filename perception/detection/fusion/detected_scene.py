@@ -1,0 +1,123 @@
+"""What the detectors of one frame saw, put side by side: the boxes of all modalities, and how far they are."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from perception.maps.densify import DenseMaps
+from perception.types import (
+    MODALITIES,
+    Detections,
+    Float64,
+    Int,
+    ModalDetections,
+    Modality,
+)
+
+_LOOKS = 10  # places along each edge of a box at which its depth is read
+_NEAR = 0.1  # quantile of the depths that is taken for the near side
+
+# For each modality (M, 2) depths of the near side and of the middle of its boxes, NaN where unknown.
+BoxDepths = Mapping[Modality, Float64]
+
+
+@dataclass(frozen=True)
+class MergedDetections:
+    """The M boxes of all modalities in the order of `MODALITIES`.
+
+    Attributes:
+        detections: (M)
+        columns: (M,) of `MODALITIES`.
+        starts: (3,) of the first box of each modality; a box is at its start + its row there.
+    """
+
+    detections: Detections
+    columns: Int
+    starts: Int
+
+    def places(self, tri_boxes: Int) -> Int:
+        """Return (T, 3) where the boxes of (T, 3) combinations are among the M, -1 where there is none."""
+        return np.where(tri_boxes >= 0, tri_boxes + self.starts, -1)
+
+
+@dataclass(frozen=True)
+class DetectedScene:
+    """What the detectors saw in one frame.
+
+    Attributes:
+        modal: detections by modality; of a detector that did not look there is no entry.
+        size_px: width and height of the picture.
+        depths_m: of the boxes of each modality; empty where there is no depth map.
+    """
+
+    modal: ModalDetections
+    size_px: tuple[int, int]
+    depths_m: BoxDepths = field(default_factory=dict)
+
+    @cached_property
+    def merged(self) -> MergedDetections:
+        """All boxes, with the scores that their detectors gave them."""
+        parts = [self.modal.get(modality, Detections.empty()) for modality in MODALITIES]
+        counts = [len(part) for part in parts]
+        return MergedDetections(
+            Detections(
+                np.concatenate([part.boxes_px for part in parts]),
+                np.concatenate([part.scores for part in parts]),
+                np.concatenate([part.types for part in parts]),
+            ),
+            columns=np.repeat(np.arange(len(parts)), counts),
+            starts=np.cumsum([0, *counts[:-1]]),
+        )
+
+    @cached_property
+    def merged_depths_m(self) -> Float64:
+        """(M, 2) near side and middle of all boxes, NaN where unknown."""
+        return np.concatenate(
+            [
+                self.depths_m.get(modality, np.full((len(self.modal.get(modality, ())), 2), np.nan))
+                for modality in MODALITIES
+            ]
+        )
+
+    def without(self, *lost: Modality) -> "DetectedScene":
+        """Return what is left where modalities are lost; without both maps, nothing is known of depth."""
+        modal = {name: found for name, found in self.modal.items() if name not in lost}
+        depths_m = {name: found for name, found in self.depths_m.items() if name not in lost}
+        return DetectedScene(modal, self.size_px, {} if {"dm", "rm"} <= set(lost) else depths_m)
+
+
+def scene_of(
+    modal: ModalDetections, size_px: tuple[int, int], dense: DenseMaps | None = None
+) -> DetectedScene:
+    """Return a frame's detections with the depths of their boxes.
+
+    Args:
+        modal: detections by modality.
+        size_px: width and height of the picture.
+        dense: maps of the same frame; without, distances are not known.
+    """
+    if dense is None:
+        return DetectedScene(modal, size_px)
+    depths_m = {name: box_depths_m(found.boxes_px, dense) for name, found in modal.items()}
+    return DetectedScene(modal, size_px, depths_m)
+
+
+def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:
+    """Return (M, 2) the near side and the middle of what is known of depth in (M, 4) boxes, else NaN.
+
+    Read at a lattice of places, as many in each box: enough for a quantile, and as fast for large boxes.
+    """
+    height, width = dense.depth_m.shape
+    shares = (np.arange(_LOOKS) + 0.5) / _LOOKS
+    corners, sizes = boxes_px[:, :2, None], (boxes_px[:, 2:] - boxes_px[:, :2])[:, :, None]
+    places = (corners + sizes * shares).astype(np.int64)
+    columns = np.clip(places[:, 0], 0, width - 1)
+    rows = np.clip(places[:, 1], 0, height - 1)
+    depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(len(boxes_px), -1)
+    known = (depth_m > 0).sum(axis=1)
+    ordered = np.sort(np.where(depth_m > 0, depth_m, np.inf), axis=1)
+    ranks = (np.maximum(known - 1, 0)[:, None] * (_NEAR, 0.5)).astype(np.int64)
+    found = np.take_along_axis(ordered, ranks, axis=1).astype(np.float64)
+    return np.where(np.isfinite(found), found, np.nan)

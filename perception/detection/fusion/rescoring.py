@@ -1,0 +1,188 @@
+"""Joint rescoring: what the modalities say together of each box, and one detection for each object (6.2.4).
+
+boxes of three detectors - tri-boxes - features - network - three scores a tri-box
+                         - mean of each box's scores - the best box of each neighbourhood
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.abc import Traversable
+
+import numpy as np
+
+from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
+from perception.detection.fusion.tri_boxes import TriBoxRules, tri_boxes
+from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.suppression import suppress
+from perception.errors import ModelError, UsageError
+from perception.geometry.box_overlap_px import paired_iou_px
+from perception.maps.densify import DenseMaps
+from perception.types import (
+    MODALITIES,
+    Bool,
+    Detections,
+    Float64,
+    FusedDetections,
+    Int,
+    ModalDetections,
+)
+
+KIND = "fusion"
+CONTRACT = ModelContract(
+    facts={"kind": KIND, "modalities": ",".join(MODALITIES)},
+    noted=("variant", "features", "hidden", "calibration"),
+    inputs={"features": Input(np.float32, (None, None))},
+    outputs=("scores",),
+)
+RULES: Mapping[Variant, TriBoxRules] = {
+    "scores": TriBoxRules(),
+    "features": TriBoxRules(),
+    "default": TriBoxRules(least_iou=0.3, by_set=False, most_partners=1),
+}
+MOST_IOU = 0.5  # of two detections that both stay (6.2.4)
+_LEAST_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
+
+
+@dataclass(frozen=True)
+class Rescored:
+    """M boxes of all modalities with their new scores, and the T combinations that these come from.
+
+    Attributes:
+        detections: (M) in the order of `DetectedScene.merged`.
+        tri_boxes: (T, 3)
+        tri_scores: (T, 3) expected IoU of each box with the object; of no meaning where there is no box.
+        best: (M,) for each box the combination in which it scores best.
+    """
+
+    detections: Detections
+    tri_boxes: Int
+    tri_scores: Float64
+    best: Int
+
+
+class Fusion:
+    """Rescores and joins the detections of three modalities, or of those that there are."""
+
+    def __init__(self, model: Traversable | Variant = "default") -> None:
+        """Open the network.
+
+        Args:
+            model: a file, or the variant of the one that ships.
+
+        Raises:
+            ModelError: the file does not hold a network that rescores combinations of boxes.
+        """
+        file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
+        # One thread: it takes less time than waking another.
+        self._model = OnnxModel(file, CONTRACT, threads=1)
+        self.facts = self._model.facts
+        """What the file says of itself."""
+        self.variant: Variant = _variant(self._model)
+        """What the network is told of a combination."""
+        self.calibration = _calibration(self._model)
+        """From its scores to probabilities."""
+
+    def fuse(
+        self, modal: ModalDetections, size_px: tuple[int, int], dense: DenseMaps | None = None
+    ) -> FusedDetections:
+        """Return what the detectors say together, best first.
+
+        Args:
+            modal: detections by modality; any may be missing.
+            size_px: width and height of the picture.
+            dense: maps of the same frame, for distances; the thesis' variants do without.
+        """
+        needed = dense if self.variant == "default" else None
+        return self.fuse_scene(scene_of(modal, size_px, needed))
+
+    def fuse_scene(self, scene: DetectedScene) -> FusedDetections:
+        """Return what the detectors of a scene say together, best first."""
+        if not len(scene.merged.detections):
+            return FusedDetections.empty()
+        return self.join(scene, self.rescore(scene))
+
+    def rescore(self, scene: DetectedScene) -> Rescored:
+        """Give each box of each modality the mean of what all its combinations say of it.
+
+        Args:
+            scene: with at least one box.
+        """
+        merged = scene.merged
+        rows = tri_boxes(scene, RULES[self.variant])
+        places = merged.places(rows)
+        tri_scores = self._score(tri_box_features(scene, rows, self.variant))
+        flat, is_seen = places.ravel(), places.ravel() >= 0
+        count = len(merged.detections)
+        sums = np.bincount(flat[is_seen], tri_scores.ravel()[is_seen], count)
+        times = np.bincount(flat[is_seen], minlength=count)
+        # Of all places of a box, in the order of boxes, the one with the best score is the first.
+        order = np.lexsort((-tri_scores.ravel(), flat))
+        order = order[is_seen[order]]
+        _, firsts = np.unique(flat[order], return_index=True)
+        best = order[firsts] // len(MODALITIES)
+        return Rescored(replace(merged.detections, scores=sums / times), rows, tri_scores, best)
+
+    def join(self, scene: DetectedScene, rescored: Rescored) -> FusedDetections:
+        """Keep the best box of each neighbourhood, with what it was made of."""
+        kept = suppress(rescored.detections, MOST_IOU)
+        rows = rescored.best[kept]
+        parts = rescored.tri_boxes[rows]
+        detections = rescored.detections[kept]
+        boxes_px = detections.boxes_px
+        if self.variant == "default":
+            places = scene.merged.places(parts)
+            others_px = scene.merged.detections.boxes_px[places]
+            is_own = places == kept[:, None]
+            boxes_px = _blended(others_px, is_own, places >= 0, rescored.tri_scores[rows])
+        scores = self.calibration.probabilities(detections.scores)
+        return FusedDetections(
+            Detections(boxes_px, scores, detections.types), parts, scene.merged.columns[kept]
+        )
+
+    def _score(self, features: Float64) -> Float64:
+        outputs = self._model({"features": features.astype(np.float32)})
+        return outputs["scores"].astype(np.float64)
+
+
+def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> Float64:
+    """Return (M, 4) for each box the mean of those in its combination that show the same as it does.
+
+    Errors of boxes are independent between modalities, and go with 1 - IoU: weights are its inverse square.
+
+    Args:
+        others_px: (M, 3, 4) boxes of the combination.
+        is_own: (M, 3) which of them is the box itself.
+        is_seen: (M, 3) which are there.
+        ious: (M, 3) what they are expected to overlap the object by.
+    """
+    ours_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
+    overlaps = paired_iou_px(ours_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
+    counts = is_own | (is_seen & (overlaps > MOST_IOU))
+    weights = np.where(counts, np.maximum(1 - ious, _LEAST_ERROR) ** -2, 0.0)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return np.asarray((weights[..., None] * others_px).sum(axis=1))
+
+
+def _variant(model: OnnxModel) -> Variant:
+    """Return what the file says that it is told, if that is what we can tell it."""
+    said, taken = model.facts["variant"], model.inputs["features"].shape[1]
+    for variant, names in FEATURES.items():
+        if variant == said and ",".join(names) == model.facts["features"] and taken == len(names):
+            return variant
+    raise ModelError(
+        model.name,
+        expected=f"a variant {', '.join(FEATURES)} with its features in their order",
+        found=f"{said} with {taken} inputs",
+        advice="train it anew with `trifuse train fusion`",
+    )
+
+
+def _calibration(model: OnnxModel) -> Calibration:
+    try:
+        return Calibration.parse(model.facts["calibration"])
+    except (ValueError, UsageError) as error:
+        raise ModelError(
+            model.name, expected="a calibration of three numbers", found=model.facts["calibration"]
+        ) from error

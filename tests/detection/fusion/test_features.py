@@ -1,0 +1,108 @@
+"""The 23 features by hand and beside plain loops, and what the richer set adds."""
+
+import numpy as np
+import pytest
+
+from benchmarks.naive_fusion import naive_features
+from perception.detection.fusion.detected_scene import DetectedScene, box_depths_m, scene_of
+from perception.detection.fusion.features import FEATURES, tri_box_features
+from perception.detection.fusion.tri_boxes import tri_boxes
+from perception.maps.densify import DenseMaps
+from tests.detection.fusion.scenes import clumped_scene, detections
+
+
+def maps_of(depth_m) -> DenseMaps:
+    depth_m = np.asarray(depth_m, np.float32)
+    return DenseMaps(depth_m, np.zeros_like(depth_m), depth_m > 0, np.zeros(depth_m.shape, bool))
+
+
+def named(scene, rows, variant="default"):
+    values = tri_box_features(scene, np.array(rows), variant)
+    return dict(zip(FEATURES[variant], values.T.tolist(), strict=True))
+
+
+def test_two_boxes_of_three_by_hand():
+    modal = {
+        "rgb": detections([[0, 0, 20, 10]], [0.9]),
+        "rm": detections([[10, 0, 50, 30]], [0.5]),
+    }
+    scene = DetectedScene(modal, (100, 50))
+    printed = tri_box_features(scene, np.array([[0, -1, 0]]), "features")[0]
+    scores = [0.9, 0, 0.5]
+    boxes = [0.2, 0.2, 0.1, 0.1, *[0.0] * 4, 0.4, 0.6, 0.3, 0.3]
+    spread = [0.2, 0.2, 0.1, 0.1]
+    around = [0.5, 0.6, 0.25, 0.3]
+    np.testing.assert_allclose(printed, [*scores, *boxes, *spread, *around], atol=1e-12)
+
+
+def test_there_are_as_many_as_printed():
+    assert [len(FEATURES[variant]) for variant in ("scores", "features")] == [3, 23]
+    scene = clumped_scene(0)
+    for variant, names in FEATURES.items():
+        assert tri_box_features(scene, tri_boxes(scene), variant).shape[1] == len(names)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_as_plain_loops_say(seed):
+    scene = clumped_scene(seed)
+    rows = tri_boxes(scene)
+    expected = naive_features(scene, rows)
+    np.testing.assert_allclose(tri_box_features(scene, rows, "features"), expected, atol=1e-12)
+    np.testing.assert_array_equal(tri_box_features(scene, rows, "scores"), expected[:, :3])
+    np.testing.assert_allclose(
+        tri_box_features(scene, rows, "default")[:, :23], expected, atol=1e-12
+    )
+
+
+def test_what_the_richer_set_adds_by_hand():
+    modal = {
+        "rgb": detections([[0, 0, 20, 10]]),
+        "dm": detections([[10, 0, 30, 10]]),
+    }
+    scene = DetectedScene(modal, (100, 50), {"rgb": [[9, 20]], "dm": [[np.nan, np.nan]]})
+    found = named(scene, [[0, 0, -1]])
+    assert found["near_rgb"] == pytest.approx([np.log(10)])
+    assert found["middle_rgb"] == pytest.approx([np.log(21)])
+    assert found["size_rgb"] == pytest.approx([np.log1p(20 * 10 / 50)])
+    assert found["near_dm"] == found["size_dm"] == found["near_rm"] == [0]
+    assert found["aspect_dm"] == pytest.approx([np.log(2)])
+    assert found["iou_rgb_dm"] == pytest.approx([1 / 3])
+    assert found["iou_rgb_rm"] == [0]
+    assert [found[f"seen_{m}"] for m in ("rgb", "dm", "rm")] == [[1], [1], [0]]
+    assert [found[f"looked_{m}"] for m in ("rgb", "dm", "rm")] == [[1], [1], [0]]
+    assert found["has_depth"] == [1]
+
+
+def test_to_see_nothing_is_not_to_be_missing():
+    modal = {"rgb": detections([[0, 0, 20, 10]]), "dm": detections([])}
+    found = named(DetectedScene(modal, (100, 50)), [[0, -1, -1]])
+    assert found["looked_dm"] == [1]
+    assert found["looked_rm"] == [0]
+    assert found["seen_dm"] == [0]
+    assert found["has_depth"] == [0]
+
+
+def test_depths_are_those_that_are_known():
+    depth_m = np.zeros((40, 60))
+    depth_m[:20, :10], depth_m[:20, 10:20] = 5, 30
+    dense = maps_of(depth_m)
+    boxes_px = np.array([[0.0, 0, 20, 20], [10, 0, 20, 40], [30, 0, 60, 40], [-50, -50, 5, 5]])
+    near_middle = box_depths_m(boxes_px, dense)
+    np.testing.assert_array_equal(near_middle, [[5, 5], [30, 30], [np.nan] * 2, [5, 5]])
+
+
+def test_a_fifth_of_a_nearer_thing_is_its_near_side():
+    depth_m = np.full((20, 20), 12.0)
+    depth_m[:, :4] = 8
+    found = box_depths_m(np.array([[0.0, 0, 20, 20]]), maps_of(depth_m))
+    np.testing.assert_array_equal(found, [[8, 12]])
+
+
+def test_without_the_maps_nothing_is_known_of_depth():
+    dense = maps_of(np.full((375, 1242), 10.0))
+    scene = clumped_scene(0)
+    full = scene_of(scene.modal, scene.size_px, dense)
+    assert set(full.depths_m) == {"rgb", "dm", "rm"}
+    assert full.without("dm").depths_m.keys() == {"rgb", "rm"}
+    assert full.without("dm", "rm").depths_m == {}
+    assert np.isnan(full.without("dm", "rm").merged_depths_m).all()

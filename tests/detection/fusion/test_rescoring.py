@@ -1,0 +1,104 @@
+"""New scores, one detection for each object, and what each was made of: by hand."""
+
+import numpy as np
+import pytest
+
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.rescoring import Fusion
+from perception.errors import ModelError
+from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
+
+HALF_OF_ALL = np.full((3, 3), 0.5)
+
+
+def test_a_box_gets_the_mean_of_its_combinations(fusion_file):
+    modal = {
+        "rgb": detections([[100, 100, 200, 200]], [0.8]),
+        "dm": detections([[110, 100, 210, 200], [95, 100, 195, 200]], [0.6, 0.2]),
+    }
+    scene = DetectedScene(modal, SIZE_PX)
+    rescored = Fusion(fusion_file(weights=HALF_OF_ALL)).rescore(scene)
+    assert rescored.tri_boxes.tolist() == [[0, 0, -1], [0, 1, -1]]
+    np.testing.assert_allclose(rescored.detections.scores, [0.6, 0.7, 0.5], atol=1e-6)
+    assert rescored.best.tolist() == [0, 0, 1]
+
+
+def test_one_detection_stays_of_each_neighbourhood(fusion_file):
+    modal = {
+        "rgb": detections([[100, 100, 200, 200], [600, 100, 700, 200]], [0.8, 0.3]),
+        "dm": detections([[110, 100, 210, 200]], [0.9]),
+        "rm": detections([[900, 100, 950, 150]], [0.5]),
+    }
+    fused = Fusion(fusion_file()).fuse(modal, SIZE_PX)
+    np.testing.assert_allclose(fused.detections.scores, [0.9, 0.5, 0.3], atol=1e-6)
+    assert fused.detections.boxes_px[:, 0].tolist() == [110, 900, 600]
+    assert fused.parts.tolist() == [[0, 0, -1], [-1, -1, 0], [1, -1, -1]]
+    assert fused.carriers.tolist() == [1, 2, 0]
+    assert fused.detections.types.tolist() == ["Car"] * 3
+
+
+def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_file):
+    modal = {
+        "rgb": detections([[100, 100, 200, 200]], [0.8]),
+        "dm": detections([[110, 100, 210, 200]], [0.6]),
+        "rm": detections([[155, 100, 255, 200]], [0.3]),  # overlaps by 0.29: not the same
+    }
+    fused = Fusion(fusion_file("default")).fuse(modal, SIZE_PX)
+    # Weights 1 / 0.2² and 1 / 0.4².
+    left = (25 * 100 + 6.25 * 110) / 31.25
+    np.testing.assert_allclose(fused.detections.boxes_px[0], [left, 100, left + 100, 200])
+    assert fused.detections.boxes_px[1].tolist() == [155, 100, 255, 200]
+    assert fused.carriers.tolist() == [0, 2]
+
+
+def test_the_thesis_keeps_the_best_box_as_it_is(fusion_file):
+    modal = {
+        "rgb": detections([[100, 100, 200, 200]], [0.8]),
+        "dm": detections([[110, 100, 210, 200]], [0.6]),
+    }
+    fused = Fusion(fusion_file("features")).fuse(modal, SIZE_PX)
+    assert fused.detections.boxes_px.tolist() == [[100, 100, 200, 200]]
+
+
+def test_scores_become_probabilities_in_their_order(fusion_file):
+    scene = clumped_scene(0)
+    plain = Fusion(fusion_file()).fuse_scene(scene).detections
+    curved = Fusion(fusion_file(calibration="2.0,0.5,-1.0")).fuse_scene(scene).detections
+    np.testing.assert_array_equal(curved.boxes_px, plain.boxes_px)
+    assert (np.diff(curved.scores) <= 0).all()
+    logit = 2 * np.log(plain.scores) - 0.5 * np.log(1 - plain.scores) - 1
+    np.testing.assert_allclose(curved.scores, 1 / (1 + np.exp(-logit)), atol=1e-9)
+
+
+@pytest.mark.parametrize("variant", ["scores", "features", "default"])
+@pytest.mark.parametrize("lost", [(), ("rgb",), ("dm", "rm"), ("rgb", "dm"), ("rgb", "dm", "rm")])
+def test_any_modality_may_be_missing(fusion_file, variant, lost):
+    scene = clumped_scene(2).without(*lost)
+    fused = Fusion(fusion_file(variant)).fuse_scene(scene)
+    assert bool(len(fused)) == (len(lost) < 3)
+    for column, name in enumerate(("rgb", "dm", "rm")):
+        assert name in scene.modal or (fused.parts[:, column] == -1).all()
+    rows = np.arange(len(fused))
+    assert (fused.parts[rows, fused.carriers] >= 0).all()
+
+
+def test_detectors_that_see_nothing_make_nothing(fusion_file):
+    fused = Fusion(fusion_file()).fuse({"rgb": detections([]), "dm": detections([])}, SIZE_PX)
+    assert len(fused) == 0
+
+
+def test_boxes_without_area_do_no_harm(fusion_file):
+    modal = {"rgb": detections([[5, 5, 5, 9]]), "dm": detections([[5, 5, 5, 9]])}
+    fused = Fusion(fusion_file("default")).fuse(modal, SIZE_PX)
+    assert np.isfinite(fused.detections.boxes_px).all()
+
+
+def test_files_of_other_networks_are_refused(fusion_file):
+    with pytest.raises(ModelError, match="kind fusion, found detector"):
+        Fusion(fusion_file(kind="detector"))
+    with pytest.raises(ModelError, match="features in their order, found features with 23 inputs"):
+        Fusion(fusion_file(features="score_rgb,score_rm,score_dm"))
+    with pytest.raises(ModelError, match="three numbers, found one"):
+        Fusion(fusion_file(calibration="one"))
+    with pytest.raises(ModelError, match="three numbers, found -1,0,0"):
+        Fusion(fusion_file(calibration="-1,0,0"))
