@@ -1,16 +1,17 @@
 """All tracks of a tracker as columns of one table, so that a scan costs a few array operations."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
+from perception.tracking.columns import Columns
 from perception.tracking.kalman import Gaussians
 from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class TrackTable:
+class TrackTable(Columns):
     """T tracks over the ground plane of a world that stands still.
 
     Attributes:
@@ -50,34 +51,6 @@ class TrackTable:
     sights: Int
     points: Int
     is_confirmed: Bool
-
-    def __len__(self) -> int:
-        """Return T."""
-        return len(self.ids)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> Self:
-        """Return the tracks of a mask, of indices, or of a slice."""
-        return type(self)(
-            **{column.name: getattr(self, column.name)[rows] for column in fields(self)}
-        )
-
-    def joined(self, others: Self) -> Self:
-        """Return these tracks and others after them."""
-        return type(self)(
-            **{
-                column.name: np.concatenate(
-                    [getattr(self, column.name), getattr(others, column.name)]
-                )
-                for column in fields(self)
-            }
-        )
-
-    def replaced(self, rows: Int, others: Self) -> Self:
-        """Return these tracks with others in the place of some rows."""
-        columns = {column.name: getattr(self, column.name).copy() for column in fields(self)}
-        for name, column in columns.items():
-            column[rows] = getattr(others, name)
-        return type(self)(**columns)
 
     @property
     def states(self) -> Gaussians:
