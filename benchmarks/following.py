@@ -22,7 +22,7 @@ _COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
 
 def compare_following(prepared: Prepared) -> Comparison:
     """Let every tracker follow the object that stays longest of those labelled in the first frame."""
-    config = PipelineConfig(datmo="none")
+    config = PipelineConfig.for_motion("none")
     pipeline = Pipeline(prepared.drive.sensor, config)
     moments = [moment_of(pipeline.step(frame), config.body) for frame in prepared.frames]
     track_id, box_velo = _longest(prepared)

@@ -24,7 +24,7 @@ _METHODS: dict[str, DatmoMethod] = {
 
 def compare_moving_objects(prepared: Prepared) -> Comparison:
     """Detection and tracking by every method, on the same segmented scans."""
-    pipeline = Pipeline(prepared.drive.sensor, PipelineConfig(datmo="none"))
+    pipeline = Pipeline(prepared.drive.sensor, PipelineConfig.for_motion("none"))
     scans = [pipeline.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:

@@ -20,7 +20,8 @@ from perception.geometry.se3 import inverse
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
 from perception.obstacles.motion import motion_segmenter
 from perception.obstacles.voxels import count_voxels
-from perception.pipeline import PipelineConfig, ground_estimator
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ground_estimator
 from perception.types import Frame, GroundModel
 
 log = logging.getLogger(__name__)

@@ -381,6 +381,23 @@ class Vehicles:
 
 
 @dataclass(frozen=True)
+class StageSpan:
+    """When one stage worked on a frame.
+
+    Attributes:
+        stage: its name.
+        worker: that ran it, one stage after another.
+        start_s: since the frame arrived.
+        stop_s: since the frame arrived.
+    """
+
+    stage: str
+    worker: str
+    start_s: float
+    stop_s: float
+
+
+@dataclass(frozen=True)
 class Result:
     """What the pipeline made of one frame.
 
@@ -393,7 +410,8 @@ class Result:
         modal: what each detector saw by itself; empty where detection is off.
         vehicles: what they say together, None where detection is off.
         depthcn: what DepthCN saw, None where it is off.
-        timings_s: seconds by stage, in the order in which the stages ran.
+        timings_s: seconds by stage; what overlaps counts more than once.
+        spans: when each stage ran, stages of one worker in their order.
     """
 
     frame: Frame
@@ -405,3 +423,9 @@ class Result:
     vehicles: Vehicles | None = None
     depthcn: Detections | None = None
     timings_s: dict[str, float] = field(default_factory=dict)
+    spans: tuple[StageSpan, ...] = ()
+
+    @property
+    def latency_s(self) -> float:
+        """From the arrival of the frame to its last stage's end, or NaN where that was not taken."""
+        return max((span.stop_s for span in self.spans), default=float("nan"))

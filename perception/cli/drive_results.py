@@ -25,10 +25,10 @@ def drive_results(
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    pipeline = Pipeline(drive.sensor, config)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
-    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
-        if not drive.is_sequence:
-            pipeline.reset()
-        yield pipeline.step(frame)
+    with (
+        Pipeline(drive.sensor, config) as pipeline,
+        pipeline.stream(frames, is_sequence=drive.is_sequence) as results,
+    ):
+        yield from tqdm(results, drive.name, count, unit="frame", file=sys.stderr)

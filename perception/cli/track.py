@@ -100,7 +100,7 @@ class FollowPlan:
     frames: int | None = None
     video: bool = True
     on_bad_frame: OnBadFrame = "stop"
-    pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig(datmo="none"))
+    pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
     make: TrackerMaker = single_object_tracker
 
     def __post_init__(self) -> None:

@@ -1,8 +1,9 @@
 """How the numeric libraries share the cores: few threads, and none that spins while it waits."""
 
 import os
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 
 from threadpoolctl import ThreadpoolController
@@ -18,9 +19,39 @@ def let_waiting_threads_sleep() -> None:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep BLAS to one thread: on arrays this small, more of them cost time and gain none."""
-    with _thread_pools().limit(limits=1, user_api="blas"):
+    """Keep BLAS to one thread: on arrays this small, more of them cost time and gain none.
+
+    The number of threads is the whole process'; it is as before when the last who asked has left.
+    """
+    _LIMIT.enter()
+    try:
         yield
+    finally:
+        _LIMIT.leave()
+
+
+class _SharedLimit:
+    """The limit that all threads of this process hold together."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._holders = 0
+        self._limit = ExitStack()
+
+    def enter(self) -> None:
+        with self._lock:
+            if not self._holders:
+                self._limit.enter_context(_thread_pools().limit(limits=1, user_api="blas"))
+            self._holders += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._holders -= 1
+            if not self._holders:
+                self._limit.close()
+
+
+_LIMIT = _SharedLimit()
 
 
 @cache

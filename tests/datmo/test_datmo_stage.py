@@ -29,7 +29,7 @@ def frames(drive: SyntheticDrive) -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
-    pipeline = Pipeline(drive.sensor, PipelineConfig(datmo="none"))
+    pipeline = Pipeline(drive.sensor, PipelineConfig.for_motion("none"))
     return [pipeline.segment(frame)[1] for frame in frames]
 
 
@@ -139,7 +139,7 @@ def test_the_default_survives_an_empty_scan(scans, drive):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_without_ins_objects_are_tracked(drive, frames, method):
-    pipeline = Pipeline(drive.sensor, PipelineConfig(datmo=method))
+    pipeline = Pipeline(drive.sensor, PipelineConfig.for_motion(method))
     ids = set()
     for frame in frames[:12]:
         tracks = pipeline.step(replace(frame, world_SE3_velo=None)).tracks
@@ -150,7 +150,7 @@ def test_without_ins_objects_are_tracked(drive, frames, method):
 def test_a_jumping_ins_is_an_error_of_the_pipeline_and_tracks_go_on_without_the_frame(
     drive, frames
 ):
-    pipeline = Pipeline(drive.sensor)
+    pipeline = Pipeline(drive.sensor, PipelineConfig.for_motion())
     for frame in frames[:12]:
         before = pipeline.step(frame).tracks
     far = frames[12].world_SE3_velo.copy()

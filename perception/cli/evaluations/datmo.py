@@ -48,7 +48,7 @@ def datmo(  # noqa: PLR0913 - flags of a command
     chosen = _methods_named(methods)
     protocol = DatmoProtocol(rule=MovingObjectRule(min_points=min_points), view=view)
     drive = open_measured(root, sequence, sensor, frames)
-    run = DriveRun(drive, PipelineConfig(datmo="none"), frames, on_bad_frame)
+    run = DriveRun(drive, PipelineConfig.for_motion("none"), frames, on_bad_frame)
     steps = datmo_steps(drive, run.config, chosen, limit=frames, on_bad_frame=on_bad_frame)
     reports = compare_datmo(drive, steps, chosen, protocol)
     evaluated = next(iter(reports.values())).frames

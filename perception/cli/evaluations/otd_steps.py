@@ -92,7 +92,7 @@ def follow_objects(
 
 def pipeline_config() -> PipelineConfig:
     """Return the choices of the pipeline up to what trackers of one object are shown."""
-    return PipelineConfig(datmo="none")
+    return PipelineConfig.for_motion("none")
 
 
 class _Follower:

@@ -13,6 +13,7 @@ from perception.sensor import HDL_32E, HDL_64E, VLP_16
 from perception.types import PointState
 
 FRAMES = 6
+LIDAR_ALONE = PipelineConfig.for_motion()
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def iou(said, true):
 )
 def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, least_iou):
     drive = SyntheticDrive(FRAMES, sensor=sensor, images=False)
-    pipeline = Pipeline(sensor)
+    pipeline = Pipeline(sensor, LIDAR_ALONE)
     results = [pipeline.step(frame) for frame in drive]
     truth = drive.point_truth(FRAMES - 1)
     states = results[-1].obstacles.point_states
@@ -50,7 +51,7 @@ def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, l
 def test_the_same_drive_gives_the_same_answer(frames):
     answers = []
     for _ in range(2):
-        pipeline = Pipeline()
+        pipeline = Pipeline(config=LIDAR_ALONE)
         result = [pipeline.step(frame) for frame in frames][-1]
         answers.append((result.obstacles.point_states, result.world_SE3_velo))
     assert np.array_equal(answers[0][0], answers[1][0])
@@ -58,7 +59,7 @@ def test_the_same_drive_gives_the_same_answer(frames):
 
 
 def test_reset_forgets_the_drive(frames):
-    pipeline = Pipeline()
+    pipeline = Pipeline(config=LIDAR_ALONE)
     first = pipeline.step(frames[0]).obstacles.point_states
     pipeline.step(frames[1])
     pipeline.reset()
@@ -66,7 +67,7 @@ def test_reset_forgets_the_drive(frames):
 
 
 def test_without_ins_registration_carries_the_pose(drive, frames):
-    pipeline = Pipeline()
+    pipeline = Pipeline(config=LIDAR_ALONE)
     results = [pipeline.step(replace(frame, world_SE3_velo=None)) for frame in frames]
     travelled = results[-1].world_SE3_velo[:3, 3]
     truth = np.linalg.inv(drive.true_world_SE3_velo(0)) @ drive.true_world_SE3_velo(FRAMES - 1)
@@ -76,11 +77,11 @@ def test_without_ins_registration_carries_the_pose(drive, frames):
 def test_the_vehicle_itself_is_no_obstacle(frames):
     own = np.array([[-1.0, 1.3, -0.5, 0.2]], np.float32)
     frame = replace(frames[0], points_velo=np.concatenate([frames[0].points_velo, own]))
-    assert Pipeline().step(frame).obstacles.point_states[-1] == PointState.OUTSIDE
+    assert Pipeline(config=LIDAR_ALONE).step(frame).obstacles.point_states[-1] == PointState.OUTSIDE
 
 
 def test_a_frame_given_twice_changes_nothing(frames):
-    pipeline = Pipeline()
+    pipeline = Pipeline(config=LIDAR_ALONE)
     for frame in frames[:3]:
         before = pipeline.step(frame)
     again = pipeline.step(frames[2])
@@ -90,7 +91,7 @@ def test_a_frame_given_twice_changes_nothing(frames):
 def test_an_ins_jump_of_metres_is_an_error_that_names_the_frame(frames):
     jumped = frames[2].world_SE3_velo.copy()
     jumped[:2, 3] += 8.0
-    pipeline = Pipeline()
+    pipeline = Pipeline(config=LIDAR_ALONE)
     pipeline.step(frames[0])
     pipeline.step(frames[1])
     with pytest.raises(PoseError, match=r"frame.*jump of"):
@@ -100,7 +101,7 @@ def test_an_ins_jump_of_metres_is_an_error_that_names_the_frame(frames):
 def test_an_upside_down_lidar_is_an_error(frames):
     points = frames[0].points_velo * np.array([1, -1, -1, 1], np.float32)
     with pytest.raises(MountingError, match="upside down"):
-        Pipeline().step(replace(frames[0], points_velo=points))
+        Pipeline(config=LIDAR_ALONE).step(replace(frames[0], points_velo=points))
 
 
 def test_a_window_without_history_is_refused():

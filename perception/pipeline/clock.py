@@ -1,0 +1,35 @@
+"""When each stage worked on a frame."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from perception.types import StageSpan
+
+
+class StageClock:
+    """Takes the time of one stage after another, on one worker."""
+
+    def __init__(self, worker: str = "", arrival_s: float | None = None) -> None:
+        """Begin without a stage.
+
+        Args:
+            worker: who runs the stages.
+            arrival_s: when the frame came, by `time.perf_counter`; else now.
+        """
+        self._worker = worker
+        self._arrival_s = time.perf_counter() if arrival_s is None else arrival_s
+        self.spans: tuple[StageSpan, ...] = ()
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """What each stage took."""
+        return {span.stage: span.stop_s - span.start_s for span in self.spans}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Take the time of what is done within."""
+        start_s = time.perf_counter() - self._arrival_s
+        yield
+        stop_s = time.perf_counter() - self._arrival_s
+        self.spans += (StageSpan(name, self._worker, start_s, stop_s),)

@@ -1,0 +1,87 @@
+"""What a camera is needed for: maps, the detectors of three views and their fusion, DepthCN, vehicles.
+
+Frames know nothing of each other here, except where vehicles are followed.
+"""
+
+from dataclasses import dataclass
+
+from perception.detection.depthcn import DepthCn
+from perception.detection.fusion.rescoring import Fusion
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.multimodal import MultimodalDetector, MultimodalSight
+from perception.detection.session import shipped_model
+from perception.maps.densify import DenseMaps, densify
+from perception.maps.projection import project_frame
+from perception.pipeline.clock import StageClock
+from perception.pipeline.detection_choice import DetectionChoice
+from perception.sensor import LidarModel
+from perception.types import MODALITIES, Detections, Frame, Modality
+
+
+@dataclass(frozen=True)
+class DetectionChain:
+    """The detectors that look at every frame with a camera.
+
+    Attributes:
+        multimodal: looks at image, depth map and reflectance map; None where nothing of it is wanted.
+        depthcn: looks at the maps; None where it is not wanted.
+    """
+
+    multimodal: MultimodalDetector | None
+    depthcn: DepthCn | None
+
+    @property
+    def is_off(self) -> bool:
+        """Tell whether there is no detector."""
+        return self.multimodal is None and self.depthcn is None
+
+    def make_maps(self, frame: Frame, clock: StageClock) -> DenseMaps:
+        """Make the depth and the reflectance map that all of them look at."""
+        with clock.stage("maps"):
+            return densify(project_frame(frame))
+
+    def look(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> MultimodalSight | None:
+        """Let the detectors of three views look, and fuse what they see."""
+        if self.multimodal is None:
+            return None
+        if frame.image is None and self.multimodal.detectors.keys() == {"rgb"}:
+            return None
+        with clock.stage("detectors, fused"):
+            return self.multimodal.look(frame, dense)
+
+    def verify(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
+        """Let DepthCN look."""
+        if self.depthcn is None:
+            return None
+        # Of a network that learned from other maps, DepthCN makes its own.
+        is_same = self.depthcn.verifier.method == "default"
+        with clock.stage("DepthCN"):
+            return self.depthcn.examine(frame, dense if is_same else None).detections
+
+
+def open_detection(choice: DetectionChoice, sensor: LidarModel) -> DetectionChain:
+    """Open the networks of a choice.
+
+    Raises:
+        ModelError: a file is missing, or does not hold the network that it was named for.
+    """
+    detectors = {
+        modality: ModalityDetector(choice.files[modality] or modality, threads=1)
+        for modality in wanted_modalities(choice)
+    }
+    fusion = Fusion(choice.fusion_model or "default") if len(detectors) > 1 else None
+    return DetectionChain(
+        multimodal=MultimodalDetector(detectors, fusion) if detectors else None,
+        depthcn=DepthCn(choice.depthcn_model or "default", sensor) if choice.depthcn else None,
+    )
+
+
+def wanted_modalities(choice: DetectionChoice) -> tuple[Modality, ...]:
+    """Return the modalities of a choice; left open, all whose network is there."""
+    if choice.modalities is not None:
+        return choice.modalities
+    return tuple(
+        modality
+        for modality in MODALITIES
+        if choice.files[modality] or shipped_model(f"{modality}_compact").is_file()
+    )

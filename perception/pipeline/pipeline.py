@@ -1,0 +1,195 @@
+"""One frame through every stage, in real time and in bounded memory.
+
+    obstacles  | registration - ground - static and moving - moving objects ----- DepthCN -.
+               |                                                           '               |
+    vehicles   | maps ------ three detectors, fused ------------------------'-- vehicles --+- Result
+
+Each line is a worker, which takes frame after frame; a stage waits for those that its input is from.
+"""
+
+import logging
+import time
+from collections.abc import Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from types import TracebackType
+from typing import Self
+
+from perception.datmo.detector import SegmentedScan
+from perception.detection.multimodal import MultimodalSight
+from perception.detection.objects import locate
+from perception.errors import CalibrationError
+from perception.geometry.threads import one_blas_thread
+from perception.maps.densify import DenseMaps
+from perception.maps.projection import camera_of
+from perception.pipeline.clock import StageClock
+from perception.pipeline.config import PipelineConfig
+from perception.pipeline.detection_chain import open_detection
+from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.stream import FramePolicy, ResultStream
+from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Detections, Frame, FusedDetections, Result, Vehicles
+
+log = logging.getLogger(__name__)
+
+# One frame for each worker.
+_IN_WORK = 2
+
+
+class Pipeline:
+    """Follows one drive, a frame at a time: `step` for a robot, `stream` for files and for live use.
+
+    A context manager, which ends its workers.
+    """
+
+    def __init__(self, sensor: LidarModel = HDL_64E, config: PipelineConfig | None = None) -> None:
+        """Open the networks.
+
+        Args:
+            sensor: whose scans will come.
+            config: every choice.
+
+        Raises:
+            ModelError: a network is missing, or is not what it is wanted for.
+        """
+        self.sensor = sensor
+        self.config = config or PipelineConfig()
+        self._obstacles = ObstacleChain(sensor, self.config)
+        self._detection = open_detection(self.config.detection, sensor)
+        kind = ThreadWorker if self.config.overlap else CallerWorker
+        self._obstacle_worker: Worker = kind("obstacles")
+        self._vehicle_worker: Worker = kind("vehicles")
+        self._has_told = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the workers; no frame can be given any more."""
+        self._obstacle_worker.close()
+        self._vehicle_worker.close()
+
+    def reset(self) -> None:
+        """Forget the drive so far, as between frames that do not follow each other."""
+        self._obstacle_worker.submit(self._obstacles.reset).result()
+
+    def step(self, frame: Frame) -> Result:
+        """Say where the ground of this frame is, what stands on it, what moves, and which vehicles there are.
+
+        Raises:
+            PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
+        """
+        return self._begin(frame, time.perf_counter()).result()
+
+    def stream(
+        self, frames: Iterable[Frame], policy: FramePolicy = "every", *, is_sequence: bool = True
+    ) -> ResultStream:
+        """Return an iterator over the results of frames, in order; the next is worked on meanwhile.
+
+        What is found is the same as by `step`. Use it in a `with`, or take all of it.
+
+        Args:
+            frames: from files, or as they come.
+            policy: `every` frame, for which the source waits; or the `latest`, for a source that does not:
+                frames that come while there is no room are dropped, and counted.
+            is_sequence: whether they follow each other; else nothing is remembered from one to the next.
+
+        Example:
+            with Pipeline() as pipeline, pipeline.stream(lidar, "latest") as results:
+                for result in results:
+                    drive_by(result)
+        """
+        begin = self._begin if is_sequence else self._begin_anew
+        return ResultStream(frames, begin, policy, _IN_WORK)
+
+    def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
+        """Do all that comes before moving objects: for whoever compares ways to find and follow them.
+
+        Raises:
+            PerceptionError: as for `step`.
+        """
+        clock = StageClock()
+        with one_blas_thread():
+            result, scan = self._obstacles.segment(frame, clock)
+        return replace(result, timings_s=clock.seconds, spans=clock.spans), scan
+
+    def _begin_anew(self, frame: Frame, arrival_s: float) -> "Future[Result]":
+        self._obstacle_worker.submit(self._obstacles.reset)
+        return self._begin(frame, arrival_s)
+
+    def _begin(self, frame: Frame, arrival_s: float) -> "Future[Result]":
+        """Give a frame's stages to the workers, each after those that it waits for."""
+        above, below = self._obstacle_worker, self._vehicle_worker
+        over, under = StageClock(above.name, arrival_s), StageClock(below.name, arrival_s)
+        maps = below.submit(self._make_maps, frame, under)
+        followed = above.submit(self._obstacles.step, frame, over)
+        verified = above.submit(self._verify, frame, maps, over)
+        sight = below.submit(self._look, frame, maps, under)
+        return below.submit(self._join, _Parts(followed, verified, sight, over, under))
+
+    def _make_maps(self, frame: Frame, clock: StageClock) -> DenseMaps | None:
+        if self._detection.is_off:
+            return None
+        try:
+            camera_of(frame)
+        except CalibrationError as error:
+            self._tell_once("no vehicles are detected: %s", error)
+            return None
+        return self._detection.make_maps(frame, clock)
+
+    def _verify(
+        self, frame: Frame, maps: "Future[DenseMaps | None]", clock: StageClock
+    ) -> Detections | None:
+        dense = maps.result()
+        return None if dense is None else self._detection.verify(frame, dense, clock)
+
+    def _look(
+        self, frame: Frame, maps: "Future[DenseMaps | None]", clock: StageClock
+    ) -> MultimodalSight | None:
+        dense = maps.result()
+        return None if dense is None else self._detection.look(frame, dense, clock)
+
+    def _join(self, parts: "_Parts") -> Result:
+        """Put together what the workers found of one frame."""
+        followed, sight = parts.followed.result(), parts.sight.result()
+        depthcn = parts.verified.result()
+        vehicles = None
+        if sight is not None:
+            with parts.under.stage("vehicles"):
+                vehicles = self._locate(sight.fused, followed)
+        return replace(
+            followed,
+            modal={} if sight is None else sight.modal,
+            vehicles=vehicles,
+            depthcn=depthcn,
+            timings_s=parts.over.seconds | parts.under.seconds,
+            spans=parts.over.spans + parts.under.spans,
+        )
+
+    def _locate(self, fused: FusedDetections, followed: Result) -> Vehicles:
+        return locate(fused, followed.frame, followed.ground)
+
+    def _tell_once(self, words: str, *facts: object) -> None:
+        if not self._has_told:
+            log.warning(words, *facts)
+        self._has_told = True
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """What is joined into one result, and when it was made."""
+
+    followed: "Future[Result]"
+    verified: "Future[Detections | None]"
+    sight: "Future[MultimodalSight | None]"
+    over: StageClock
+    under: StageClock

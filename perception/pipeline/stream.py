@@ -1,0 +1,145 @@
+"""Frames in, results out, in order: as fast as they are wanted, or the newest of those that came.
+
+source -- read --> waiting (one at most) -- begin --> in work (few) -- next --> result
+
+A frame is begun when there is room in work, and leaves it when its result is taken: who takes slowly
+makes the source wait, or the frames in between be dropped. Memory is bounded either way.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, wait
+from types import TracebackType
+from typing import Literal, Self
+
+from perception.types import Frame, Result
+
+# What becomes of frames that come faster than results are taken.
+FramePolicy = Literal["every", "latest"]
+Begin = Callable[[Frame, float], "Future[Result]"]
+# A source that gives no more frames is not waited for longer.
+_FAREWELL_S = 1.0
+
+
+class ResultStream:
+    """An iterator over results; a context manager, which ends what was begun."""
+
+    def __init__(
+        self, frames: Iterable[Frame], begin: Begin, policy: FramePolicy, in_work: int
+    ) -> None:
+        """Begin to read.
+
+        Args:
+            frames: in order; read in a thread of their own.
+            begin: starts the work on a frame, given when it arrived by `time.perf_counter`.
+            policy: `every` frame, for which the source waits; or the `latest`, for a source that does not.
+            in_work: so many frames at most are begun and not yet taken.
+        """
+        self.dropped = 0
+        """How many frames were passed over since a later one came before there was room."""
+        self._begin, self._policy, self._room = begin, policy, in_work
+        self._begun: deque[Future[Result]] = deque()
+        self._waiting: tuple[Frame, float] | None = None
+        self._is_over = self._is_closed = False
+        self._source_error: Exception | None = None
+        self._changed = threading.Condition()
+        self._reader = threading.Thread(
+            target=self._read, args=(frames,), name="source", daemon=True
+        )
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Self:
+        return self
+
+    def __next__(self) -> Result:
+        """Return the result of the next frame.
+
+        Raises:
+            PerceptionError: this frame could not be read or used; the stream ends with it.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._begun or self._is_over or self._is_closed)
+            if self._is_closed:
+                raise StopIteration
+            if not self._begun:
+                self._is_closed = True
+                raise self._source_error or StopIteration
+            oldest = self._begun[0]
+        try:
+            result = oldest.result()
+        except BaseException:
+            self.close()
+            raise
+        self._make_room()
+        return result
+
+    def close(self) -> None:
+        """Read no more frames, and wait for those that were begun; their results are lost."""
+        with self._changed:
+            self._is_closed = True
+            self._waiting = None
+            self._changed.notify_all()
+        wait(self._begun)
+        self._begun.clear()
+        self._reader.join(_FAREWELL_S)
+
+    def _read(self, frames: Iterable[Frame]) -> None:
+        """Take frame after frame from the source, until it ends, fails, or nobody wants more."""
+        source = iter(frames)
+        try:
+            while self._wants_more():
+                try:
+                    frame = next(source)
+                except StopIteration:
+                    return
+                self._take(frame, time.perf_counter())
+        except Exception as error:  # for whoever takes the results, after the last of them
+            self._source_error = error
+        finally:
+            # A generator is closed in the thread that ran it.
+            del source, frames
+            with self._changed:
+                self._is_over = True
+                self._changed.notify_all()
+
+    def _wants_more(self) -> bool:
+        """Wait for room where every frame counts; tell whether to read another."""
+        with self._changed:
+            if self._policy == "every":
+                self._changed.wait_for(lambda: self._has_room or self._is_closed)
+            return not self._is_closed
+
+    def _take(self, frame: Frame, arrival_s: float) -> None:
+        with self._changed:
+            self.dropped += self._waiting is not None
+            self._waiting = (frame, arrival_s)
+            self._begin_waiting()
+
+    def _make_room(self) -> None:
+        """Let a taken result make room for the frame that waits."""
+        with self._changed:
+            self._begun.popleft()
+            self._begin_waiting()
+
+    def _begin_waiting(self) -> None:
+        if self._waiting is not None and self._has_room and not self._is_closed:
+            self._begun.append(self._begin(*self._waiting))
+            self._waiting = None
+        self._changed.notify_all()
+
+    @property
+    def _has_room(self) -> bool:
+        return len(self._begun) < self._room

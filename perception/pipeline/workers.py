@@ -1,0 +1,73 @@
+"""Who does the stages' work: threads beside each other, or the caller himself."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, ParamSpec, Protocol, TypeVar
+
+from perception.geometry.threads import one_blas_thread
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+
+
+class Worker(Protocol):
+    """Does one task after another, in the order in which they are given."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    def submit(
+        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> "Future[Made]":
+        """Take a task; its result or error comes with the future."""
+        ...
+
+    def close(self) -> None:
+        """Take no more; return when all that was begun is done."""
+        ...
+
+
+class ThreadWorker:
+    """One thread, which waits where there is nothing to do; NumPy, OpenCV and the networks let others run."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._executor = ThreadPoolExecutor(1, thread_name_prefix=name)
+
+    def submit(
+        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> "Future[Made]":
+        """Take a task; tasks wait in line."""
+        return self._executor.submit(_with_one_blas_thread, task, *args, **kwargs)
+
+    def close(self) -> None:
+        """Drop what waits, and end the thread after what it does now."""
+        self._executor.shutdown(cancel_futures=True)
+
+
+class CallerWorker:
+    """Does each task at once, in the thread that gives it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def submit(
+        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+    ) -> "Future[Made]":
+        """Do the task; return what came of it."""
+        future: Future[Made] = Future()
+        try:
+            future.set_result(_with_one_blas_thread(task, *args, **kwargs))
+        except Exception as error:  # whatever it is, it is for the one who asks for the result
+            future.set_exception(error)
+        return future
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+
+def _with_one_blas_thread(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task
+    with one_blas_thread():
+        return task(*args, **kwargs)
