@@ -4,6 +4,7 @@ from perception.cli.evaluations.datmo import datmo
 from perception.cli.evaluations.depthcn import depthcn
 from perception.cli.evaluations.detection import detection
 from perception.cli.evaluations.detector import detector
+from perception.cli.evaluations.fusion import fusion
 from perception.cli.evaluations.ground import ground
 from perception.cli.evaluations.obstacles import obstacles
 from perception.cli.evaluations.otd import otd
@@ -18,4 +19,5 @@ COMMANDS = {
     "detection": detection,
     "depthcn": depthcn,
     "detector": detector,
+    "fusion": fusion,
 }

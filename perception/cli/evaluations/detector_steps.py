@@ -74,7 +74,7 @@ def classes_of(
     for name in named:
         if name.lower() not in known:
             raise UsageError("--classes", expected=", ".join(network.class_names), found=name)
-    return tuple(_class_named(known[name.lower()]) for name in named)
+    return tuple(class_named(known[name.lower()]) for name in named)
 
 
 def measure_detector(
@@ -104,7 +104,8 @@ def measure_detector(
     )
 
 
-def _class_named(name: str) -> DetectionClass:
+def class_named(name: str) -> DetectionClass:
+    """Return a class as KITTI judges it, or any other at the usual overlap."""
     for known in KITTI_CLASSES:
         if known.name.lower() == name.lower():
             return known

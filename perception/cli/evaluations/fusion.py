@@ -1,0 +1,111 @@
+"""`trifuse evaluate fusion`: what three detectors come to alone and together (Table 7.10)."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from data.frames import OnBadFrame
+from perception.cli.evaluations.class_precision import (
+    PROTOCOL_WORDS,
+    MeasureRules,
+    RecallOption,
+)
+from perception.cli.evaluations.detector_steps import class_named
+from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.fusion_figures import (
+    fusion_panels,
+    fusion_results,
+    fusion_tables,
+)
+from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
+from perception.cli.evaluations.fusion_steps import FusionFiles, see_scene
+from perception.cli.evaluations.labelled_drives import (
+    ReadingRules,
+    labelled_places,
+    open_labelled,
+    see_drive,
+)
+from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.render.precision_plots import plot_precision
+from perception.render.reliability_plots import plot_reliability
+
+_OWN_WORDS = {
+    "gain": (
+        "average precision of a row less that of the best single modality; its interval is of the same "
+        "choices of frames for both, each with the best modality of that choice"
+    ),
+    "calibration": (
+        "detections in ten bins of score; expected calibration error is the mean difference of score and "
+        "share that is right, at the hard level and the first IoU"
+    ),
+    "thesis": "Table 7.10: 1496 frames of KITTI's training set, YOLOv2 at 416x416, 11 recall points",
+}
+
+
+def fusion(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    models: FusionFiles | None = None,
+    class_name: str = "Car",
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int | None = None,
+    iou: float | tuple[float, ...] = (0.7, 0.5),
+    recall_points: RecallOption = "40",
+    bootstrap: int = 1000,
+    seed: int = 0,
+    on_bad_frame: OnBadFrame = "stop",
+    plot: Path | None = None,
+    reliability_plot: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """Measure three detectors alone, merged and fused, and with modalities lost (Table 7.10).
+
+    The detectors run once; every row rests on the same detections. Each drive has its own tables.
+
+    Example: trifuse evaluate fusion synth/test kitti/object --plot fusion.png --json fusion.json
+
+    Args:
+        drives: object folder, tracking folder or synthetic drive; one or several.
+        models: networks in the place of those that ship; --models.rgb FILE.onnx for one of them.
+        class_name: what is looked for.
+        sequence: which one of a tracking folder; else each of them for itself.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: of each drive only so many from the start; else all.
+        iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7 of cars.
+        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of these choices.
+        on_bad_frame: stop at a damaged frame, or skip it and say so.
+        plot: gets the precision-recall curves of the first drive as PNG, and those of Fig. 7.14.
+        reliability_plot: gets how often detections of a score are right, as PNG.
+        json: gets the same figures with protocol, data and configuration.
+    """
+    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
+    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    files = models or FusionFiles()
+    detector, fusions = files.open_detectors(), files.open_fusions()
+    measured: list[MeasuredFusion] = []
+    for place in labelled_places(drives, sequence):
+        drive = open_labelled(place, reading)
+        seen = see_drive(place.name, drive, lambda frame: see_scene(detector, frame), reading)
+        measured.append(measure_fusion(seen, fusions, class_named(class_name), measuring))
+        print(fusion_tables(measured[-1]))
+    first = measured[0]
+    if plot is not None:
+        plot_precision(plot, f"{first.data.name} ({first.data.kind})", fusion_panels(first))
+    if reliability_plot is not None:
+        title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.overlaps[0]:g}"
+        plot_reliability(reliability_plot, title, first.reliability)
+    if json is not None:
+        facts: dict[str, dict[str, str]] = {}
+        for networks in (detector.detectors, fusions):
+            facts |= {str(name): dict(one.facts) for name, one in networks.items()}
+        values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
+        words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
+        figures = Figures("fusion", words, {one.data.name: fusion_results(one) for one in measured})
+        split = "; ".join(
+            f"{name} was trained on: {of_one.get('training_data', 'not known')}"
+            for name, of_one in facts.items()
+        )
+        configuration = {"models": files, "networks": facts}
+        write_evaluation(json, [one.data for one in measured], configuration, figures, split)

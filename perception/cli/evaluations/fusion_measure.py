@@ -1,0 +1,116 @@
+"""What detectors and fusions come to on one drive, all on the same detections."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
+from perception.cli.evaluations.detection import Resampling
+from perception.cli.evaluations.detection_figures import CONFIDENCE
+from perception.cli.evaluations.fusion_steps import (
+    MODALITY_NAMES,
+    UNION_NAME,
+    loss_rows,
+    modalities_of,
+    step_rows,
+    table_rows,
+)
+from perception.cli.evaluations.labelled_drives import LabelledDrive, SeenDrive
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.features import Variant
+from perception.detection.fusion.rescoring import Fusion
+from perception.evaluation.detection.bootstrap import Interval, percentile_interval
+from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
+from perception.evaluation.detection.reliability import Reliability, measure_reliability
+from perception.types import Modality
+
+Modalities = tuple[Modality, ...]
+
+
+@dataclass(frozen=True)
+class Gain:
+    """By how many points of average precision a row is ahead of others; the interval is NaN if not asked for."""
+
+    points: float
+    interval: Interval
+
+
+@dataclass(frozen=True)
+class MeasuredFusion:
+    """What detectors and fusions are worth on one drive.
+
+    Attributes:
+        data: which frames.
+        modalities: that they have.
+        rows: of Table 7.10, by name; the single modalities first.
+        losses: our fusion of what is left where modalities are lost, by what is left.
+        steps: of our fusion, by name (Fig. 7.14).
+        reliability: of every row but the merged one, whose scores no network gave.
+    """
+
+    data: LabelledDrive
+    modalities: Modalities
+    rows: Mapping[str, ClassPrecision]
+    losses: Mapping[Modalities, ClassPrecision]
+    steps: Mapping[str, ClassPrecision]
+    reliability: Mapping[str, Reliability]
+
+    def singles(self, modalities: Modalities) -> list[ClassPrecision]:
+        """Return what modalities are worth each by itself."""
+        return [self.rows[MODALITY_NAMES[name]] for name in modalities]
+
+    def gain(self, row: str, iou: float, difficulty: str) -> Gain:
+        """Return how far a row of the table is ahead of the best modality."""
+        return gain_over_best(self.rows[row], self.singles(self.modalities), iou, difficulty)
+
+    def left_gain(self, left: Modalities, iou: float, difficulty: str) -> Gain:
+        """Return how far the fusion of what is left is ahead of the best of it."""
+        return gain_over_best(self.losses[left], self.singles(left), iou, difficulty)
+
+
+def measure_fusion(
+    seen: SeenDrive[DetectedScene],
+    fusions: Mapping[Variant, Fusion],
+    of_class: DetectionClass,
+    rules: MeasureRules,
+) -> MeasuredFusion:
+    """Measure every row on the same detections."""
+    ours = fusions["default"]
+    without_intervals = replace(rules, resampling=Resampling())
+    detections = dict(table_rows(seen, fusions))
+    boxes = {name: seen.beside(of_row) for name, of_row in detections.items()}
+    frames, judged = len(seen.looks), of_class.at_iou(rules.overlaps[0])
+    return MeasuredFusion(
+        data=seen.data,
+        modalities=modalities_of(seen),
+        rows={name: ClassPrecision.of(found, of_class, rules) for name, found in boxes.items()},
+        losses={
+            left: ClassPrecision.of(seen.beside(of_row), of_class, rules)
+            for left, of_row in loss_rows(seen, ours)
+        },
+        steps={
+            name: ClassPrecision.of(seen.beside(of_row), of_class, without_intervals)
+            for name, of_row in step_rows(seen, ours)
+        },
+        reliability={
+            name: measure_reliability(
+                found.truths, found.detections, frames, judged, DIFFICULTIES[-1]
+            )
+            for name, found in boxes.items()
+            if name != UNION_NAME
+        },
+    )
+
+
+def gain_over_best(
+    row: ClassPrecision, others: Sequence[ClassPrecision], iou: float, difficulty: str
+) -> Gain:
+    """Return how far a row is ahead of the best of others; on every choice of frames, of the best there."""
+    points = row.ap(iou, difficulty) - max(one.ap(iou, difficulty) for one in others)
+    own = row.samples(iou, difficulty)
+    of_others = [one.samples(iou, difficulty) for one in others]
+    known = [samples for samples in of_others if len(samples) == len(own)]
+    if not len(own) or not known:
+        return Gain(points, Interval(np.nan, np.nan))
+    return Gain(points, percentile_interval(own - np.max(known, axis=0), CONFIDENCE))

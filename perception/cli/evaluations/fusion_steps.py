@@ -1,0 +1,149 @@
+"""A labelled drive through the three detectors once, and through every way to make one list of what they saw."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+from perception.cli.evaluations.labelled_drives import SeenDrive
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.features import Variant
+from perception.detection.fusion.rescoring import Fusion
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.multimodal import MultimodalDetector
+from perception.detection.session import shipped_model
+from perception.detection.union import Union
+from perception.maps.projection import camera_of
+from perception.types import MODALITIES, Detections, Frame, Modality
+
+# As Table 7.10 names them.
+MODALITY_NAMES: Mapping[Modality, str] = {"rgb": "color", "dm": "depth", "rm": "reflectance"}
+VARIANT_NAMES: Mapping[Variant, str] = {
+    "scores": "fusion on scores",
+    "features": "fusion on all features",
+    "default": "fusion, ours",
+}
+UNION_NAME = "merged, best box of a place"
+STEP_NAMES = ("merged", "rescored", "rescored and suppressed")
+
+Fuse = Callable[[DetectedScene], Detections]
+
+
+@dataclass(frozen=True)
+class FusionFiles:
+    """Networks in the place of those that ship.
+
+    Attributes:
+        rgb: detector of the camera's image; an ONNX file, as are all.
+        dm: detector of the depth map.
+        rm: detector of the reflectance map.
+        scores: fusion on scores.
+        features: fusion on all features.
+        default: fusion that knows distances, overlaps and what is missing.
+    """
+
+    rgb: Path | None = None
+    dm: Path | None = None
+    rm: Path | None = None
+    scores: Path | None = None
+    features: Path | None = None
+    default: Path | None = None
+
+    def open_detectors(self) -> MultimodalDetector:
+        """Open the three detectors.
+
+        Raises:
+            ModelError: a file holds no detector, or one of another modality or other classes.
+        """
+        files: dict[Modality, Path | None] = {"rgb": self.rgb, "dm": self.dm, "rm": self.rm}
+        return MultimodalDetector(
+            {name: ModalityDetector(file or name, threads=1) for name, file in files.items()}
+        )
+
+    def open_fusions(self) -> dict[Variant, Fusion]:
+        """Open the networks that rescore: all that are named or ship.
+
+        Raises:
+            ModelError: a file holds no such network.
+        """
+        files: dict[Variant, Path | None] = {
+            "scores": self.scores,
+            "features": self.features,
+            "default": self.default,
+        }
+        return {
+            name: Fusion(file or name)
+            for name, file in files.items()
+            if file is not None or name == "default" or shipped_model(f"fusion_{name}").is_file()
+        }
+
+
+def see_scene(detector: MultimodalDetector, frame: Frame) -> DetectedScene:
+    """Return what the detectors see in a frame.
+
+    Raises:
+        PerceptionError: the frame has nothing to look at, or no camera.
+    """
+    sight = detector.look(frame)
+    return scene_of(sight.modal, camera_of(frame)[1], sight.dense)
+
+
+def modalities_of(seen: SeenDrive[DetectedScene]) -> tuple[Modality, ...]:
+    """Return the modalities that all frames of a drive have."""
+    return tuple(name for name in MODALITIES if all(name in scene.modal for scene in seen.looks))
+
+
+def table_rows(
+    seen: SeenDrive[DetectedScene], fusions: Mapping[Variant, Fusion]
+) -> Iterator[tuple[str, Sequence[Detections]]]:
+    """Yield the rows of Table 7.10: each modality by itself, all of them merged, and each fusion."""
+    for modality in modalities_of(seen):
+        yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in seen.looks]
+    yield UNION_NAME, _of_all(seen, merge)
+    for variant, fusion in fusions.items():
+        yield VARIANT_NAMES[variant], _of_all(seen, fuse_by(fusion))
+
+
+def loss_rows(
+    seen: SeenDrive[DetectedScene], fusion: Fusion
+) -> Iterator[tuple[tuple[Modality, ...], Sequence[Detections]]]:
+    """Yield what a fusion makes of what is left where modalities are lost, the most of them first."""
+    known = modalities_of(seen)
+    for count in range(len(known) - 1, 0, -1):
+        for left in combinations(known, count):
+            lost = tuple(name for name in MODALITIES if name not in left)
+            scenes = [scene.without(*lost) for scene in seen.looks]
+            yield left, [fuse_by(fusion)(scene) for scene in scenes]
+
+
+def step_rows(
+    seen: SeenDrive[DetectedScene], fusion: Fusion
+) -> Iterator[tuple[str, Sequence[Detections]]]:
+    """Yield all boxes before rescoring, after it, and after suppression (Fig. 7.14)."""
+    steps: tuple[Fuse, ...] = (
+        lambda scene: scene.merged.detections,
+        lambda scene: _rescored(fusion, scene),
+        fuse_by(fusion),
+    )
+    for name, step in zip(STEP_NAMES, steps, strict=True):
+        yield name, _of_all(seen, step)
+
+
+def merge(scene: DetectedScene) -> Detections:
+    """Return the best box of each place, whichever modality it is of."""
+    return Union().fuse(scene.modal, scene.size_px).detections
+
+
+def fuse_by(fusion: Fusion) -> Fuse:
+    """Return what a fusion does to a scene."""
+    return lambda scene: fusion.fuse_scene(scene).detections
+
+
+def _rescored(fusion: Fusion, scene: DetectedScene) -> Detections:
+    if not len(scene.merged.detections):
+        return Detections.empty()
+    return fusion.rescore(scene).detections
+
+
+def _of_all(seen: SeenDrive[DetectedScene], fuse: Fuse) -> Sequence[Detections]:
+    return [fuse(scene) for scene in seen.looks]

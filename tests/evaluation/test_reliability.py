@@ -1,0 +1,57 @@
+"""Scores beside the share that is right, by hand-made numbers."""
+
+import numpy as np
+import pytest
+
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
+from perception.evaluation.detection.reliability import measure_reliability
+from perception.types import Detections
+
+CAR, HARD = KITTI_CLASSES[0], DIFFICULTIES[-1]
+
+
+def boxes_at(lefts):
+    left = np.array(lefts, float)
+    return np.stack([left, 0 * left + 10, left + 60, 0 * left + 60], axis=1)
+
+
+def truths(lefts, types=None):
+    count = len(lefts)
+    return TrueBoxes(
+        frames=np.zeros(count, np.int64),
+        types=np.array(types or ["Car"] * count),
+        alphas_rad=np.full(count, -10.0),
+        boxes_px=boxes_at(lefts),
+        truncation=np.zeros(count),
+        occlusion=np.zeros(count),
+    )
+
+
+def found(lefts, scores):
+    detections = Detections(boxes_at(lefts), np.array(scores), np.full(len(lefts), "Car"))
+    return DetectedBoxes.of_frames([detections])
+
+
+def test_bins_and_expected_error():
+    # At about 0.9 three of four are right, at 0.2 none of two.
+    labelled = truths([0, 100, 200])
+    scores = [0.95, 0.93, 0.91, 0.97, 0.2, 0.22]
+    one = measure_reliability(labelled, found([0, 100, 200, 300, 400, 500], scores), 1, CAR, HARD)
+    assert one.counts.tolist() == [0, 0, 2, 0, 0, 0, 0, 0, 0, 4]
+    assert one.precision[[2, 9]].tolist() == [0, 0.75]
+    np.testing.assert_allclose(one.scores[[2, 9]], [0.21, 0.94])
+    assert np.isnan(one.precision[0])
+    assert one.expected_error == pytest.approx((2 * 0.21 + 4 * 0.19) / 6)
+
+
+def test_what_need_not_be_found_is_neither_right_nor_wrong():
+    one = measure_reliability(truths([0], ["Van"]), found([0], [0.9]), 1, CAR, HARD)
+    assert one.counts.sum() == 0
+    assert np.isnan(one.expected_error)
+
+
+def test_the_highest_score_is_in_the_last_bin():
+    one = measure_reliability(truths([0]), found([0], [1.0]), 1, CAR, HARD)
+    assert one.counts[9] == 1
+    assert one.expected_error == 0
