@@ -1,0 +1,97 @@
+"""What goes wrong with sensors: darkness, lost rays, a calibration that is off. Frames in, frames out.
+
+Draws come from a generator that is passed in. One that starts from the same seed draws the same at every
+level, so that more of a disturbance is what less of it was, and more.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from perception.errors import UsageError
+from perception.maps.projection import camera_of
+from perception.types import Calibration, Float32, Float64, Frame, UInt8
+
+_GAMMA = 2.2  # from light to grey levels, about that of sRGB
+# Of a pixel 3 µm wide, as in cameras of cars: how many electrons are white, and the noise of reading them.
+_WHITE_ELECTRONS, _READING_ELECTRONS = 10_000.0, 5.0
+
+
+def darken(frame: Frame, stops: float, rng: np.random.Generator) -> Frame:
+    """Take an image of half the light so many times over, with the noise of so few electrons.
+
+    Light arrives electron by electron, so that their number varies by its root (EMVA 1288, 2.2).
+
+    Raises:
+        UsageError: light would be added.
+    """
+    if stops < 0:
+        raise UsageError("darkness", expected="0 stops or more", found=f"{stops:g}")
+    if frame.image is None or stops == 0:
+        return frame
+    light = _light_of(frame.image) * np.float32(2.0**-stops)
+    noise = rng.standard_normal(light.shape, np.float32)
+    electrons = light * np.float32(_WHITE_ELECTRONS)
+    electrons += noise * np.sqrt(electrons + np.float32(_READING_ELECTRONS**2))
+    return replace(frame, image=_image_of(electrons / np.float32(_WHITE_ELECTRONS)))
+
+
+def drop_rays(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
+    """Lose a share of the LiDAR's returns, each as likely; one is always left.
+
+    Raises:
+        UsageError: it is no share.
+    """
+    if not 0 <= share < 1:
+        raise UsageError("share of rays lost", expected="from 0 to below 1", found=f"{share:g}")
+    luck = rng.random(len(frame.points_velo))
+    is_kept = luck >= share
+    is_kept[luck.argmax()] = True
+    return replace(frame, points_velo=frame.points_velo[is_kept])
+
+
+def turn_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator) -> Frame:
+    """Believe the LiDAR turned by an angle before the camera, about any axis through the camera.
+
+    Raises:
+        CalibrationError: the frame has no camera.
+    """
+    axis = _direction(rng, 3)
+    turned_SE3_cam = np.eye(4)
+    turned_SE3_cam[:3, :3] = Rotation.from_rotvec(np.deg2rad(angle_deg) * axis).as_matrix()
+    known, _ = camera_of(frame)
+    return _believing(frame, replace(known, cam_SE3_velo=turned_SE3_cam @ known.cam_SE3_velo))
+
+
+def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -> Frame:
+    """Believe the scan shifted in the image by so many pixels, in any direction.
+
+    Raises:
+        CalibrationError: the frame has no camera.
+    """
+    shifted_P_image = np.eye(3)
+    shifted_P_image[:2, 2] = shift_px * _direction(rng, 2)
+    known, _ = camera_of(frame)
+    return _believing(frame, replace(known, image_P_cam=shifted_P_image @ known.image_P_cam))
+
+
+def _believing(frame: Frame, calibration: Calibration) -> Frame:
+    return replace(frame, calibration=calibration)
+
+
+def _direction(rng: np.random.Generator, dimensions: int) -> Float64:
+    """Return a vector of length one, every direction as likely."""
+    vector = rng.standard_normal(dimensions)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _light_of(image: UInt8) -> Float32:
+    """Return the light, 0 to 1, of grey levels."""
+    light: Float32 = ((np.arange(256) / 255) ** _GAMMA).astype(np.float32)
+    return light[image]
+
+
+def _image_of(light: Float32) -> UInt8:
+    """Return the grey levels of light; beyond 1 it is white."""
+    return np.asarray(np.rint(255 * np.clip(light, 0, 1) ** np.float32(1 / _GAMMA)), np.uint8)
