@@ -11,13 +11,13 @@
 The thesis does not say how strong they are; the defaults are ours. A strength of 0 switches one off.
 """
 
-from dataclasses import asdict, dataclass, replace
-from typing import Literal, Self, get_args
+from dataclasses import dataclass
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
+from data.strengths import Strengths
 from perception.detection.windows import CROP_HEIGHT_PX
-from perception.errors import UsageError
 from perception.types import Float64
 
 Operation = Literal[
@@ -35,7 +35,7 @@ OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
 
 @dataclass(frozen=True)
-class Augmentation:
+class Augmentation(Strengths):
     """The strength of each operation; 0 is off.
 
     Attributes:
@@ -51,6 +51,14 @@ class Augmentation:
         reflectance: returns are weaker by up to this share.
     """
 
+    MOST: ClassVar = {
+        "flip": 1.0,
+        "jitter": 0.5,
+        "cover": 0.9,
+        "rotation_rad": 0.5,
+        "reflectance": 1.0,
+    }
+
     scale: float = 0.12
     depth: float = 0.25
     flip: float = 0.5
@@ -60,26 +68,6 @@ class Augmentation:
     rotation_rad: float = 0.035
     line_shift_px: float = 1.0
     reflectance: float = 0.9
-
-    def __post_init__(self) -> None:
-        """Refuse strengths below zero, and those that leave nothing of the object."""
-        most = {"flip": 1.0, "jitter": 0.5, "cover": 0.9, "rotation_rad": 0.5, "reflectance": 1.0}
-        for name, strength in asdict(self).items():
-            if not 0 <= strength <= most.get(name, 10.0):
-                raise UsageError(
-                    f"augmentation {name}",
-                    expected=f"a strength from 0 to {most.get(name, 10.0):g}",
-                    found=f"{strength:g}",
-                )
-
-    @classmethod
-    def none(cls) -> Self:
-        """Change nothing."""
-        return cls(*[0.0] * len(OPERATIONS))
-
-    def only(self, operation: Operation) -> Self:
-        """Return this one operation, as strong as it is here."""
-        return replace(self.none(), **{operation: getattr(self, operation)})
 
 
 @dataclass(frozen=True)

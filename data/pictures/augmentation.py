@@ -1,35 +1,58 @@
-"""How a picture is changed at every look at it."""
+"""How a picture is changed at every look at it, so that a small set resembles what roads hold.
 
-from dataclasses import dataclass
+Each view keeps its meaning: what is zoomed is nearer in a depth map and as bright in a reflectance map, and
+colours change in images alone.
+"""
+
+from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
+from data.pictures.camera_changes import CameraStrengths, change_image
+from data.pictures.making import PictureRules
+from data.pictures.map_changes import MapStrengths, change_depth_map, change_reflectance_map
+from data.pictures.placing import PlacingStrengths, draw_placement, place, place_labels
 from data.pictures.wanted import PictureLabels
-from perception.types import Modality, UInt8
+from perception.types import UInt8
 
 
 @dataclass(frozen=True)
 class PictureAugmentation:
-    """The strength of each operation; 0 is off.
+    """The strengths of all operations.
 
     Attributes:
-        flip: probability of left and right changing places.
+        placing: of all views.
+        maps: of depth and reflectance maps.
+        camera: of images.
     """
 
-    flip: float = 0.5
+    placing: PlacingStrengths = field(default_factory=PlacingStrengths)
+    maps: MapStrengths = field(default_factory=MapStrengths)
+    camera: CameraStrengths = field(default_factory=CameraStrengths)
+
+    @classmethod
+    def none(cls) -> Self:
+        """Change nothing."""
+        return cls(PlacingStrengths.none(), MapStrengths.none(), CameraStrengths.none())
 
 
 def changed(
     picture: UInt8,
     labels: PictureLabels,
-    modality: Modality,
+    rules: PictureRules,
     strengths: PictureAugmentation,
     rng: np.random.Generator,
 ) -> tuple[UInt8, PictureLabels]:
-    """Return a picture and its labels as another look would show them."""
-    if rng.random() >= strengths.flip:
-        return picture, labels
-    width = picture.shape[1]
-    boxes_px = labels.boxes_px[:, [2, 1, 0, 3]] * (-1, 1, -1, 1) + (width, 0, width, 0)
-    flipped = PictureLabels(boxes_px.astype(np.float32), labels.classes, labels.is_ignored)
-    return picture[:, ::-1], flipped
+    """Return an (h, w, C) picture and its labels as another look would show them."""
+    modality, is_filled = rules.modality, rules.filling != "sparse"
+    size_px = picture.shape[1], picture.shape[0]
+    placement = draw_placement(strengths.placing, size_px, rng)
+    placed = place(picture, placement, modality, rng)
+    if modality == "rgb":
+        placed = change_image(placed, strengths.camera, rng)
+    elif modality == "dm":
+        placed = change_depth_map(placed, placement.zoom, strengths.maps, rng, is_filled=is_filled)
+    else:
+        placed = change_reflectance_map(placed, strengths.maps, rng, is_filled=is_filled)
+    return placed, place_labels(labels, placement, size_px)

@@ -85,7 +85,7 @@ class PictureDataset(Dataset[Sample]):
         if self.augmentation is None or not isinstance(ask, Ask):
             return picture, labels
         rng = np.random.default_rng([self.seed, *ask.look])
-        return changed(picture, labels, self.frames.rules.modality, self.augmentation, rng)
+        return changed(picture, labels, self.frames.rules, self.augmentation, rng)
 
     def picture_size_px(self, row: int) -> tuple[int, int]:
         """Return the (width, height) that a picture had before it was stretched to the input."""

@@ -82,18 +82,17 @@ def make_pictures(frame: Frame, rules: PictureRules) -> Arrays:
         dense = fill_maps(project_frame(frame), rules.filling)
         made = {"dm": map_picture(dense, "dm"), "rm": map_picture(dense, "rm")}
     height, width = next(iter(made.values())).shape[:2]
-    pressed = {name: _pressed(picture, rules.jpeg_quality) for name, picture in made.items()}
+    if (quality := rules.jpeg_quality) is not None:
+        made = {name: through_jpeg(picture, quality) for name, picture in made.items()}
     arrays: dict[str, UInt8 | Int] = {
-        name: stretch(one, rules.size, name) for name, one in pressed.items()
+        name: stretch(one, rules.size, name) for name, one in made.items()
     }
     return {**arrays, "size_px": np.array([width, height])}
 
 
-def _pressed(picture: UInt8, jpeg_quality: int | None) -> UInt8:
-    """Return what JPEG of a quality leaves of an (H, W, C) picture."""
-    if jpeg_quality is None:
-        return picture
+def through_jpeg(picture: UInt8, quality: int) -> UInt8:
+    """Return what JPEG of a quality, 1 to 100, leaves of an (H, W, C) picture."""
     # OpenCV takes BGR; the order matters, as JPEG keeps brightness better than colour.
-    _, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    _, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     return np.asarray(decoded, np.uint8).reshape(picture.shape)[..., ::-1]

@@ -1,0 +1,163 @@
+"""Where in the picture things are, and how large: the operations that all three views have in common.
+
+A picture that is zoomed shows what a closer look would: everything is larger and as much nearer, so that depths
+are divided by the zoom. Another focal length makes things larger and leaves them where they are.
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import cv2
+import numpy as np
+
+from data.pictures.wanted import LEARNED, PictureLabels, clipped, has_area
+from data.strengths import Strengths
+from perception.geometry.box_overlap_px import area_px, intersection_over_area_px
+from perception.types import Float64, Modality, UInt8
+
+_MOST_PATCHES = 3
+_PATCH_SHARES = (0.04, 0.3)  # of the picture's height; a patch is up to twice as wide as high
+_GREY_SPREAD = 40.0
+_AROUND = (60, 190)  # values around an image that has become smaller
+
+
+@dataclass(frozen=True)
+class PlacingStrengths(Strengths):
+    """How far things move.
+
+    Attributes:
+        flip: probability of left and right changing places.
+        zoom: things are larger and nearer, or smaller and farther, by up to a factor of 1 + this.
+        focal: things are larger or smaller by up to 1 + this, at the same distance.
+        aspect: width over height changes by up to a factor of 1 + this.
+        shift: the picture moves by up to this share of its size, beyond the freedom that the zoom gives.
+        cover: probability of something nearer that hides parts of the picture.
+    """
+
+    MOST: ClassVar = {
+        "flip": 1.0,
+        "zoom": 3.0,
+        "focal": 1.0,
+        "aspect": 1.0,
+        "shift": 0.5,
+        "cover": 1.0,
+    }
+
+    flip: float = 0.5
+    zoom: float = 0.4
+    focal: float = 0.1
+    aspect: float = 0.08
+    shift: float = 0.04
+    cover: float = 0.4
+
+
+@dataclass(frozen=True)
+class Placement:
+    """What happens to the places of one picture at one look, drawn or set by hand.
+
+    x' = scale * x + offset, in pixels from the upper left edge.
+
+    Attributes:
+        scale: along x, negative where left and right change places, and along y.
+        offset_px: along x and y.
+        zoom: by which depths are divided.
+        patches_px: (P, 4) x1 y1 x2 y2 of what hides the picture, in whole pixels.
+    """
+
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset_px: tuple[float, float] = (0.0, 0.0)
+    zoom: float = 1.0
+    patches_px: Float64 | None = None
+
+
+def draw_placement(
+    strengths: PlacingStrengths, size_px: tuple[int, int], rng: np.random.Generator
+) -> Placement:
+    """Draw what happens to a picture of (width, height); as many numbers whatever is switched off."""
+    zoom, focal, aspect, *drawn = rng.uniform(-1, 1, 8)
+    free, shift, flip = np.array(drawn[:2]), np.array(drawn[2:4]), drawn[4]
+    zoom = (1 + strengths.zoom) ** zoom
+    larger = zoom * (1 + strengths.focal) ** focal
+    stretch = (1 + strengths.aspect) ** (aspect / 2)
+    scale = np.array([larger * stretch, larger / stretch])
+    # A larger picture is cut anywhere, a smaller one lies anywhere.
+    offset = np.array(size_px) * ((1 - scale) * (1 + free) / 2 + strengths.shift * shift)
+    if abs(flip) < strengths.flip:
+        scale[0], offset[0] = -scale[0], size_px[0] - offset[0]
+    patches_px = _draw_patches(size_px, rng) if rng.random() < strengths.cover else None
+    return Placement(
+        (float(scale[0]), float(scale[1])), (float(offset[0]), float(offset[1])), zoom, patches_px
+    )
+
+
+def place(
+    picture: UInt8, placement: Placement, modality: Modality, rng: np.random.Generator
+) -> UInt8:
+    """Return an (h, w, C) picture with everything at its new place.
+
+    Of maps the nearest pixel is taken, and around the picture nothing is known; around an image is some grey.
+    Values stay as they are, so that a depth map's have to be divided by the zoom yet.
+    """
+    height, width = picture.shape[:2]
+    is_image = modality == "rgb"
+    scale, offset = np.array(placement.scale), np.array(placement.offset_px)
+    # OpenCV's places are of the centres of pixels.
+    matrix = np.column_stack([np.diag(scale), offset + (scale - 1) / 2])
+    warped = cv2.warpAffine(
+        picture,
+        matrix,
+        (width, height),
+        flags=cv2.INTER_LINEAR if is_image else cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=rng.uniform(*_AROUND, 3).tolist() if is_image else 0,
+    )
+    placed = np.asarray(warped, np.uint8).reshape(picture.shape)
+    if placement.patches_px is not None:
+        for x1, y1, x2, y2 in placement.patches_px.astype(int).tolist():
+            patch = placed[y1:y2, x1:x2]
+            patch[:] = _covering(patch, modality, rng)
+    return placed
+
+
+def place_labels(
+    labels: PictureLabels, placement: Placement, size_px: tuple[int, int]
+) -> PictureLabels:
+    """Return the labels of a placed picture of (width, height).
+
+    What has left the picture is left out. What is hidden, or has left, by more than KITTI's hard level
+    allows to be cut off, or has become too small, is ignored.
+    """
+    moved = labels.boxes_px * np.tile(placement.scale, 2) + np.tile(placement.offset_px, 2)
+    if placement.scale[0] < 0:
+        moved = moved[:, [2, 1, 0, 3]]
+    within = clipped(moved, size_px)
+    visible = area_px(within) / np.maximum(area_px(moved), 1e-9)
+    if placement.patches_px is not None:
+        hidden = intersection_over_area_px(within, placement.patches_px).sum(axis=1)
+        visible *= 1 - np.minimum(hidden, 1)
+    is_low = within[:, 3] - within[:, 1] < labels.least_height_px
+    is_unseen = is_low | (visible < 1 - LEARNED.max_truncation)
+    placed = replace(
+        labels, boxes_px=within.astype(np.float32), is_ignored=labels.is_ignored | is_unseen
+    )
+    return placed[has_area(placed.boxes_px)]
+
+
+def _draw_patches(size_px: tuple[int, int], rng: np.random.Generator) -> Float64:
+    count = int(rng.integers(1, _MOST_PATCHES + 1))
+    height = size_px[1] * rng.uniform(*_PATCH_SHARES, count)
+    sizes = np.column_stack([height * rng.uniform(0.3, 2.0, count), height])
+    first = rng.uniform(0, 1, (count, 2)) * (np.array(size_px) - sizes)
+    return np.round(np.concatenate([first, first + sizes], axis=1))
+
+
+def _covering(patch: UInt8, modality: Modality, rng: np.random.Generator) -> UInt8:
+    """Return what hides an (h, w, C) part: colours, nothing known, or something nearer than all behind it."""
+    if modality == "rgb":
+        grey = rng.uniform(0, 255, 3) + _GREY_SPREAD * rng.standard_normal(patch.shape, np.float32)
+        return np.asarray(np.clip(grey, 0, 255), np.uint8)
+    known = patch[patch > 0]
+    if rng.random() < 0.5 or not len(known):
+        return np.zeros_like(patch)
+    highest = float(known.min()) if modality == "dm" else 255.0
+    return np.full_like(patch, int(rng.uniform(0, highest)))
