@@ -1,7 +1,6 @@
 """DepthCN's network on its way from a checkpoint to a file."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,8 +10,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from export.forms import Form, compare_forms
-from export.onnx import OPSET, Exportable, to_onnx
+from export.exported import Choice, Exported, ExportOrder
+from export.forms import compare_forms
+from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from perception.detection.depthcn import DepthCn
 from perception.detection.picture import camera_picture
@@ -36,32 +36,6 @@ _BLOCK_PX = 2  # divides both edges of a crop
 _CALIBRATION_FRAMES = 8
 
 
-@dataclass(frozen=True)
-class ExportedVerifier:
-    """A network as files, and how they compare with it.
-
-    Attributes:
-        facts: what the files say of themselves.
-        models: their content by the name of their form: fp32, and int8 where asked for.
-        forms: the same, and torch.
-        opset: of ONNX that they are written in.
-    """
-
-    facts: dict[str, str]
-    models: dict[str, bytes]
-    forms: dict[str, Form]
-    opset: int = OPSET
-
-    def require_parity(self, where: str) -> None:
-        """Refuse a file in full precision that does not say what the checkpoint says.
-
-        Raises:
-            ModelError: a score or a box is too far from it.
-        """
-        for parity in self.forms["fp32"].parity.values():
-            parity.require(TOLERANCES, where)
-
-
 class Probabilities(nn.Module):
     """A verifier that says how likely a vehicle is, in place of a logit."""
 
@@ -75,35 +49,29 @@ class Probabilities(nn.Module):
         return torch.sigmoid(logits), boxes_px
 
 
-def export_verifier(
-    checkpoint: Path,
-    frames: Iterable[Frame] = (),
-    sensor: LidarModel = HDL_64E,
-    *,
-    int8: bool = False,
-) -> ExportedVerifier:
-    """Make the files of a checkpoint, and show them and the checkpoint the same inputs.
+def export_verifier(order: ExportOrder) -> Exported:
+    """Make the files of a checkpoint, and show them and the checkpoint noise and candidates of a drive.
 
-    Args:
-        checkpoint: that training wrote.
-        frames: whose candidates are shown, beside noise.
-        sensor: that they are from.
-        int8: make an 8-bit form, too; its scales are those of the candidates.
+    The scales of an 8-bit form are those of the candidates. It is for comparison alone.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
-        UsageError: `int8` without a candidate in any frame.
+        UsageError: another size than the network's is asked for, or 8 bits without a candidate in any frame.
     """
-    exportable = exportable_verifier(checkpoint)
+    if order.size is not None:
+        raise UsageError("size", expected="none, as crops have one size", found=str(order.size))
+    exportable = exportable_verifier(order.checkpoint)
+    sensor = order.drive.sensor if order.drive else HDL_64E
     models = {"fp32": to_onnx(exportable)}
     generator = np.random.default_rng(0)
     channels = exportable.inputs["crops"].shape[1]
     inputs = {"noise": [random_inputs(channels, rows, generator) for rows in _NOISE_ROWS]}
     with TemporaryDirectory() as folder:
         full = _write(models["fp32"], Path(folder, "fp32.onnx"))
+        frames = order.read("candidates")
         if candidates := list(candidate_inputs(DepthCn(full, sensor), frames, sensor)):
             inputs["candidates"] = candidates
-        if int8:
+        if order.int8:
             if not candidates:
                 raise UsageError(
                     "int8", expected="candidates to find its scales with", found="none"
@@ -114,7 +82,14 @@ def export_verifier(
             for name, data in models.items()
         }
     forms = compare_forms(exportable, opened, inputs, timed=inputs["noise"][-1])
-    return ExportedVerifier(dict(exportable.facts), models, forms)
+    return Exported(
+        facts=dict(exportable.facts),
+        models=models,
+        forms=forms,
+        tolerances=TOLERANCES,
+        choice=Choice("fp32", "its scores are not worth giving up for the little time they take"),
+        shown=f"{_NOISE_ROWS[-1]} candidates",
+    )
 
 
 def exportable_verifier(checkpoint: Path) -> Exportable:

@@ -1,7 +1,7 @@
 """A network in torch and as files, side by side: size, time, and how far each is from torch."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from export.latency import fastest_ms
 from export.onnx import Exportable
@@ -16,11 +16,14 @@ class Form:
         size_bytes: of its file; None of torch.
         fastest_ms: for one batch.
         parity: by kind of input how far it is from torch; empty of torch.
+        precision: average precision in percent by class and overlap, then by difficulty; empty where it
+            was not measured.
     """
 
     size_bytes: int | None
     fastest_ms: float
     parity: dict[str, Parity]
+    precision: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 def compare_forms(

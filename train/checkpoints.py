@@ -10,17 +10,17 @@ import torch
 from perception.errors import ModelError
 
 
-def read_checkpoint(path: Path, model: str) -> dict[str, Any]:
-    """Return what Lightning wrote of one model: `state_dict`, `hyper_parameters` and more.
+def read_checkpoint(path: Path, *models: str) -> dict[str, Any]:
+    """Return what Lightning wrote of a model: `state_dict`, `hyper_parameters` and more.
 
     Args:
         path: of the checkpoint.
-        model: which the checkpoint must be of; its hyper-parameter `model`.
+        models: one of which the checkpoint must be of; its hyper-parameter `model`.
 
     Raises:
         ModelError: where there is no such file, it is damaged, or holds another model.
     """
-    expected = f"a checkpoint of {model}"
+    expected = f"a checkpoint of {' or '.join(models)}"
     if not path.is_file():
         raise ModelError(path, expected=expected, found="no such file")
     try:
@@ -28,7 +28,7 @@ def read_checkpoint(path: Path, model: str) -> dict[str, Any]:
     except (RuntimeError, EOFError, OSError, pickle.UnpicklingError, BadZipFile) as error:
         raise ModelError(path, expected=expected, found="a file that cannot be read") from error
     found = model_of(checkpoint)
-    if found != model:
+    if found not in models:
         raise ModelError(path, expected=expected, found=f"one of {found}" if found else "another")
     return dict(checkpoint)
 

@@ -2,92 +2,97 @@
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from data.drive import Drive
-from data.frames import frame_count, read_frames
 from data.open_drive import open_drive
 from data.whole_file import write_whole
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.table import Cell, format_table
+from perception.detection.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
-from perception.sensor import HDL_64E
 from perception.types import Frame
 
 if TYPE_CHECKING:
-    from export.forms import Form
+    from export.exported import Exported
 
 
-def export(
+def export(  # noqa: PLR0913 - flags of a command
     checkpoint: Path,
     *,
     out: Path,
     data: Path | None = None,
     sequence: str | None = None,
-    frames: int = 20,
+    frames: int = 100,
     int8: bool = False,
+    size: str | None = None,
 ) -> None:
     """Write a trained network as an ONNX file, normalisation and decoding of boxes inside.
 
-    Torch and ONNX Runtime are shown the same inputs: noise, and candidates of a drive where one is given.
-    A report beside the file has the largest differences; where they are too large, no model is written.
+    Torch and ONNX Runtime are shown the same inputs: noise, and what a drive shows where one is given. A
+    report beside the file has the largest differences; where they are too large, no model is written.
+    Of a detector, also average precision on the drive's labels: with --int8 the form in 8 bits is
+    written where it is faster and loses at most one percent of it, else that in full precision; the
+    report says why.
 
-    Example: trifuse export runs/depthcn/best.ckpt --out depthcn.onnx --data kitti/object
+    Example: trifuse export runs/dm/best.ckpt --out dm_compact.onnx --data kitti/object --int8 true
 
     Args:
         checkpoint: that training wrote.
         out: the ONNX file; the report has the same name and ends in .json.
-        data: a drive whose candidates the network is shown.
+        data: a drive that the network is shown.
         sequence: which one, where there are several.
-        frames: of the drive.
-        int8: also write an 8-bit form, NAME.int8.onnx; the report says whether it is any faster.
+        frames: of the drive at most, spread evenly.
+        int8: also make an 8-bit form; the one that was not chosen is written as NAME.int8.onnx or NAME.fp32.onnx.
+        size: of a detector's input, such as 352x1216, in multiples of 32; else as it was trained.
     """
     if int8 and data is None:
         raise UsageError("--int8", expected="--data, to find its scales with", found="none")
+    asked = None if size is None else InputSize.parse(size)
     _require_place(out)
-    depthcn = _exporter()
+    kinds = _exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
-    exported = depthcn.export_verifier(
-        checkpoint,
-        _frames(drive, frames) if drive else (),
-        drive.sensor if drive else HDL_64E,
-        int8=int8,
+    exported = kinds.export_network(
+        kinds.ExportOrder(checkpoint, drive, frames, int8=int8, size=asked, progress=_progress)
     )
-    print(_table(out.name, exported.forms))
+    print(_table(out.name, exported))
+    print(f"chosen: {exported.choice.form}, {exported.choice.reason}")
     write_json(
         out.with_suffix(".json"),
         {
             "checkpoint": checkpoint,
             "data": drive.name if drive else None,
+            "frames": min(frames, len(drive)) if drive else 0,
             "machine": describe_machine(),
-            "tolerances": depthcn.TOLERANCES,
+            "tolerances": exported.tolerances,
             "facts": exported.facts,
             "opset": exported.opset,
             "forms": exported.forms,
+            "choice": exported.choice,
         },
     )
     exported.require_parity(out.name)
     for name, model in exported.models.items():
-        file = out if name == "fp32" else out.with_suffix(f".{name}.onnx")
+        is_chosen = name == exported.choice.form
+        file = out if is_chosen else out.with_suffix(f".{name}.onnx")
         write_whole(file, model)
         print(f"wrote {file}")
 
 
-def _exporter() -> ModuleType:
+def _exporters() -> ModuleType:
     """Return the module that needs torch."""
     try:
-        from export import depthcn
+        from export import kinds
     except ImportError as error:
         raise MissingDependencyError(
             "torch, onnx and onnxscript", needed_for="trifuse export", extra="train", reason=error
         ) from error
-    return depthcn
+    return kinds
 
 
 def _require_place(out: Path) -> None:
@@ -103,14 +108,21 @@ def _require_place(out: Path) -> None:
         raise UsageError(f"--out {out}", expected="a file that can be written", found=found)
 
 
-def _frames(drive: Drive, limit: int) -> Iterator[Frame]:
-    count = frame_count(drive, limit)
-    yield from tqdm(read_frames(drive, limit=limit), "candidates", count, file=sys.stderr)
+def _progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
+    bar: Iterable[Frame] = tqdm(frames, what, count, unit="frame", file=sys.stderr)
+    return bar
 
 
-def _table(name: str, forms: "dict[str, Form]") -> str:
+def _table(name: str, exported: "Exported") -> str:
+    """Return size, time, differences and, where it was measured, precision of every form."""
+    forms = exported.forms
     outputs = [
         (kind, output) for kind, parity in forms["fp32"].parity.items() for output in parity.largest
+    ]
+    measured = [
+        (of_class, level)
+        for of_class, levels in forms["fp32"].precision.items()
+        for level in levels
     ]
     rows: list[list[Cell]] = []
     for form_name, form in forms.items():
@@ -119,6 +131,9 @@ def _table(name: str, forms: "dict[str, Form]") -> str:
             f"{form.parity[kind].largest[output]:.1e}" if form.parity else None
             for kind, output in outputs
         ]
-        rows.append([form_name, size, f"{form.fastest_ms:.1f}", *differences])
+        precision = [f"{form.precision[of_class][level]:.2f}" for of_class, level in measured]
+        rows.append([form_name, size, f"{form.fastest_ms:.1f}", *differences, *precision])
     header = ("", "MB", "ms", *(f"{output}, {kind}" for kind, output in outputs))
-    return format_table(f"{name}: 40 candidates; largest differences from torch", header, rows)
+    header += tuple(f"AP {of_class} {level}" for of_class, level in measured)
+    title = f"{name}: {exported.shown}; largest differences from torch"
+    return format_table(title, header, rows)

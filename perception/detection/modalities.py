@@ -17,7 +17,7 @@ from perception.errors import ImageError
 from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import Filling
-from perception.maps.projection import SparseMaps
+from perception.maps.projection import SparseMaps, project_frame
 from perception.types import Frame, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
@@ -50,6 +50,18 @@ def camera_image(frame: Frame) -> UInt8:
     if frame.image is None:
         raise ImageError(frame.source, expected="a camera image", found="none")
     return frame.image
+
+
+def picture_of(frame: Frame, modality: Modality, filling: MapFilling = "default") -> UInt8:
+    """Return (H, W, C) what a detector is shown of a frame.
+
+    Raises:
+        ImageError: the camera's image is asked for, and there is none.
+        CalibrationError: a map is asked for, and there is no camera to project the scan to.
+    """
+    if modality == "rgb":
+        return camera_image(frame)
+    return map_picture(fill_maps(project_frame(frame), filling), modality)
 
 
 def _leave_sparse(sparse: SparseMaps) -> Filling:

@@ -14,7 +14,7 @@ import numpy as np
 from perception.detection.input_size import InputSize, boxes_in_picture, stretch
 from perception.detection.modalities import CHANNELS, MapFilling
 from perception.detection.network_answers import seen_objects
-from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
 from perception.errors import ImageError, ModelError
 from perception.maps.densify import FILLINGS
 from perception.types import MODALITIES, Detections, Modality, UInt8
@@ -82,16 +82,7 @@ class ModalityDetector:
             ImageError: the picture has other channels than the modality.
             ModelError: what comes out of the network is not finite.
         """
-        outputs = self.model({"pictures": self.input_of(picture)})
-        seen = seen_objects(
-            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
-        )
-        height, width = picture.shape[:2]
-        # To the centres of the outermost pixels, as KITTI's labels are.
-        within = np.clip(
-            boxes_in_picture(seen.boxes_px, self.size, picture), 0, [width - 1, height - 1] * 2
-        )
-        return replace(seen, boxes_px=within)
+        return self.objects_in(picture, self.model({"pictures": self.input_of(picture)}))
 
     def input_of(self, picture: UInt8) -> UInt8:
         """Return (1, C, h, w) what the network is shown of an (H, W, C) picture.
@@ -108,6 +99,18 @@ class ModalityDetector:
             )
         planes = cv2.split(stretch(picture, self.size, self.modality))
         return np.stack(planes).astype(np.uint8, copy=False)[None]
+
+    def objects_in(self, picture: UInt8, outputs: Mapping[str, Array]) -> Detections:
+        """Return what the network's answer to an (H, W, C) picture says, as `detect` does."""
+        seen = seen_objects(
+            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
+        )
+        height, width = picture.shape[:2]
+        # To the centres of the outermost pixels, as KITTI's labels are.
+        within = np.clip(
+            boxes_in_picture(seen.boxes_px, self.size, picture), 0, [width - 1, height - 1] * 2
+        )
+        return replace(seen, boxes_px=within)
 
     def _noted(self, key: str, known: Sequence[Noted]) -> Noted:
         """Return what the file says, if it is something that we know."""

@@ -1,0 +1,45 @@
+"""How well every form of a detector sees on the same labelled frames."""
+
+from collections.abc import Mapping
+
+from data.drive import Labels
+from data.true_boxes import true_boxes
+from export.exported import ExportOrder
+from export.parity import Network
+from perception.detection.modalities import picture_of
+from perception.detection.modality_detector import ModalityDetector
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.types import Detections
+from train.detector.figures import measure, precision_table
+
+Precision = dict[str, dict[str, float]]
+
+
+def measure_forms(
+    order: ExportOrder, networks: Mapping[str, Network], detector: ModalityDetector
+) -> dict[str, Precision]:
+    """Return average precision in percent by form, class and overlap, and difficulty.
+
+    Args:
+        order: whose drive is looked at; without one, or without labels, nothing is measured.
+        networks: the forms by name.
+        detector: one of them, whose pictures and classes are those of all.
+    """
+    drive = order.drive
+    if drive is None or not drive.has_labels:
+        return {}
+    labels: list[Labels] = []
+    found: dict[str, list[Detections]] = {name: [] for name in networks}
+    for frame in order.read("precision"):
+        labels.append(drive.labels(frame.index))
+        picture = picture_of(frame, detector.modality, detector.filling)
+        inputs = {"pictures": detector.input_of(picture)}
+        for name, network in networks.items():
+            found[name].append(detector.objects_in(picture, network(inputs)))
+    truths = true_boxes(labels)
+    return {
+        name: precision_table(
+            measure(truths, DetectedBoxes.of_frames(of_form), len(labels), detector.class_names)
+        )
+        for name, of_form in found.items()
+    }

@@ -1,0 +1,26 @@
+"""Which networks become files, by what their checkpoints say that they are of."""
+
+from collections.abc import Callable, Mapping
+
+from export.depthcn import export_verifier
+from export.detector import export_detector
+from export.exported import Exported, ExportOrder
+from train.checkpoints import model_of, read_checkpoint
+
+Exporter = Callable[[ExportOrder], Exported]
+
+EXPORTERS: Mapping[str, Exporter] = {
+    "depthcn": export_verifier,
+    "detector": export_detector,
+}
+
+
+def export_network(order: ExportOrder) -> Exported:
+    """Make the files of a checkpoint of any network.
+
+    Raises:
+        ModelError: it is damaged, or of a network that is not known.
+        UsageError: what is asked for does not go with the network.
+    """
+    kind = str(model_of(read_checkpoint(order.checkpoint, *EXPORTERS)))
+    return EXPORTERS[kind](order)
