@@ -69,9 +69,8 @@ def open_detection(choice: DetectionChoice, sensor: LidarModel) -> DetectionChai
         modality: ModalityDetector(choice.files[modality] or modality, threads=1)
         for modality in wanted_modalities(choice)
     }
-    fusion = Fusion(choice.fusion_model or "default") if len(detectors) > 1 else None
     return DetectionChain(
-        multimodal=MultimodalDetector(detectors, fusion) if detectors else None,
+        multimodal=MultimodalDetector(detectors, _open_fusion(choice)) if detectors else None,
         depthcn=DepthCn(choice.depthcn_model or "default", sensor) if choice.depthcn else None,
     )
 
@@ -85,3 +84,10 @@ def wanted_modalities(choice: DetectionChoice) -> tuple[Modality, ...]:
         for modality in MODALITIES
         if choice.files[modality] or shipped_model(f"{modality}_compact").is_file()
     )
+
+
+def _open_fusion(choice: DetectionChoice) -> Fusion | None:
+    """Open the network that weighs the detectors; without one, the best box of each place stays."""
+    if choice.fusion_model is None and not shipped_model("fusion_default").is_file():
+        return None
+    return Fusion(choice.fusion_model or "default")

@@ -44,7 +44,7 @@ class ObstacleChain:
         self._motion = motion_segmenter(self._sensor, config.area, config.method)
         self._datmo = datmo_stage(config.datmo, self._sensor, config.area)
 
-    def step(self, frame: Frame, clock: StageClock) -> Result:
+    def step(self, frame: Frame, clock: StageClock) -> tuple[Result, SegmentedScan]:
         """Say where the ground of this frame is, what stands on it, what moves, and where to.
 
         Raises:
@@ -52,10 +52,10 @@ class ObstacleChain:
         """
         result, scan = self.segment(frame, clock)
         if self._datmo is None:
-            return result
+            return result, scan
         with clock.stage("moving objects"):
             tracks = self._datmo.update(scan)
-        return replace(result, tracks=tracks)
+        return replace(result, tracks=tracks), scan
 
     def segment(self, frame: Frame, clock: StageClock) -> tuple[Result, SegmentedScan]:
         """Do all that comes before moving objects.

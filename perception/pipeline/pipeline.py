@@ -18,6 +18,7 @@ from typing import Self
 from perception.datmo.detector import SegmentedScan
 from perception.detection.multimodal import MultimodalSight
 from perception.detection.objects import locate
+from perception.detection.vehicle_tracker import VehicleTracker
 from perception.errors import CalibrationError
 from perception.geometry.threads import one_blas_thread
 from perception.maps.densify import DenseMaps
@@ -29,7 +30,7 @@ from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Detections, Frame, FusedDetections, Result, Vehicles
+from perception.types import Detections, Frame, Result
 
 log = logging.getLogger(__name__)
 
@@ -57,6 +58,7 @@ class Pipeline:
         self.config = config or PipelineConfig()
         self._obstacles = ObstacleChain(sensor, self.config)
         self._detection = open_detection(self.config.detection, sensor)
+        self._forget_vehicles()
         kind = ThreadWorker if self.config.overlap else CallerWorker
         self._obstacle_worker: Worker = kind("obstacles")
         self._vehicle_worker: Worker = kind("vehicles")
@@ -80,7 +82,7 @@ class Pipeline:
 
     def reset(self) -> None:
         """Forget the drive so far, as between frames that do not follow each other."""
-        self._obstacle_worker.submit(self._obstacles.reset).result()
+        self._forget().result()
 
     def step(self, frame: Frame) -> Result:
         """Say where the ground of this frame is, what stands on it, what moves, and which vehicles there are.
@@ -123,8 +125,15 @@ class Pipeline:
         return replace(result, timings_s=clock.seconds, spans=clock.spans), scan
 
     def _begin_anew(self, frame: Frame, arrival_s: float) -> "Future[Result]":
-        self._obstacle_worker.submit(self._obstacles.reset)
+        self._forget()
         return self._begin(frame, arrival_s)
+
+    def _forget(self) -> "Future[None]":
+        self._vehicle_worker.submit(self._forget_vehicles)
+        return self._obstacle_worker.submit(self._obstacles.reset)
+
+    def _forget_vehicles(self) -> None:
+        self._vehicles = VehicleTracker()
 
     def _begin(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         """Give a frame's stages to the workers, each after those that it waits for."""
@@ -160,23 +169,25 @@ class Pipeline:
 
     def _join(self, parts: "_Parts") -> Result:
         """Put together what the workers found of one frame."""
-        followed, sight = parts.followed.result(), parts.sight.result()
-        depthcn = parts.verified.result()
-        vehicles = None
+        result, scan = parts.followed.result()
+        sight, depthcn = parts.sight.result(), parts.verified.result()
+        if scan.is_reset:
+            self._vehicles.end_all()
         if sight is not None:
             with parts.under.stage("vehicles"):
-                vehicles = self._locate(sight.fused, followed)
+                located = locate(sight.fused, result.frame, result.ground)
+                followed = self._vehicles.update(
+                    located, result.frame, result.world_SE3_velo, result.tracks
+                )
+            result = replace(
+                result, modal=sight.modal, vehicles=followed.vehicles, tracks=followed.tracks
+            )
         return replace(
-            followed,
-            modal={} if sight is None else sight.modal,
-            vehicles=vehicles,
+            result,
             depthcn=depthcn,
             timings_s=parts.over.seconds | parts.under.seconds,
             spans=parts.over.spans + parts.under.spans,
         )
-
-    def _locate(self, fused: FusedDetections, followed: Result) -> Vehicles:
-        return locate(fused, followed.frame, followed.ground)
 
     def _tell_once(self, words: str, *facts: object) -> None:
         if not self._has_told:
@@ -188,7 +199,7 @@ class Pipeline:
 class _Parts:
     """What is joined into one result, and when it was made."""
 
-    followed: "Future[Result]"
+    followed: "Future[tuple[Result, SegmentedScan]]"
     verified: "Future[Detections | None]"
     sight: "Future[MultimodalSight | None]"
     over: StageClock

@@ -1,0 +1,38 @@
+"""A short street seen by a camera, and networks that say where the pictures are bright."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from data.synthetic.drive import SyntheticDrive
+from perception.pipeline import PipelineConfig
+from perception.pipeline.detection_choice import DetectionChoice
+from perception.types import MODALITIES
+from tests.detection.bright_cells import bright_cells
+
+FRAMES = 3
+
+
+def blotches(frame):
+    """Return an image of bright and dark places, another for each frame; a rendered one takes a second."""
+    coarse = np.random.default_rng(frame.index).integers(0, 256, (6, 20, 3)).astype(np.uint8)
+    return cv2.resize(coarse, frame.calibration.image_size_px, interpolation=cv2.INTER_LINEAR)
+
+
+@pytest.fixture(scope="session")
+def street_frames():
+    frames = list(SyntheticDrive(FRAMES, images=False))
+    return [replace(frame, image=blotches(frame)) for frame in frames]
+
+
+@pytest.fixture(scope="session")
+def everything(tmp_path_factory) -> PipelineConfig:
+    """Return the choice of all stages, with the brightness of cells in place of trained detectors."""
+    folder = tmp_path_factory.mktemp("networks")
+    files = {}
+    for modality in MODALITIES:
+        files[f"{modality}_model"] = folder / f"{modality}.onnx"
+        files[f"{modality}_model"].write_bytes(bright_cells(modality))
+    return PipelineConfig(detection=DetectionChoice(modalities=MODALITIES, **files))

@@ -1,0 +1,130 @@
+"""All stages together: the same answer in every way of running them, and what a missing camera changes."""
+
+import logging
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from perception.errors import ModelError, PoseError, UsageError
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
+from perception.types import MODALITIES
+
+STAGES = {
+    *("registration", "ground", "static and moving", "moving objects", "DepthCN"),
+    *("maps", "detectors, fused", "vehicles"),
+}
+
+
+def plain(value):
+    """Turn a result into nested lists of arrays and numbers, without what a clock said."""
+    if is_dataclass(value):
+        names = [field.name for field in fields(value)]
+        return [plain(getattr(value, name)) for name in names if name not in ("timings_s", "spans")]
+    if isinstance(value, dict):
+        return [[key, plain(item)] for key, item in value.items()]
+    return value
+
+
+def assert_same(one, other):
+    if isinstance(one, list):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            assert_same(a, b)
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    elif isinstance(one, str | int | float | None):
+        assert one == other
+
+
+def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_frames, everything):
+    with Pipeline(config=replace(everything, overlap=False)) as in_turn:
+        expected = [in_turn.step(frame) for frame in street_frames]
+    assert sum(len(found) for found in expected[-1].modal.values()) > 0
+    assert len(expected[-1].vehicles) > 0
+    with Pipeline(config=everything) as pipeline:
+        stepped = [pipeline.step(frame) for frame in street_frames]
+        pipeline.reset()
+        with pipeline.stream(street_frames) as stream:
+            streamed = list(stream)
+    for results in (stepped, streamed):
+        for one, other in zip(results, expected, strict=True):
+            assert_same(plain(one), plain(other))
+
+
+def test_every_stage_is_timed_on_its_worker(street_frames, everything):
+    with Pipeline(config=everything) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
+    assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
+        *("maps", "detectors, fused", "vehicles")
+    ]
+    for worker in ("obstacles", "vehicles"):
+        of_it = [span for span in result.spans if span.worker == worker]
+        edges = [edge for span in of_it for edge in (span.start_s, span.stop_s)]
+        assert edges == sorted(edges)
+        assert edges[0] >= 0
+    assert result.latency_s == max(span.stop_s for span in result.spans)
+    # DepthCN looks at maps that the other worker made.
+    times = {span.stage: span for span in result.spans}
+    assert times["DepthCN"].start_s >= times["maps"].stop_s
+
+
+def test_without_an_image_the_lidar_looks_alone(street_frames, everything):
+    with Pipeline(config=everything) as pipeline:
+        result = pipeline.step(replace(street_frames[0], image=None))
+    assert set(result.modal) == {"dm", "rm"}
+    assert result.depthcn is not None
+
+
+def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
+    street_frames, everything, caplog
+):
+    blind = [replace(frame, image=None, calibration=None) for frame in street_frames]
+    with Pipeline(config=everything) as pipeline, caplog.at_level(logging.WARNING):
+        results = [pipeline.step(frame) for frame in blind]
+    assert [record.message for record in caplog.records] == [
+        "no vehicles are detected: synthetic_0000 frame 0: expected a camera's calibration, found none."
+    ]
+    assert all(result.vehicles is None and result.depthcn is None for result in results)
+    assert not any(result.modal for result in results)
+    with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
+        expected = [pipeline.step(frame) for frame in blind]
+    for one, other in zip(results, expected, strict=True):
+        assert_same(plain(one), plain(other))
+
+
+def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, everything):
+    frame = street_frames[1]
+    with Pipeline(config=everything) as pipeline:
+        alone = pipeline.step(frame)
+        with pipeline.stream([street_frames[0], frame], is_sequence=False) as stream:
+            _, second = stream
+    assert_same(plain(second), plain(alone))
+
+
+def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames, everything):
+    last = street_frames[2]
+    pose = last.world_SE3_velo.copy()
+    pose[:2, 3] += 8.0
+    later = replace(last, index=3, stamp_s=last.stamp_s + 0.1)
+    frames = [*street_frames[:2], replace(last, world_SE3_velo=pose), later]
+    with Pipeline(config=everything) as pipeline, pipeline.stream(frames) as stream:
+        assert [next(stream).frame.index, next(stream).frame.index] == [0, 1]
+        with pytest.raises(PoseError, match="jump of"):
+            next(stream)
+        assert list(stream) == []
+
+
+def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
+    nowhere = tmp_path / "nowhere.onnx"
+    unused = replace(NO_DETECTION, rgb_model=nowhere, depthcn_model=nowhere)
+    Pipeline(config=PipelineConfig(detection=unused)).close()
+    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
+        Pipeline(config=PipelineConfig(detection=DetectionChoice(rgb_model=nowhere)))
+
+
+def test_a_modality_twice_is_refused():
+    with pytest.raises(UsageError, match="each once"):
+        DetectionChoice(modalities=(*MODALITIES, "dm"))
