@@ -6,7 +6,17 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar
 from tqdm import tqdm
 
-_SHOWN = ("loss", "accuracy", "precision", "recall", "box_iou")  # where they are logged
+_SHOWN = (  # where they are logged
+    "loss",
+    "accuracy",
+    "precision",
+    "recall",
+    "box_iou",
+    "easy",
+    "moderate",
+    "hard",
+    "moderate_50",
+)
 
 
 class TrainingBar(ProgressBar):

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 import torch
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
-from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint
+from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_only
 
@@ -38,25 +38,32 @@ class TrainerPlan:
         epochs: in all, those of a training that is gone on with included.
         accelerator: auto takes a GPU where there is one.
         devices: how many of them; processes, on a CPU.
-        precision: of the numbers; mixed is faster on a GPU.
+        nodes: machines with as many devices each, started as Lightning says for a cluster.
+        precision: of the numbers; mixed is faster on a GPU, and where a CPU has instructions for it.
         seed: of every choice.
         watched: the logged figure whose highest value marks the best epoch.
+        patience: epochs without a better one after which training ends; None goes through all.
         is_trial: one batch of each kind and nothing written, to see that everything fits.
     """
 
     epochs: int = 40
     accelerator: Accelerator = "auto"
     devices: int = 1
+    nodes: int = 1
     precision: Precision = "32-true"
     seed: int = 0
     watched: str = "validation/accuracy"
+    patience: int | None = None
     is_trial: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        if self.epochs < 1 or self.devices < 1:
-            found = f"{self.epochs} epochs, {self.devices} devices"
+        if min(self.epochs, self.devices, self.nodes) < 1:
+            found = f"{self.epochs} epochs, {self.devices} devices, {self.nodes} nodes"
             raise UsageError("training", expected="at least one of each", found=found)
+        if self.patience is not None and self.patience < 1:
+            found = f"{self.patience}"
+            raise UsageError("patience", expected="at least one epoch", found=found)
         if self.accelerator == "gpu" and not torch.cuda.is_available():
             raise UsageError("--accelerator gpu", expected="a GPU that torch sees", found="none")
 
@@ -98,10 +105,14 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
         save_on_train_epoch_end=True,
         enable_version_counter=False,
     )
+    patient = (
+        [EarlyStopping(plan.watched, mode="max", patience=plan.patience)] if plan.patience else []
+    )
     return Trainer(
         accelerator=plan.accelerator,
         devices=plan.devices,
-        strategy="ddp" if plan.devices > 1 else "auto",
+        num_nodes=plan.nodes,
+        strategy="ddp" if plan.devices * plan.nodes > 1 else "auto",
         precision=plan.precision,
         max_epochs=plan.epochs,
         # Data modules share the samples out by themselves: only they know what makes a fair share.
@@ -112,6 +123,7 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
             LearningRateMonitor("epoch"),
             *callbacks,
             TrainingBar(),
+            *patient,
             best,
             last,
         ],
@@ -166,6 +178,17 @@ def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
             advice="go on with --resume last, or name another --out",
         )
     return None
+
+
+def fastest_precision(accelerator: Accelerator) -> Precision:
+    """Return bfloat16 beside float32 where the device has instructions for it, else float32 alone."""
+    on_gpu = accelerator != "cpu" and torch.cuda.is_available()
+    is_fast = (
+        torch.cuda.is_bf16_supported(including_emulation=False)
+        if on_gpu
+        else torch.cpu.get_capabilities().get("avx512_bf16", False)
+    )
+    return "bf16-mixed" if is_fast else "32-true"
 
 
 def is_first_process() -> bool:

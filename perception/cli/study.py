@@ -25,7 +25,8 @@ from perception.cli.studies.output import publish
 from perception.cli.studies.sensors import SensorsPlan, study_sensors
 from perception.cli.studies.speed import SpeedPlan, study_speed
 from perception.cli.studies.stages import study_stages
-from perception.cli.training.verifier_plan import VerifierData, listed
+from perception.cli.training.trainer_choice import listed
+from perception.cli.training.verifier_plan import VerifierData
 from perception.errors import UsageError
 from perception.sensor import sensor_named
 from perception.types import Frame, Method

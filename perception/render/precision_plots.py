@@ -3,12 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from perception.render import palette
 from perception.render.plots import new_figure, rgb, save_figure
 from perception.types import Float64
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _LINES = ("-", "--", ":")
 
@@ -31,7 +35,12 @@ class PrecisionPanel:
 
 
 def plot_precision(path: Path, title: str, panels: Sequence[PrecisionPanel]) -> None:
-    """Draw a panel a class, its curves told apart by colour and by dashes."""
+    """Write a panel a class, its curves told apart by colour and by dashes."""
+    save_figure(precision_figure(title, panels), path)
+
+
+def precision_figure(title: str, panels: Sequence[PrecisionPanel]) -> "Figure":
+    """Return the same as a figure."""
     figure = new_figure(0.6 + 3.7 * len(panels), 4.2, title)
     axes_of_panels = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, panel in zip(axes_of_panels, panels, strict=True):
@@ -47,4 +56,4 @@ def plot_precision(path: Path, title: str, panels: Sequence[PrecisionPanel]) -> 
         else:
             axes.text(0.5, 0.5, panel.without_curves, ha="center", va="center", color="grey")
     axes_of_panels[0].set_ylabel("precision")
-    save_figure(figure, path)
+    return figure

@@ -15,6 +15,8 @@ from perception.detection.input_size import SIZE_STEP_PX, InputSize
 from perception.errors import UsageError
 from train.detector.targets import BatchLabels
 
+Interpolation = Literal["nearest", "bilinear"]
+
 
 def scaled_sizes(
     size: InputSize, smallest: float = 0.75, largest: float = 1.25
@@ -47,9 +49,7 @@ def size_of_batch(
     return sizes[int(rng.integers(len(sizes)))]
 
 
-def resize_pictures(
-    pictures: Tensor, size: InputSize, interpolation: Literal["nearest", "bilinear"]
-) -> Tensor:
+def resize_pictures(pictures: Tensor, size: InputSize, interpolation: Interpolation) -> Tensor:
     """Return float pictures (B, C, H, W) of another size.
 
     Args:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
-from perception.cli.training.verifier_plan import VerifierData, run_training, trainer_plan
+from perception.cli.training.trainer_choice import trainer_plan
+from perception.cli.training.verifier_plan import VerifierData, run_training
 from perception.render.training_plots import plot_accuracies
 from perception.types import Method
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Literal
 from data.frames import OnBadFrame
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
-from perception.cli.training.verifier_plan import VerifierData, listed, run_training, trainer_plan
+from perception.cli.training.trainer_choice import listed, trainer_plan
+from perception.cli.training.verifier_plan import VerifierData, run_training
 from perception.types import Method
 
 if TYPE_CHECKING:

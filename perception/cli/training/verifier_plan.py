@@ -1,17 +1,12 @@
 """From the flags of a command to a training of DepthCN's network; what needs torch is imported here."""
 
-import sys
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING
 
 from data.frames import OnBadFrame
-from perception import __version__
-from perception.cli.documents import write_yaml
-from perception.errors import MissingDependencyError, UsageError
+from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
+from perception.errors import UsageError
 from perception.types import Method
 
 if TYPE_CHECKING:
@@ -62,48 +57,17 @@ def run_training(
 ) -> "TrainedVerifier | None":
     """Train a network in a folder; return what came of it, in the first process only."""
     from train.revision import program_revision
-    from train.trainer import checkpoint_to_resume, is_first_process
+    from train.trainer import checkpoint_to_resume
     from train.verifier.run import train_verifier
     from train.verifier.training import PLANS
 
     checkpoint = checkpoint_to_resume(out, resume)
     plan = replace(PLANS[method], training_data=data.names, revision=program_revision())
-    if is_first_process():
-        document = {
-            "program": f"trifuse {__version__}",
-            "data": data,
-            "network": plan,
-            "trainer": trainer,
-            "resumed_from": checkpoint,
-        }
-        write_yaml(out / "config.yaml", document)
+    write_training_configuration(
+        out, data=data, network=plan, trainer=trainer, resumed_from=checkpoint
+    )
     module = candidate_data(data, method, trainer.seed)
     return train_verifier(module, plan, trainer, out, checkpoint)
-
-
-def trainer_plan(**choices: Any) -> "TrainerPlan":  # noqa: ANN401 - fields of the plan
-    """Return how long and on what, or say what has to be installed first.
-
-    Raises:
-        MissingDependencyError: without the packages that train.
-    """
-    try:
-        from train.trainer import TrainerPlan
-    except ImportError as error:
-        raise MissingDependencyError(
-            "torch, lightning and tensorboard",
-            needed_for="training",
-            extra="train",
-            reason=error,
-        ) from error
-    return TrainerPlan(**choices)
-
-
-def listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
-    """Return the paths of a flag that takes one or several."""
-    if paths is None:
-        return ()
-    return (paths,) if isinstance(paths, Path) else tuple(paths)
 
 
 def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateData":
@@ -122,10 +86,5 @@ def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateD
         CandidateRules(FrameRules(method), gathering),
         Augmentation() if data.augment else None,
         Loading(form.channels, data.batch, data.workers, seed=seed),
-        _bar,
+        frame_bar("candidates"),
     )
-
-
-def _bar(frames: Iterable[int]) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(frames, "candidates", unit="frame", file=sys.stderr, delay=2)
-    return bar

@@ -1,0 +1,198 @@
+"""From the flags of a command to a training of a detector; what needs torch is imported here."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from data.frames import OnBadFrame
+from data.splitting import SplitBy
+from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
+from perception.detection.input_size import InputSize
+from perception.detection.modalities import MapFilling
+from perception.errors import UsageError
+from perception.types import Modality
+
+if TYPE_CHECKING:
+    from data.pictures.module import PictureData
+    from train.detector.run import TrainedDetector
+    from train.detector.training import DetectorPlan
+    from train.trainer import TrainerPlan
+
+
+@dataclass(frozen=True)
+class PictureChoice:
+    """What a detector is shown.
+
+    Attributes:
+        drives: labelled drives that it learns from.
+        validation: drives that it is judged by; none keeps a share of the frames back.
+        validation_share: of the frames or drives.
+        test_share: of them, that is kept out of both.
+        split: keep single frames back, or whole drives.
+        lists: files of frame numbers to learn from and to judge by, instead of the shares.
+        jpeg: quality of the JPEG that pictures are pressed through, or None.
+        augment: whether pictures are changed at every look.
+        batch: pictures a step; None takes that of the preset.
+        workers: processes that make samples.
+        on_bad_frame: stop at a damaged frame, or leave it out.
+        cache: folder for the pictures; else the user's cache folder.
+    """
+
+    drives: tuple[Path, ...]
+    validation: tuple[Path, ...] = ()
+    validation_share: float = 0.2
+    test_share: float = 0.0
+    split: SplitBy = "frames"
+    lists: tuple[Path, Path] | None = None
+    jpeg: int | None = None
+    augment: bool = True
+    batch: int | None = None
+    workers: int = 0
+    on_bad_frame: OnBadFrame = "stop"
+    cache: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse nothing to learn from."""
+        if not self.drives:
+            raise UsageError("drives", expected="at least one", found="none")
+
+
+@dataclass(frozen=True)
+class DetectorChoice:
+    """Which detector, and how it learns; None takes what the preset says.
+
+    Attributes:
+        modality: rgb, dm or rm.
+        network: compact, yolov2, or a classifier of torchvision as trunk.
+        size: of its input.
+        classes: names with commas between them.
+        filling: how maps are made dense.
+        preset: default, or thesis for the figures of 7.2.2.
+        box_loss: squared or ciou.
+        objectness: squared or focal.
+        learning_rate: the highest.
+        anchors: fitted to the labels, or those of the network.
+    """
+
+    modality: Modality
+    network: str = "compact"
+    size: str = "192x640"
+    classes: str = "Car"
+    filling: MapFilling = "default"
+    preset: Literal["default", "thesis"] = "default"
+    box_loss: Literal["squared", "ciou"] | None = None
+    objectness: Literal["squared", "focal"] | None = None
+    learning_rate: float | None = None
+    anchors: Literal["auto", "default"] = "auto"
+
+
+@dataclass(frozen=True)
+class FirstChoice:
+    """Where a training starts; without any, from random weights.
+
+    Attributes:
+        start: checkpoint of a training of the same network on other pictures.
+        darknet_weights: weight file of Darknet.
+        backbone_weights: file of a torchvision classifier's weights, or download.
+    """
+
+    start: Path | None = None
+    darknet_weights: Path | None = None
+    backbone_weights: str | None = None
+
+
+def run_training(
+    pictures: PictureChoice,
+    choice: DetectorChoice,
+    first: FirstChoice,
+    trainer: "TrainerPlan",
+    out: Path,
+    resume: str | None = None,
+) -> "TrainedDetector | None":
+    """Train a detector in a folder; return what came of it, in the first process only."""
+    from train.detector.run import FirstWeights, train_detector
+    from train.trainer import checkpoint_to_resume
+
+    checkpoint = checkpoint_to_resume(out, resume)
+    plan = detector_plan(choice, pictures, trainer.seed)
+    weights = FirstWeights(first.start, first.darknet_weights, _backbone(first.backbone_weights))
+    module = picture_data(pictures, choice, plan, trainer.seed)
+    write_training_configuration(
+        out,
+        data=pictures,
+        loading=module.loading,
+        augmentation=module.augmentation,
+        network=plan,
+        first_weights=weights,
+        trainer=trainer,
+        resumed_from=checkpoint,
+    )
+    return train_detector(module, plan, trainer, out, checkpoint, weights)
+
+
+def detector_plan(choice: DetectorChoice, pictures: PictureChoice, seed: int) -> "DetectorPlan":
+    """Return which network, and how it descends."""
+    from train.detector.descent import PRESETS
+    from train.detector.networks import DetectorForm
+    from train.detector.training import DetectorPlan
+    from train.revision import program_revision
+
+    preset = PRESETS[choice.preset]
+    form = DetectorForm(
+        modality=choice.modality,
+        network=choice.network,
+        class_names=tuple(name.strip() for name in choice.classes.split(",") if name.strip()),
+        size=InputSize.parse(choice.size),
+        filling=choice.filling,
+    )
+    return DetectorPlan(
+        form=form,
+        descent=replace(
+            preset.descent, learning_rate=choice.learning_rate or preset.descent.learning_rate
+        ),
+        loss=replace(
+            preset.loss,
+            box=choice.box_loss or preset.loss.box,
+            objectness=choice.objectness or preset.loss.objectness,
+        ),
+        anchors=choice.anchors,
+        seed=seed,
+        training_data=", ".join(str(path) for path in pictures.drives),
+        revision=program_revision(),
+    )
+
+
+def picture_data(
+    pictures: PictureChoice, choice: DetectorChoice, plan: "DetectorPlan", seed: int
+) -> "PictureData":
+    """Return the batches of a detector."""
+    from data.pictures.augmentation import PictureAugmentation
+    from data.pictures.making import PictureRules
+    from data.pictures.module import PictureData, PictureLoading
+    from data.training_drives import Sources
+    from train.detector.descent import PRESETS
+
+    form = plan.form
+    loading = PictureLoading(
+        batch_size=PRESETS[choice.preset].batch_size if pictures.batch is None else pictures.batch,
+        workers=pictures.workers,
+        validation_share=pictures.validation_share,
+        test_share=pictures.test_share,
+        split_by=pictures.split,
+        frame_lists=pictures.lists,
+        on_bad_frame=pictures.on_bad_frame,
+        seed=seed,
+    )
+    return PictureData(
+        Sources(pictures.drives, pictures.validation, pictures.cache),
+        PictureRules(form.modality, form.class_names, form.size, form.filling, pictures.jpeg),
+        PictureAugmentation() if pictures.augment else None,
+        loading,
+        frame_bar("pictures"),
+    )
+
+
+def _backbone(words: str | None) -> Path | Literal["download"] | None:
+    if words is None:
+        return None
+    return "download" if words == "download" else Path(words)

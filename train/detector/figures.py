@@ -1,0 +1,124 @@
+"""How well a detector sees, by KITTI's measure, over the validation pictures of all processes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+from torchmetrics import Metric
+
+from perception.detection.input_size import InputSize
+from perception.evaluation.detection.average_precision import (
+    ClassFigures,
+    DetectionFigures,
+    kitti_average_precision,
+)
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.protocol import (
+    DIFFICULTIES,
+    KITTI_CLASSES,
+    NO_ALPHA_RAD,
+    DetectionClass,
+)
+from perception.types import Detections, Int
+
+LOOSE_IOU = 0.5
+_STRICT_IOU = 0.7  # of classes that KITTI does not rank
+_COLUMNS = 8  # number of the picture, process, class, score, x1 y1 x2 y2
+
+
+class ValidationBoxes(Metric):
+    """All that is detected in an epoch, in all processes."""
+
+    full_state_update = False
+    rows: list[Tensor]
+
+    def __init__(self, class_names: Sequence[str] = ()) -> None:
+        super().__init__()
+        self.add_state("rows", [], dist_reduce_fx="cat")
+        self._class_names = list(class_names)
+
+    def update(self, found: Sequence[Detections], numbers: Tensor, process: int) -> None:
+        """Take a batch.
+
+        Args:
+            found: in each picture, in pixels of the input.
+            numbers: (B,) of the pictures within the validation set.
+            process: which one saw them.
+        """
+        for number, one in zip(numbers.tolist(), found, strict=True):
+            rows = np.empty((len(one), _COLUMNS))
+            rows[:, 0], rows[:, 1] = number, process
+            rows[:, 2] = [self._class_names.index(name) for name in one.types.tolist()]
+            rows[:, 3], rows[:, 4:] = one.scores, one.boxes_px
+            self.rows.append(torch.from_numpy(rows).float().to(self.device))
+
+    def compute(self) -> Tensor:
+        """Return the rows of all processes."""
+        rows = self.rows
+        return torch.cat(rows) if isinstance(rows, list) else rows
+
+    def gathered(self, size: InputSize, picture_sizes_px: Int) -> DetectedBoxes:
+        """Return them in pixels of the pictures as they were taken, each picture's from one process.
+
+        Args:
+            size: of the input.
+            picture_sizes_px: (F, 2) width and height of the F pictures of the validation set.
+        """
+        rows = np.asarray(self.compute().cpu().numpy(), np.float64)
+        numbers, processes = rows[:, :2].T.astype(np.int64)
+        first = np.full(len(picture_sizes_px), np.iinfo(np.int64).max)
+        np.minimum.at(first, numbers, processes)
+        rows = rows[processes == first[numbers]]
+        rows = rows[np.lexsort((-rows[:, 3], rows[:, 0]))]
+        numbers, classes = rows[:, 0].astype(np.int64), rows[:, 2].astype(np.int64)
+        scale = np.tile(picture_sizes_px[numbers] / [size.width_px, size.height_px], 2)
+        return DetectedBoxes(
+            frames=numbers,
+            types=np.array(self._class_names, np.str_)[classes],
+            alphas_rad=np.full(len(rows), NO_ALPHA_RAD),
+            boxes_px=rows[:, 4:] * scale,
+            scores=rows[:, 3],
+        )
+
+
+def measure(
+    truths: TrueBoxes, found: DetectedBoxes, frames: int, class_names: Sequence[str]
+) -> DetectionFigures:
+    """Measure every class at the overlap that KITTI asks for, then every class at a half."""
+    classes = [kitti_class(name) for name in class_names]
+    both = [*classes, *(one.at_iou(LOOSE_IOU) for one in classes)]
+    return kitti_average_precision(truths, found, frames, both)
+
+
+def kitti_class(name: str) -> DetectionClass:
+    """Return how a class is judged."""
+    known = {one.name.lower(): one for one in KITTI_CLASSES}
+    return known.get(name.lower(), DetectionClass(name, _STRICT_IOU))
+
+
+def mean_precision(figures: DetectionFigures) -> dict[str, float]:
+    """Return average precision in percent over the classes: `easy` .. and `easy_50` .. at an IoU of a half."""
+    half = len(figures.classes) // 2
+    parts = {"": figures.classes[:half], "_50": figures.classes[half:]}
+    return {
+        f"{one.name}{mark}": float(np.mean([precision(of, one.name) for of in classes]))
+        for mark, classes in parts.items()
+        for one in DIFFICULTIES
+    }
+
+
+def precision_table(figures: DetectionFigures) -> dict[str, dict[str, float]]:
+    """Return average precision in percent by class and overlap, such as `Car 0.7`, and by difficulty."""
+    return {
+        f"{of.of_class.name} {of.of_class.iou:g}": {
+            one.name: precision(of, one.name) for one in DIFFICULTIES
+        }
+        for of in figures.classes
+    }
+
+
+def precision(figures: ClassFigures, difficulty: str) -> float:
+    """Return the average precision in percent, 0 where nothing was detected."""
+    curve = figures.curves.get(difficulty)
+    return curve.ap() if curve else 0.0

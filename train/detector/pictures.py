@@ -1,0 +1,92 @@
+"""What TensorBoard shows of a detector: validation pictures with boxes, and its precision-recall curves."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from lightning.pytorch import Callback, LightningModule, Trainer
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from perception.evaluation.detection.average_precision import DetectionFigures
+from perception.render import palette
+from perception.render.detections import draw_boxes
+from perception.render.follow_figures import draw_tag
+from perception.render.precision_plots import PrecisionPanel, precision_figure
+from perception.types import Detections, Float64, UInt8
+from train.detector.training import Batch, DetectorTraining
+
+_SHOWN_PICTURES = 6
+_LEAST_SCORE = 0.2  # below, they only hide the picture
+_LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
+_TEXT_PX = 9
+
+
+class DetectorPictures(Callback):
+    """Draws some pictures and the curves of every validation."""
+
+    def __init__(self) -> None:
+        self._rows: frozenset[int] = frozenset()
+        self._drawn: dict[int, UInt8] = {}
+
+    def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Choose the pictures: spread evenly, the same in every epoch."""
+        count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
+        rows = np.linspace(0, count - 1, min(count, _SHOWN_PICTURES)).round().astype(int)
+        self._rows, self._drawn = frozenset(rows.tolist()), {}
+
+    def on_validation_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Mapping[str, Sequence[Detections]],  # type: ignore[override]
+        batch: Batch,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Draw those of a batch that are chosen."""
+        for place, row in enumerate(batch["numbers"].tolist()):
+            if row in self._rows:
+                self._drawn[row] = draw_seen(batch, place, outputs["seen"][place])
+
+    def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Show the pictures below each other, and the curves."""
+        for logger in trainer.loggers:
+            if not isinstance(logger, TensorBoardLogger) or not trainer.is_global_zero:
+                continue
+            if self._drawn:
+                picture = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
+                logger.experiment.add_image(
+                    "validation/pictures", picture, trainer.global_step, dataformats="HWC"
+                )
+            if isinstance(pl_module, DetectorTraining) and pl_module.judged is not None:
+                figure = precision_figure("validation", curve_panels(pl_module.judged))
+                logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
+
+
+def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
+    """Return (h, w, 3) one picture: labels green, what is ignored grey, detections white with scores."""
+    planes = batch["pictures"][place].byte().cpu().numpy()
+    canvas = np.ascontiguousarray(
+        np.broadcast_to(planes, (3, *planes.shape[1:])).transpose(1, 2, 0)
+    )
+    boxes_px: Float64 = batch["boxes_px"][place].cpu().numpy().astype(np.float64)
+    has_area = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
+    is_ignored = batch["is_ignored"][place].cpu().numpy().astype(bool)
+    draw_boxes(canvas, boxes_px[has_area & is_ignored], _IGNORED)
+    draw_boxes(canvas, boxes_px[has_area & ~is_ignored], _LABEL)
+    sure = found[found.scores >= _LEAST_SCORE]
+    draw_boxes(canvas, sure.boxes_px, _FOUND)
+    for box_px, score in zip(sure.boxes_px, sure.scores.tolist(), strict=True):
+        draw_tag(canvas, f"{score:.2f}", box_px, _FOUND, _TEXT_PX)
+    return canvas
+
+
+def curve_panels(judged: DetectionFigures) -> list[PrecisionPanel]:
+    """Return a panel for every class and overlap, with a curve a difficulty."""
+    return [
+        PrecisionPanel(
+            f"{one.of_class.name}, IoU {one.of_class.iou:g}",
+            {f"{name} {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
+            "AP",
+        )
+        for one in judged.classes
+    ]

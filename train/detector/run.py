@@ -1,0 +1,144 @@
+"""From labelled pictures to a trained detector, and what it comes to on those that were kept back."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import torch
+from lightning.pytorch import Callback, Trainer
+from lightning.pytorch.callbacks import WeightAveraging
+from torch import Tensor
+
+from data.pictures.module import PictureData
+from perception.errors import UsageError
+from train.checkpoints import read_checkpoint
+from train.detector.darknet_start import start_from_darknet
+from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
+from train.detector.pictures import DetectorPictures
+from train.detector.training import DetectorPlan, DetectorTraining
+from train.networks.grid_detector import GridDetector
+from train.networks.torchvision_detector import TorchvisionDetector, start_from_classifier
+from train.networks.yolov2 import YOLOv2
+from train.trainer import BEST, TrainerPlan, fit, make_trainer
+
+WATCHED = "validation/moderate"
+
+
+@dataclass(frozen=True)
+class FirstWeights:
+    """Where a training starts, at most one of them; without, from random weights.
+
+    Attributes:
+        checkpoint: of another training of the same network, on other pictures.
+        darknet: weight file of Darknet, for yolov2: of its backbone or of a whole detector.
+        backbone: state_dict of a torchvision classifier, or `download`, for a network with such a trunk.
+    """
+
+    checkpoint: Path | None = None
+    darknet: Path | None = None
+    backbone: Path | Literal["download"] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse several."""
+        given = [name for name, value in vars(self).items() if value is not None]
+        if len(given) > 1:
+            raise UsageError("first weights", expected="at most one kind", found=", ".join(given))
+
+
+@dataclass(frozen=True)
+class TrainedDetector:
+    """What a training leaves.
+
+    Attributes:
+        checkpoint: of the best epoch.
+        epoch: its number, from 1.
+        counts: frames and wanted labels of both parts.
+        precision: average precision in percent on what was kept back, by class and overlap and by difficulty.
+    """
+
+    checkpoint: Path
+    epoch: int
+    counts: dict[str, int]
+    precision: dict[str, dict[str, float]]
+
+
+def train_detector(
+    data: PictureData,
+    plan: DetectorPlan,
+    trainer_plan: TrainerPlan,
+    out: Path,
+    resume: Path | None = None,
+    first: FirstWeights = FirstWeights(),
+) -> TrainedDetector | None:
+    """Train; return what came of it, or None in all processes but the first, and of a trial.
+
+    Args:
+        data: labelled pictures of one modality.
+        plan: which network, and how it descends.
+        trainer_plan: how long and on what.
+        out: the folder.
+        resume: a checkpoint to go on from.
+        first: where it starts.
+
+    Raises:
+        ModelError: a checkpoint or a weight file is damaged, or of another network.
+        PerceptionError: the data cannot be read or used.
+    """
+    if resume is not None:
+        require_same_form(resume, plan.form)
+    torch.manual_seed(trainer_plan.seed)
+    module = DetectorTraining(plan, first_network(plan, first))
+    trainer: Trainer = make_trainer(out, trainer_plan, callbacks(plan))
+    fit(trainer, module, data, resume)
+    if trainer_plan.is_trial or not trainer.is_global_zero:
+        return None
+    return _best(data, out / BEST)
+
+
+def first_network(plan: DetectorPlan, first: FirstWeights) -> GridDetector:
+    """Return the network that a training starts with.
+
+    Raises:
+        ModelError: weights cannot be read, or are of another network.
+        UsageError: weights of a kind that this network does not take.
+    """
+    form = plan.form
+    if first.checkpoint is not None:
+        require_same_form(first.checkpoint, form)
+        network, _ = load_detector(first.checkpoint)
+        return network.train()
+    network = make_detector(form)
+    if first.darknet is not None:
+        if not isinstance(network, YOLOv2):
+            raise UsageError("Darknet weights", expected="network yolov2", found=form.network)
+        start_from_darknet(network, first.darknet)
+    if first.backbone is not None:
+        if not isinstance(network, TorchvisionDetector):
+            raise UsageError(
+                "backbone weights", expected="a trunk of torchvision", found=form.network
+            )
+        start_from_classifier(network, form.network, first.backbone)
+    return network
+
+
+def callbacks(plan: DetectorPlan) -> list[Callback]:
+    """Return what draws, and what averages the weights."""
+    averaging = plan.descent.averaging
+    averages = [WeightAveraging(avg_fn=partial(_averaged, kept=averaging))] if averaging else []
+    return [*averages, DetectorPictures()]
+
+
+def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, kept: float) -> Tensor:
+    """Return the running mean; at first it is short, so that the random weights are soon forgotten."""
+    now = torch.as_tensor((1 + count) / (10 + count)).clamp(max=kept)
+    return mean * now + new * (1 - now)
+
+
+def _best(data: PictureData, checkpoint: Path) -> TrainedDetector:
+    content = read_checkpoint(checkpoint, MODEL)
+    counts = {}
+    for name, samples in (("training", data.training), ("validation", data.validation)):
+        counts[f"{name}_frames"] = len(samples)
+        counts[f"{name}_labels"] = len(samples.label_sizes_px())
+    return TrainedDetector(checkpoint, content["epoch"] + 1, counts, content["precision"])

@@ -1,0 +1,187 @@
+"""How a detector learns (7.2.2)."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from lightning.pytorch import LightningModule
+from torch import Tensor
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LambdaLR
+
+from data.pictures.module import PictureData
+from perception.detection.input_size import InputSize
+from perception.detection.network_answers import seen_objects
+from perception.evaluation.detection.average_precision import DetectionFigures
+from perception.evaluation.detection.box_rows import TrueBoxes
+from perception.types import Detections
+from train.detector.anchors import fit_anchors
+from train.detector.descent import Descent
+from train.detector.figures import ValidationBoxes, mean_precision, measure, precision_table
+from train.detector.input_sizes import (
+    Interpolation,
+    resize_labels,
+    resize_pictures,
+    scaled_sizes,
+    size_of_batch,
+)
+from train.detector.losses import DetectionLoss, DetectionLossOptions, detection_loss
+from train.detector.networks import ANCHORS, MODEL, DetectorForm
+from train.detector.targets import BatchLabels
+from train.networks.grid_detector import GridDetector
+
+Batch = dict[str, Tensor]  # pictures, boxes_px, classes, is_ignored, numbers
+
+
+@dataclass(frozen=True)
+class DetectorPlan:
+    """Which detector is trained, and how.
+
+    Attributes:
+        form: what it looks at and for.
+        descent: the way down.
+        loss: what it makes small.
+        anchors: `auto` fits them to the training labels, `default` takes those that the network has.
+        scales: smallest and largest height of the pictures trained on, over that of the form.
+        seed: of their sizes and the anchors.
+        training_data: what it learns from, for the model file.
+        revision: of the program, for the model file.
+    """
+
+    form: DetectorForm
+    descent: Descent = field(default_factory=Descent)
+    loss: DetectionLossOptions = field(default_factory=DetectionLossOptions)
+    anchors: Literal["auto", "default"] = "auto"
+    scales: tuple[float, float] = (0.75, 1.25)
+    seed: int = 0
+    training_data: str = "unknown"
+    revision: str = "unknown"
+
+
+class DetectorTraining(LightningModule):
+    """One detector, its loss at several scales, its descent, and the figures by which it is followed."""
+
+    def __init__(self, plan: DetectorPlan, network: GridDetector) -> None:
+        """Take a network as it is."""
+        super().__init__()
+        self.save_hyperparameters(_noted(plan))
+        self.plan = plan
+        # Measured on a CPU with bfloat16, half the time of rows of channels.
+        self.network = network.to(memory_format=torch.channels_last)
+        self.sizes = scaled_sizes(plan.form.size, *plan.scales)
+        self.judged: DetectionFigures | None = None
+        """What came of the last validation."""
+        self._truth: TrueBoxes | None = None
+        self.boxes = ValidationBoxes(plan.form.class_names)
+
+    @property
+    def data(self) -> PictureData:
+        """What it learns from."""
+        found: PictureData = self.trainer.datamodule  # type: ignore[attr-defined]
+        return found
+
+    def on_fit_start(self) -> None:
+        """Fit the anchors to the labels that are to be learned, where a training begins."""
+        if self.trainer.ckpt_path is None and self.plan.anchors == "auto":
+            rng = np.random.default_rng(self.plan.seed)
+            fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
+            self.network.head.anchors_px.copy_(torch.from_numpy(fitted))
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        """Return raw predictions as the network does."""
+        raw: Tensor = self.network(pictures.contiguous(memory_format=torch.channels_last))
+        return raw
+
+    def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
+        """Return the loss of a batch, at one of the sizes."""
+        form, step = self.plan.form, self.trainer.global_step
+        size = size_of_batch(self.sizes, step, self.plan.seed)
+        before = InputSize(*batch["pictures"].shape[-2:])
+        pictures, labels = batch["pictures"].float(), _labels(batch)
+        if size != before:
+            how: Interpolation = "bilinear" if form.modality == "rgb" else "nearest"
+            pictures = resize_pictures(pictures, size, how)
+            labels = resize_labels(labels, before, size)
+        seen = step * len(pictures) * self.trainer.world_size
+        loss = self._loss(self(pictures), labels, seen)
+        self._log_loss("train", loss, len(pictures))
+        return loss.total
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
+        """Judge a batch; return what is `seen` in each picture, in pixels of the input."""
+        raw = self(batch["pictures"].float())
+        loss = self._loss(raw, _labels(batch), self.plan.loss.prior_images)
+        self._log_loss("validation", loss, len(raw))
+        seen = self._detections(raw, InputSize(*batch["pictures"].shape[-2:]))
+        self.boxes.update(seen, batch["numbers"], self.global_rank)
+        return {"seen": seen}
+
+    def on_validation_epoch_end(self) -> None:
+        """Log KITTI's measure over the validation set."""
+        form, samples = self.plan.form, self.data.validation
+        if self._truth is None:
+            self._truth = samples.truth()
+        sizes_px = np.array([samples.picture_size_px(row) for row in range(len(samples))])
+        found = self.boxes.gathered(form.size, sizes_px)
+        self.boxes.reset()
+        self.judged = measure(self._truth, found, len(samples), form.class_names)
+        figures = mean_precision(self.judged)
+        self.log_dict({f"validation/{name}": ap for name, ap in figures.items()}, sync_dist=True)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Note what the weights came to in the last validation."""
+        if self.judged is not None:
+            checkpoint["precision"] = precision_table(self.judged)
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
+        """Return the descent and its rate, which changes with every step."""
+        optimizer = self.plan.descent.make_optimizer(self.network)
+        steps = int(self.trainer.estimated_stepping_batches)
+        rate = LambdaLR(optimizer, self.plan.descent.rate_of_step(steps))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+
+    def configure_gradient_clipping(
+        self,
+        optimizer: Optimizer,
+        gradient_clip_val: float | None = None,
+        gradient_clip_algorithm: str | None = None,
+    ) -> None:
+        """Shorten what a few odd labels would make of a step."""
+        longest = self.plan.descent.longest_gradient
+        if longest:
+            self.clip_gradients(optimizer, longest, "norm")
+
+    def _loss(self, raw: Tensor, labels: BatchLabels, images_seen: int) -> DetectionLoss:
+        return detection_loss(raw, labels, self.network.head, self.plan.loss, images_seen)
+
+    def _log_loss(self, stage: str, loss: DetectionLoss, count: int) -> None:
+        terms = {"loss": loss.total} | {
+            f"{name}_loss": value for name, value in loss._asdict().items() if name != "total"
+        }
+        self.log_dict(
+            {f"{stage}/{name}": value.detach() for name, value in terms.items()},
+            on_step=False,
+            on_epoch=True,
+            batch_size=count,
+            sync_dist=True,
+        )
+
+    def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
+        boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
+        names = self.plan.form.class_names
+        return [seen_objects(*one, names, size) for one in zip(boxes_px, scores, strict=True)]
+
+
+def _labels(batch: Batch) -> BatchLabels:
+    return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
+
+
+def _noted(plan: DetectorPlan) -> dict[str, Any]:
+    """Return what a checkpoint says of itself, in plain values."""
+    parts = {name: asdict(getattr(plan, name)) for name in ("descent", "loss")}
+    others = {
+        name: getattr(plan, name)
+        for name in ("anchors", "scales", "seed", "training_data", "revision")
+    }
+    return {"model": MODEL} | plan.form.facts | parts | others
