@@ -115,7 +115,7 @@ def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:
     places = (corners + sizes * shares).astype(np.int64)
     columns = np.clip(places[:, 0], 0, width - 1)
     rows = np.clip(places[:, 1], 0, height - 1)
-    depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(len(boxes_px), -1)
+    depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(-1, _LOOKS**2)
     known = (depth_m > 0).sum(axis=1)
     ordered = np.sort(np.where(depth_m > 0, depth_m, np.inf), axis=1)
     ranks = (np.maximum(known - 1, 0)[:, None] * (_NEAR, 0.5)).astype(np.int64)

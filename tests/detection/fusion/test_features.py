@@ -89,6 +89,7 @@ def test_depths_are_those_that_are_known():
     boxes_px = np.array([[0.0, 0, 20, 20], [10, 0, 20, 40], [30, 0, 60, 40], [-50, -50, 5, 5]])
     near_middle = box_depths_m(boxes_px, dense)
     np.testing.assert_array_equal(near_middle, [[5, 5], [30, 30], [np.nan] * 2, [5, 5]])
+    assert box_depths_m(np.zeros((0, 4)), dense).shape == (0, 2)
 
 
 def test_a_fifth_of_a_nearer_thing_is_its_near_side():
