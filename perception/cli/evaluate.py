@@ -8,6 +8,7 @@ from perception.cli.evaluations.fusion import fusion
 from perception.cli.evaluations.ground import ground
 from perception.cli.evaluations.obstacles import obstacles
 from perception.cli.evaluations.otd import otd
+from perception.cli.evaluations.robustness import robustness
 from perception.cli.evaluations.tracks import tracks
 
 COMMANDS = {
@@ -20,4 +21,5 @@ COMMANDS = {
     "depthcn": depthcn,
     "detector": detector,
     "fusion": fusion,
+    "robustness": robustness,
 }

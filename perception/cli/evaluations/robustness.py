@@ -1,0 +1,166 @@
+"""`trifuse evaluate robustness`: average precision while the camera or the LiDAR sees ever less."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data.frames import OnBadFrame
+from perception.cli.evaluations.class_precision import (
+    PROTOCOL_WORDS,
+    ClassPrecision,
+    MeasureRules,
+    RecallOption,
+)
+from perception.cli.evaluations.detector_steps import class_named
+from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.fusion_steps import FusionFiles
+from perception.cli.evaluations.labelled_drives import (
+    LabelledDrive,
+    ReadingRules,
+    labelled_places,
+    open_labelled,
+    see_drive,
+)
+from perception.cli.evaluations.robustness_steps import (
+    UNDISTURBED,
+    Disturbance,
+    DisturbanceLevels,
+    DisturbedDetector,
+    robustness_rows,
+)
+from perception.cli.table import Cell, format_table
+from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.render.level_plots import LevelPanel, plot_levels
+
+_SHOWN_LEVEL = "moderate"
+_OWN_WORDS = {
+    "darkness": (
+        "half the light a stop, without any gain to make up for it, and the noise of so few electrons: "
+        "10,000 are white, reading adds 5"
+    ),
+    "rays": "returns are lost one by one, each as likely",
+    "calibration": (
+        "the scan is projected by a calibration that is turned about any axis through the camera, or "
+        "shifted in any direction of the image; labels stay"
+    ),
+}
+
+# By disturbance and level, what each row is worth.
+Measured = Mapping[tuple[str, float], Mapping[str, ClassPrecision]]
+
+
+def robustness(  # noqa: PLR0913 - flags of a command
+    drive: Path,
+    *,
+    models: FusionFiles | None = None,
+    levels: DisturbanceLevels | None = None,
+    class_name: str = "Car",
+    sequence: str | None = None,
+    sensor: str | None = None,
+    frames: int | None = None,
+    iou: float = 0.7,
+    recall_points: RecallOption = "40",
+    bootstrap: int = 0,
+    seed: int = 0,
+    on_bad_frame: OnBadFrame = "stop",
+    plot: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """Measure detectors and fusion over darkness, lost rays, and errors of the calibration.
+
+    Example: trifuse evaluate robustness synth/test --plot robustness.png --levels.darkness "[2,4,6]"
+
+    Args:
+        drive: object folder, tracking sequence or synthetic drive.
+        models: networks in the place of those that ship; --models.rgb FILE.onnx for one of them.
+        levels: of each disturbance; --levels.pixels "[4,8]" for one of them, "[]" leaves it out.
+        class_name: what is looked for.
+        sequence: which one of a tracking folder.
+        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        frames: only so many from the start; else all.
+        iou: overlap that a detection must exceed.
+        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
+        bootstrap: so many choices of frames give the document intervals; 0 for none.
+        seed: of what is disturbed, and of these choices.
+        on_bad_frame: stop at a damaged frame, or skip it and say so.
+        plot: gets the curves as PNG.
+        json: gets the same figures with protocol, data and configuration.
+    """
+    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
+    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    chosen, files = levels or DisturbanceLevels(), models or FusionFiles()
+    place = next(labelled_places([drive], sequence))
+    opened = open_labelled(place, reading)
+    disturbances = chosen.disturbances(has_images=opened.has_images)
+    fusion = files.open_fusions()["default"]
+    detector = DisturbedDetector(files.open_detectors(), disturbances, seed)
+    seen = see_drive(place.name, opened, detector.see, reading)
+    of_class = class_named(class_name)
+    measured = {
+        key: {
+            name: ClassPrecision.of(seen.beside(found), of_class, measuring)
+            for name, found in robustness_rows(seen, key, fusion)
+        }
+        for key in seen.looks[0]
+    }
+    print(robustness_tables(seen.data, disturbances, measured))
+    if plot is not None:
+        panels = [_panel(one, measured, iou) for one in disturbances]
+        title = f"{seen.data.name} ({seen.data.kind}, {seen.data.frames_evaluated} frames), {class_name}"
+        value_name = f"AP R{measuring.averaged} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
+        plot_levels(plot, title, value_name, panels)
+    if json is not None:
+        values = {"difficulties": DIFFICULTIES, "levels": chosen, "seed": seed, **asdict(measuring)}
+        words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
+        figures = Figures("robustness", words, robustness_results(disturbances, measured))
+        write_evaluation(json, seen.data, {"models": files}, figures)
+
+
+def robustness_tables(
+    data: LabelledDrive, disturbances: Sequence[Disturbance], measured: Measured
+) -> str:
+    """Return a table for each disturbance: a row a level, a column for each detector and fusion."""
+    tables = []
+    for one in disturbances:
+        rows: list[list[Cell]] = []
+        for level, of_level in _of_levels(one, measured):
+            shown = [_shown(precision) for precision in of_level.values()]
+            rows.append([f"{level:g}", *(None if np.isnan(ap) else f"{ap:.2f}" for ap in shown)])
+        title = f"{data.name} ({data.kind}, {data.frames_evaluated} frames): {one.name}, AP % {_SHOWN_LEVEL}"
+        tables.append(format_table(title, ["", *measured[UNDISTURBED]], rows))
+    return "\n\n".join(tables)
+
+
+def robustness_results(disturbances: Sequence[Disturbance], measured: Measured) -> dict[str, Any]:
+    """Return all figures by disturbance, level and row, at every difficulty."""
+    return {
+        one.name: {
+            f"{level:g}": {name: precision.to_json() for name, precision in of_level.items()}
+            for level, of_level in _of_levels(one, measured)
+        }
+        for one in disturbances
+    }
+
+
+def _of_levels(
+    one: Disturbance, measured: Measured
+) -> list[tuple[float, Mapping[str, ClassPrecision]]]:
+    """Return what rows are worth at each level, 0 the first."""
+    disturbed = [(level, measured[one.name, level]) for level in one.levels]
+    return [(0.0, measured[UNDISTURBED]), *disturbed]
+
+
+def _panel(one: Disturbance, measured: Measured, iou: float) -> LevelPanel:
+    of_levels = _of_levels(one, measured)
+    values = {
+        name: [of_level[name].ap(iou, _SHOWN_LEVEL) for _, of_level in of_levels]
+        for name in measured[UNDISTURBED]
+    }
+    return LevelPanel(one.name, [level for level, _ in of_levels], values)
+
+
+def _shown(precision: ClassPrecision) -> float:
+    return precision.ap(next(iter(precision.reports)), _SHOWN_LEVEL)
