@@ -6,7 +6,14 @@ import numpy as np
 
 from data.synthetic import heavy_vehicles, people, vehicles
 from data.synthetic.heavy_vehicles import HeavyKind
-from data.synthetic.materials import SemanticClass, Slot, palette, random_clothes, random_paint
+from data.synthetic.materials import (
+    CARGO_PAINTS,
+    SemanticClass,
+    Slot,
+    palette,
+    random_clothes,
+    random_paint,
+)
 from data.synthetic.meshes import Mesh
 from data.synthetic.motion import Path, upright_poses, vehicle_poses
 from data.synthetic.road import Road
@@ -178,5 +185,5 @@ def draw_looks(body: Body, rng: np.random.Generator) -> Float32:
         return random_clothes(rng)
     looks = {Slot.PAINT: random_paint(rng)}
     if body.kind in ("Truck", "Misc"):
-        looks[Slot.CARGO] = random_paint(rng)
+        looks[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
     return palette(looks)

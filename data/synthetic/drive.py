@@ -10,10 +10,11 @@ from data.drive import Labels, PointTruth
 from data.kitti.calibration import DriveCalibration
 from data.kitti.oxts import InsPacket, Mercator
 from data.synthetic import ins, labelling, lidar
-from data.synthetic.camera import Camera, Exposure
+from data.synthetic.camera import Camera
+from data.synthetic.exposure import Exposure, draw_exposure
 from data.synthetic.ins import InsNoise
 from data.synthetic.lidar import LidarScan
-from data.synthetic.light import Daylight
+from data.synthetic.light import draw_daylight
 from data.synthetic.rig import default_calibration
 from data.synthetic.world import World, build_world
 from data.synthetic.world_config import WorldConfig
@@ -114,14 +115,13 @@ class SyntheticDrive:
 
     @cached_property
     def _camera(self) -> Camera:
-        shift = float(self._random(_IMAGE, self._frames).uniform(0, 500))
-        daylight = Daylight(self.world.sun, self.world.config.is_sunny, shift)
+        rng = self._random(_IMAGE, self._frames)
+        daylight = draw_daylight(self.world.sun, self.world.config.is_sunny, rng)
         return Camera(self.world, self.calibration, daylight)
 
     def _exposure(self, index: int) -> Exposure:
-        """Return a gain that differs from drive to drive and breathes within one."""
-        gain, phase = self._random(_IMAGE, self._frames + 1).uniform([0.8, 0], [1.2, 6.28])
-        return Exposure(float(gain * (1 + 0.05 * np.sin(0.5 * self.stamp_s(index) + phase))))
+        """Return how the camera takes one frame: the same way throughout a drive, but for its metering."""
+        return draw_exposure(self._random(_IMAGE, self._frames + 1))
 
     def ins_packet(self, index: int) -> InsPacket:
         """Return what the INS says at one frame."""

@@ -237,9 +237,12 @@ def kerb_island(length_m: float, width_m: float) -> Mesh:
 
 def panel_palette(rng: np.random.Generator) -> Float32:
     """Draw the colours of boxes, boards and rails."""
-    panels = [(0.35, 0.36, 0.35), (0.05, 0.12, 0.06), (0.03, 0.06, 0.20), (0.5, 0.4, 0.05),
-              (0.02, 0.02, 0.02), (0.6, 0.6, 0.58), (0.4, 0.05, 0.03)]  # fmt: skip
-    panel = np.array(panels[rng.integers(len(panels))]) * rng.uniform(0.7, 1.2)
+    panels = [(0.25, 0.26, 0.25), (0.03, 0.07, 0.04), (0.10, 0.10, 0.10), (0.02, 0.02, 0.02),
+              (0.5, 0.5, 0.48), (0.13, 0.12, 0.10), (0.02, 0.04, 0.12), (0.30, 0.04, 0.02),
+              (0.42, 0.30, 0.04)]  # fmt: skip
+    common = np.array([5, 4, 4, 3, 4, 3, 1.5, 0.7, 0.5])
+    panel = np.array(panels[rng.choice(len(panels), p=common / common.sum())])
+    panel *= rng.uniform(0.7, 1.2)
     return palette(
         {
             Slot.PANEL: (*panel, float(rng.uniform(0.1, 0.6))),

@@ -1,18 +1,22 @@
-"""Daylight: sun, sky, clouds and what glossy surfaces mirror of them."""
+"""Daylight: sun, sky, clouds, what stands at the horizon, and what glossy surfaces mirror of it all."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from data.synthetic.materials import rgb
-from data.synthetic.textures import clouds
+from data.synthetic.textures import clouds, grain
 from perception.types import Float32, Float64
 
-_ZENITH = rgb(0.30, 0.55, 1.0)
-_HORIZON = rgb(1.05, 1.10, 1.15)
-_CLOUD = rgb(1.5, 1.5, 1.5)
-_HILLS = rgb(0.10, 0.14, 0.09)
+_ZENITH = rgb(0.16, 0.40, 0.95)
+_HORIZON = rgb(0.95, 1.08, 1.18)
+_CLOUD = rgb(1.7, 1.7, 1.7)
 _GREY_SKY = rgb(1.3, 1.33, 1.36)
+_TREES = rgb(0.035, 0.055, 0.022)
+_SUN, _SKYLIGHT, _OVERCAST = rgb(2.5, 2.36, 2.12), rgb(0.28, 0.35, 0.48), rgb(1.35, 1.40, 1.46)
+_BLUE_FROM = 0.32  # sine of the height at which a clear sky is as blue as overhead
+_CROWNS_1_RAD = 24.0
+_MIRRORED_AT_M = 15.0  # what stands along a street is mirrored as if so far away
 
 
 @dataclass(frozen=True)
@@ -23,49 +27,110 @@ class Daylight:
         sun: (3,) unit vector towards the sun.
         is_sunny: whether it is out.
         cloud_shift: where the clouds stand, in texture units.
+        strength: light of the sun over the usual.
+        haze: share of white in the sky, 0 for deep blue.
+        cover: deviations by which more of the sky is cloud than is clear.
+        skyline: sine of the height of the trees at the horizon.
+        surround: sine of the height up to which glossy things mirror a street and not its sky.
     """
 
     sun: Float64
     is_sunny: bool
     cloud_shift: float
+    strength: float = 1.0
+    haze: float = 0.3
+    cover: float = 0.1
+    skyline: float = 0.012
+    surround: float = 0.25
 
     @property
     def sun_rgb(self) -> Float32:
         """Light of the sun on a surface that faces it."""
         low = 1 - float(self.sun[2])
-        warm = rgb(2.5, 2.36 - 0.3 * low, 2.12 - 0.7 * low)
-        return warm if self.is_sunny else np.zeros(3, np.float32)
+        warm = np.float32(self.strength) * (_SUN - low * rgb(0.0, 0.3, 0.7))
+        return np.asarray(warm if self.is_sunny else 0 * _SUN, np.float32)
 
     @property
     def sky_rgb(self) -> Float32:
         """Light of the whole sky on a surface that faces up."""
-        return rgb(0.34, 0.41, 0.54) if self.is_sunny else rgb(1.35, 1.4, 1.46)
+        clear = _SKYLIGHT * np.float32(0.8 + 0.8 * self.haze)
+        return np.asarray(clear if self.is_sunny else _OVERCAST, np.float32)
 
     def sky(self, directions: Float32) -> Float32:
-        """Return (N, 3) what is seen along directions that meet nothing: sky, clouds, far hills."""
+        """Return (N, 3) what is seen along directions that meet nothing: sky, clouds, far trees."""
         rise = directions[:, 2]
-        height = np.clip(rise, 0.0, 1.0)[:, None]
-        share = np.sqrt(height) * 1.1
-        clear = _HORIZON + np.minimum(share, 1) * (_ZENITH - _HORIZON)
+        light = self._clear(directions)
         span = 1 / np.maximum(rise + 0.12, 0.05)
         x, y = directions[:, 0] * span * 40 + self.cloud_shift, directions[:, 1] * span * 40
-        cover = clouds(x, y) + 0.1
-        if not self.is_sunny:
-            tone = 1 + 0.04 * cover
-            clear = _GREY_SKY * tone[:, None] * (0.85 + 0.15 * height)
+        thick = clouds(x, y) + self.cover
+        if self.is_sunny:
+            amount = np.clip(thick * 0.6, 0, 0.9)[:, None]
+            light += amount * (_CLOUD - light)
         else:
-            amount = np.clip(cover * 0.6, 0, 0.9)[:, None]
-            clear = clear + amount * (_CLOUD - clear)
-        azimuth = np.arctan2(directions[:, 1], directions[:, 0])
-        ridge = 0.012 + 0.010 * clouds(azimuth * 80, 0 * azimuth)
-        hills = _HILLS + 0.55 * (_HORIZON * (1.0 if self.is_sunny else 0.8) - _HILLS)
-        return np.where((rise < ridge)[:, None], hills, clear)
+            light *= (1 + 0.06 * thick)[:, None]
+        low = np.flatnonzero(rise < 4 * self.skyline + 0.02)
+        light[low] = self._skyline(directions[low], light[low])
+        return light
 
-    def mirrored(self, directions: Float32) -> Float32:
-        """Return (N, 3) what a glossy surface mirrors: sky above, a dark street around, road below."""
+    def _clear(self, directions: Float32) -> Float32:
+        """Return (N, 3) the sky without its clouds: white at the horizon and about the sun."""
+        height = np.clip(directions[:, 2], 0.0, 1.0)
+        if not self.is_sunny:
+            return np.asarray(_GREY_SKY * (0.85 + 0.15 * height)[:, None], np.float32)
+        haze = np.float32(self.haze)
+        zenith = _ZENITH + haze * (_HORIZON - _ZENITH)
+        blue = np.minimum(height / np.float32(_BLUE_FROM), 1) ** np.float32(0.6)
+        glow = np.maximum(directions @ self.sun.astype(np.float32), 0) ** 5
+        light = _HORIZON + blue[:, None] * (zenith - _HORIZON)
+        return np.asarray(light * (1 + (0.4 + 1.6 * haze) * glow)[:, None], np.float32)
+
+    def _skyline(self, directions: Float32, behind: Float32) -> Float32:
+        """Put trees, pale with distance, before a low part of the sky."""
+        azimuth, rise = np.arctan2(directions[:, 1], directions[:, 0]), directions[:, 2]
+        shift = self.cloud_shift
+        # A row of crowns, each as wide as its share of the horizon, some low and some tall.
+        place = azimuth * _CROWNS_1_RAD + clouds(azimuth * 300, 0 * azimuth + shift) * np.float32(
+            0.3
+        )
+        crown = 0.75 + 0.25 * np.clip(grain(place, 0 * place + shift), -2, 2)
+        ridge = 0.6 + 0.3 * clouds(azimuth * 40 + shift, 0 * azimuth)
+        ridge *= self.skyline * crown * (0.6 + 0.4 * np.sin(np.pi * np.mod(place, 1)))
+        ridge += 0.003 * clouds(azimuth * 420, rise * 420)
+        tone = 1 + 0.6 * clouds(azimuth * 420, rise * 420 + shift)
+        light = self.sky_rgb + 0.35 * self.sun_rgb
+        trees = _TREES * np.maximum(tone, 0.15)[:, None] * light
+        pale = trees + (0.02 + 0.12 * np.float32(self.haze)) * (_HORIZON - trees)
+        return np.where((rise < ridge)[:, None], pale, behind)
+
+    def mirrored(self, directions: Float32, points: Float32) -> Float32:
+        """Return (N, 3) what a glossy surface mirrors at some places: sky, a dark street around, road below."""
+        far = np.float32(_MIRRORED_AT_M) * directions + points
+        x, y = far[:, 0], far[:, 1]
         rise = directions[:, 2]
-        height = np.clip(rise, 0, 1)[:, None]
-        sky = _HORIZON + np.sqrt(height) * (_ZENITH - _HORIZON) if self.is_sunny else _GREY_SKY
-        wobble = 0.22 + 0.10 * clouds(np.arctan2(directions[:, 1], directions[:, 0]) * 12, 0 * rise)
-        street = np.where((rise > -0.03)[:, None], rgb(0.16, 0.15, 0.14), rgb(0.20, 0.20, 0.20))
-        return np.where((rise > wobble)[:, None], sky, street)
+        tall = self.surround * (1 + 0.6 * clouds(x * 3, y * 3))
+        sun = self.sun_rgb * np.float32(self.sun[2])
+        lit = np.float32(0.25) + np.float32(0.75) * (clouds(x + 70, y) > -0.3)
+        street = (0.10 * (1 + 0.5 * clouds(x * 9, y * 9 + rise * 60)))[:, None] * self._around
+        road = np.float32(0.17) * (self.sky_rgb + lit[:, None] * sun)
+        below = np.where((rise > -0.04)[:, None], np.maximum(street, 0.01), road)
+        return np.where((rise > tall)[:, None], self._clear(directions), below)
+
+    @property
+    def _around(self) -> Float32:
+        """Light on what stands along the street."""
+        return self.sky_rgb + np.float32(0.4) * self.sun_rgb
+
+
+def draw_daylight(sun: Float64, is_sunny: bool, rng: np.random.Generator) -> Daylight:
+    """Draw the light of one drive whose sun stands somewhere."""
+    haze = float(rng.beta(1.2, 1.8))
+    return Daylight(
+        sun,
+        is_sunny,
+        cloud_shift=float(rng.uniform(0, 500)),
+        strength=float(rng.uniform(0.75, 1.3)),
+        haze=haze,
+        cover=float(rng.uniform(-1.6, 0.6)),
+        skyline=float(rng.uniform(0.01, 0.11)),
+        surround=float(rng.uniform(0.1, 0.6)),
+    )

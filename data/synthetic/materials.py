@@ -109,7 +109,7 @@ MATERIALS = {
     Slot.ASPHALT: Material((0.17, 0.17, 0.175), 0.48, SemanticClass.ROAD),
     Slot.KERB: Material((0.42, 0.41, 0.39), 0.46, SemanticClass.SIDEWALK),
     Slot.PAVEMENT: Material((0.33, 0.31, 0.30), 0.46, SemanticClass.SIDEWALK),
-    Slot.GRASS: Material((0.13, 0.20, 0.06), 0.52, SemanticClass.TERRAIN, drop=0.04),
+    Slot.GRASS: Material((0.075, 0.10, 0.034), 0.52, SemanticClass.TERRAIN, drop=0.04),
     Slot.WALL: Material((0.50, 0.46, 0.40), 0.40, SemanticClass.BUILDING),
     Slot.WINDOW: Material(
         (0.03, 0.04, 0.05), 0.10, SemanticClass.BUILDING, gloss=0.35, drop=0.35, transmission=0.6
@@ -119,13 +119,13 @@ MATERIALS = {
     Slot.ROOF: Material((0.26, 0.10, 0.07), 0.30, SemanticClass.BUILDING),
     Slot.DOOR: Material((0.16, 0.09, 0.05), 0.30, SemanticClass.BUILDING),
     Slot.TRUNK: Material((0.12, 0.09, 0.07), 0.30, SemanticClass.TRUNK),
-    Slot.LEAVES: Material((0.09, 0.16, 0.04), 0.50, SemanticClass.VEGETATION, drop=0.05),
+    Slot.LEAVES: Material((0.055, 0.085, 0.024), 0.50, SemanticClass.VEGETATION, drop=0.05),
     Slot.FENCE: Material((0.30, 0.24, 0.18), 0.35, SemanticClass.FENCE),
     Slot.METAL: Material((0.30, 0.31, 0.32), 0.35, SemanticClass.POLE, gloss=0.05),
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
     Slot.SIGN_BACK: Material((0.35, 0.36, 0.37), 0.40, SemanticClass.TRAFFIC_SIGN),
     Slot.PAINT: Material((0.30, 0.30, 0.32), 0.30, gloss=0.06, drop=0.03),
-    Slot.GLASS: Material((0.015, 0.018, 0.02), 0.06, gloss=0.07, drop=0.85, transmission=0.45),
+    Slot.GLASS: Material((0.010, 0.012, 0.013), 0.06, gloss=0.05, drop=0.85, transmission=0.45),
     Slot.TRIM: Material((0.025, 0.025, 0.027), 0.08, gloss=0.02, drop=0.06),
     Slot.TYRE: Material((0.03, 0.03, 0.03), 0.10, drop=0.05),
     Slot.RIM: Material((0.42, 0.43, 0.45), 0.45, gloss=0.12, drop=0.03),
@@ -169,23 +169,41 @@ def palette(changes: dict[Slot, tuple[float, float, float, float]] | None = None
 
 
 # Linear colour, reflectance face on, and how many cars in a hundred wear it.
-CAR_PAINTS: list[tuple[tuple[float, float, float, float], float]] = [
-    ((0.55, 0.56, 0.58, 0.42), 22),  # silver
-    ((0.10, 0.105, 0.11, 0.16), 18),  # dark grey
-    ((0.012, 0.012, 0.013, 0.05), 20),  # black
-    ((0.80, 0.80, 0.78, 0.50), 14),  # white
-    ((0.03, 0.07, 0.22, 0.22), 10),  # blue
-    ((0.35, 0.025, 0.02, 0.38), 8),  # red
-    ((0.03, 0.10, 0.05, 0.20), 3),  # green
-    ((0.42, 0.36, 0.26, 0.38), 3),  # beige
-    ((0.60, 0.42, 0.04, 0.45), 2),  # yellow
+_Paints = list[tuple[tuple[float, float, float, float], float]]
+CAR_PAINTS: _Paints = [
+    ((0.46, 0.47, 0.49, 0.42), 15),  # silver
+    ((0.22, 0.225, 0.24, 0.30), 9),  # grey
+    ((0.07, 0.074, 0.08, 0.16), 14),  # dark grey
+    ((0.010, 0.010, 0.011, 0.05), 22),  # black
+    ((0.72, 0.72, 0.70, 0.50), 14),  # white
+    ((0.012, 0.024, 0.070, 0.14), 6),  # dark blue
+    ((0.04, 0.10, 0.24, 0.25), 5),  # blue
+    ((0.15, 0.21, 0.29, 0.32), 2),  # light blue
+    ((0.26, 0.016, 0.014, 0.34), 5),  # red
+    ((0.09, 0.010, 0.014, 0.22), 3),  # dark red
+    ((0.015, 0.045, 0.028, 0.14), 2),  # green
+    ((0.30, 0.26, 0.20, 0.36), 2),  # beige
+    ((0.24, 0.10, 0.03, 0.34), 0.6),  # copper
+    ((0.55, 0.36, 0.03, 0.45), 0.4),  # yellow
+]
+CARGO_PAINTS: _Paints = [
+    ((0.72, 0.72, 0.71, 0.50), 50),  # white
+    ((0.40, 0.40, 0.40, 0.40), 15),  # grey
+    ((0.10, 0.11, 0.11, 0.20), 10),  # dark grey
+    ((0.03, 0.07, 0.22, 0.25), 8),  # blue
+    ((0.30, 0.02, 0.02, 0.38), 6),  # red
+    ((0.03, 0.09, 0.05, 0.25), 5),  # green
+    ((0.34, 0.28, 0.18, 0.38), 4),  # beige
+    ((0.60, 0.38, 0.03, 0.45), 2),  # yellow
 ]
 
 
-def random_paint(rng: np.random.Generator) -> tuple[float, float, float, float]:
-    """Draw a car's colour and reflectance as common as on a German street."""
-    weights = np.array([weight for _, weight in CAR_PAINTS])
-    row = np.array(CAR_PAINTS[rng.choice(len(CAR_PAINTS), p=weights / weights.sum())][0])
+def random_paint(
+    rng: np.random.Generator, paints: _Paints = CAR_PAINTS
+) -> tuple[float, float, float, float]:
+    """Draw a colour and reflectance, those of a car as common as on a German street."""
+    weights = np.array([weight for _, weight in paints])
+    row = np.array(paints[rng.choice(len(paints), p=weights / weights.sum())][0])
     row *= rng.uniform(0.85, 1.15) * rng.uniform(0.97, 1.03, 4)
     red, green, blue, reflectance = np.clip(row, 0.005, 0.9).tolist()
     return red, green, blue, reflectance

@@ -62,3 +62,42 @@ class PinholeCamera:
         origins = np.broadcast_to(self.centre_m.astype(np.float32), directions.shape).copy()
         delays = np.zeros(len(pixels), np.float32)
         return Rays(origins, directions, delays, near or near_any(origins, directions))
+
+
+def near_pixels(pinhole: PinholeCamera, band: slice) -> Callable[[Float64, float], Int]:
+    """Return a search for the pixels of a band of rows that may see a sphere."""
+    width, height = pinhole.size_px
+    row_start = np.arange(band.stop - band.start)[:, None] * width
+    empty = np.zeros(0, np.int64)
+
+    def near(centre_m: Float64, radius_m: float) -> Int:
+        x, y, z = pinhole.camera_R_world @ (centre_m - pinhole.centre_m)
+        columns = _span(x, z, radius_m, pinhole.focal_px, pinhole.middle_px[0], width)
+        rows = _span(y, z, radius_m, pinhole.focal_px, pinhole.middle_px[1], height)
+        first, last = max(rows.start, band.start), min(rows.stop, band.stop)
+        if first >= last or columns.start >= columns.stop:
+            return empty
+        inside = row_start[first - band.start : last - band.start]
+        return np.asarray((inside + np.arange(columns.start, columns.stop)).ravel())
+
+    return near
+
+
+def _span(
+    across_m: float,
+    ahead_m: float,
+    radius_m: float,
+    focal_px: float,
+    middle_px: float,
+    size_px: int,
+) -> slice:
+    """Return the pixels along one axis that a circle before the camera covers."""
+    distance = float(np.hypot(across_m, ahead_m))
+    if distance <= radius_m:
+        return slice(0, size_px)
+    middle, half = np.arctan2(across_m, ahead_m), np.arcsin(radius_m / distance)
+    if middle - half > 1.5 or middle + half < -1.5:
+        return slice(0, 0)
+    edges = middle_px + focal_px * np.tan(np.clip([middle - half, middle + half], -1.55, 1.55))
+    low, high = np.clip([edges[0] - 1, edges[1] + 2], 0, size_px).astype(int)
+    return slice(low, high)

@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter1d
 from data.synthetic import actors as cast_of
 from data.synthetic import town, vehicles
 from data.synthetic.actors import Actor, Body
-from data.synthetic.camera import Exposure
 from data.synthetic.drive import SyntheticDrive
+from data.synthetic.exposure import Exposure
 from data.synthetic.ins import InsNoise
 from data.synthetic.motion import Path
 from data.synthetic.road import Road, RoadShape
@@ -130,11 +130,11 @@ class ScenarioDrive(SyntheticDrive):
         return _build_world(self.scenario, rng)
 
     def _exposure(self, index: int) -> Exposure:
-        steady = super()._exposure(index)
+        """Return a fixed exposure, lest metering make up for the light that changes."""
         if not self.scenario.has(Difficulty.ILLUMINATION):
-            return steady
+            return Exposure()
         share = self.stamp_s(index) / self.scenario.duration_s
-        return Exposure(steady.gain * _light(share))
+        return Exposure(_light(share))
 
 
 def _light(share: float) -> float:

@@ -97,6 +97,7 @@ class Painter:
             Slot.ROOF: _tiles,
             Slot.SIGN: _sign,
             Slot.FENCE: _planks,
+            Slot.LEAVES: _leaves,
             Slot.PLATE: _plate,
         }
 
@@ -115,15 +116,15 @@ class Painter:
 
     def _asphalt(self, place: Float32, colours: Float32, fade: Float32) -> Float32:
         s, side = place[:, 0], place[:, 1]
-        patches = smooth_noise(s * 2, side * 6)
-        tone = 1 + 0.05 * patches + 0.16 * fade * grain(s * 60, side * 60)
-        tracks = np.cos(2 * np.pi * (np.abs(side) - 0.9) / 1.6) * (
-            np.abs(side) < self._road.lanes_m
-        )
-        tone -= 0.05 * tracks
+        tone = 1 + 0.07 * smooth_noise(s * 2, side * 6) + 0.16 * fade * grain(s * 60, side * 60)
+        # Patches of newer tar, ruts polished by wheels, oil between them, seams and cracks.
+        tone += np.float32(0.10) * np.clip(np.abs(grain(s / 9, side / 1.75)) - 1, 0, 1.5)
+        lane = np.mod(side, self._road.lane_m) / self._road.lane_m
+        tone += 0.06 * np.sin(4 * np.pi * lane) ** 2 * (np.abs(side) < self._road.lanes_m) - 0.04
+        tone -= 0.10 * np.exp(-np.square((lane - 0.5) / 0.09)) * (0.6 + 0.4 * smooth_noise(s, side))
         seam = np.abs(side + 0.25 + 0.05 * np.sin(s * 0.9) * np.sin(s * 0.37)) < 0.025
-        crack = np.abs(smooth_noise(s * 5 + 99, side * 5)) < 0.012 * fade
-        tone = np.where(seam | crack, 0.55 * tone, tone)
+        crack = np.abs(clouds(s * 3 + 99, side * 3) - 0.9) < 0.03 * np.sqrt(fade)
+        tone = np.where(seam | crack, 0.5 * tone, tone)
         toned = np.asarray(colours * tone[:, None], np.float32)
         painted = np.flatnonzero(is_marking(self._road, s, side))
         wear = 0.85 + 0.10 * smooth_noise(s[painted] * 25, side[painted] * 25)
@@ -167,6 +168,16 @@ def _wall(place: Float32, colours: Float32, fade: Float32) -> Float32:
 def _tiles(place: Float32, colours: Float32, fade: Float32) -> Float32:
     x, y = place[:, 0] / 0.25, place[:, 1] / 0.3
     tone = 1 + 0.15 * grain(x, y) - 0.35 * fade * (np.mod(y, 1) < 0.15)
+    return np.asarray(colours * tone[:, None], np.float32)
+
+
+def _leaves(place: Float32, colours: Float32, fade: Float32) -> Float32:
+    """Break the cards of a crown into small leaves of several tones, dark gaps between them."""
+    x, y = place[:, 0], place[:, 1]
+    near = np.sqrt(fade)
+    tone = 1 + 0.45 * grain(x * 5, y * 5) + 0.45 * near * grain(x * 22, y * 22)
+    gap = smooth_noise(x * 60, y * 60) < -0.5
+    tone = np.clip(np.where(gap, 1 - 0.75 * near, tone), 0.12, 2.2)
     return np.asarray(colours * tone[:, None], np.float32)
 
 

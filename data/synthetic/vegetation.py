@@ -60,7 +60,7 @@ def tree(
 
 def foliage_palette(rng: np.random.Generator) -> Float32:
     """Draw a green."""
-    green = np.array([0.10, 0.16, 0.035]) * rng.uniform([0.6, 0.7, 0.6], [1.5, 1.25, 1.4])
+    green = np.array([0.055, 0.085, 0.024]) * rng.uniform([0.6, 0.7, 0.6], [1.6, 1.3, 1.5])
     return palette({Slot.LEAVES: (*green, rng.uniform(0.38, 0.6))})
 
 
@@ -76,6 +76,7 @@ def hedge(length_m: float, height_m: float, rng: np.random.Generator) -> Mesh:
         [0 * centres[:, 0], np.where(face == 0, -1.0, 0.2), np.where(face == 1, 1.0, 0.2)], axis=1
     )
     core = meshes.box((0.1, -0.3, -0.5), (length_m - 0.1, 0.3, height_m - 0.12), Slot.LEAVES)
+    core = meshes.textured(core, core.vertices_m[:, :2] + core.vertices_m[:, 1:])
     return meshes.merge([core, _leaf_cards(centres, outward, 0.07, rng)])
 
 

@@ -149,7 +149,7 @@ def assemble(
         scene.add_thing(actor.looks, actor.body.semantic, actor.track_id + 1) for actor in actors
     ]
     scene.finish()
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(28, 60))
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(18, 60))
     level = np.cos(elevation)
     return World(
         config,

@@ -241,5 +241,5 @@ def _peopled(rng: np.random.Generator, config: WorldConfig, heavy: float) -> Wor
         heavy=_between(rng, 0, 2 * heavy),
         cyclists=_between(rng, 1, 8),
         pedestrians=_between(rng, 3, 20),
-        is_sunny=bool(rng.random() < 0.65),
+        is_sunny=bool(rng.random() < 0.75),
     )

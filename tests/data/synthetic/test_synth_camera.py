@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from data.synthetic import meshes
-from data.synthetic.camera import Camera, Exposure, develop
+from data.synthetic.camera import Camera
+from data.synthetic.exposure import Exposure, develop
 from data.synthetic.lidar import velo_poses
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, palette
