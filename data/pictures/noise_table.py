@@ -12,7 +12,7 @@ _LENGTH = 1 << 20
 def normal_noise(shape: tuple[int, ...], rng: np.random.Generator) -> Float32:
     """Return standard normal numbers of a shape, which are the same for the same state of `rng`.
 
-    To draw as many anew takes longer than all other changes of a picture together. Two pictures may share
+    To draw as many anew takes as long as all other changes of a picture together. Two pictures may share
     some of them, at other places.
     """
     count = int(np.prod(shape))
