@@ -1,0 +1,137 @@
+"""What is remembered of detected vehicles, and every choice that the tracker of them makes."""
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from perception.tracking.columns import Columns
+from perception.tracking.kalman import Gaussians
+from perception.tracking.motion_model import MotionModel
+from perception.types import Bool, Float64, Int
+
+
+@dataclass(frozen=True)
+class VehicleRules:
+    """Every choice of the tracker of vehicles.
+
+    Attributes:
+        motion: how vehicles move over the ground.
+        least_score: of a detection that may continue a track.
+        beginning_score: of one that may begin a track.
+        sure_score: of one that chooses its track before the others.
+        confirming_evidence: sum of scores from which on a track is believed; one sight is never enough.
+        confirming_s: how long a track lives unseen before it is believed.
+        coasting_s: how long afterwards.
+        least_iou: in the image, of a detection and the track that it continues.
+        blind_iou: the same where the LiDAR says that they are apart, and must have been mistaken.
+        near_iou: the same where it says that they are at one place.
+        place_m: standard deviation of the place of a box, whatever its distance.
+        place_per_m: by which it grows with distance.
+        sparse_m: of the place of a box around one point; over the root of how many there are.
+        replacing_s: how long a track may be seen elsewhere than expected before it is believed to be there.
+        axis_memory: share of what is known of a heading that is left after the next sight.
+        way_speed_m_s: faster, the velocity tells the heading, too.
+        sign_speed_m_s: faster, it tells front from rear.
+        size_sights: over so many, sizes are averaged.
+        known_speed_m_s: standard deviation of a velocity that is told.
+        image_speed_gain: share of the way to a new motion in the image of what is nowhere on the ground.
+    """
+
+    motion: MotionModel = field(default_factory=MotionModel)
+    least_score: float = 0.1
+    beginning_score: float = 0.3
+    sure_score: float = 0.5
+    confirming_evidence: float = 1.2
+    confirming_s: float = 0.25
+    coasting_s: float = 1.5
+    least_iou: float = 0.3
+    blind_iou: float = 0.6
+    near_iou: float = 0.1
+    place_m: float = 0.2
+    place_per_m: float = 0.01
+    sparse_m: float = 1.2
+    replacing_s: float = 0.35
+    axis_memory: float = 0.7
+    way_speed_m_s: float = 2.0
+    sign_speed_m_s: float = 1.0
+    size_sights: int = 12
+    known_speed_m_s: float = 2.0
+    image_speed_gain: float = 0.5
+
+
+@dataclass(frozen=True)
+class VehicleTable(Columns):
+    """T followed vehicles.
+
+    Attributes:
+        ids: (T,) -1 before they are believed.
+        evidence: (T,) sum of their scores.
+        seen_s: (T,) stamp of the last sight.
+        boxes_px: (T, 4) in the image at the last sight.
+        speeds_px_s: (T, 4) of its sides.
+        anchors_px: (T, 3) column, row and depth in metres of the middle of the 3D box at the last sight.
+        is_located: (T,) whether it was ever found on the ground; else what follows is void.
+        located_s: (T,) stamp of the last sight there.
+        mean: (T, 4) x and y of the box's centre in the world, and its velocity.
+        covariance: (T, 4, 4) of these.
+        axis: (T, 2) sum of sights of the heading, as cosine and sine of twice the angle.
+        yaw_rad: (T,) heading in the world.
+        sizes_m: (T, 3) length, width, height: means so far.
+        sizings: (T,) over how many sights.
+        low_world_m: (T,) z of the ground below.
+    """
+
+    ids: Int
+    evidence: Float64
+    seen_s: Float64
+    boxes_px: Float64
+    speeds_px_s: Float64
+    anchors_px: Float64
+    is_located: Bool
+    located_s: Float64
+    mean: Float64
+    covariance: Float64
+    axis: Float64
+    yaw_rad: Float64
+    sizes_m: Float64
+    sizings: Int
+    low_world_m: Float64
+
+    @property
+    def states(self) -> Gaussians:
+        """The Kalman filters."""
+        return Gaussians(self.mean, self.covariance)
+
+    @property
+    def speeds_m_s(self) -> Float64:
+        """(T,) over the ground."""
+        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
+
+    @property
+    def speed_deviations_m_s(self) -> Float64:
+        """(T,) standard deviation of the velocity along x or y, the greater."""
+        variances = np.diagonal(self.covariance, axis1=1, axis2=2)[:, 2:]
+        return np.asarray(np.sqrt(variances.max(axis=1, initial=0.0)))
+
+    @classmethod
+    def seen_in_image(cls, boxes_px: Float64, scores: Float64, stamp_s: float) -> Self:
+        """Return what is known of T vehicles after one sight in the image alone."""
+        count = len(boxes_px)
+        return cls(
+            ids=np.full(count, -1),
+            evidence=scores,
+            seen_s=np.full(count, stamp_s),
+            boxes_px=boxes_px,
+            speeds_px_s=np.zeros((count, 4)),
+            anchors_px=np.zeros((count, 3)),
+            is_located=np.zeros(count, bool),
+            located_s=np.full(count, stamp_s),
+            mean=np.zeros((count, 4)),
+            covariance=np.zeros((count, 4, 4)),
+            axis=np.zeros((count, 2)),
+            yaw_rad=np.zeros(count),
+            sizes_m=np.zeros((count, 3)),
+            sizings=np.zeros(count, np.int64),
+            low_world_m=np.zeros(count),
+        )

@@ -1,0 +1,168 @@
+"""Detected vehicles followed over time, in the image and on the ground.
+
+A detection continues the track that it overlaps in the image as the track is expected there now, and beside
+which it stands on the ground. Each makes up for what the other lacks: in the image far vehicles are told
+apart that give hardly a return; on the ground those that hide each other.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.detection.shared_ids import SharedIds, SharingRules
+from perception.detection.vehicle_sights import (
+    Sights,
+    View,
+    begin,
+    boxes_in_scan,
+    expected_boxes_px,
+    place_distances,
+    predict,
+    see_again,
+    velocities_in_scan,
+)
+from perception.detection.vehicle_table import VehicleRules, VehicleTable
+from perception.geometry.box_overlap_px import iou_px
+from perception.maps.projection import camera_of
+from perception.tracking.association import Association, assign_optimally
+from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
+
+_ROUNDING_S = 1e-3
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What one scan shows, by ids on which all agree.
+
+    Attributes:
+        vehicles: with ids, and velocities; -1 of those that are not believed yet.
+        tracks: moving objects; one that is also a vehicle has its id.
+    """
+
+    vehicles: Vehicles
+    tracks: Tracks
+
+
+class VehicleTracker:
+    """Follows detected vehicles, and gives ids to them and to what moves."""
+
+    def __init__(
+        self, rules: VehicleRules | None = None, sharing: SharingRules | None = None
+    ) -> None:
+        """Begin without a track.
+
+        Args:
+            rules: how vehicles are followed.
+            sharing: when a vehicle and a moving object are one.
+        """
+        self._rules = rules or VehicleRules()
+        self._shared_ids = SharedIds(sharing)
+        self.end_all()
+
+    def end_all(self) -> None:
+        """End all tracks; their ids are not used again."""
+        self._tracks = VehicleTable.seen_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
+        self._stamp_s: float | None = None
+        self._shared_ids.forget()
+
+    def update(
+        self,
+        vehicles: Vehicles,
+        frame: Frame,
+        world_SE3_velo: Float64,
+        tracks: Tracks | None = None,
+    ) -> Followed:
+        """Take in what one scan shows.
+
+        Args:
+            vehicles: located detections of the frame, of no ids.
+            frame: its time and its camera; one that is not later than the last begins anew.
+            world_SE3_velo: (4, 4) its pose in a world that stands still.
+            tracks: what moves in the same scan, by the numbers of its own tracker; None without one.
+
+        Raises:
+            CalibrationError: the frame has no camera, or nothing says how large its image is.
+        """
+        if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
+            self.end_all()
+        calibration, _ = camera_of(frame)
+        view = View(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
+        sights = Sights.of(vehicles, view, self._rules)
+        self._predict(view)
+        self._continue_and_begin(sights, view)
+        tracks = self._give_ids(view, tracks or Tracks.empty())
+        return Followed(self._told(vehicles, view), tracks)
+
+    def _predict(self, view: View) -> None:
+        """Move what goes on to now; ends what nobody has seen for too long."""
+        elapsed_s = 0.0 if self._stamp_s is None else view.stamp_s - self._stamp_s
+        self._stamp_s = view.stamp_s
+        tracks, rules = self._tracks, self._rules
+        limit_s = np.where(tracks.ids >= 0, rules.coasting_s, rules.confirming_s)
+        goes_on = view.stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
+        self._tracks = predict(tracks[goes_on], elapsed_s, rules)
+
+    def _continue_and_begin(self, sights: Sights, view: View) -> None:
+        """Let detections continue tracks, the surer ones first; the others begin new ones."""
+        rules = self._rules
+        self._row_of = np.full(len(sights), -1)
+        sure = sights.scores >= rules.sure_score
+        doubtful = ~sure & (sights.scores >= rules.least_score)
+        free = np.arange(len(self._tracks))
+        for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
+            pairs = self._match(self._tracks[free], sights[chosen], view)
+            rows, seen = free[pairs.tracks], chosen[pairs.detections]
+            corrected = see_again(self._tracks[rows], sights[seen], view, rules)
+            self._tracks = self._tracks.replaced(rows, corrected)
+            self._row_of[seen] = rows
+            free = free[pairs.unmatched_tracks]
+        is_left = (self._row_of < 0) & (sights.scores >= rules.beginning_score)
+        new = np.flatnonzero(is_left)
+        self._row_of[new] = len(self._tracks) + np.arange(len(new))
+        self._tracks = self._tracks.joined(begin(sights[new], view, rules))
+
+    def _match(self, tracks: VehicleTable, sights: Sights, view: View) -> Association:
+        rules = self._rules
+        iou = iou_px(np.nan_to_num(expected_boxes_px(tracks, view)), sights.boxes_px)
+        distances = place_distances(tracks, sights)
+        is_near, is_far = distances <= rules.motion.gate, distances > rules.motion.gate
+        least_iou = np.select([is_near, is_far], [rules.near_iou, rules.blind_iou], rules.least_iou)
+        # Apart by the gate's width costs as much as no overlap at all; not knowing, half of that.
+        apart = np.nan_to_num(distances / rules.motion.gate, nan=0.5)
+        costs = (1.0 - iou) + np.minimum(apart, 1.0)
+        return assign_optimally(costs, iou >= least_iou)
+
+    def _give_ids(self, view: View, moving: Tracks) -> Tracks:
+        """Give ids to what is believed from now on; return what moves by its shared ids."""
+        tracks = self._tracks
+        is_new = (tracks.ids < 0) & (tracks.evidence >= self._rules.confirming_evidence)
+        boxes = _where_known(boxes_in_scan(tracks, view), tracks)
+        ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
+        self._tracks = replace(tracks, ids=ids)
+        return moving
+
+    def _told(self, vehicles: Vehicles, view: View) -> Vehicles:
+        """Return the detections with what their tracks know of them."""
+        seen = np.flatnonzero(self._row_of >= 0)
+        tracks = self._tracks[self._row_of[seen]]
+        ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
+        ids[seen] = tracks.ids
+        velocities_m_s[seen] = velocities_in_scan(tracks, view, self._rules)
+        boxes = _overwritten(vehicles.boxes, seen, tracks, boxes_in_scan(tracks, view), view)
+        return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
+
+
+def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
+    bottom_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
+    return Boxes3D(bottom_m, boxes.size_m, boxes.yaw_rad)
+
+
+def _overwritten(
+    boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, view: View
+) -> Boxes3D:
+    """Put the boxes of tracks that were found on the ground now in the place of single sights."""
+    is_found = tracks.is_located & (tracks.located_s == view.stamp_s)
+    rows, tracked = seen[is_found], tracked[is_found]
+    bottom_m, size_m, yaw_rad = boxes.bottom_m.copy(), boxes.size_m.copy(), boxes.yaw_rad.copy()
+    bottom_m[rows], size_m[rows], yaw_rad[rows] = tracked.bottom_m, tracked.size_m, tracked.yaw_rad
+    return Boxes3D(bottom_m, size_m, yaw_rad)
