@@ -16,14 +16,12 @@ from perception.evaluation.detection.average_precision import (
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
-    KITTI_CLASSES,
     NO_ALPHA_RAD,
-    DetectionClass,
+    kitti_class,
 )
 from perception.types import Detections, Int
 
 LOOSE_IOU = 0.5
-_STRICT_IOU = 0.7  # of classes that KITTI does not rank
 _COLUMNS = 8  # number of the picture, process, class, score, x1 y1 x2 y2
 
 
@@ -89,12 +87,6 @@ def measure(
     classes = [kitti_class(name) for name in class_names]
     both = [*classes, *(one.at_iou(LOOSE_IOU) for one in classes)]
     return kitti_average_precision(truths, found, frames, both)
-
-
-def kitti_class(name: str) -> DetectionClass:
-    """Return how a class is judged."""
-    known = {one.name.lower(): one for one in KITTI_CLASSES}
-    return known.get(name.lower(), DetectionClass(name, _STRICT_IOU))
 
 
 def mean_precision(figures: DetectionFigures) -> dict[str, float]:

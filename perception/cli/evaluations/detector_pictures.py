@@ -8,15 +8,14 @@ import numpy as np
 from data.drive import Drive
 from data.whole_file import write_whole
 from perception.cli.evaluations.detector_steps import MeasuredDetector
-from perception.detection.modalities import camera_image, fill_maps, map_picture
+from perception.detection.modalities import picture_of
 from perception.detection.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.mistakes import count_mistakes
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
 from perception.evaluation.detection.scene import judge, lay_out
-from perception.maps.projection import project_frame
 from perception.render.detection_mistakes import draw_mistakes
-from perception.types import Frame, UInt8
+from perception.types import UInt8
 
 _JUDGED = DIFFICULTIES[-1]  # where most objects count
 
@@ -33,17 +32,15 @@ def draw_worst(
         for rank, place in enumerate(mistakes.worst(most).tolist()):
             frame = drive[seen.looks[place].index]
             picture = _with_mistakes(
-                _as_seen(frame, network), measured, place, judged, mistakes.threshold
+                picture_of(frame, network.modality, network.filling),
+                measured,
+                place,
+                judged,
+                mistakes.threshold,
             )
             name = f"{drive.name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
             _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1])
             write_whole(folder / name.replace("/", "_"), encoded.tobytes())
-
-
-def _as_seen(frame: Frame, network: ModalityDetector) -> UInt8:
-    if network.modality == "rgb":
-        return camera_image(frame)
-    return map_picture(fill_maps(project_frame(frame), network.filling), network.modality)
 
 
 def _with_mistakes(

@@ -12,10 +12,9 @@ from perception.cli.evaluations.labelled_drives import ReadingRules, SeenDrive, 
 from perception.detection.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
 from perception.errors import UsageError
-from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.types import Detections, Float64, Frame, Modality
 
-_USUAL_IOU = 0.5  # of a class that KITTI does not judge
 _THREADS = 2
 
 
@@ -26,12 +25,12 @@ class DetectorLook:
     Attributes:
         index: of the frame in its drive.
         detections: of all classes.
-        seconds: for its picture and the network.
+        timings_s: for its picture, where it is made of the scan, and for the network.
     """
 
     index: int
     detections: Detections
-    seconds: float
+    timings_s: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,11 @@ class MeasuredDetector:
     @property
     def ms_a_frame(self) -> Float64:
         """(F,) for picture and network."""
-        return 1e3 * np.array([look.seconds for look in self.seen.looks])
+        return 1e3 * np.array([sum(look.timings_s.values()) for look in self.seen.looks])
+
+    def median_ms(self, part: str) -> float:
+        """Return the median time of a part, `maps` or the modality, in milliseconds."""
+        return 1e3 * float(np.median([look.timings_s[part] for look in self.seen.looks]))
 
 
 def open_detector(model: Modality | Path) -> ModalityDetector:
@@ -74,7 +77,7 @@ def classes_of(
     for name in named:
         if name.lower() not in known:
             raise UsageError("--classes", expected=", ".join(network.class_names), found=name)
-    return tuple(class_named(known[name.lower()]) for name in named)
+    return tuple(kitti_class(known[name.lower()]) for name in named)
 
 
 def measure_detector(
@@ -94,19 +97,10 @@ def measure_detector(
 
     def look(frame: Frame) -> DetectorLook:
         sight = detector.look(frame)
-        seconds = sum(sight.timings_s.values())
-        return DetectorLook(frame.index, sight.modal[network.modality], seconds)
+        return DetectorLook(frame.index, sight.modal[network.modality], sight.timings_s)
 
     seen = see_drive(name, drive, look, reading)
     found = seen.beside([one.detections for one in seen.looks])
     return MeasuredDetector(
         seen, {one: ClassPrecision.of(found, one, measuring) for one in classes}
     )
-
-
-def class_named(name: str) -> DetectionClass:
-    """Return a class as KITTI judges it, or any other at the usual overlap."""
-    for known in KITTI_CLASSES:
-        if known.name.lower() == name.lower():
-            return known
-    return DetectionClass(name, _USUAL_IOU)

@@ -9,7 +9,6 @@ from perception.cli.evaluations.class_precision import (
     MeasureRules,
     RecallOption,
 )
-from perception.cli.evaluations.detector_steps import class_named
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.fusion_figures import (
     fusion_panels,
@@ -24,7 +23,7 @@ from perception.cli.evaluations.labelled_drives import (
     open_labelled,
     see_drive,
 )
-from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.precision_plots import plot_precision
 from perception.render.reliability_plots import plot_reliability
 
@@ -88,7 +87,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     for place in labelled_places(drives, sequence):
         drive = open_labelled(place, reading)
         seen = see_drive(place.name, drive, lambda frame: see_scene(detector, frame), reading)
-        measured.append(measure_fusion(seen, fusions, class_named(class_name), measuring))
+        measured.append(measure_fusion(seen, fusions, kitti_class(class_name), measuring))
         print(fusion_tables(measured[-1]))
     first = measured[0]
     if plot is not None:

@@ -14,7 +14,6 @@ from perception.cli.evaluations.class_precision import (
     MeasureRules,
     RecallOption,
 )
-from perception.cli.evaluations.detector_steps import class_named
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
@@ -32,7 +31,7 @@ from perception.cli.evaluations.robustness_steps import (
     robustness_rows,
 )
 from perception.cli.table import Cell, format_table
-from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.level_plots import LevelPanel, plot_levels
 
 _SHOWN_LEVEL = "moderate"
@@ -98,7 +97,7 @@ def robustness(  # noqa: PLR0913 - flags of a command
     fusion = files.open_fusions()["default"]
     detector = DisturbedDetector(files.open_detectors(), disturbances, seed)
     seen = see_drive(place.name, opened, detector.see, reading)
-    of_class = class_named(class_name)
+    of_class = kitti_class(class_name)
     measured = {
         key: {
             name: ClassPrecision.of(seen.beside(found), of_class, measuring)

@@ -10,6 +10,7 @@ from perception.errors import UsageError
 
 DONT_CARE = "dontcare"
 NO_ALPHA_RAD = -10.0  # what a detector writes that does not tell the heading
+_STRICT_IOU = 0.7  # of classes that KITTI does not judge
 RECALL_STEPS = 40  # a curve has a point at each of 0, 1/40 .. 1
 
 
@@ -66,3 +67,9 @@ KITTI_CLASSES = (
     DetectionClass("Pedestrian", iou=0.5, neighbours=("Person_sitting",)),
     DetectionClass("Cyclist", iou=0.5),
 )
+
+
+def kitti_class(name: str) -> DetectionClass:
+    """Return a class as KITTI judges it; one that it does not, as strictly as cars."""
+    known = {one.name.lower(): one for one in KITTI_CLASSES}
+    return known.get(name.lower(), DetectionClass(name, _STRICT_IOU))
