@@ -1,9 +1,10 @@
 """A detector of one modality on its way from a checkpoint to a file, in the form that serves best."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import get_args
 
 import numpy as np
 import torch
@@ -14,7 +15,7 @@ from export.exported import Choice, Exported, ExportOrder
 from export.forms import Form, compare_forms
 from export.onnx import Exportable, to_onnx
 from export.parity import Arrays, in_torch
-from export.quantize import Quantisation, to_int8
+from export.quantize import Quantisation, Scales, to_int8
 from perception.detection.input_size import InputSize
 from perception.detection.modalities import picture_of
 from perception.detection.modality_detector import ModalityDetector
@@ -27,10 +28,11 @@ from train.networks.grid_detector import GridDetector
 TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}
 # What flows from convolution to convolution must not leave the integers on its way. The last convolution
 # stays as it is: of what it says, 8 bits would be the centres of boxes to no more than the fraction of a cell.
-DETECTOR_QUANTISATION = Quantisation(
+QUANTISATION = Quantisation(
     layers=("Conv", "Relu", "LeakyRelu", "Add", "Resize", "MaxPool", "Concat"), last="Conv"
 )
-_MOST_LOST = 1.0  # percent of average precision, moderate, that 8 bits may cost
+FULL, SHORT = "fp32", "int8"
+_MOST_LOST = 1.0  # points of average precision in percent, moderate, that 8 bits may cost
 _NOISE_ROWS = (1, 2, 3)
 _BLOCK_PX = 8  # divides every size; noise of single pixels is the same wherever a network looks
 _CALIBRATION_FRAMES = 32
@@ -62,35 +64,35 @@ def export_detector(order: ExportOrder) -> Exported:
         raise UsageError("int8", expected="a drive to find its scales with", found="none")
     exportable = exportable_detector(order.checkpoint, order.size)
     shape = tuple(exportable.inputs["pictures"].shape[1:])
-    models = {"fp32": to_onnx(exportable)}
+    models = {FULL: to_onnx(exportable)}
     generator = np.random.default_rng(0)
     inputs: dict[str, list[Arrays]] = {
         "noise": [{"pictures": random_pictures(rows, shape, generator)} for rows in _NOISE_ROWS]
     }
     with TemporaryDirectory() as folder:
-        opened = {"fp32": _open(models["fp32"], Path(folder, "fp32.onnx"))}
-        if pictures := list(_inputs(order, opened["fp32"])):
+        opened = {FULL: _open(models[FULL], Path(folder, "fp32.onnx"))}
+        if pictures := list(_inputs(order, opened[FULL])):
             inputs["pictures"] = pictures[:_COMPARED_FRAMES]
-        if order.int8:
-            models["int8"] = to_int8(models["fp32"], pictures, DETECTOR_QUANTISATION)
-            opened["int8"] = _open(models["int8"], Path(folder, "int8.onnx"))
+        for scales in _scales_to_try(order):
+            name = f"{SHORT}, {scales}"
+            models[name] = to_int8(models[FULL], pictures, replace(QUANTISATION, scales=scales))
+            opened[name] = _open(models[name], Path(folder, f"{scales}.onnx"))
     forms = compare_forms(
         exportable,
         {name: (len(models[name]), detector.model) for name, detector in opened.items()},
         inputs,
         timed=inputs["noise"][0],
     )
-    networks = {"torch": in_torch(exportable)} | {
-        name: detector.model for name, detector in opened.items()
-    }
-    precision = measure_forms(order, networks, opened["fp32"])
+    networks = {name: detector.model for name, detector in opened.items()}
+    precision = measure_forms(order, {"torch": in_torch(exportable)} | networks, opened[FULL])
     forms = {name: replace(form, precision=precision.get(name, {})) for name, form in forms.items()}
+    short = best_short(forms)
     return Exported(
         facts=dict(exportable.facts),
-        models=models,
+        models={name: data for name, data in models.items() if name in (FULL, short)},
         forms=forms,
         tolerances=TOLERANCES,
-        choice=choose(forms),
+        choice=choose(forms, short),
         shown="one picture on one thread",
     )
 
@@ -126,26 +128,41 @@ def random_pictures(rows: int, shape: tuple[int, ...], generator: np.random.Gene
     return brightness.repeat(_BLOCK_PX, axis=2).repeat(_BLOCK_PX, axis=3)
 
 
-def choose(forms: dict[str, Form]) -> Choice:
-    """Choose 8 bits where they are faster and see as well."""
-    if "int8" not in forms:
-        return Choice("fp32", "no other form was asked for")
-    full, short = forms["fp32"], forms["int8"]
-    gain = f"{short.fastest_ms:.1f} ms beside {full.fastest_ms:.1f} ms"
-    if short.fastest_ms >= full.fastest_ms:
-        return Choice("fp32", f"int8 is no faster: {gain}")
+def best_short(forms: Mapping[str, Form]) -> str | None:
+    """Name the 8-bit form that sees best, the first of several; None where there is none."""
+    names = [name for name in forms if name.startswith(SHORT)]
+    return max(names, key=lambda name: moderate(forms[name]), default=None)
+
+
+def choose(forms: Mapping[str, Form], short: str | None) -> Choice:
+    """Choose 8 bits where they are faster than full precision and see as well."""
+    if short is None:
+        return Choice(FULL, "no other form was asked for")
+    full, other = forms[FULL], forms[short]
+    times = f"{other.fastest_ms:.1f} ms beside {full.fastest_ms:.1f} ms"
+    if other.fastest_ms >= full.fastest_ms:
+        return Choice(FULL, f"{short}, is no faster: {times}")
     if not full.precision:
-        return Choice("fp32", "the drive has no labels that would tell what int8 loses")
-    lost = moderate(full) - moderate(short)
-    says = f"int8 loses {lost:.2f} % of average precision, moderate; {gain}"
-    return Choice("fp32" if lost > _MOST_LOST else "int8", says)
+        return Choice(FULL, f"no labels tell what {short}, loses: {times}")
+    lost = moderate(full) - moderate(other)
+    reason = f"{short}, loses {lost:.2f} points of average precision, moderate: {times}"
+    return Choice(FULL if lost > _MOST_LOST else short, reason)
 
 
 def moderate(form: Form) -> float:
-    """Return the average precision in percent, moderate, over all classes at the overlap that KITTI asks for."""
+    """Return the average precision in percent, moderate, over all classes; 0 where it was not measured."""
+    # Of each class at the overlap that KITTI asks for; then again, at a half.
     of_classes = list(form.precision.values())
-    # The second half is the same at an overlap of a half.
-    return float(np.mean([one["moderate"] for one in of_classes[: len(of_classes) // 2]]))
+    wanted = of_classes[: len(of_classes) // 2]
+    return float(np.mean([levels["moderate"] for levels in wanted])) if wanted else 0.0
+
+
+def _scales_to_try(order: ExportOrder) -> tuple[Scales, ...]:
+    """Return all ways of finding scales where labels tell which is best."""
+    if not order.int8 or order.drive is None:
+        return ()
+    every: tuple[Scales, ...] = get_args(Scales)
+    return every if order.drive.has_labels else every[:1]
 
 
 def _inputs(order: ExportOrder, detector: ModalityDetector) -> Iterator[Arrays]:

@@ -84,8 +84,8 @@ class Exported:
 
     Attributes:
         facts: what the files say of themselves.
-        models: their content by the name of their form: fp32, and int8 where asked for.
-        forms: the same, and torch.
+        models: their content by the name of their form: fp32, and the best of int8 where asked for.
+        forms: torch and all that were tried.
         tolerances: by output, how far the file in full precision may be from the checkpoint.
         choice: which one is best.
         shown: what the forms were timed with, in words.

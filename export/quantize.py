@@ -1,7 +1,9 @@
 """Weights and what flows between the layers as 8-bit numbers, scaled by what real inputs bring about."""
 
+import io
 import logging
 from collections.abc import Iterable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -55,24 +57,34 @@ def to_int8(
     with TemporaryDirectory() as folder:
         plain, prepared, quantised = (Path(folder, f"{n}.onnx") for n in ("a", "b", "c"))
         plain.write_bytes(model)
-        logger.setLevel(logging.ERROR)  # it advises through the root logger
+        # It advises through the root logger, and prints what it goes through.
+        logger.setLevel(logging.ERROR)
         try:
             # The shapes that torch notes are enough; to find them anew fails on detectors.
             quant_pre_process(plain, prepared, skip_symbolic_shape=True)
-            quantize_static(
-                prepared,
-                quantised,
-                _Batches(batches),
-                op_types_to_quantize=list(quantisation.layers),
-                nodes_to_exclude=_from_last(prepared, quantisation.last),
-                per_channel=True,
-                activation_type=QuantType.QUInt8,
-                weight_type=QuantType.QInt8,
-                calibrate_method=_METHODS[quantisation.scales],
-            )
+            with redirect_stdout(io.StringIO()):
+                quantize_static(
+                    prepared,
+                    quantised,
+                    _Batches(batches),
+                    op_types_to_quantize=list(quantisation.layers),
+                    nodes_to_exclude=_from_last(prepared, quantisation.last),
+                    per_channel=True,
+                    activation_type=QuantType.QUInt8,
+                    weight_type=QuantType.QInt8,
+                    calibrate_method=_METHODS[quantisation.scales],
+                )
         finally:
             logger.setLevel(level)
-        return quantised.read_bytes()
+        return _noted(quantised, quantisation)
+
+
+def _noted(file: Path, quantisation: Quantisation) -> bytes:
+    """Return a file that says of itself what it was made into."""
+    made = onnx.load(file)
+    facts = {entry.key: entry.value for entry in made.metadata_props}
+    onnx.helper.set_model_props(made, facts | {"form": f"int8, {quantisation.scales}"})
+    return bytes(made.SerializeToString())
 
 
 def _from_last(file: Path, operator: str | None) -> list[str]:

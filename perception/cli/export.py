@@ -48,7 +48,7 @@ def export(  # noqa: PLR0913 - flags of a command
         data: a drive that the network is shown.
         sequence: which one, where there are several.
         frames: of the drive at most, spread evenly.
-        int8: also make an 8-bit form; the one that was not chosen is written as NAME.int8.onnx or NAME.fp32.onnx.
+        int8: also make an 8-bit form; the one not chosen is written as NAME.int8.onnx or NAME.fp32.onnx.
         size: of a detector's input, such as 352x1216, in multiples of 32; else as it was trained.
     """
     if int8 and data is None:
@@ -79,7 +79,7 @@ def export(  # noqa: PLR0913 - flags of a command
     exported.require_parity(out.name)
     for name, model in exported.models.items():
         is_chosen = name == exported.choice.form
-        file = out if is_chosen else out.with_suffix(f".{name}.onnx")
+        file = out if is_chosen else out.with_suffix(f".{name.partition(',')[0]}.onnx")
         write_whole(file, model)
         print(f"wrote {file}")
 

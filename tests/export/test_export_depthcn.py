@@ -128,7 +128,8 @@ def test_checkpoint_that_is_missing_or_damaged(thesis_checkpoint, tmp_path, caps
     out = ["--out", str(tmp_path / "model.onnx")]
     assert main(["export", str(tmp_path / "gone.ckpt"), *out]) == 2
     assert (
-        "gone.ckpt: expected a checkpoint of depthcn or detector, found no such" in capsys.readouterr().err
+        "gone.ckpt: expected a checkpoint of depthcn or detector, found no such"
+        in capsys.readouterr().err
     )
     (tmp_path / "half.ckpt").write_bytes(thesis_checkpoint.read_bytes()[:100_000])
     assert main(["export", str(tmp_path / "half.ckpt"), *out]) == 2

@@ -1,0 +1,279 @@
+"""A detector's checkpoint becomes a file that finds the same, in 8 bits where that is worth it."""
+
+import json
+
+import numpy as np
+import onnx
+import pytest
+import torch
+
+from data.open_drive import open_drive
+from export.detector import (
+    best_short,
+    choose,
+    exportable_detector,
+    moderate,
+    random_pictures,
+)
+from export.detector_precision import measure_forms
+from export.exported import ExportOrder
+from export.forms import Form
+from export.parity import compare, in_torch
+from perception.cli.main import main
+from perception.detection.input_size import InputSize
+from perception.detection.modality_detector import ModalityDetector
+from tests.car_frames import write_car_frames
+from tests.detection.bright_cells import bright_cells
+from train.networks.compact import CompactDetector
+
+SIZE = InputSize(64, 96)
+
+
+def pictures(rows, seed=0, channels=1):
+    return random_pictures(rows, (channels, *SIZE), np.random.default_rng(seed))
+
+
+def checkpoint_of(modality="dm", classes="Car"):
+    """Return what training writes, with scores all over the place."""
+    torch.manual_seed(0)
+    names = tuple(classes.split(","))
+    channels = 3 if modality == "rgb" else 1
+    network = CompactDetector(names, channels=channels)
+    with torch.no_grad():
+        for _ in range(10):
+            network.train()(torch.from_numpy(pictures(8, channels=channels)))
+        convolution = network.head.convolution
+        convolution.weight *= 3
+        convolution.bias.zero_()
+    return {
+        "epoch": 11,
+        "hyper_parameters": {
+            "model": "detector",
+            "kind": "detector",
+            "network": "compact",
+            "modality": modality,
+            "classes": classes,
+            "input_height": str(SIZE.height_px),
+            "input_width": str(SIZE.width_px),
+            "filling": "default",
+            "training_data": "two streets",
+            "revision": "0123abc",
+        },
+        "state_dict": {f"network.{name}": weight for name, weight in network.state_dict().items()},
+    }
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    path = tmp_path_factory.mktemp("checkpoints") / "dm.ckpt"
+    torch.save(checkpoint_of(), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    return write_car_frames(tmp_path_factory.mktemp("cars") / "object", frames=2)
+
+
+@pytest.fixture(scope="module")
+def exported(checkpoint, drive, tmp_path_factory):
+    """All that one command writes; chosen by its figures, which are of a network that learned nothing."""
+    out = tmp_path_factory.mktemp("exported") / "dm.onnx"
+    words = ["export", str(checkpoint), "--out", str(out), "--data", str(drive)]
+    assert main([*words, "--int8", "true"]) == 0
+    return out
+
+
+def file_of(exported, form):
+    """Return the file in full precision or in 8 bits, whichever was chosen."""
+    beside = exported.with_suffix(f".{form}.onnx")
+    return beside if beside.exists() else exported
+
+
+def test_file_finds_what_the_checkpoint_finds(checkpoint, exported):
+    exportable = exportable_detector(checkpoint)
+    model = ModalityDetector(file_of(exported, "fp32")).model
+    batches = [{"pictures": pictures(rows, seed=7)} for rows in (1, 4)]
+    parity = compare(in_torch(exportable), model, batches)
+    assert parity.rows == 5
+    assert parity.largest["scores"] < 1e-5
+    assert parity.largest["boxes_px"] < 0.01
+    assert model(batches[1])["scores"].std() > 0.05  # else all of this shows nothing
+
+
+def test_8_bits_are_near_to_it(exported):
+    full, short = (ModalityDetector(file_of(exported, form)).model for form in ("fp32", "int8"))
+    batch = {"pictures": pictures(2, seed=7)}
+    difference = np.abs(full(batch)["scores"] - short(batch)["scores"])
+    assert 0 < difference.mean() < 0.05
+
+
+def test_nothing_before_the_last_convolution_leaves_the_integers(exported):
+    nodes = list(onnx.load(file_of(exported, "int8")).graph.node)
+    maker = {output: node for node in nodes for output in node.output}
+    convolutions = [node for node in nodes if node.op_type == "Conv"]
+    for node in convolutions[:-1]:
+        assert maker[node.input[0]].op_type == maker[node.input[1]].op_type == "DequantizeLinear"
+    assert convolutions[-1].input[1] not in maker  # weights as they are
+    takers = [node for node in nodes if node.op_type in ("Add", "Resize")]
+    before = nodes.index(convolutions[-1])
+    for node in takers:
+        if nodes.index(node) < before:
+            assert maker[node.input[0]].op_type == "DequantizeLinear"
+
+
+def test_detector_opens_what_was_written(exported):
+    detector = ModalityDetector(exported, class_names=("Car",))
+    assert (detector.modality, detector.size, detector.filling) == ("dm", SIZE, "default")
+    assert detector.facts["training_data"] == "two streets"
+    assert detector.facts["epochs"] == "12"
+    found = detector.detect(np.random.default_rng(0).integers(0, 256, (190, 620, 1), np.uint8))
+    assert ((found.boxes_px >= 0) & (found.boxes_px <= [619, 189, 619, 189])).all()
+
+
+def test_report_says_what_was_tried_and_chosen(exported):
+    report = json.loads(exported.with_suffix(".json").read_text())
+    short = ["int8, minmax", "int8, percentile", "int8, entropy"]
+    assert list(report["forms"]) == ["torch", "fp32", *short]
+    assert set(report["forms"]["fp32"]["precision"]) == {"Car 0.7", "Car 0.5"}
+    assert report["forms"]["fp32"]["parity"]["pictures"]["rows"] == 2
+    assert report["forms"][short[0]]["size_bytes"] < 0.3 * report["forms"]["fp32"]["size_bytes"]
+    assert report["choice"]["form"] in ("fp32", short[0])
+    assert report["frames"] == 2
+    written = sorted(path.name for path in exported.parent.iterdir())
+    other = "fp32" if report["choice"]["form"] != "fp32" else "int8"
+    assert written == sorted(["dm.json", "dm.onnx", f"dm.{other}.onnx"])
+
+
+def test_file_in_8_bits_says_so(exported):
+    assert ModalityDetector(file_of(exported, "int8")).facts["form"] == "int8, minmax"
+
+
+def form(ms, ap=None):
+    levels = {"easy": 90.0, "moderate": ap, "hard": 10.0}
+    precision = {} if ap is None else {"Car 0.7": levels, "Car 0.5": {**levels, "moderate": 99.0}}
+    return Form(1000, ms, {}, precision)
+
+
+@pytest.mark.parametrize(
+    ("full", "short", "chosen", "reason"),
+    [
+        (form(20, 60.0), form(7, 59.2), "int8, entropy", "loses 0.80 points"),
+        (form(20, 60.0), form(7, 58.8), "fp32", "loses 1.20 points"),
+        (form(20, 60.0), form(7, 61.0), "int8, entropy", "loses -1.00 points"),
+        (form(20, 60.0), form(20, 60.0), "fp32", "is no faster: 20.0 ms beside 20.0 ms"),
+        (form(20), form(7), "fp32", "no labels tell what int8, entropy, loses"),
+    ],
+)
+def test_8_bits_are_chosen_where_they_are_faster_and_see_as_well(full, short, chosen, reason):
+    choice = choose({"fp32": full, "int8, entropy": short}, "int8, entropy")
+    assert choice.form == chosen
+    assert reason in choice.reason
+
+
+def test_full_precision_without_8_bits():
+    assert choose({"fp32": form(20)}, None).form == "fp32"
+
+
+def test_best_scales_are_those_that_see_best():
+    forms = {"fp32": form(20, 60.0), "int8, a": form(7, 50.0), "int8, b": form(9, 59.0)}
+    assert moderate(forms["int8, b"]) == 59.0
+    assert best_short(forms) == "int8, b"
+    assert best_short({"fp32": form(20, 60.0), "int8, a": form(7), "int8, b": form(7)}) == "int8, a"
+    assert best_short({"fp32": form(20)}) is None
+
+
+def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
+    (tmp_path / "dm.onnx").write_bytes(bright_cells("dm"))
+    detector = ModalityDetector(tmp_path / "dm.onnx")
+    opened = open_drive(drive)
+    scale = np.tile([96 / 620, 64 / 190], 2)
+    labels = iter([opened.labels(0), opened.labels(1)])
+
+    def seer(inputs):
+        boxes_px = next(labels).boxes_px * scale
+        return {"boxes_px": boxes_px[None], "scores": np.full((1, len(boxes_px), 1), 0.9)}
+
+    def blind(inputs):
+        assert inputs["pictures"].shape == (1, 1, 64, 96)
+        return {"boxes_px": np.zeros((1, 1, 4)), "scores": np.zeros((1, 1, 1))}
+
+    order = ExportOrder(tmp_path / "any.ckpt", opened)
+    found = measure_forms(order, {"fp32": seer, "int8": blind}, detector)
+    # Every car was found: as much as four cars with one score can reach at 40 recalls.
+    assert found["fp32"]["Car 0.7"]["moderate"] == pytest.approx(5.0)
+    assert found["int8"]["Car 0.7"]["moderate"] == 0.0
+    assert measure_forms(ExportOrder(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
+
+
+def test_another_size_is_a_file_of_that_size(checkpoint, exported):
+    exportable = exportable_detector(checkpoint, InputSize(32, 160))
+    assert exportable.inputs["pictures"].shape == (2, 1, 32, 160)
+    assert exportable.facts["input_height"] == "32"
+    assert exportable.facts["input_width"] == "160"
+    boxes_px, scores = exportable.module(exportable.inputs["pictures"])
+    assert boxes_px.shape == (2, 4 * 20 * 5, 4)
+    assert scores.shape == (2, 4 * 20 * 5, 1)
+    usual = exportable_detector(checkpoint)
+    assert usual.facts["anchors"] == exportable.facts["anchors"]
+
+
+def test_frames_are_spread_over_the_drive(drive, tmp_path):
+    opened = open_drive(write_car_frames(tmp_path / "more", frames=5))
+    order = ExportOrder(tmp_path / "any.ckpt", opened, frames=3)
+    assert [frame.index for frame in order.read("test")] == [0, 2, 4]
+    assert [frame.index for frame in order.read("test", most=2)] == [0, 4]
+
+
+@pytest.fixture
+def from_file(exported, monkeypatch):
+    """Skip what is slow and tested above: torch's exporter."""
+    data = file_of(exported, "fp32").read_bytes()
+    monkeypatch.setattr("export.detector.to_onnx", lambda exportable: data)
+
+
+def test_without_8_bits_one_file_is_written(checkpoint, from_file, tmp_path, capsys):
+    out = tmp_path / "dm.onnx"
+    assert main(["export", str(checkpoint), "--out", str(out)]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dm.json", "dm.onnx"]
+    assert "chosen: fp32, no other form was asked for" in capsys.readouterr().out
+
+
+def test_difference_beyond_tolerance_leaves_a_report_and_no_file(
+    checkpoint, from_file, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("export.detector.TOLERANCES", {"scores": -1.0, "boxes_px": 1.0})
+    assert main(["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx")]) == 2
+    assert "dm.onnx: expected scores within -1 of the checkpoint's" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["dm.json"]
+
+
+@pytest.mark.parametrize("size", ["190x640", "wide"])
+def test_size_that_no_network_takes(checkpoint, tmp_path, capsys, size):
+    words = ["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx"), "--size", size]
+    assert main(words) == 2
+    assert "multiples of 32 pixels" in capsys.readouterr().err
+
+
+def test_8_bits_need_a_drive(checkpoint, tmp_path, capsys):
+    words = ["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx"), "--int8", "true"]
+    assert main(words) == 2
+    assert "--int8: expected --data, to find its scales with" in capsys.readouterr().err
+
+
+def test_camera_detector_needs_a_drive_with_images(drive, tmp_path, monkeypatch, capsys):
+    torch.save(checkpoint_of("rgb"), tmp_path / "rgb.ckpt")
+    (tmp_path / "stand_in.onnx").write_bytes(bright_cells("rgb", size=SIZE))
+    data = (tmp_path / "stand_in.onnx").read_bytes()
+    monkeypatch.setattr("export.detector.to_onnx", lambda exportable: data)
+    words = ["export", str(tmp_path / "rgb.ckpt"), "--out", str(tmp_path / "rgb.onnx")]
+    assert main([*words, "--data", str(drive)]) == 2
+    assert "expected a camera image, found none" in capsys.readouterr().err
+
+
+def test_network_that_yields_nan_is_not_exported(checkpoint, tmp_path, monkeypatch, capsys):
+    data = bright_cells("dm", divisor=0.0)
+    monkeypatch.setattr("export.detector.to_onnx", lambda exportable: data)
+    assert main(["export", str(checkpoint), "--out", str(tmp_path / "dm.onnx")]) == 2
+    assert "expected finite numbers in output scores" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
