@@ -1,7 +1,7 @@
 """A drive through the pipeline, frame by frame, with a progress bar."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 
 from tqdm import tqdm
 
@@ -13,7 +13,7 @@ from perception.types import Result
 
 def drive_results(
     drive: Drive, config: PipelineConfig, *, limit: int | None, on_bad_frame: OnBadFrame
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     """Yield what the pipeline makes of each frame; frames of no sequence know nothing of each other.
 
     Args:

@@ -5,11 +5,15 @@ frames.jsonl         one line a frame: time, pose, counts, seconds by stage
 poses.txt            world_SE3_velo after registration, KITTI's 12 numbers a row
 tracks/NAME.txt      result rows of KITTI's tracking benchmark; only where there is a camera, only what it sees
 tracks.jsonl         one line a frame: every track's id, size, speed, place and heading
+data/NNNNNN.txt      result rows of KITTI's object benchmark; as the next two, only where detectors looked
+vehicles/NAME.txt    result rows of KITTI's tracking benchmark for detected vehicles
+vehicles.jsonl       one line a frame: every detected vehicle's id, score, box, distance, place and speed
 followed.jsonl       one line a frame: the track that is followed by itself; only where one is
 labels/NNNNNN.label  one uint32 a point in SemanticKITTI's numbers: 40 ground, 9 static, 251 moving
 obstacles/NNNNNN.npz static and moving voxels, and the ground's height on a 1 m lattice
 video.mp4            camera, 3D and bird's-eye view
 picture.jpg          one picture of it
+timeline.png         when each stage of a typical frame ran
 summary.json         the table that was printed
 """
 
@@ -20,15 +24,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TextIO
 
-import cv2
 import numpy as np
 
 from data.drive import Drive
 from data.whole_file import write_whole
 from perception.cli.documents import write_json
 from perception.cli.track_files import TrackFiles
+from perception.cli.vehicle_files import VehicleFiles
 from perception.geometry.grids import LocalArea
-from perception.types import Float64, GroundModel, PointState, Result, UInt8
+from perception.types import Float64, GroundModel, PointState, Result
 
 # SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
@@ -65,6 +69,7 @@ class ResultsFolder:
         self._frames: TextIO = (out / "frames.jsonl").open("w", buffering=1)
         self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
         self._tracks = TrackFiles(out, drive.name, drive.calibration)
+        self._vehicles = VehicleFiles(out, drive)
 
     def __enter__(self) -> Self:
         return self
@@ -78,6 +83,7 @@ class ResultsFolder:
         self._frames.close()
         self._poses.close()
         self._tracks.close()
+        self._vehicles.close()
 
     def write(self, result: Result) -> None:
         """Write what the pipeline made of one frame."""
@@ -87,6 +93,7 @@ class ResultsFolder:
         self._write_obstacles(self.out / "obstacles" / f"{name}.npz", result)
         self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
         self._tracks.write(result)
+        self._vehicles.write(result)
         self._frames.write(json.dumps(frame_summary(result)) + "\n")
 
     def _write_obstacles(self, path: Path, result: Result) -> None:
@@ -102,11 +109,6 @@ class ResultsFolder:
             ground_height_m=heights_m,
         )
         write_whole(path, content.getvalue())
-
-    def write_picture(self, picture: UInt8) -> None:
-        """Write one (H, W, 3) RGB picture of the video."""
-        _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 88))
-        write_whole(self.out / "picture.jpg", encoded.tobytes())
 
     def write_summary(self, summary: object) -> None:
         """Write the figures of the whole run."""
@@ -134,5 +136,7 @@ def frame_summary(result: Result) -> dict[str, Any]:
             "moving": len(result.obstacles.moving),
         },
         "tracks": len(result.tracks),
+        "vehicles": None if result.vehicles is None else len(result.vehicles),
+        "latency_s": round(result.latency_s, 6) if result.spans else None,
         "seconds": {stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
     }

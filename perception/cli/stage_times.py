@@ -1,27 +1,26 @@
 """How long the stages took over many frames, for people and for programs."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from perception.types import Result, StageSpan
+
 STAGE_HEADER = ("stage", "median ms", "99 % ms", "share %")
+_LATENCY = "arrival to result"
 
 
 def stage_rows(seconds: Mapping[str, Sequence[float]]) -> list[list[str]]:
     """Return stage, median, 99th percentile and share, all stages together last.
 
     Args:
-        seconds: by stage, one entry a frame.
+        seconds: by stage, one entry a frame; NaN where a stage had nothing to do.
     """
     stages = {name: np.array(of_stage) for name, of_stage in seconds.items()}
-    total = np.sum(list(stages.values()), axis=0)
+    total = np.nansum(list(stages.values()), axis=0)
     return [
-        [
-            name,
-            f"{1e3 * np.median(of_stage):.1f}",
-            f"{1e3 * np.percentile(of_stage, 99):.1f}",
-            f"{100 * of_stage.sum() / total.sum():.0f}",
-        ]
+        [name, *_median_and_p99(of_stage), f"{100 * np.nansum(of_stage) / total.sum():.0f}"]
         for name, of_stage in [*stages.items(), ("all stages", total)]
     ]
 
@@ -36,4 +35,55 @@ def stage_document(seconds: Mapping[str, Sequence[float]]) -> dict[str, dict[str
 
 def median_frame_s(seconds: Mapping[str, Sequence[float]]) -> float:
     """Return the median over the frames of the time of all stages."""
-    return float(np.median(np.sum(list(seconds.values()), axis=0)))
+    return float(np.median(np.nansum(list(seconds.values()), axis=0)))
+
+
+@dataclass
+class StageTimes:
+    """When every stage of every frame ran.
+
+    Attributes:
+        seconds: by stage, one entry a frame; NaN where it had nothing to do.
+        latencies_s: from the arrival of each frame to its result.
+        spans: of each frame.
+    """
+
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+    latencies_s: list[float] = field(default_factory=list)
+    spans: list[tuple[StageSpan, ...]] = field(default_factory=list)
+
+    def add(self, result: Result) -> None:
+        """Take in one frame."""
+        before = len(self.spans)
+        for stage in dict.fromkeys([*self.seconds, *result.timings_s]):
+            of_stage = self.seconds.setdefault(stage, [np.nan] * before)
+            of_stage.append(result.timings_s.get(stage, np.nan))
+        self.latencies_s.append(result.latency_s)
+        self.spans.append(result.spans)
+
+    @property
+    def median_latency_s(self) -> float:
+        """Of the frames."""
+        return float(np.median(self.latencies_s))
+
+    def rows(self) -> list[list[str]]:
+        """Return the rows of a table, the latency last: stages that overlap take less than their sum."""
+        return [*stage_rows(self.seconds), [_LATENCY, *_median_and_p99(self.latencies_s), ""]]
+
+    def to_json(self) -> dict[str, dict[str, float]]:
+        """Return the same figures by stage; none of no frames."""
+        if not self.spans:
+            return {}
+        median, p99 = map(float, _median_and_p99(self.latencies_s))
+        return stage_document(self.seconds) | {_LATENCY: {"median": median, "p99": p99}}
+
+    def typical(self) -> tuple[StageSpan, ...]:
+        """Return when the stages ran in the frame of the median latency among those with all stages."""
+        most = max(map(len, self.spans))
+        whole = [spans for spans in self.spans if len(spans) == most]
+        whole.sort(key=lambda spans: max(span.stop_s for span in spans))
+        return whole[len(whole) // 2]
+
+
+def _median_and_p99(seconds: Sequence[float]) -> tuple[str, str]:
+    return f"{1e3 * np.nanmedian(seconds):.1f}", f"{1e3 * np.nanpercentile(seconds, 99):.1f}"

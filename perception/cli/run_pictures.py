@@ -1,0 +1,126 @@
+"""The pictures of a run, drawn and encoded beside the stages: a video, and one picture out of its middle."""
+
+from collections import deque
+from concurrent.futures import Future
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+import cv2
+
+from data.drive import Drive
+from data.whole_file import write_whole
+from perception.cli.follow_on import Following
+from perception.pipeline.workers import ThreadWorker
+from perception.render.composition import Composition
+from perception.render.follow_figures import FollowFigure
+from perception.render.trails import Trails
+from perception.render.video import VideoFile
+from perception.types import Result, UInt8
+
+# So many frames wait to be drawn, at most.
+_IN_LINE = 2
+
+
+class Pictures(Protocol):
+    """What a run asks of whoever draws."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def add(self, result: Result, following: Following) -> None:
+        """Take the next frame, and the object that is followed by itself."""
+        ...
+
+
+class NoPictures:
+    """Draws nothing, where nothing is to be drawn."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def add(self, result: Result, following: Following) -> None:
+        """Drop the frame."""
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What is drawn of one frame: all of it, less what is drawn as followed, and that."""
+
+    result: Result
+    shown: Result
+    followed: FollowFigure | None
+
+
+class RunPictures:
+    """Writes video.mp4 and picture.jpg of a run; a context manager."""
+
+    def __init__(self, out: Path, drive: Drive, composition: Composition, frames: int) -> None:
+        """Begin without a picture.
+
+        Args:
+            out: folder of the results.
+            drive: that is run.
+            composition: how its frames become pictures.
+            frames: how many there will be.
+        """
+        self._out, self._composition = out, composition
+        self._middle, self._count = frames // 2, 0
+        self._video = VideoFile(out / "video.mp4", drive.sensor.rate_hz)
+        self._trails = Trails()
+        self._painter = ThreadWorker("pictures")
+        self._in_line: deque[Future[None]] = deque()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Draw what is in line, and close the video; give it its name where nothing went wrong."""
+        with ExitStack() as ends:
+            ends.push(lambda *of_drawing: self._close_video(error or of_drawing[1]))
+            ends.callback(self._painter.close)
+            while self._in_line:
+                self._in_line.popleft().result()
+
+    def _close_video(self, error: BaseException | None) -> None:
+        self._video.__exit__(type(error) if error else None, error, None)
+
+    def add(self, result: Result, following: Following) -> None:
+        """Let a frame be drawn; wait where too many are in line."""
+        while len(self._in_line) >= _IN_LINE:
+            self._in_line.popleft().result()
+        scene = _Scene(result, following.shown(result), following.figure)
+        self._in_line.append(self._painter.submit(self._draw, scene))
+
+    def _draw(self, scene: _Scene) -> None:
+        self._trails.add(scene.result)
+        picture = self._composition.draw(scene.shown, self._trails, scene.followed)
+        self._video.add(picture)
+        if self._count == self._middle:
+            _write_picture(self._out / "picture.jpg", picture)
+        self._count += 1
+
+
+def _write_picture(path: Path, picture: UInt8) -> None:
+    _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 88))
+    write_whole(path, encoded.tobytes())
