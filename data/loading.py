@@ -1,23 +1,13 @@
-"""How samples come to a network: which is asked for, and by how many processes it is made."""
+"""How samples come to a network: in batches, made by some processes."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-
-class Ask(NamedTuple):
-    """Which sample is asked for, and which of its looks.
-
-    Attributes:
-        row: of the set of samples.
-        look: numbers that the change is drawn by, such as the epoch and the place within it.
-    """
-
-    row: int
-    look: tuple[int, ...]
+from data.looks import Ask
 
 
 def make_loader(

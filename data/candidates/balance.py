@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from torch.utils.data import Sampler
 
-from data.loading import Ask
+from data.looks import Ask
 from perception.types import Bool, Int
 
 

@@ -11,7 +11,7 @@ from data.candidates.augmentation import Augmentation, Change, draw_change
 from data.candidates.changes import Candidate, look_at
 from data.candidates.gathering import CandidateSet
 from data.candidates.labelled_frames import LabelledFrames
-from data.loading import Ask
+from data.looks import Ask
 from perception.detection.picture import CHANNELS
 from perception.errors import UsageError
 from perception.types import UInt8

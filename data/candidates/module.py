@@ -16,7 +16,8 @@ from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.frames import Progress
-from data.loading import Ask, make_loader
+from data.loading import make_loader
+from data.looks import Ask
 from data.process_share import ProcessShare
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives

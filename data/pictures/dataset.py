@@ -1,15 +1,15 @@
 """Pictures and their labels as tensors: a torch `Dataset` that changes each a little at every look."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
-from torch.utils.data import Dataset, Sampler
+from torch.utils.data import Dataset
 
-from data.loading import Ask
+from data.looks import Ask
 from data.pictures.augmentation import PictureAugmentation, changed
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.wanted import PictureLabels
@@ -117,30 +117,6 @@ class PictureDataset(Dataset[Sample]):
         boxes_px = [labels.boxes_px[~labels.is_ignored] for labels in self._labels]
         wanted = np.concatenate([np.zeros((0, 4)), *boxes_px])
         return np.asarray(wanted[:, 2:] - wanted[:, :2], np.float64)
-
-
-class ShuffledLooks(Sampler[Ask]):
-    """All samples in a new random order at every epoch, each with a new look.
-
-    What an epoch holds depends on the seed and its number alone, so that training that is resumed goes on
-    as if it had never stopped.
-    """
-
-    def __init__(self, length: int, seed: int = 0) -> None:
-        """Keep how many samples there are, and the seed of the order."""
-        self._length, self._seed, self._epoch = length, seed, 0
-
-    def set_epoch(self, epoch: int) -> None:
-        """Say which epoch is next, as Lightning does."""
-        self._epoch = epoch
-
-    def __len__(self) -> int:
-        return self._length
-
-    def __iter__(self) -> Iterator[Ask]:
-        order = np.random.default_rng([self._seed, self._epoch]).permutation(self._length)
-        for place, row in enumerate(order.tolist()):
-            yield Ask(row, (self._epoch, place))
 
 
 def collate(samples: Sequence[Sample]) -> Sample:

@@ -1,6 +1,7 @@
 """Pictures of drives on disk, in batches, for Lightning."""
 
 import logging
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +11,10 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.frames import OnBadFrame, Progress
-from data.loading import Ask, make_loader
+from data.loading import make_loader
+from data.looks import Ask, ShuffledLooks
 from data.pictures.augmentation import PictureAugmentation
-from data.pictures.dataset import PictureDataset, Sample, ShuffledLooks, collate
+from data.pictures.dataset import PictureDataset, Sample, collate
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
 from data.pictures.splits import Split, drawn_split, listed_split
@@ -35,6 +37,7 @@ class PictureLoading:
         validation_share: of the training frames or drives, where no validation drives are named.
         test_share: of the training frames or drives, kept for the end; the thesis' split is 0.2 and 0.2 (7.2.2).
         split_by: keep single frames back, or whole drives.
+        training_share: of what is left to learn from; the first frames, and so the fewer places.
         frame_lists: files of frame numbers to learn from and to judge by, instead of the shares; of one drive.
         on_bad_frame: stop at a frame that cannot be read, or leave it out.
         seed: of the split, the order and the augmentation.
@@ -45,6 +48,7 @@ class PictureLoading:
     validation_share: float = 0.2
     test_share: float = 0.0
     split_by: SplitBy = "frames"
+    training_share: float = 1.0
     frame_lists: tuple[Path, Path] | None = None
     on_bad_frame: OnBadFrame = "stop"
     seed: int = 0
@@ -57,6 +61,9 @@ class PictureLoading:
                 expected="a batch size from 1 and workers from 0",
                 found=f"{self.batch_size} and {self.workers}",
             )
+        if not 0 < self.training_share <= 1:
+            found = f"{self.training_share:g}"
+            raise UsageError("training share", expected="above 0, at most 1", found=found)
         shares = self.validation_share, self.test_share
         if min(shares) < 0 or sum(shares) >= 1:
             raise UsageError(
@@ -129,7 +136,8 @@ class PictureData(LightningDataModule):
         if self.sources.validation:
             kept_frames = self._frames(self.sources.validation)
             kept = np.arange(len(kept_frames))
-        self.training = self._dataset(frames, split.training, self.augmentation)
+        learned = split.training[: math.ceil(self.loading.training_share * len(split.training))]
+        self.training = self._dataset(frames, learned, self.augmentation)
         self.validation = self._dataset(kept_frames, kept, None)
         self.test = self._dataset(frames, split.test, None)
         self.training.require_wanted("training pictures")

@@ -21,7 +21,7 @@ from data.candidates.gathering import GatheringRules, gather
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
 from data.candidates.module import CandidateData, CandidateRules, Loading
-from data.loading import Ask
+from data.looks import Ask
 from data.splitting import validation_frames
 from data.training_drives import Sources
 from perception.detection.crops import crop_windows
