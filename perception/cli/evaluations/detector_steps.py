@@ -38,10 +38,12 @@ class MeasuredDetector:
     """What the detector is worth on one drive.
 
     Attributes:
+        modality: that it looks at.
         seen: what it saw, and what is true.
         precision: by class.
     """
 
+    modality: Modality
     seen: SeenDrive[DetectorLook]
     precision: Mapping[DetectionClass, ClassPrecision]
 
@@ -102,5 +104,5 @@ def measure_detector(
     seen = see_drive(name, drive, look, reading)
     found = seen.beside([one.detections for one in seen.looks])
     return MeasuredDetector(
-        seen, {one: ClassPrecision.of(found, one, measuring) for one in classes}
+        network.modality, seen, {one: ClassPrecision.of(found, one, measuring) for one in classes}
     )

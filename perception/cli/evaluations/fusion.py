@@ -24,8 +24,8 @@ from perception.cli.evaluations.labelled_drives import (
     see_drive,
 )
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
+from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
-from perception.render.reliability_plots import plot_reliability
 
 _OWN_WORDS = {
     "gain": (
@@ -34,7 +34,7 @@ _OWN_WORDS = {
     ),
     "calibration": (
         "detections in ten bins of score; expected calibration error is the mean difference of score and "
-        "share that is right, at the hard level and the first IoU"
+        "share that is right, of all labelled objects, at the first IoU"
     ),
     "thesis": "Table 7.10: 1496 frames of KITTI's training set, YOLOv2 at 416x416, 11 recall points",
 }

@@ -21,11 +21,16 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.bootstrap import Interval, percentile_interval
-from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
-from perception.evaluation.detection.reliability import Reliability, measure_reliability
+from perception.evaluation.detection.protocol import DetectionClass
+from perception.evaluation.detection.reliability import (
+    Reliability,
+    measure_reliability,
+    rightness,
+)
 from perception.types import Modality
 
 Modalities = tuple[Modality, ...]
+_BINS = 10  # of scores
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,7 @@ class MeasuredFusion:
         rows: of Table 7.10, by name; the single modalities first.
         losses: our fusion of what is left where modalities are lost, by what is left.
         steps: of our fusion, by name (Fig. 7.14).
-        reliability: of every row but the merged one, whose scores no network gave.
+        reliability: at the first IoU, of every row but the merged one, whose scores no network gave.
     """
 
     data: LabelledDrive
@@ -95,7 +100,7 @@ def measure_fusion(
         },
         reliability={
             name: measure_reliability(
-                found.truths, found.detections, frames, judged, DIFFICULTIES[-1]
+                rightness(found.truths, found.detections, frames, judged), _BINS
             )
             for name, found in boxes.items()
             if name != UNION_NAME

@@ -1,7 +1,7 @@
-"""Whether a score is a probability: how often detections of a score are right.
+"""Do scores say how often detections are right: reliability, and the calibration error expected of a score.
 
-C. Guo, G. Pleiss, Y. Sun, K. Weinberger, "On calibration of modern neural networks", ICML 2017, section 2.
-What is right or wrong is booked as by KITTI's measure: what need not be found is neither.
+M. P. Naeini, G. F. Cooper, M. Hauskrecht, "Obtaining well calibrated probabilities using Bayesian binning",
+AAAI 2015. Bins are of equal width here.
 """
 
 from dataclasses import dataclass
@@ -9,61 +9,93 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.evaluation.detection.scene import lay_out
-from perception.evaluation.detection.tally import tally
-from perception.types import Float64
+from perception.evaluation.detection.protocol import DetectionClass
+from perception.evaluation.detection.scene import Scene, lay_out
+from perception.types import Bool, Float64, Int
 
-BINS = 10
+
+@dataclass(frozen=True)
+class Rightness:
+    """Of D detections that are either right or wrong.
+
+    Attributes:
+        scores: (D,)
+        is_right: (D,) the best of those that overlap an object by enough.
+    """
+
+    scores: Float64
+    is_right: Bool
 
 
 @dataclass(frozen=True)
 class Reliability:
-    """Detections in bins of score, from 0 to 1.
+    """Detections in B bins of their scores, empty bins left out.
 
     Attributes:
-        counts: (B,) that are right or wrong.
-        scores: (B,) their mean score; NaN of none.
-        precision: (B,) the share of them that is right; NaN of none.
+        scores: (B,) mean of each bin.
+        shares: (B,) of its detections that are right.
+        counts: (B,) how many they are.
     """
 
-    counts: Float64
     scores: Float64
-    precision: Float64
+    shares: Float64
+    counts: Int
 
     @property
     def expected_error(self) -> float:
-        """Expected calibration error, 0 to 1: by how much score and share differ on average; NaN of none."""
-        total = self.counts.sum()
-        if total <= 0:
+        """The mean difference between score and share that is right, over all detections; NaN of none."""
+        if not len(self.counts):
             return float("nan")
-        return float(np.nansum(self.counts * np.abs(self.scores - self.precision)) / total)
+        return float(np.average(np.abs(self.scores - self.shares), weights=self.counts))
 
 
-def measure_reliability(
-    truths: TrueBoxes,
-    detections: DetectedBoxes,
-    frames: int,
-    of_class: DetectionClass,
-    difficulty: Difficulty,
-) -> Reliability:
-    """Compare the scores of a class, which lie from 0 to 1, with how often they are right.
+def rightness(
+    truths: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass
+) -> Rightness:
+    """Tell which detections of a class are right; an object is found once, by the best that overlaps it.
+
+    Detections of alike types and in regions without labels are neither right nor wrong, and left out.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    changes = tally(lay_out(truths, detections, frames), of_class, difficulty).changes
-    rows = np.clip((changes.scores * BINS).astype(np.int64), 0, BINS - 1)
-    right = np.bincount(rows, changes.true_positives, BINS)
-    booked = changes.true_positives + changes.false_positives
-    # Where a rival takes over an object, what is booked on it is taken from another.
-    counts = np.asarray(np.maximum(np.bincount(rows, booked, BINS), 0), np.float64)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        scores = np.bincount(rows, booked * changes.scores, BINS) / counts
-        precision = right / counts
-    is_empty = counts == 0
-    return Reliability(
-        counts=counts,
-        scores=np.where(is_empty, np.nan, scores),
-        precision=np.where(is_empty, np.nan, precision),
+    scene = lay_out(truths, detections, frames)
+    is_of_class = scene.detection_types == of_class.name.lower()
+    is_right = _matched(scene, of_class, is_of_class)
+    alike = [name.lower() for name in of_class.neighbours]
+    pairs = scene.overlaps
+    is_alike = np.isin(scene.truth_types[pairs.truths], alike) & (pairs.iou > of_class.iou)
+    is_left_out = scene.dont_care_shares > of_class.iou
+    is_left_out[pairs.detections[is_alike]] = True
+    counts = is_of_class & (is_right | ~is_left_out)
+    return Rightness(scene.detections.scores[counts], is_right[counts])
+
+
+def measure_reliability(found: Rightness, bins: int = 15) -> Reliability:
+    """Put detections with scores from 0 to 1 into bins."""
+    bin_of = np.clip((found.scores * bins).astype(np.int64), 0, bins - 1)
+    counts = np.bincount(bin_of, minlength=bins)
+    is_filled = counts > 0
+    scores = np.bincount(bin_of, found.scores, bins)[is_filled] / counts[is_filled]
+    shares = np.bincount(bin_of, found.is_right, bins)[is_filled] / counts[is_filled]
+    return Reliability(scores, shares, counts[is_filled])
+
+
+def _matched(scene: Scene, of_class: DetectionClass, is_of_class: Bool) -> Bool:
+    """Return (D,) which detections are the first to reach a free object, surest and tightest first."""
+    pairs = scene.overlaps
+    is_pair = (
+        (pairs.iou > of_class.iou)
+        & (scene.truth_types[pairs.truths] == of_class.name.lower())
+        & is_of_class[pairs.detections]
     )
+    pairs = pairs[is_pair]
+    order = np.lexsort((-pairs.iou, -scene.detections.scores[pairs.detections]))
+    is_right = np.zeros(len(scene.detections), bool)
+    is_found = np.zeros(len(scene.truths), bool)
+    for truth, detection in zip(
+        pairs.truths[order].tolist(), pairs.detections[order].tolist(), strict=True
+    ):
+        if not is_found[truth] and not is_right[detection]:
+            is_found[truth] = is_right[detection] = True
+    return is_right
