@@ -20,6 +20,7 @@ from benchmarks.stages import (
     compare_registration,
     compare_voxels,
 )
+from perception.errors import MissingDependencyError
 
 COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
     "registration": compare_registration,
@@ -38,3 +39,25 @@ COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
     "depthcn": compare_depthcn,
     "average-precision": lambda _: compare_average_precision(),
 }
+
+
+def _compare_detectors(prepared: Prepared) -> Comparison:
+    """Compare what needs torch, to make networks of.
+
+    Raises:
+        MissingDependencyError: it is not there.
+    """
+    try:
+        from benchmarks.detectors import compare_detectors
+    except ImportError as error:
+        raise MissingDependencyError(
+            "torch, onnx and onnxscript",
+            needed_for="the benchmark of detectors",
+            extra="train",
+            reason=error,
+        ) from error
+    return compare_detectors(prepared)
+
+
+# Only where asked for by name: the networks take a minute to make.
+BY_NAME: Mapping[str, Callable[[Prepared], Comparison]] = {"detectors": _compare_detectors}

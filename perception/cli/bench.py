@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 Part = Literal[
     "all", "chain", "registration", "ground", "voxels", "motion",
     "objects", "map", "filters", "following", "colors", "maps",
-    "clusters", "turns", "proposals", "depthcn", "average-precision",
+    "clusters", "turns", "proposals", "depthcn", "average-precision", "detectors",
 ]  # fmt: skip
 
 
@@ -51,14 +51,14 @@ def bench(  # noqa: PLR0913 - flags of a command
         drive: what to run on; else a synthetic street.
         sequence: which one, where there are several.
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        part: one stage, the chain, or all.
+        part: one stage, the chain, or all but the detectors, whose networks take a minute to make.
         frames: for each stage.
         chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
         json: gets the same figures.
     """
     chain, stages, parts = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
-    shows = part in ("all", "following")
+    shows = part in ("all", "following", "detectors")
     opened: Drive = (
         SyntheticDrive(frames, sensor=model, images=shows)
         if drive is None
@@ -78,12 +78,15 @@ def bench(  # noqa: PLR0913 - flags of a command
         }
         print(f"{_chain_table(figures)}\n", flush=True)
         document["chain"] = figures
-    chosen = [name for name in parts.COMPARISONS if part in ("all", name)]
+    comparisons = {**parts.COMPARISONS, **parts.BY_NAME}
+    chosen = (
+        list(parts.COMPARISONS) if part == "all" else [name for name in comparisons if name == part]
+    )
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
     for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
         try:
             with one_blas_thread():
-                comparison = parts.COMPARISONS[name](prepared)
+                comparison = comparisons[name](prepared)
         except ModelError as error:  # a network that did not come with this copy
             if part != "all":
                 raise

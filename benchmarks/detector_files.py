@@ -1,0 +1,81 @@
+"""Detectors that have learned nothing, as files: their speed is that of trained ones."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+
+from export.detector import QUANTISATION, DecodedDetector
+from export.onnx import Exportable, to_onnx
+from export.quantize import to_int8
+from perception.detection.input_size import InputSize, stretch
+from perception.types import Modality, UInt8
+from train.detector.networks import DetectorForm, make_detector
+from train.networks.grid_detector import GridDetector
+from train.networks.grid_head import OBJECTNESS
+
+Form = Literal["fp32", "int8"]
+_SHOWN = 8
+# So many boxes are as sure as a detection has to be, as after training on a busy road.
+_LIKELY = 100
+
+
+@dataclass(frozen=True)
+class DetectorFiles:
+    """One network in both forms."""
+
+    fp32: Path
+    int8: Path
+
+    def of(self, form: Form) -> Path:
+        """Return the file of a form."""
+        return self.int8 if form == "int8" else self.fp32
+
+
+def write_detector(
+    folder: Path, network: str, modality: Modality, size: InputSize, pictures: Sequence[UInt8]
+) -> DetectorFiles:
+    """Write a network with random weights in full precision and in 8 bits.
+
+    Args:
+        folder: of the files.
+        network: compact or yolov2.
+        modality: that it looks at.
+        size: of its input.
+        pictures: (H, W, C) of this modality.
+    """
+    form = DetectorForm(modality, network, size=size)
+    inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in pictures[:_SHOWN]]
+    torch.manual_seed(0)
+    detector = make_detector(form)
+    _see_little(detector, torch.from_numpy(np.concatenate(inputs)))
+    exportable = Exportable(
+        DecodedDetector(detector.eval()).eval(),
+        {"pictures": torch.from_numpy(np.concatenate(inputs[:1] * 2))},
+        outputs=("boxes_px", "scores"),
+        facts=form.facts,
+    )
+    files = DetectorFiles(
+        *(folder / f"{network}_{modality}_{name}.onnx" for name in ("fp32", "int8"))
+    )
+    model = to_onnx(exportable)
+    files.fp32.write_bytes(model)
+    batches = [{"pictures": np.ascontiguousarray(one)} for one in inputs]
+    files.int8.write_bytes(to_int8(model, batches, QUANTISATION))
+    return files
+
+
+def _see_little(detector: GridDetector, pictures: torch.Tensor) -> None:
+    """Let batch norms see pictures, and few boxes be likely."""
+    with torch.no_grad():
+        for _ in range(3):
+            detector.train()(pictures)
+        logits = detector.eval()(pictures[:1])[:, :, OBJECTNESS].flatten()
+        least = logits.sort(descending=True).values[min(_LIKELY, len(logits)) - 1]
+        bias = detector.head.convolution.bias
+        assert bias is not None  # every head has one
+        of_anchors = bias.view(len(detector.head.anchors_px), -1)
+        of_anchors[:, OBJECTNESS] += float(np.log(0.01 / 0.99)) - least

@@ -1,0 +1,129 @@
+"""Three detectors a frame: in which arrangement, in which numbers, and by which library."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from benchmarks.detector_files import DetectorFiles, Form, write_detector
+from benchmarks.measure import Contender, take_turns
+from benchmarks.openvino_peer import openvino_network
+from benchmarks.stages import Comparison, Prepared, add_peer
+from export.parity import Arrays, Network
+from perception.detection.input_size import InputSize
+from perception.detection.modalities import camera_image, map_picture
+from perception.detection.modality_detector import ModalityDetector
+from perception.detection.multimodal import MultimodalDetector
+from perception.maps.densify import DenseMaps, densify
+from perception.maps.projection import project_frame
+from perception.types import MODALITIES, Modality, UInt8
+
+COMPACT, THESIS = InputSize(192, 640), InputSize(416, 416)
+Open = Callable[[Path, int], Network]
+_LIBRARIES: Mapping[str, Open] = {
+    "ONNX Runtime": lambda file, threads: ModalityDetector(file, threads).model,
+    "OpenVINO": openvino_network,
+}
+_FORMS: tuple[Form, ...] = ("int8", "fp32")
+
+
+@dataclass(frozen=True)
+class Workload:
+    """What is detected, and by which networks.
+
+    Attributes:
+        compact: a file pair for each modality.
+        yolov2: that of the thesis' network, for depth maps.
+        dense: maps of each frame.
+        inputs: of each frame what the compact networks are shown.
+        squares: of each frame what YOLOv2 is shown.
+    """
+
+    compact: Mapping[Modality, DetectorFiles]
+    yolov2: DetectorFiles
+    dense: list[DenseMaps]
+    inputs: list[dict[Modality, Arrays]]
+    squares: list[Arrays]
+
+    @classmethod
+    def make(cls, prepared: Prepared, folder: Path) -> "Workload":
+        """Write the networks, and make pictures of all frames.
+
+        Raises:
+            ImageError: the drive has no images.
+        """
+        dense = [densify(project_frame(frame)) for frame in prepared.frames]
+        pictures: dict[Modality, list[UInt8]] = {
+            "rgb": [camera_image(frame) for frame in prepared.frames],
+            "dm": [map_picture(maps, "dm") for maps in dense],
+            "rm": [map_picture(maps, "rm") for maps in dense],
+        }
+        compact = {
+            name: write_detector(folder, "compact", name, COMPACT, pictures[name])
+            for name in MODALITIES
+        }
+        yolov2 = write_detector(folder, "yolov2", "dm", THESIS, pictures["dm"])
+        detectors = {name: ModalityDetector(files.fp32) for name, files in compact.items()}
+        square = ModalityDetector(yolov2.fp32)
+        inputs: list[dict[Modality, Arrays]] = [
+            {
+                name: {"pictures": detector.input_of(pictures[name][i])}
+                for name, detector in detectors.items()
+            }
+            for i in range(len(dense))
+        ]
+        squares: list[Arrays] = [{"pictures": square.input_of(one)} for one in pictures["dm"]]
+        return cls(compact, yolov2, dense, inputs, squares)
+
+
+def compare_detectors(prepared: Prepared) -> Comparison:
+    """Detect in maps and images that are there; from scan and image on; and the networks alone.
+
+    Raises:
+        ImageError: the drive has no images.
+    """
+    frames = prepared.frames
+    with TemporaryDirectory() as folder:
+        work = Workload.make(prepared, Path(folder))
+        ours = MultimodalDetector(_open(work, "int8", threads=1))
+        in_turn = MultimodalDetector(_open(work, "int8", threads=2), workers=1)
+        full = MultimodalDetector(_open(work, "fp32", threads=1))
+        contenders = [
+            Contender("ours: int8, two at once", lambda i: ours.look(frames[i], work.dense[i])),
+            Contender("int8, in turn", lambda i: in_turn.look(frames[i], work.dense[i])),
+            Contender("fp32, two at once", lambda i: full.look(frames[i], work.dense[i])),
+            Contender("maps alone", lambda i: densify(project_frame(frames[i]))),
+            Contender("maps and ours", lambda i: ours.look(frames[i])),
+        ]
+        for library, form in product(_LIBRARIES, _FORMS):
+            add_peer(contenders, lambda: _three_networks(work, form, library))  # noqa: B023 - called at once
+        for library, form in product(_LIBRARIES, _FORMS):
+            add_peer(contenders, lambda: _yolov2(work, form, library))  # noqa: B023 - called at once
+        timings = take_turns(contenders, len(frames))
+    title = f"three compact detectors at {COMPACT.height_px}x{COMPACT.width_px}"
+    return Comparison(title, timings, {})
+
+
+def _open(work: Workload, form: Form, threads: int) -> dict[Modality, ModalityDetector]:
+    return {name: ModalityDetector(files.of(form), threads) for name, files in work.compact.items()}
+
+
+def _three_networks(work: Workload, form: Form, library: str) -> Contender:
+    """Run the networks alone, each on one thread, two at once."""
+    networks = {
+        name: _LIBRARIES[library](files.of(form), 1) for name, files in work.compact.items()
+    }
+    workers = ThreadPoolExecutor(2)
+
+    def run(i: int) -> list[Arrays]:
+        return list(workers.map(lambda name: networks[name](work.inputs[i][name]), MODALITIES))
+
+    return Contender(f"the networks alone, {form}, {library}", run)
+
+
+def _yolov2(work: Workload, form: Form, library: str) -> Contender:
+    network = _LIBRARIES[library](work.yolov2.of(form), 2)
+    size = f"{THESIS.height_px}x{THESIS.width_px}"
+    return Contender(f"one YOLOv2 {size}, {form}, {library}", lambda i: network(work.squares[i]))

@@ -1,0 +1,39 @@
+"""The same model files by other people's hands: OpenVINO in place of ONNX Runtime."""
+
+from pathlib import Path
+
+import numpy as np
+
+from export.parity import Arrays, Network
+from perception.errors import MissingDependencyError
+
+
+def openvino_network(file: Path, threads: int) -> Network:
+    """Open a detector's file for one picture at a time.
+
+    Raises:
+        MissingDependencyError: OpenVINO is not there.
+    """
+    try:
+        import openvino
+    except ImportError as error:
+        raise MissingDependencyError(
+            "openvino", needed_for="the OpenVINO peer", extra="bench", reason=error
+        ) from error
+    core = openvino.Core()
+    model = core.read_model(file)
+    pictures = model.input("pictures")
+    model.reshape([1, *pictures.partial_shape.get_max_shape()[1:]])
+    settings = {
+        "INFERENCE_NUM_THREADS": threads,
+        "NUM_STREAMS": 1,
+        "ENABLE_CPU_PINNING": False,  # several networks share the cores
+        "INFERENCE_PRECISION_HINT": "f32",  # else what is not 8-bit may become bfloat16
+    }
+    request = core.compile_model(model, "CPU", settings).create_infer_request()
+
+    def run(inputs: Arrays) -> Arrays:
+        found = request.infer(dict(inputs))
+        return {name: np.asarray(found[name]) for name in ("boxes_px", "scores")}
+
+    return run
