@@ -1,0 +1,1 @@
+"""What detectors see in labelled frames, kept: what their fusion learns from and is judged by."""

@@ -1,0 +1,77 @@
+"""What a fusion makes of detected frames, step by step (Fig. 7.14), and what each step is worth."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.rescoring import Fusion
+from perception.evaluation.detection.average_precision import kitti_average_precision
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.curve import PrecisionCurve
+from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.types import MODALITIES, Detections, FusedDetections
+
+CAR = KITTI_CLASSES[0]
+
+
+@dataclass(frozen=True)
+class FusedFrames:
+    """Detections of F frames.
+
+    Attributes:
+        merged: boxes of all modalities, with the scores of their detectors.
+        rescored: the same boxes, with their new scores.
+        fused: (F) one detection for each object.
+    """
+
+    merged: DetectedBoxes
+    rescored: DetectedBoxes
+    fused: tuple[FusedDetections, ...]
+
+    @property
+    def boxes(self) -> DetectedBoxes:
+        """What is left at the end."""
+        return DetectedBoxes.of_frames([one.detections for one in self.fused])
+
+    @property
+    def steps(self) -> dict[str, DetectedBoxes]:
+        """All steps by name."""
+        return {"merged": self.merged, "rescored": self.rescored, "fused": self.boxes}
+
+
+def fuse_frames(scenes: Sequence[DetectedScene], fusion: Fusion) -> FusedFrames:
+    """Fuse frame by frame."""
+    merged, rescored, fused = [], [], []
+    for scene in scenes:
+        merged.append(scene.merged.detections)
+        if not len(merged[-1]):
+            rescored.append(Detections.empty())
+            fused.append(FusedDetections.empty())
+            continue
+        judged = fusion.rescore(scene)
+        rescored.append(judged.detections)
+        fused.append(fusion.join(scene, judged))
+    return FusedFrames(
+        DetectedBoxes.of_frames(merged), DetectedBoxes.of_frames(rescored), tuple(fused)
+    )
+
+
+def precision_curves(
+    truth: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass = CAR
+) -> dict[str, PrecisionCurve]:
+    """Return KITTI's curves by difficulty; none where nothing was detected."""
+    figures = kitti_average_precision(truth, detections, frames, (of_class,))
+    return figures.classes[0].curves
+
+
+def curves_beside(
+    frames: DetectedFrames, fused: FusedFrames, of_class: DetectionClass = CAR
+) -> Mapping[str, dict[str, PrecisionCurve]]:
+    """Return the curves of each modality that looked, and of the fusion."""
+    looked = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
+    found = {str(name): frames.of_modality(name) for name in looked} | {"fusion": fused.boxes}
+    return {
+        name: precision_curves(frames.truth, boxes, len(frames), of_class)
+        for name, boxes in found.items()
+    }

@@ -1,0 +1,189 @@
+"""Detectors run over labelled drives once; what they saw is kept in an `ArrayStore`.
+
+An entry is of one frame: the boxes, scores and types of each modality, and how far the boxes are. Its key is
+all that makes it: the frame's files, the model files, and the code.
+"""
+
+import hashlib
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+import perception.detection
+import perception.detection.fusion
+import perception.maps
+from data.array_store import Arrays, ArrayStore, entry_key
+from data.detections.detected_frames import DetectedFrames
+from data.drive import Drive, Labels
+from data.frame_origin import code_mark, frame_origin
+from data.frames import OnBadFrame
+from data.true_boxes import true_boxes
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.modality_detector import ModalityDetector
+from perception.errors import DriveError, PerceptionError, UsageError
+from perception.maps.densify import DenseMaps
+from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[Iterable[int]], Iterable[int]]
+
+
+class Sight(Protocol):
+    """What detectors make of one frame."""
+
+    @property
+    def modal(self) -> ModalDetections:
+        """What each of them saw."""
+        ...
+
+    @property
+    def dense(self) -> DenseMaps | None:
+        """The maps that were looked at."""
+        ...
+
+
+class Looker(Protocol):
+    """Detectors of one or more modalities."""
+
+    def look(self, frame: Frame) -> Sight:
+        """Detect in one frame."""
+        ...
+
+
+@dataclass(frozen=True)
+class MarkedLooker:
+    """Detectors, and by what they are told from others.
+
+    Attributes:
+        looker: detects.
+        mark: hash of the model files.
+    """
+
+    looker: Looker
+    mark: str
+
+
+def models_mark(models: Mapping[Modality, bytes]) -> str:
+    """Return a hash of model files."""
+    hashes = {name: hashlib.blake2b(data).hexdigest() for name, data in sorted(models.items())}
+    return entry_key(models=hashes)
+
+
+def detect_drives(
+    drives: Sequence[Drive],
+    detectors: MarkedLooker,
+    store: ArrayStore,
+    on_bad_frame: OnBadFrame = "stop",
+    progress: Progress = iter,
+) -> DetectedFrames:
+    """Return what detectors see in the frames of labelled drives.
+
+    Args:
+        drives: with labels.
+        detectors: look at each frame, where the store does not know what they see in it.
+        store: where that is kept.
+        on_bad_frame: stop at a damaged frame, or leave it out and say so.
+        progress: goes through the numbers of the frames, and may show how far it is.
+
+    Raises:
+        DriveError: there is no frame.
+        PerceptionError: a frame cannot be read or used, and `on_bad_frame` is "stop".
+    """
+    places = [(number, index) for number, d in enumerate(drives) for index in range(len(d))]
+    scenes: list[DetectedScene] = []
+    labels: list[Labels] = []
+    numbers: list[int] = []
+    for place in progress(range(len(places))):
+        number, index = places[place]
+        try:
+            of_frame = drives[number].labels(index)
+            scene = detected_scene(drives[number], index, detectors, store)
+        except PerceptionError as error:
+            if on_bad_frame == "stop":
+                raise
+            log.warning("skipped frame %d of %s: %s", index, drives[number].name, error)
+            continue
+        scenes.append(scene)
+        labels.append(of_frame)
+        numbers.append(number)
+    if not scenes:
+        raise DriveError("detections", expected="labelled frames", found="none")
+    return DetectedFrames(tuple(scenes), true_boxes(labels), np.array(numbers, np.int64))
+
+
+def detected_scene(
+    drive: Drive, index: int, detectors: MarkedLooker, store: ArrayStore
+) -> DetectedScene:
+    """Return what detectors see in one frame, from the store if it knows.
+
+    Raises:
+        PerceptionError: the frame cannot be read or used.
+    """
+    code = code_mark(
+        perception.detection, perception.detection.fusion, perception.maps, Path(__file__)
+    )
+    key = entry_key(
+        what="detections", models=detectors.mark, code=code, **frame_origin(drive, index)
+    )
+    return _to_scene(store.get(key, lambda: _look(drive[index], detectors.looker)))
+
+
+def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]) -> None:
+    """Refuse drives that a detector was trained on: it is surer there than it will ever be again.
+
+    Raises:
+        UsageError: a model file says that it learned from one of them.
+    """
+    for modality, detector in detectors.items():
+        learned = [
+            Path(name.strip()).resolve()
+            for name in detector.facts.get("training_data", "").split(",")
+            if name.strip()
+        ]
+        for drive in drives:
+            root = drive.root.resolve()
+            if any(root == path or path in root.parents for path in learned):
+                raise UsageError(
+                    drive.root,
+                    expected="frames that no detector learned from",
+                    found=f"training data of {modality} ({detector.model.name})",
+                    advice="keep drives apart for the fusion",
+                )
+
+
+def _look(frame: Frame, looker: Looker) -> Arrays:
+    sight = looker.look(frame)
+    size_px = _size_px(frame, sight.dense)
+    scene = scene_of(sight.modal, size_px, sight.dense)
+    arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
+    for name, found in scene.modal.items():
+        arrays[f"{name}_boxes_px"] = found.boxes_px
+        arrays[f"{name}_scores"] = found.scores
+        arrays[f"{name}_types"] = found.types.astype(np.str_)
+    for name, depths_m in scene.depths_m.items():
+        arrays[f"{name}_depths_m"] = depths_m
+    return arrays
+
+
+def _size_px(frame: Frame, dense: DenseMaps | None) -> tuple[int, int]:
+    """Return (width, height) of the pictures that were looked at."""
+    height, width = (frame.image if dense is None else dense.depth_m).shape[:2]  # type: ignore[union-attr]
+    return width, height
+
+
+def _to_scene(arrays: Arrays) -> DetectedScene:
+    modal: dict[Modality, Detections] = {}
+    depths_m: dict[Modality, np.ndarray] = {}
+    for name in MODALITIES:
+        if f"{name}_boxes_px" in arrays:
+            columns = [arrays[f"{name}_{part}"] for part in ("boxes_px", "scores", "types")]
+            modal[name] = Detections(*columns)
+        if f"{name}_depths_m" in arrays:
+            depths_m[name] = arrays[f"{name}_depths_m"]
+    width, height = arrays["size_px"].tolist()
+    return DetectedScene(modal, (width, height), depths_m)

@@ -1,0 +1,27 @@
+"""A small fusion of each kind, fitted once to simulated detectors."""
+
+import pytest
+
+from export.fusion import export_fusion
+from perception.detection.fusion.rescoring import Fusion
+from tests.simulated_detectors import simulated_frames
+from train.fusion.levenberg_marquardt import Damping
+from train.fusion.mlp import MlpForm
+from train.fusion.targets import fusion_rows
+from train.fusion.training import FusionPlan, FusionSets, fit_fusion
+from train.trainer import TrainerPlan
+
+
+@pytest.fixture(scope="session")
+def fitted(tmp_path_factory):
+    """Return the fusion of all features with losses, fitted by 25 steps to 50 frames."""
+    out = tmp_path_factory.mktemp("fitted")
+    sets = FusionSets(
+        fusion_rows(simulated_frames(50, 1), "default"),
+        fusion_rows(simulated_frames(25, 2), "default"),
+    )
+    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(most_steps=25))
+    found = fit_fusion(sets, plan, out, TrainerPlan())
+    file = out / "fusion.onnx"
+    file.write_bytes(export_fusion(found.checkpoint).model)
+    return Fusion(file)

@@ -1,0 +1,41 @@
+"""What the fusion is worth on simulated detectors, whole and with modalities lost."""
+
+import pytest
+
+from data.detections.fused_frames import curves_beside, fuse_frames, precision_curves
+from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.types import MODALITIES
+from tests.simulated_detectors import simulated_frames
+from train.fusion.targets import LOSSES
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return simulated_frames(80, 3)
+
+
+def moderate(frames, detections: DetectedBoxes) -> float:
+    return precision_curves(frames.truth, detections, len(frames))["moderate"].ap()
+
+
+def test_the_fusion_beats_the_best_modality_at_every_difficulty(frames, fitted):
+    curves = curves_beside(frames, fuse_frames(frames.scenes, fitted))
+    assert list(curves) == [*MODALITIES, "fusion"]
+    for difficulty in ("easy", "moderate", "hard"):
+        best = max(curves[name][difficulty].ap() for name in MODALITIES)
+        assert curves["fusion"][difficulty].ap() > best + 1.05
+
+
+@pytest.mark.parametrize("lost", LOSSES)
+def test_a_loss_is_graceful(frames, fitted, lost):
+    left = frames.without(*lost)
+    found = fuse_frames(left.scenes, fitted)
+    best = max(moderate(left, left.of_modality(name)) for name in MODALITIES if name not in lost)
+    assert moderate(left, found.boxes) > best - 2
+
+
+def test_each_step_helps(frames, fitted):
+    steps = fuse_frames(frames.scenes, fitted).steps
+    values = [moderate(frames, boxes) for boxes in steps.values()]
+    assert list(steps) == ["merged", "rescored", "fused"]
+    assert values == sorted(values)

@@ -1,0 +1,82 @@
+"""Targets by hand: the overlap with the best label, and what is neither right nor wrong."""
+
+import numpy as np
+import pytest
+
+from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.errors import UsageError
+from perception.evaluation.detection.box_rows import TrueBoxes
+from tests.detection.fusion.scenes import detections
+from train.fusion.targets import LOSSES, box_targets, fusion_rows
+
+SIZE_PX = (1000, 300)
+
+
+def truth_of(*rows) -> TrueBoxes:
+    types = np.array([name for name, _ in rows], np.str_)
+    boxes_px = np.array([box for _, box in rows], float).reshape(-1, 4)
+    zeros = np.zeros(len(rows))
+    return TrueBoxes(zeros.astype(int), types, zeros - 10, boxes_px, zeros, zeros)
+
+
+def test_overlap_with_the_best_label_of_the_type():
+    scene = DetectedScene({"rgb": detections([[0, 0, 20, 10], [500, 0, 510, 10]])}, SIZE_PX)
+    truth = truth_of(
+        ("Car", [10, 0, 30, 10]), ("Car", [0, 0, 20, 20]), ("Pedestrian", [0, 0, 20, 10])
+    )
+    targets = box_targets(scene, truth)
+    np.testing.assert_allclose(targets.ious, [0.5, 0])
+    assert targets.is_used.tolist() == [True, True]
+
+
+def test_vans_and_unlabelled_regions_are_not_used():
+    boxes = [[0, 0, 20, 10], [100, 0, 120, 10], [200, 0, 220, 10], [300, 0, 320, 10]]
+    truth = truth_of(
+        ("Van", [0, 0, 20, 10]),
+        ("DontCare", [90, 0, 200, 50]),
+        ("Car", [200, 0, 220, 10]),
+        ("DontCare", [190, 0, 310, 50]),  # holds the third, which is a car, and half of the fourth
+    )
+    targets = box_targets(DetectedScene({"dm": detections(boxes)}, SIZE_PX), truth)
+    assert targets.ious.tolist() == [0, 0, 1, 0]
+    assert targets.is_used.tolist() == [False, False, True, True]
+
+
+def frames() -> DetectedFrames:
+    modal = {
+        "rgb": detections([[0, 0, 20, 10]], [0.9]),
+        "dm": detections([[0, 0, 10, 10]], [0.8]),
+        "rm": detections([]),
+    }
+    truth = truth_of(("Car", [0, 0, 20, 10]))
+    return DetectedFrames((DetectedScene(modal, SIZE_PX),), truth, np.zeros(1, int))
+
+
+def test_the_thesis_asks_zero_of_what_is_not_there():
+    rows = fusion_rows(frames(), "scores")
+    np.testing.assert_allclose(rows.features, [[0.9, 0.8, 0]])
+    assert rows.targets.tolist() == [[1, 0.5, 0]]
+    assert rows.weights.tolist() == [[1, 1, 1]]
+
+
+def test_the_default_asks_nothing_of_it_and_sees_every_loss():
+    rows = fusion_rows(frames(), "default")
+    assert rows.targets[0].tolist() == [1, 0.5, 0]
+    assert rows.weights[0].tolist() == [1, 1, 0]
+    # rgb lost; both maps; dm; rm, where both others stay; rgb and dm, where nothing is left; rgb and rm.
+    share = pytest.approx(1 / len(LOSSES))
+    assert [tuple(row) for row in rows.weights[1:].tolist()] == [
+        (0, share, 0),
+        (share, 0, 0),
+        (share, 0, 0),
+        (share, share, 0),
+        (0, share, 0),
+    ]
+
+
+def test_frames_without_detections_teach_nothing():
+    scene = DetectedScene({"rgb": detections([])}, SIZE_PX)
+    empty = DetectedFrames((scene,), truth_of(("Car", [0, 0, 20, 10])), np.zeros(1, int))
+    with pytest.raises(UsageError, match="frames with detections, found none"):
+        fusion_rows(empty, "features")

@@ -1,0 +1,42 @@
+"""How many neurons the fusion's network needs: the error on what was kept back over its sizes (Fig. 7.13)."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from train.fusion.training import FusionPlan, FusionSets, lowest
+
+Hidden = tuple[int, ...]
+Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
+
+
+@dataclass(frozen=True)
+class SweptSize:
+    """One network.
+
+    Attributes:
+        hidden: sizes of its layers.
+        training: mean square error where that of the rest is lowest.
+        validation: the lowest on what was kept back.
+    """
+
+    hidden: Hidden
+    training: float
+    validation: float
+
+
+def hidden_sizes(one: Sequence[int], two: Sequence[int]) -> list[Hidden]:
+    """Return networks of one layer, and those of two of which the second is the smaller."""
+    pairs = [(first, second) for first in two for second in two if second < first]
+    return [*((size,) for size in one), *pairs]
+
+
+def sweep(
+    sets: FusionSets, plan: FusionPlan, sizes: Sequence[Hidden], progress: Progress = iter
+) -> list[SweptSize]:
+    """Fit a network of each size by Levenberg-Marquardt, all from the same seed."""
+    swept = []
+    for hidden in progress(sizes):
+        sized = replace(plan, form=replace(plan.form, hidden=hidden))
+        best = lowest(sets, sized)
+        swept.append(SweptSize(hidden, best.training, best.validation))
+    return swept

@@ -1,0 +1,118 @@
+"""What the fusion shall say of a combination: how far each of its boxes overlaps the object (6.5), (6.6)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.features import Variant, tri_box_features
+from perception.detection.fusion.rescoring import RULES
+from perception.detection.fusion.tri_boxes import tri_boxes
+from perception.errors import UsageError
+from perception.evaluation.detection.box_rows import TrueBoxes
+from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
+from perception.evaluation.rows import Rows
+from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
+from perception.types import Bool, Float32, Float64, Modality
+
+# What may be lost: the camera, the LiDAR, and any detector.
+LOSSES: tuple[tuple[Modality, ...], ...] = (
+    ("rgb",),
+    ("dm", "rm"),
+    ("dm",),
+    ("rm",),
+    ("rgb", "dm"),
+    ("rgb", "rm"),
+)
+_LIKE = 0.5  # overlap from which a box shows what is neither right nor wrong
+
+
+@dataclass(frozen=True)
+class BoxTargets:
+    """What is true of M boxes.
+
+    Attributes:
+        ious: (M,) with the label of the same type that each overlaps most, 0 without one.
+        is_used: (M,) not in a region without labels, and not of an alike type, such as Van for Car.
+    """
+
+    ious: Float64
+    is_used: Bool
+
+
+@dataclass(frozen=True)
+class FusionRows(Rows):
+    """T combinations.
+
+    Attributes:
+        features: (T, F)
+        targets: (T, 3) IoU of each box with the object, 0 where there is no box.
+        weights: (T, 3) how much each target counts.
+    """
+
+    features: Float32
+    targets: Float32
+    weights: Float32
+
+
+def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
+    """Return what is true of all boxes of a scene, in the order of `DetectedScene.merged`."""
+    found = scene.merged.detections
+    types, true_types = _lower(found.types), _lower(truth.types)
+    iou = iou_px(found.boxes_px, truth.boxes_px)
+    ious = np.where(types[:, None] == true_types, iou, 0.0).max(axis=1, initial=0.0)
+    alike = {one.name.lower(): [n.lower() for n in one.neighbours] for one in KITTI_CLASSES}
+    is_alike = np.array([[t in alike.get(of, ()) for t in true_types] for of in types], bool)
+    in_alike = np.where(is_alike.reshape(iou.shape), iou, 0.0).max(axis=1, initial=0.0)
+    regions_px = truth.boxes_px[true_types == DONT_CARE]
+    in_region = intersection_over_area_px(found.boxes_px, regions_px).max(axis=1, initial=0.0)
+    return BoxTargets(ious, (ious > _LIKE) | ((in_alike <= _LIKE) & (in_region <= _LIKE)))
+
+
+def fusion_rows(frames: DetectedFrames, variant: Variant) -> FusionRows:
+    """Return all combinations of all frames with what is true of them.
+
+    The default also sees every frame as it would be without the camera, the LiDAR, or any of the
+    detectors; all these together count as much as the frame itself. What is not there has no target; in
+    the thesis' variants it has the target 0.
+
+    Raises:
+        UsageError: there is no combination.
+    """
+    parts = list(_rows_of(frames, variant, 1.0))
+    if variant == "default":
+        for lost in LOSSES:
+            parts += _rows_of(frames.without(*lost), variant, 1.0 / len(LOSSES))
+    rows = FusionRows.concatenate(parts)
+    if not len(rows):
+        raise UsageError("fusion", expected="frames with detections", found="none")
+    return rows
+
+
+def _rows_of(frames: DetectedFrames, variant: Variant, weight: float) -> Sequence[FusionRows]:
+    return [
+        _scene_rows(scene, frames.truth_of(number), variant, weight)
+        for number, scene in enumerate(frames.scenes)
+        if len(scene.merged.detections)
+    ]
+
+
+def _scene_rows(
+    scene: DetectedScene, truth: TrueBoxes, variant: Variant, weight: float
+) -> FusionRows:
+    rows = tri_boxes(scene, RULES[variant])
+    places = scene.merged.places(rows)
+    is_seen = places >= 0
+    targets = box_targets(scene, truth)
+    is_counted = np.where(is_seen, targets.is_used[places], variant != "default")
+    return FusionRows(
+        tri_box_features(scene, rows, variant).astype(np.float32),
+        np.where(is_seen, targets.ious[places], 0.0).astype(np.float32),
+        (weight * is_counted).astype(np.float32),
+    )
+
+
+def _lower(types: np.ndarray) -> np.ndarray:
+    return np.char.lower(types.astype(np.str_))
