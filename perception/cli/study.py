@@ -13,6 +13,7 @@ from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.scenarios import KINDS, Kind
 from perception.cli.evaluations.otd import trackers_named
+from perception.cli.studies import detectors
 from perception.cli.studies.augmentation import AugmentationPlan, study_augmentation
 from perception.cli.studies.dense_cloud import study_dense_cloud
 from perception.cli.studies.following import FollowingPlan, study_following
@@ -321,6 +322,7 @@ COMMANDS = {
     "sensors": sensors,
     "following": following,
     "augmentation": augmentation,
+    **detectors.COMMANDS,
 }
 
 

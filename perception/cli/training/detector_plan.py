@@ -36,6 +36,7 @@ class PictureChoice:
         workers: processes that make samples.
         on_bad_frame: stop at a damaged frame, or leave it out.
         cache: folder for the pictures; else the user's cache folder.
+        training_share: of the frames that are left to learn from, the first.
     """
 
     drives: tuple[Path, ...]
@@ -50,6 +51,7 @@ class PictureChoice:
     workers: int = 0
     on_bad_frame: OnBadFrame = "stop"
     cache: Path | None = None
+    training_share: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse nothing to learn from."""
@@ -179,6 +181,7 @@ def picture_data(
         validation_share=pictures.validation_share,
         test_share=pictures.test_share,
         split_by=pictures.split,
+        training_share=pictures.training_share,
         frame_lists=pictures.lists,
         on_bad_frame=pictures.on_bad_frame,
         seed=seed,

@@ -210,6 +210,13 @@ def test_validation_drives_are_taken_whole(make_data: MakeData, make_frames: Cal
     assert len(data.test) == 0
 
 
+def test_a_share_takes_the_first_frames(make_data: MakeData, make_frames: Callable[..., Path]):
+    data = make_data(validation=(make_frames("other", 2),), training_share=0.5)
+    data.setup()
+    assert data.training.numbers.tolist() == [0, 1, 2]
+    assert data.validation.numbers.tolist() == [0, 1]
+
+
 def test_lists_choose_the_frames(make_data: MakeData, tmp_path: Path):
     lists = tmp_path / "train.txt", tmp_path / "val.txt"
     lists[0].write_text("000004\n000001\n")
@@ -272,6 +279,7 @@ def test_no_drives_are_refused(make_data: MakeData):
         ({"workers": -1}, "a batch size from 1 and workers from 0"),
         ({"validation_share": 0.6, "test_share": 0.4}, "both from 0, together below 1"),
         ({"test_share": -0.1}, "both from 0, together below 1"),
+        ({"training_share": 0.0}, "training share: expected above 0, at most 1, found 0"),
     ],
 )
 def test_loading_that_cannot_be_is_refused(loading: dict[str, float], sentence: str):

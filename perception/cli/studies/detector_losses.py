@@ -1,0 +1,46 @@
+"""What a detector comes to by each form of its loss: as published, and with either of the options, or both."""
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+from perception.cli.studies.detector_variants import (
+    Judging,
+    TrainingConditions,
+    Variant,
+    study_variants,
+)
+from perception.cli.studies.output import Study
+from perception.cli.studies.variant_figures import plot_variant_curves, precision_tables
+
+_BOXES: tuple[Literal["squared", "ciou"], ...] = ("squared", "ciou")
+_OBJECTNESSES: tuple[Literal["squared", "focal"], ...] = ("squared", "focal")
+_NAMES = ("as published", "focal objectness", "CIoU of boxes", "both")
+
+
+def loss_variants(base: Variant) -> list[Variant]:
+    """Return a detector for each form of the loss."""
+    forms = product(_BOXES, _OBJECTNESSES)
+    return [
+        replace(
+            base, name=name, detector=replace(base.detector, box_loss=box, objectness=objectness)
+        )
+        for name, (box, objectness) in zip(_NAMES, forms, strict=True)
+    ]
+
+
+def study_detector_losses(
+    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+) -> Study:
+    """Train all, and print average precision at every overlap."""
+    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    overlaps = judging.rules.overlaps
+    plot_variant_curves(picture, "Losses", figures, overlaps[0])
+    return Study(
+        name="detector-losses",
+        figure="none: the thesis trains as published",
+        table="\n\n".join(precision_tables("Losses", figures, iou) for iou in overlaps),
+        numbers=figures,
+        conditions={"variants": variants, "training": conditions, "judging": judging},
+    )

@@ -1,0 +1,193 @@
+"""`trifuse study`: the studies that train detectors, as commands."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from perception.cli.evaluations.class_precision import MeasureRules
+from perception.cli.evaluations.detection import Resampling
+from perception.cli.studies.detector_losses import loss_variants, study_detector_losses
+from perception.cli.studies.detector_variants import Judging, TrainingConditions, Variant
+from perception.cli.studies.output import publish
+from perception.cli.studies.reflectance_maps import map_variants, study_reflectance_maps
+from perception.cli.studies.sim_to_real import share_variants, study_sim_to_real
+from perception.cli.training.detector_plan import DetectorChoice, PictureChoice
+from perception.cli.training.trainer_choice import listed
+from perception.errors import UsageError
+from perception.types import Modality
+
+_RESULTS = Path("results") / "study"
+_OVERLAPS = (0.7, 0.5)
+Accelerator = Literal["auto", "cpu", "gpu"]
+
+
+def reflectance_maps(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    validation: Path | list[Path],
+    network: str = "compact",
+    size: str = "416x416",
+    wide_size: str = "352x1216",
+    preset: Literal["default", "thesis"] = "default",
+    epochs: int = 20,
+    batch: int | None = None,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 0,
+    accelerator: Accelerator = "auto",
+    cache: Path | None = None,
+    out: Path = _RESULTS / "reflectance-maps.png",
+) -> None:
+    """Train a detector on sparse, interpolated and wide reflectance maps (Tables B.1, B.2 and B.3).
+
+    A map whose training is done is not trained again: the same command goes on where it was stopped.
+
+    Example: trifuse study reflectance-maps synth/train --validation synth/val --epochs 20
+
+    Args:
+        drives: labelled drives that they learn from.
+        validation: drives by which the best epoch is chosen and all are measured, one or [several].
+        network: compact; yolov2, as in the thesis; or a classifier of torchvision as trunk.
+        size: height and width of the input.
+        wide_size: of the one that Table B.2 calls RM*.
+        preset: default; or thesis, the figures of 7.2.2, for yolov2.
+        epochs: of each training.
+        batch: pictures a step; else that of the preset.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of all.
+        workers: processes that make samples.
+        accelerator: auto takes a GPU where there is one.
+        cache: folder for the pictures; else the user's cache folder.
+        out: the picture; the numbers and all trainings are written beside it.
+    """
+    choice = DetectorChoice("rm", network, size, preset=preset)
+    pictures = _pictures(drives, validation, batch, workers, cache)
+    variants = map_variants(Variant("", choice, pictures, _positive("epochs", epochs)), wide_size)
+    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
+    publish(study_reflectance_maps(variants, conditions, judging, out), out)
+
+
+def detector_losses(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    validation: Path | list[Path],
+    modality: Modality = "dm",
+    network: str = "compact",
+    size: str = "192x640",
+    epochs: int = 20,
+    batch: int | None = None,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 0,
+    accelerator: Accelerator = "auto",
+    cache: Path | None = None,
+    out: Path = _RESULTS / "detector-losses.png",
+) -> None:
+    """Train a detector by the published loss, and with CIoU of boxes, focal objectness, and both.
+
+    A loss whose training is done is not trained again: the same command goes on where it was stopped.
+
+    Example: trifuse study detector-losses synth/train --validation synth/val --modality rgb
+
+    Args:
+        drives: labelled drives that they learn from.
+        validation: drives by which the best epoch is chosen and all are measured, one or [several].
+        modality: rgb, the camera's image; dm, depth map; rm, reflectance map.
+        network: compact, yolov2, or a classifier of torchvision as trunk.
+        size: height and width of the input.
+        epochs: of each training.
+        batch: pictures a step; else that of the preset.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of all.
+        workers: processes that make samples.
+        accelerator: auto takes a GPU where there is one.
+        cache: folder for the pictures; else the user's cache folder.
+        out: the picture; the numbers and all trainings are written beside it.
+    """
+    pictures = _pictures(drives, validation, batch, workers, cache)
+    base = Variant(
+        "", DetectorChoice(modality, network, size), pictures, _positive("epochs", epochs)
+    )
+    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
+    publish(study_detector_losses(loss_variants(base), conditions, judging, out), out)
+
+
+def sim_to_real(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    validation: Path | list[Path],
+    real: Path | list[Path] | None = None,
+    modality: Modality = "dm",
+    network: str = "compact",
+    size: str = "192x640",
+    shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0),
+    epochs: int = 20,
+    batch: int | None = None,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 0,
+    accelerator: Accelerator = "auto",
+    cache: Path | None = None,
+    out: Path = _RESULTS / "sim-to-real.png",
+) -> None:
+    """Train a detector on ever more synthetic frames; measure it on held-out and on real drives.
+
+    Those of fewer frames see them more often, so that all are trained for as many steps. A share whose
+    training is done is not trained again: the same command goes on where it was stopped.
+
+    Example: trifuse study sim-to-real synth/train --validation synth/val --real kitti/object
+
+    Args:
+        drives: synthetic drives that they learn from; shares take their first frames.
+        validation: drives by which the best epoch is chosen, one or [several].
+        real: other labelled drives to measure on, one or [several].
+        modality: rgb, the camera's image; dm, depth map; rm, reflectance map.
+        network: compact, yolov2, or a classifier of torchvision as trunk.
+        size: height and width of the input.
+        shares: of the frames; one more training takes all, without changing them.
+        epochs: of the training with all frames.
+        batch: pictures a step; else that of the preset.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of all.
+        workers: processes that make samples.
+        accelerator: auto takes a GPU where there is one.
+        cache: folder for the pictures; else the user's cache folder.
+        out: the picture; the numbers and all trainings are written beside it.
+    """
+    pictures = _pictures(drives, validation, batch, workers, cache)
+    base = Variant(
+        "", DetectorChoice(modality, network, size), pictures, _positive("epochs", epochs)
+    )
+    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
+    judging = replace(judging, drives=(*judging.drives, *listed(real)))
+    publish(study_sim_to_real(share_variants(base, shares), conditions, judging, out), out)
+
+
+COMMANDS = {
+    "reflectance-maps": reflectance_maps,
+    "detector-losses": detector_losses,
+    "sim-to-real": sim_to_real,
+}
+
+
+def _pictures(
+    drives: list[Path],
+    validation: Path | list[Path],
+    batch: int | None,
+    workers: int,
+    cache: Path | None,
+) -> PictureChoice:
+    return PictureChoice(
+        tuple(drives), listed(validation), batch=batch, workers=workers, cache=cache
+    )
+
+
+def _judging(pictures: PictureChoice, bootstrap: int, seed: int) -> Judging:
+    rules = MeasureRules(_OVERLAPS, resampling=Resampling(bootstrap, seed))
+    return Judging(pictures.validation, rules)
+
+
+def _positive(name: str, value: int) -> int:
+    if value < 1:
+        raise UsageError(f"--{name}", expected="at least 1", found=str(value))
+    return value

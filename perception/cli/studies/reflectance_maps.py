@@ -1,0 +1,93 @@
+"""How the reflectance map is made, and how large it is: what a detector comes to by each (Appendix B)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from perception.cli.studies.detector_variants import (
+    Judging,
+    TrainingConditions,
+    Variant,
+    study_variants,
+)
+from perception.cli.studies.output import Study
+from perception.cli.studies.variant_figures import (
+    Percent,
+    plot_variant_curves,
+    precision_tables,
+    times_table,
+)
+from perception.detection.modalities import MapFilling
+
+SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
+OURS, WIDE = "ours", "nearest, wide"
+# Tables B.2 and B.3, 1496 frames: easy, moderate, hard. RM is nearest; RM* the same at 1216x352.
+THESIS_B2: Mapping[str, Percent] = {
+    SPARSE: (23.45, 17.57, 15.57),
+    NEAREST: (67.69, 51.91, 44.98),
+    WIDE: (72.67, 62.65, 54.89),
+}
+THESIS_B3: Mapping[str, Percent] = {
+    NEAREST: (67.69, 51.91, 44.98),
+    LINEAR: (60.60, 45.71, 40.79),
+    NATURAL: (65.25, 50.07, 44.76),
+}
+THESIS_B1_MS = (34.0, 15.0)
+_FILLINGS: Mapping[str, MapFilling] = {
+    SPARSE: "sparse",
+    NEAREST: "nearest",
+    LINEAR: "linear",
+    NATURAL: "natural",
+    OURS: "default",
+}
+_IOU = 0.7
+
+
+def map_variants(base: Variant, wide_size: str) -> list[Variant]:
+    """Return a detector for each way to make the map, and one of a wider input.
+
+    Args:
+        base: what they have in common.
+        wide_size: of RM*.
+    """
+    variants = [
+        replace(base, name=name, detector=replace(base.detector, filling=filling))
+        for name, filling in _FILLINGS.items()
+    ]
+    wide = replace(base.detector, filling=_FILLINGS[NEAREST], size=wide_size)
+    return [*variants, replace(base, name=WIDE, detector=wide)]
+
+
+def study_reflectance_maps(
+    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+) -> Study:
+    """Train all, and print Tables B.1, B.2 and B.3."""
+    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    plot_variant_curves(picture, "Detectors of the reflectance map", figures, _IOU)
+    tables = [
+        precision_tables(
+            "Sparse, dense and wide (Table B.2)",
+            {name: figures[name] for name in (*THESIS_B2, OURS)},
+            _IOU,
+            THESIS_B2,
+        ),
+        precision_tables(
+            "Interpolations (Table B.3)",
+            {name: figures[name] for name in (*THESIS_B3, OURS)},
+            _IOU,
+            THESIS_B3,
+        ),
+        times_table("Time of a frame (Table B.1; the thesis' on a GPU)", figures, THESIS_B1_MS),
+    ]
+    return Study(
+        name="reflectance-maps",
+        figure="Tables B.1, B.2 and B.3",
+        table="\n\n".join(tables),
+        numbers=figures,
+        conditions={
+            "variants": variants,
+            "training": conditions,
+            "judging": judging,
+            "thesis": {"B.1 ms": THESIS_B1_MS, "B.2": THESIS_B2, "B.3": THESIS_B3},
+        },
+    )

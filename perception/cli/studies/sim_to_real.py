@@ -1,0 +1,63 @@
+"""What more of the synthetic worlds, and changing their pictures, is worth on held-out and on real drives."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from perception.cli.studies.detector_variants import (
+    Judging,
+    TrainingConditions,
+    Variant,
+    study_variants,
+)
+from perception.cli.studies.output import Study
+from perception.cli.studies.variant_figures import plot_over_frames, precision_tables
+from perception.errors import UsageError
+
+UNCHANGED = "all, pictures unchanged"
+
+
+def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
+    """Return a detector for each share of the frames, as many steps long, and one without augmentation.
+
+    Raises:
+        UsageError: a share is none, or there are none.
+    """
+    if not shares or min(shares) <= 0 or max(shares) > 1:
+        found = ", ".join(f"{share:g}" for share in shares) or "none"
+        raise UsageError("--shares", expected="shares above 0, at most 1", found=found)
+    variants = [
+        replace(
+            base,
+            name=f"{share:g} of all",
+            pictures=replace(base.pictures, training_share=share),
+            epochs=round(base.epochs / share),
+        )
+        for share in shares
+    ]
+    return [
+        *variants,
+        replace(base, name=UNCHANGED, pictures=replace(base.pictures, augment=False)),
+    ]
+
+
+def study_sim_to_real(
+    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+) -> Study:
+    """Train all, and draw average precision over the number of frames learned from."""
+    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    overlaps = judging.rules.overlaps
+    of_shares = {name: one for name, one in figures.items() if name != UNCHANGED}
+    modality = variants[0].detector.modality
+    plot_over_frames(
+        picture, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
+    )
+    return Study(
+        name="sim-to-real",
+        figure="none: the thesis trains on KITTI",
+        table="\n\n".join(
+            precision_tables("Shares of the training frames", figures, iou) for iou in overlaps
+        ),
+        numbers=figures,
+        conditions={"variants": variants, "training": conditions, "judging": judging},
+    )
