@@ -39,7 +39,7 @@ class FitRules:
         middle: cost of one that goes on to both sides of what is seen.
     """
 
-    least_points: int = 4
+    least_points: int = 3
     samples: int = 64
     trimmed: float = 0.02
     directions: int = 18

@@ -28,6 +28,7 @@ class PointRules:
         clearance_m: over the ground, from which on a point stands on it.
         highest_m: over the ground, of lorries and buses.
         model_error_m: by which the lowest point around may miss a ground model that is true there.
+        model_reach_m: from the LiDAR, beyond which a ground model knows no better than the scan.
         height_m: of a common car.
         nearer: standard deviation of the logarithm of depth over the depth at which a box would hold a
             common car, for nearer ones: small cars, and boxes that are drawn too high.
@@ -36,6 +37,7 @@ class PointRules:
         centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
         gap_m: between two points of one vehicle, seen from above, close to the sensor.
         gap_per_m: by which the gap grows with distance, as beams spread.
+        samples: points of a box that are clustered, evenly picked of more.
     """
 
     farthest_m: float = 100.0
@@ -43,7 +45,8 @@ class PointRules:
     reach_m: float = 1.5
     clearance_m: float = 0.2
     highest_m: float = 3.5
-    model_error_m: float = 0.5
+    model_error_m: float = 0.3
+    model_reach_m: float = 30.0
     height_m: float = 1.5
     nearer: float = 0.25
     farther: float = 0.5
@@ -51,6 +54,7 @@ class PointRules:
     centrality: float = 0.5
     gap_m: float = 0.4
     gap_per_m: float = 0.012
+    samples: int = 256
 
 
 @dataclass(frozen=True)
@@ -100,15 +104,21 @@ def find_points(
     calibration, size_px = camera
     near = _standing(points_velo, boxes_px, calibration.image_P_velo, size_px, ground, rules)
     box, point = _in_boxes(near.pixels, boxes_px)
-    likely = _likelihoods(near, boxes_px, box, point, camera, rules)
-    claimed = np.bincount(point, likely, len(near.rows))
-    say = np.divide(likely**2, claimed[point], out=np.zeros(len(box)), where=likely > 0)
-    labels = _clusters(near.xyz_m[point, :2], box, len(boxes_px), rules)
-    chosen = np.flatnonzero(_is_best(labels, box, say))
-    # Where boxes overlap a point may be of both their best clusters: of writes to a place the last stays.
-    chosen = chosen[np.argsort(say[chosen], kind="stable")]
+    places_m = _along_sight(near.xyz_m[point, :2], box, len(boxes_px))
+    # A few points of each box tell which cluster is the vehicle, and how far that reaches.
+    some = _some_of_each(box, rules.samples)
+    likely = _likelihoods(near, boxes_px, box[some], point[some], camera, rules)
+    claimed = np.bincount(point[some], likely, len(near.rows))[point[some]]
+    say = np.divide(likely**2, claimed, out=np.zeros(len(some)), where=likely > 0)
+    labels = _clusters(places_m[some], box[some], len(boxes_px), rules)
+    best = some[_is_best(labels, box[some], say)]
+    low_m, high_m = _extents(places_m[best], box[best], len(boxes_px))
+    own = np.flatnonzero(((places_m >= low_m[box]) & (places_m <= high_m[box])).all(axis=1))
+    # Where boxes overlap a point may be of two vehicles: of writes to a place the last stays.
+    likely = _likelihoods(near, boxes_px, box[own], point[own], camera, rules)
+    own = own[np.argsort(likely, kind="stable")]
     owners = np.full(len(near.rows), -1)
-    owners[point[chosen]] = box[chosen]
+    owners[point[own]] = box[own]
     kept = np.flatnonzero(owners >= 0)
     return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
 
@@ -133,8 +143,9 @@ def _standing(
     ground_m = lowest_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
-        # A model knows only its own area; far from what is seen it does not hold.
-        holds = np.abs(model_m - lowest_m) < rules.model_error_m
+        # A model goes on beyond what it was fitted to, but does not hold there.
+        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= rules.model_reach_m
+        holds = is_near & (np.abs(model_m - lowest_m) < rules.model_error_m)
         ground_m = np.where(holds, model_m, lowest_m)
     over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
     kept = np.flatnonzero((over_m >= rules.clearance_m) & (over_m <= rules.highest_m))
@@ -187,28 +198,44 @@ def _likelihoods(
     return np.asarray(np.exp(-(off_center + (ratio / deviation) ** 2) / 2))
 
 
-def _clusters(xy_m: Float64, box: Int, boxes: int, rules: PointRules) -> Int:
+def _along_sight(xy_m: Float64, box: Int, boxes: int) -> Float64:
+    """Turn (L, 2) places, box by box, into how far along the line of sight and how far left of it."""
+    sums_m = np.column_stack([np.bincount(box, xy_m[:, axis], boxes) for axis in (0, 1)])
+    away_m = np.hypot(sums_m[:, 0], sums_m[:, 1])
+    cos, sin = (sums_m / np.maximum(away_m, 1e-6)[:, None])[box].T
+    x, y = xy_m.T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+
+
+def _some_of_each(box: Int, most: int) -> Int:
+    """Return rows of (L,) rising numbers, evenly picked, so that none is there more often than that."""
+    counts = np.bincount(box)
+    starts = np.cumsum(counts) - counts
+    stride = -(-counts // most)
+    return np.flatnonzero((np.arange(len(box)) - starts[box]) % stride[box] == 0)
+
+
+def _clusters(places_m: Float64, box: Int, boxes: int, rules: PointRules) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
-    All boxes are clustered at once: each lies in a strip of its own, along its line of sight, measured in
-    its own gaps.
+    All boxes are clustered at once: each lies in a strip of its own, measured in its own gaps.
     """
-    if len(box) == 0:
-        return np.zeros(0, np.int64)
     counts = np.maximum(np.bincount(box, minlength=boxes), 1)
-    sums_m = np.column_stack([np.bincount(box, xy_m[:, axis], boxes) for axis in (0, 1)])
-    means_m = sums_m / counts[:, None]
-    away_m = np.hypot(means_m[:, 0], means_m[:, 1])
-    sight = means_m / np.maximum(away_m, 1e-6)[:, None]
-    gap_m = rules.gap_m + rules.gap_per_m * away_m
-    scaled, sight = xy_m / gap_m[box, None], sight[box]
-    along = (scaled * sight).sum(axis=1)
-    across = scaled[:, 1] * sight[:, 0] - scaled[:, 0] * sight[:, 1]
+    away_m = np.bincount(box, places_m[:, 0], boxes) / counts
+    along, left = (places_m / (rules.gap_m + rules.gap_per_m * away_m)[box, None]).T
     low, high = np.zeros(boxes), np.zeros(boxes)
-    np.minimum.at(low, box, across)
-    np.maximum.at(high, box, across)
+    np.minimum.at(low, box, left)
+    np.maximum.at(high, box, left)
     strips = np.cumsum(high - low + 3.0)
-    return cluster(np.column_stack([along, across - high[box] + strips[box]]), 1.0, 1)
+    return cluster(np.column_stack([along, left - high[box] + strips[box]]), 1.0, 1)
+
+
+def _extents(places_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
+    """Return (M, 2) least and greatest place in each box; least above greatest where there is none."""
+    low_m, high_m = np.full((boxes, 2), np.inf), np.full((boxes, 2), -np.inf)
+    np.minimum.at(low_m, box, places_m)
+    np.maximum.at(high_m, box, places_m)
+    return low_m, high_m
 
 
 def _is_best(labels: Int, box: Int, say: Float64) -> np.ndarray:
