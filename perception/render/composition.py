@@ -1,6 +1,5 @@
 """One picture that explains one frame: camera, scene in 3D, bird's-eye view, legend, stage times."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,22 +10,23 @@ from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
 from perception.render.follow_figures import FollowFigure
+from perception.render.footer import draw_footer
+from perception.render.map_panels import map_panels
 from perception.render.overlay import draw_overlay
-from perception.render.panels import FittedImage, LegendEntry, draw_legend, place_panel
+from perception.render.panels import FittedImage, LegendEntry, place_panel, title_height_px
 from perception.render.perspective import chase_camera, draw_perspective
-from perception.render.stage_bar import draw_stage_bar
 from perception.render.surface import Surface, sample_surface
-from perception.render.text import Align, draw_text
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
+from perception.render.vehicles import VehicleFigures
 from perception.types import Float64, Result, UInt8
 
 # The parts of the picture, as shares of its width and height.
 _LEFT_SHARE = 0.70
 _FOOTER_SHARE = 0.075
 _CAMERA_SHARE = 0.46
-_BAR_SHARES = (0.27, 0.86)
+_MAP_SHARE = 0.3  # of the view from behind
 _GUTTER_PX = 4
 # The bird's-eye view shows a little more than the area that is searched.
 _SURROUND_M = 1.0
@@ -35,6 +35,11 @@ _LEGEND: tuple[LegendEntry, ...] = (
     ("static", (palette.STATIC,)),
     ("moving", (palette.MOVING,)),
     ("tracks", palette.TRACKS),
+)
+_DETECTED: tuple[LegendEntry, ...] = (
+    ("in image", (palette.MODALITIES["rgb"],)),
+    ("in depth", (palette.MODALITIES["dm"],)),
+    ("in reflectance", (palette.MODALITIES["rm"],)),
 )
 _FOLLOWED: LegendEntry = ("followed", (palette.FOLLOWED,))
 
@@ -86,16 +91,19 @@ class Composition:
         behind = _draw_from_behind(scene, (left_px, body_px - behind_top_px))
         place_panel(canvas, camera, (0, 0), "Camera")
         place_panel(canvas, behind, (0, behind_top_px), "3D, from behind the vehicle")
+        self._place_maps(canvas, result, (left_px, behind_top_px))
         # Right: the same from above.
         right_px = left_px + _GUTTER_PX
         above = self._draw_from_above(scene, (width - right_px, body_px))
         place_panel(canvas, above, (right_px, 0), "From above")
         # Below: what the colours mean, and where the time went.
         is_tracking = trails is not None or len(result.tracks) > 0
-        legend = list(_LEGEND if is_tracking else _LEGEND[:-1])
+        legend = [list(_LEGEND if is_tracking else _LEGEND[:-1])]
         if followed is not None:
-            legend.append(_FOLLOWED)
-        self._draw_footer(canvas[body_px:], result, legend)
+            legend[0].append(_FOLLOWED)
+        if scene.vehicles is not None:
+            legend.append(list(_DETECTED))
+        draw_footer(canvas[body_px:], result, legend, self.turn_s)
         return canvas
 
     def _scene(
@@ -106,7 +114,17 @@ class Composition:
         surface = sample_surface(result.ground, self.area)
         figures = track_figures(result.tracks, paths_velo)
         style = TrackStyle.of_height(self.size_px[1])
-        return _Scene(result, surface, figures, style, followed)
+        return _Scene(result, surface, figures, style, followed, VehicleFigures.of(result))
+
+    def _place_maps(self, canvas: UInt8, result: Result, corner_px: tuple[int, int]) -> None:
+        """Put the maps into the corners of the view from behind in which it shows the least."""
+        right_px, top_px = corner_px
+        # Under the title of that view.
+        top_px += title_height_px(canvas)
+        largest_px = (round(right_px * _MAP_SHARE), self.size_px[1])
+        for place, (title, panel) in enumerate(map_panels(result, largest_px).items()):
+            left_px = right_px - panel.shape[1] if place else 0
+            place_panel(canvas, panel, (left_px, top_px), title)
 
     def _draw_from_above(self, scene: "_Scene", size_px: tuple[int, int]) -> UInt8:
         shown = LocalArea(
@@ -119,22 +137,6 @@ class Composition:
         scene.draw_tracks(panel, view.image_P_velo)
         return panel
 
-    def _draw_footer(self, canvas: UInt8, result: Result, legend: Sequence[LegendEntry]) -> None:
-        height, width = canvas.shape[:2]
-        text_px = round(0.19 * height)
-        legend_px = draw_legend(canvas, legend, text_px)
-        start, stop = (round(share * width) for share in _BAR_SHARES)
-        start = max(start, legend_px)
-        draw_stage_bar(canvas[:, start:stop], result.timings_s, self.turn_s, round(0.85 * text_px))
-        total_s = sum(result.timings_s.values())
-        lines = [f"frame {result.frame.index}   {result.frame.stamp_s:.1f} s"]
-        if total_s > 0:
-            lines.insert(0, f"{total_s * 1e3:.0f} ms = {1 / total_s:.0f} frames/s")
-        for line, words in enumerate(lines):
-            at = (width - 1.2 * text_px, height * (0.42 + 0.4 * line))
-            color = palette.FAINT_TEXT if line else palette.TEXT
-            draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
-
 
 @dataclass(frozen=True)
 class _Scene:
@@ -146,6 +148,7 @@ class _Scene:
         figures: its tracks.
         style: how large tracks are drawn.
         followed: the object that is followed by itself, or None.
+        vehicles: what was detected, or None where no detector looked.
     """
 
     result: Result
@@ -153,10 +156,27 @@ class _Scene:
     figures: TrackFigures
     style: TrackStyle
     followed: FollowFigure | None
+    vehicles: VehicleFigures | None
 
     def draw_tracks(self, panel: UInt8, image_P_velo: Float64) -> None:
-        """Draw the tracks over a view."""
+        """Draw tracks and vehicles over a view."""
         draw_tracks(panel, image_P_velo, self.figures, self.style)
+        if self.vehicles is not None:
+            self.vehicles.draw_in_space(panel, image_P_velo, self.style)
+        self._draw_followed(panel, image_P_velo)
+
+    def draw_on_image(self, fitted: FittedImage, image_P_velo: Float64) -> None:
+        """Draw tracks and vehicles over the camera's image, whose own boxes name the vehicles."""
+        picture, projection = fitted.picture, fitted.resizing.project(image_P_velo)
+        if self.vehicles is None:
+            self.draw_tracks(picture, projection)
+            return
+        draw_tracks(picture, projection, self.figures, self.style, self.vehicles.ids)
+        self.vehicles.draw_in_space(picture, projection, self.style)
+        self.vehicles.draw_on_image(picture, fitted.resizing, self.style)
+        self._draw_followed(picture, projection)
+
+    def _draw_followed(self, panel: UInt8, image_P_velo: Float64) -> None:
         if self.followed is not None:
             bold = replace(self.style, line_px=self.style.line_px + 1)
             self.followed.draw(panel, image_P_velo, bold)
@@ -171,7 +191,7 @@ def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:
     overlay = draw_overlay(image, image_P_velo, scene.surface, scene.result.obstacles)
     fitted = FittedImage.within(overlay, largest_px)
     # Lines and letters are drawn at the size at which they are seen.
-    scene.draw_tracks(fitted.picture, fitted.resizing.project(image_P_velo))
+    scene.draw_on_image(fitted, image_P_velo)
     return fitted.on_strip(largest_px[0])
 
 

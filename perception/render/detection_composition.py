@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
-import numpy as np
-
 from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.detections import DETECTED, PROPOSED, draw_boxes, draw_detections
@@ -83,9 +81,9 @@ class DetectionComposition:
     def _panel(self, scene: DetectionScene, image: UInt8) -> UInt8:
         """Return a picture with its boxes, enlarged with it."""
         fitted = FittedImage.within(image, self.panel_px)
-        draw_boxes(fitted.picture, _moved(fitted, scene.proposals_px), PROPOSED)
+        draw_boxes(fitted.picture, fitted.resizing.move_boxes(scene.proposals_px), PROPOSED)
         found = scene.detections
-        moved = replace(found, boxes_px=_moved(fitted, found.boxes_px))
+        moved = replace(found, boxes_px=fitted.resizing.move_boxes(found.boxes_px))
         draw_detections(fitted.picture, moved, _TEXT_PX)
         strip = blank_canvas(self.panel_px, palette.PANEL)
         centred = fitted.on_strip(self.panel_px[0])
@@ -101,8 +99,3 @@ class DetectionComposition:
         for row, words in enumerate((f"frame {scene.number}", counts)):
             baseline = (width - _TEXT_PX, (0.40 + 0.36 * row) * height)
             draw_text(canvas, words, baseline, height_px=_TEXT_PX, align=Align.RIGHT)
-
-
-def _moved(fitted: FittedImage, boxes_px: Float64) -> Float64:
-    corners = fitted.resizing.move(boxes_px.reshape(-1, 2))
-    return np.asarray(corners.reshape(-1, 4))

@@ -1,5 +1,7 @@
 """The colours of every picture, RGB 0..255, in one place."""
 
+from perception.types import Modality
+
 Color = tuple[int, int, int]
 
 # What the stages find (static red and moving green as in thesis Fig. 5.7).
@@ -24,6 +26,13 @@ INSIDE: Color = (60, 132, 255)
 RING: Color = (240, 62, 54)
 EGO_WAY: Color = (232, 84, 232)
 TRUTH: Color = (120, 235, 160)
+
+# Boxes of the detectors, by what they look at: the image, the depth map, the reflectance map.
+MODALITIES: dict[Modality, Color] = {
+    "rgb": (255, 168, 36),
+    "dm": (0, 214, 255),
+    "rm": (214, 110, 255),
+}
 
 # The picture around it.
 BACKGROUND: Color = (13, 15, 20)

@@ -24,11 +24,20 @@ def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: 
     height, width = panel.shape[:2]
     target = canvas[row : row + height, column : column + width]
     target[:] = panel
-    text_px = max(round(canvas.shape[0] / 80), 7)
+    text_px = _title_text_px(canvas)
     margin = text_px
-    tag = target[: 2 * text_px + 4, : text_width_px(title, text_px) + 2 * margin]
+    tag = target[: title_height_px(canvas), : text_width_px(title, text_px) + 2 * margin]
     tag[:] = tag // 3
     draw_text(target, title, (margin, 1.5 * text_px + 2), height_px=text_px)
+
+
+def title_height_px(canvas: UInt8) -> int:
+    """Return how high the titles of panels on a canvas are."""
+    return 2 * _title_text_px(canvas) + 4
+
+
+def _title_text_px(canvas: UInt8) -> int:
+    return max(round(canvas.shape[0] / 80), 7)
 
 
 def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:
@@ -72,6 +81,10 @@ class Resizing:
         """Return (N, 2) where pixels of the image lie in the picture."""
         transform = self.picture_T_image
         return np.asarray(pixels * transform.diagonal()[:2] + transform[:2, 2])
+
+    def move_boxes(self, boxes_px: Float64) -> Float64:
+        """Return (M, 4) where boxes x1 y1 x2 y2 of the image lie in the picture."""
+        return self.move(boxes_px.reshape(-1, 2)).reshape(-1, 4)
 
     def cut(self, image: UInt8, size_px: tuple[int, int]) -> UInt8:
         """Return the enlarged (height, width, 3) part; what lies beyond the image is blank."""

@@ -16,7 +16,7 @@ from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fill_polygons, project_strokes
 from perception.render.track_figures import Part, TrackFigures
 from perception.render.track_labels import draw_track_labels
-from perception.types import Bool, Float64, UInt8
+from perception.types import Bool, Float64, Int, UInt8
 
 _FRONT_OPACITY = 0.5
 # Brightness of each part: the way fades with its age.
@@ -44,7 +44,11 @@ class TrackStyle:
 
 
 def draw_tracks(
-    canvas: UInt8, image_P_velo: Float64, figures: TrackFigures, style: TrackStyle
+    canvas: UInt8,
+    image_P_velo: Float64,
+    figures: TrackFigures,
+    style: TrackStyle,
+    unnamed: Int | None = None,
 ) -> None:
     """Draw tracks onto a canvas, each in the colour of its id.
 
@@ -53,11 +57,14 @@ def draw_tracks(
         image_P_velo: (3, 4) projection to the canvas.
         figures: of (T) tracks.
         style: how large.
+        unnamed: ids of tracks that get no label.
     """
     if not len(figures.tracks):
         return
     colors = [palette.track_color(track) for track in figures.tracks.ids.tolist()]
     outlines = draw_track_figures(canvas, image_P_velo, figures, colors, style)
+    if unnamed is not None:
+        outlines[np.isin(figures.tracks.ids, unnamed)] = (0.0, 0.0, -1.0, -1.0)
     draw_track_labels(canvas, outlines, figures, style.text_px)
 
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from perception.render.palette import FAINT_TEXT, PANEL, STAGES, STATIC
-from perception.render.stage_bar import draw_stage_bar
+from perception.render.stage_bar import draw_stage_bar, draw_worker_bars
+from perception.types import StageSpan
 
 BAR_ROW = 20
 
@@ -32,3 +33,21 @@ def test_a_late_frame_shows_where_the_turn_ended(canvas):
 def test_more_stages_than_colours_are_drawn(canvas):
     draw_stage_bar(canvas, {f"stage {n}": 0.005 for n in range(12)}, turn_s=0.1, text_px=9)
     assert (canvas[BAR_ROW, 550:600] == STAGES[11 % len(STAGES)]).all()
+
+
+def test_each_worker_has_a_bar_of_its_own(canvas):
+    spans = [
+        StageSpan("registration", "above", 0.010, 0.030),
+        StageSpan("maps", "below", 0.020, 0.050),
+    ]
+    draw_worker_bars(canvas, spans, turn_s=0.1, text_px=9)
+    above, below = canvas[15], canvas[25]
+    assert (above[100:300] == STAGES[0]).all()
+    assert (below[200:500] == STAGES[1]).all()
+    assert (above[300:990] == PANEL).all()
+    assert (below[:200] == PANEL).all()
+
+
+def test_no_stage_is_an_empty_bar(canvas):
+    draw_worker_bars(canvas, [], turn_s=0.1, text_px=9)
+    assert (canvas[BAR_ROW, :998] == PANEL).all()

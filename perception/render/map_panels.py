@@ -1,0 +1,49 @@
+"""The maps that two of the detectors look at, small, with what they saw in them."""
+
+import cv2
+import numpy as np
+
+from perception.detection.modalities import map_picture
+from perception.maps.densify import densify
+from perception.maps.projection import project_frame
+from perception.render import palette
+from perception.render.detections import draw_boxes
+from perception.render.vehicles import likely_boxes_px
+from perception.types import Modality, Result, UInt8
+
+# As in the thesis' figures: near is bright.
+_COLOR_MAPS: dict[Modality, int] = {"dm": cv2.COLORMAP_TURBO, "rm": cv2.COLORMAP_BONE}
+# Of the picture, so much at its top is sky, where a LiDAR has no returns.
+_SKY_SHARE = 0.25
+_TITLES: dict[Modality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
+
+
+def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
+    """Return pictures by title, each within (width, height), of the maps that detectors looked at.
+
+    They are made anew here, which takes less time than it takes to keep them.
+    """
+    looked = [modality for modality in ("dm", "rm") if modality in result.modal]
+    if not looked:
+        return {}
+    dense = densify(project_frame(result.frame))
+    panels = {}
+    scale = min(largest_px[0] / dense.depth_m.shape[1], largest_px[1] / dense.depth_m.shape[0])
+    for modality in looked:
+        values = _smaller(map_picture(dense, modality), scale)
+        colors = cv2.applyColorMap(
+            255 - values if modality == "dm" else values, _COLOR_MAPS[modality]
+        )
+        picture: UInt8 = np.asarray(colors[:, :, ::-1], np.uint8).copy()
+        picture[~_smaller(dense.is_valid.view(np.uint8), scale).view(bool)] = palette.PANEL
+        # Pixels of the map whose centres are whole numbers, as in `Resizing`.
+        boxes_px = (likely_boxes_px(result.modal[modality]) + 0.5) * scale - 0.5
+        draw_boxes(picture, boxes_px, palette.MODALITIES[modality])
+        panels[_TITLES[modality]] = picture[round(_SKY_SHARE * len(picture)) :]
+    return panels
+
+
+def _smaller(values: UInt8, scale: float) -> UInt8:
+    """Take one pixel of many: between those that are known and those that are not lies nothing."""
+    size_px = (round(values.shape[1] * scale), round(values.shape[0] * scale))
+    return np.asarray(cv2.resize(values, size_px, interpolation=cv2.INTER_NEAREST), np.uint8)
