@@ -30,6 +30,7 @@ class LabelledPictures:
         self._places = [(drive, index) for drive in drives for index in range(len(drive))]
         self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
         self._keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
+        self._sizes_px: dict[int, tuple[int, int]] = {}
         self._labels: dict[int, Labels] = {}
 
     def __len__(self) -> int:
@@ -49,13 +50,15 @@ class LabelledPictures:
         return self._arrays(number)[self.rules.modality]
 
     def size_px(self, number: int) -> tuple[int, int]:
-        """Return the (width, height) of the picture of a frame before it was stretched.
+        """Return the (width, height) of the picture of a frame before it was stretched; make it if need be.
 
         Raises:
             PerceptionError: as `picture`.
         """
-        width, height = self._arrays(number)["size_px"].tolist()
-        return width, height
+        if number not in self._sizes_px:
+            width, height = self._arrays(number)["size_px"].tolist()
+            self._sizes_px[number] = width, height
+        return self._sizes_px[number]
 
     def labels(self, number: int) -> Labels:
         """Return the labels of a frame, in pixels of the original picture.

@@ -196,7 +196,7 @@ class PictureData(LightningDataModule):
         readable = []
         for number in numbers:
             try:
-                frames.picture(number)
+                frames.size_px(number)
             except PerceptionError as error:
                 if self.loading.on_bad_frame == "stop":
                     raise
