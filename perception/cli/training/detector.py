@@ -77,7 +77,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         validation_share: of the frames or drives.
         test_share: of them, kept out of both; the thesis' is 0.2.
         split: keep single frames back, or whole drives.
-        lists: two files of frame numbers, to learn from and to judge by, instead of shares.
+        lists: instead of shares, two files of frame numbers, to learn from and to judge by: "[train.txt, val.txt]".
         augment: whether pictures are changed at every look.
         preset: default; or thesis, the figures of 7.2.2, for yolov2.
         box_loss: squared, as published, or ciou; else that of the preset.

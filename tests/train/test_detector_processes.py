@@ -1,0 +1,75 @@
+"""Two processes train one detector together, and measure what both have seen."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from perception.detection.network_answers import seen_objects
+from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from train.checkpoints import read_checkpoint
+from train.detector import networks
+from train.detector.figures import ValidationBoxes, measure, precision_table
+from train.detector.networks import MODEL, load_detector
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import json, sys
+from pathlib import Path
+import torch
+from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from train.detector import networks
+from train.detector.descent import PRESETS, Descent
+from train.detector.networks import DetectorForm
+from train.detector.run import train_detector
+from train.detector.training import DetectorPlan
+from train.trainer import TrainerPlan
+torch.set_num_threads(1)
+networks.NETWORKS["tiny"] = tiny_network
+form = DetectorForm("dm", "tiny", ("Car",), SIZE)
+plan = DetectorPlan(form, Descent(learning_rate=0.02, averaging=0.8), PRESETS["default"].loss)
+trainer_plan = TrainerPlan(2, "cpu", devices=2, watched="validation/moderate")
+trained = train_detector(ToyPictures(4, repeats=16), plan, trainer_plan, Path(sys.argv[1]))
+if trained is not None:
+    print(json.dumps({"epoch": trained.epoch, **trained.counts}))
+"""
+
+
+def test_two_processes_train_one_detector(tmp_path, monkeypatch):
+    script = tmp_path / "train_together.py"
+    script.write_text(SCRIPT)
+    ran = subprocess.run(
+        [sys.executable, str(script), str(tmp_path / "out")],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "Warning" not in ran.stderr
+    assert "recommended" not in ran.stderr
+    (line,) = ran.stdout.splitlines()  # of one process only
+    assert json.loads(line)["validation_labels"] == 16
+    monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
+    detector, _ = load_detector(tmp_path / "out" / "last.ckpt")
+    saved = read_checkpoint(tmp_path / "out" / "last.ckpt", MODEL)
+    assert saved["global_step"] == 2 * 16 / 2
+    # Both saw every picture; a measure that counted them twice would call every second detection wrong.
+    samples, boxes = ToyPictures(4, repeats=1).training, ValidationBoxes(("Car",))
+    for row in range(len(samples)):
+        with torch.inference_mode():
+            decoded = detector.decode(detector(samples[row]["pictures"][None]))
+        seen = seen_objects(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
+        boxes.update([seen], torch.tensor([row]), process=0)
+    found = boxes.gathered(SIZE, np.array([samples.picture_size_px(0)] * len(samples)))
+    alone = precision_table(measure(samples.truth(), found, len(samples), ("Car",)))
+    for name, of_difficulty in alone.items():
+        assert saved["precision"][name] == pytest.approx(of_difficulty, abs=0.01)
+    assert alone["Car 0.5"]["moderate"] > 1

@@ -1,0 +1,303 @@
+"""How detectors learn: what is logged, that a batch is learned by heart, and going on after a kill."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from lightning.pytorch import Callback
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from perception.detection.network_answers import seen_objects
+from perception.errors import ModelError, UsageError
+from tests.train.toy_candidates import ToyCandidates
+from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from train.checkpoints import read_checkpoint
+from train.detector import networks
+from train.detector.anchors import fit_anchors
+from train.detector.descent import PRESETS, Descent
+from train.detector.networks import MODEL, DetectorForm, load_detector
+from train.detector.run import FirstWeights, callbacks, train_detector
+from train.detector.training import DetectorPlan
+from train.networks.depthcn import load_verifier
+from train.trainer import TrainerPlan, fit, make_trainer
+from train.verifier.training import PLANS, VerifierTraining
+
+QUICK = Descent(learning_rate=0.01, averaging=0.8)
+PLAN = DetectorPlan(
+    DetectorForm("dm", "tiny", ("Car",), SIZE),
+    QUICK,
+    PRESETS["default"].loss,
+    scales=(0.5, 1.0),
+    training_data="toys",
+)
+
+
+@pytest.fixture(autouse=True)
+def tiny(monkeypatch):
+    """Offer a small network, and share no work of milliseconds between threads."""
+    monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def plan_of(epochs, **other):
+    return TrainerPlan(epochs=epochs, accelerator="cpu", watched="validation/moderate", **other)
+
+
+def train(out, epochs=1, plan=PLAN, data=None, **other):
+    return train_detector(data or ToyPictures(), plan, plan_of(epochs), out, **other)
+
+
+class KilledAfter(Callback):
+    """Stops a training as Ctrl-C does, in the middle of an epoch."""
+
+    def __init__(self, step):
+        self._step = step
+
+    def on_train_batch_end(self, trainer, *args):
+        if trainer.global_step == self._step:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
+def test_everything_fits_together(tmp_path, modality, channels):
+    plan = replace(PLAN, form=replace(PLAN.form, modality=modality))
+    data = ToyPictures(channels=channels)
+    trained = train_detector(data, plan, plan_of(1, is_trial=True), tmp_path)
+    assert trained is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_batch_is_learned_by_heart(tmp_path):
+    plan = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    trained = train(
+        tmp_path, 3, plan, ToyPictures(11, repeats=40)
+    )  # 44 labels: 41 points of recall
+    figures = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
+    assert trained.precision == {"Car 0.7": figures, "Car 0.5": figures}
+    assert trained.counts["validation_labels"] == 44
+    losses = EventAccumulator(str(tmp_path)).Reload().Scalars("train/loss")
+    assert losses[-1].value < 0.1 * losses[0].value < 1
+
+
+def test_half_precision_learns_as_well(tmp_path):
+    plan = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    trainer_plan = replace(plan_of(1), precision="bf16-mixed")
+    trained = train_detector(ToyPictures(11, repeats=40), plan, trainer_plan, tmp_path)
+    assert trained.precision["Car 0.5"]["moderate"] > 90
+
+
+def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
+    whole = train(tmp_path / "whole", 4)
+    killed = tmp_path / "killed"
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            "train.detector.run.callbacks", lambda plan: [*callbacks(plan), KilledAfter(2 * 2 + 1)]
+        )
+        with pytest.raises(KeyboardInterrupt):
+            train(killed, 4)
+    load_detector(killed / "last.ckpt")
+    resumed = train(killed, 4, resume=killed / "last.ckpt")
+    first, second = (
+        read_checkpoint(path / "last.ckpt", MODEL) for path in (tmp_path / "whole", killed)
+    )
+    for part in ("state_dict", "current_model_state"):
+        assert set(first[part]) == set(second[part])
+        for name, weight in first[part].items():
+            torch.testing.assert_close(second[part][name], weight, rtol=0, atol=0, msg=name)
+    for key in ("epoch", "global_step", "lr_schedulers", "precision"):
+        assert first[key] == second[key]
+    assert (resumed.epoch, resumed.precision) == (whole.epoch, whole.precision)
+
+
+def test_the_anchors_are_those_of_the_labels(tmp_path):
+    data = ToyPictures()
+    train(tmp_path, data=data)
+    detector, facts = load_detector(tmp_path / "last.ckpt")
+    sizes_px = data.training.label_sizes_px()
+    wanted = fit_anchors(sizes_px, 5, np.random.default_rng(0)).anchors_px
+    np.testing.assert_allclose(detector.head.anchors_px.numpy(), wanted, rtol=1e-6)
+    assert facts["anchors"].split(",")[0] == f"{wanted[0, 0]:.1f}x{wanted[0, 1]:.1f}"
+
+
+def test_a_checkpoint_says_what_it_is(tmp_path):
+    trained = train(tmp_path, plan=replace(PLAN, anchors="default"))
+    detector, facts = load_detector(trained.checkpoint)
+    assert not detector.training
+    assert facts == {
+        "kind": "detector",
+        "network": "tiny",
+        "modality": "dm",
+        "classes": "Car",
+        "input_height": "64",
+        "input_width": "96",
+        "filling": "default",
+        "anchors": "19.1x13.4,37.6x22.6,66.8x36.0,102.2x63.1,165.4x90.7",
+        "training_data": "toys",
+        "revision": "unknown",
+        "epochs": "1",
+    }
+    assert DetectorForm.of_facts(facts) == PLAN.form
+
+
+def test_the_loaded_network_sees_what_was_measured(tmp_path):
+    data = ToyPictures(4, repeats=60)
+    train(tmp_path, 1, replace(PLAN, scales=(1.0, 1.0)), data)
+    detector, _ = load_detector(tmp_path / "best.ckpt")
+    with torch.inference_mode():
+        boxes_px, scores = detector.decode(detector(data.training[0]["pictures"][None]))
+    found = seen_objects(boxes_px[0].numpy(), scores[0].numpy(), ("Car",), SIZE)[:4]
+    found = found[np.lexsort((found.boxes_px[:, 0], found.boxes_px[:, 1] > 30))]
+    np.testing.assert_allclose(found.boxes_px, data.training.boxes_px[0], atol=3)
+
+
+def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
+    train(tmp_path / "first", 3)
+    still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12), anchors="default")
+    start = FirstWeights(checkpoint=tmp_path / "first" / "best.ckpt")
+    train(tmp_path / "second", 1, still, ToyPictures(6), first=start)
+    before, _ = load_detector(tmp_path / "first" / "best.ckpt")
+    after, _ = load_detector(tmp_path / "second" / "last.ckpt")
+    for (name, weight), found in zip(before.named_parameters(), after.parameters(), strict=True):
+        torch.testing.assert_close(found, weight, rtol=1e-4, atol=1e-6, msg=name)
+    torch.testing.assert_close(after.head.anchors_px, before.head.anchors_px)
+
+
+def test_training_ends_when_it_gets_no_better(tmp_path, monkeypatch):
+    monkeypatch.setattr("train.detector.training.mean_precision", lambda judged: {"moderate": 1.0})
+    train_detector(ToyPictures(), PLAN, replace(plan_of(9), patience=2), tmp_path)
+    assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
+
+
+def test_tensorboard_shows_what_is_promised(tmp_path):
+    train(tmp_path, 2)
+    events = EventAccumulator(str(tmp_path)).Reload()
+    tags = set(events.Tags()["scalars"])
+    terms = ("loss", "box_loss", "objects_loss", "no_objects_loss", "classes_loss", "prior_loss")
+    figures = [f"{level}{mark}" for level in ("easy", "moderate", "hard") for mark in ("", "_50")]
+    assert {f"{stage}/{name}" for stage in ("train", "validation") for name in terms} <= tags
+    assert {f"validation/{name}" for name in figures} <= tags
+    assert any(name.startswith("lr-") for name in tags)
+    assert len(events.Scalars("validation/moderate")) == 2
+    assert {"validation/pictures", "validation/curves"} <= set(events.Tags()["images"])
+    picture = events.Images("validation/pictures")[0]
+    assert (picture.width, picture.height) == (96, 5 * 64)
+
+
+@pytest.fixture
+def checkpoint(tmp_path):
+    train(tmp_path / "made")
+    return tmp_path / "made" / "last.ckpt"
+
+
+def other_form(**changes):
+    return replace(PLAN, form=replace(PLAN.form, **changes))
+
+
+@pytest.mark.parametrize(
+    ("plan", "sentence"),
+    [
+        (other_form(modality="rm"), "a detector whose modality is rm, found dm"),
+        (other_form(class_names=("Van",)), "a detector whose classes is Van, found Car"),
+        (other_form(network="compact"), "a detector whose network is compact, found tiny"),
+    ],
+)
+@pytest.mark.parametrize("how", ["resume", "start"])
+def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, plan, sentence, how):
+    given = {"resume": checkpoint} if how == "resume" else {"first": FirstWeights(checkpoint)}
+    with pytest.raises(ModelError, match=sentence):
+        train(tmp_path / "out", plan=plan, **given)
+
+
+def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
+    trainer = make_trainer(tmp_path, TrainerPlan(1, "cpu"))
+    fit(trainer, VerifierTraining(PLANS["default"]), ToyCandidates(8))
+    verifier = tmp_path / "last.ckpt"
+    for refuses in (
+        lambda: load_detector(verifier),
+        lambda: train(tmp_path / "out", resume=verifier),
+        lambda: train(tmp_path / "out", first=FirstWeights(verifier)),
+    ):
+        with pytest.raises(ModelError, match="a checkpoint of detector, found one of depthcn"):
+            refuses()
+    with pytest.raises(ModelError, match="a checkpoint of depthcn, found one of detector"):
+        load_verifier(checkpoint)
+
+
+def test_a_checkpoint_with_other_weights_is_refused(tmp_path, checkpoint, monkeypatch):
+    wider = partial(networks.CompactDetector, widths=(8, 16, 32, 24, 24), residuals=(0, 0, 0))
+    monkeypatch.setitem(
+        networks.NETWORKS, "tiny", lambda names, channels: wider(names, channels=channels)
+    )
+    with pytest.raises(ModelError, match="weights of tiny, found weights of other sizes"):
+        load_detector(checkpoint)
+
+
+@pytest.mark.parametrize("content", [b"", b"no checkpoint", None])
+def test_a_damaged_checkpoint_is_refused(tmp_path, checkpoint, content):
+    damaged = tmp_path / "damaged.ckpt"
+    damaged.write_bytes(checkpoint.read_bytes()[:2000] if content is None else content)
+    with pytest.raises(
+        ModelError, match="a checkpoint of detector, found a file that cannot be read"
+    ):
+        load_detector(damaged)
+
+
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, checkpoint, monkeypatch):
+    before = checkpoint.read_bytes()
+
+    def full(path, content):
+        path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("train.checkpoint_writer.write_whole", full)
+    with pytest.raises(ModelError, match="No space left on device; make room and go on"):
+        train(checkpoint.parent, 2, resume=checkpoint)
+    assert checkpoint.read_bytes() == before
+    load_detector(checkpoint)
+
+
+def test_only_one_start(tmp_path):
+    with pytest.raises(UsageError, match="at most one kind, found checkpoint, darknet"):
+        FirstWeights(checkpoint=Path("a"), darknet=Path("b"))
+
+
+@pytest.mark.parametrize(
+    ("first", "sentence"),
+    [
+        (FirstWeights(darknet=Path("a")), "Darknet weights: expected network yolov2, found tiny"),
+        (FirstWeights(backbone=Path("a")), "expected a trunk of torchvision, found tiny"),
+    ],
+)
+def test_weights_of_another_kind_of_network_are_refused(tmp_path, first, sentence):
+    with pytest.raises(UsageError, match=sentence):
+        train(tmp_path, first=first)
+
+
+def test_other_names_are_refused(tmp_path):
+    with pytest.raises(UsageError, match=r"compact, yolov2, .* such as resnet18, found resnet19"):
+        train(tmp_path, plan=other_form(network="resnet19"))
+    with pytest.raises(UsageError, match="rgb or dm or rm, found lidar"):
+        DetectorForm("lidar")
+
+
+def test_the_thesis_trained_like_this():
+    preset = PRESETS["thesis"]
+    way = preset.descent
+    found = (way.optimizer, way.learning_rate, way.momentum, way.weight_decay, preset.batch_size)
+    assert found == ("sgd", 0.001, 0.9, 0.0005, 64)
+    rate = way.rate_of_step(80_200)
+    shares = [rate(step) for step in (499, 999, 39_999, 40_000, 60_000, 80_199)]
+    np.testing.assert_allclose(shares, [1 / 16, 1, 1, 0.1, 0.01, 0.01])
+    assert (preset.loss.box, preset.loss.objectness) == ("squared", "squared")
+
+
+def test_only_weights_decay():
+    groups = QUICK.make_optimizer(tiny_network(("Car",), 1)).param_groups
+    decays = {one["weight_decay"]: {weight.ndim > 1 for weight in one["params"]} for one in groups}
+    assert decays == {QUICK.weight_decay: {True}, 0.0: {False}}
