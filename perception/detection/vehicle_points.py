@@ -7,6 +7,7 @@ other boxes claim it. The cluster of the greatest say is the vehicle.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -103,22 +104,15 @@ def find_points(
     """
     calibration, size_px = camera
     near = _standing(points_velo, boxes_px, calibration.image_P_velo, size_px, ground, rules)
-    box, point = _in_boxes(near.pixels, boxes_px)
-    places_m = _along_sight(near.xyz_m[point, :2], box, len(boxes_px))
-    # A few points of each box tell which cluster is the vehicle, and how far that reaches.
-    some = _some_of_each(box, rules.samples)
-    likely = _likelihoods(near, boxes_px, box[some], point[some], camera, rules)
-    claimed = np.bincount(point[some], likely, len(near.rows))[point[some]]
-    say = np.divide(likely**2, claimed, out=np.zeros(len(some)), where=likely > 0)
-    labels = _clusters(places_m[some], box[some], len(boxes_px), rules)
-    best = some[_is_best(labels, box[some], say)]
-    low_m, high_m = _extents(places_m[best], box[best], len(boxes_px))
-    own = np.flatnonzero(((places_m >= low_m[box]) & (places_m <= high_m[box])).all(axis=1))
-    # Where boxes overlap a point may be of two vehicles: of writes to a place the last stays.
-    likely = _likelihoods(near, boxes_px, box[own], point[own], camera, rules)
-    own = own[np.argsort(likely, kind="stable")]
-    owners = np.full(len(near.rows), -1)
-    owners[point[own]] = box[own]
+    claims = _Claims.of(near, boxes_px, rules)
+    likely = _likelihoods(near, boxes_px, claims, camera, rules)
+    claimed = np.bincount(claims.some_points, likely, len(near.rows))[claims.some_points]
+    say = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
+    # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle whose box it fills
+    # more; the other one is in what is left.
+    first = claims.owners(say, near.pixels, boxes_px)[claims.some_points]
+    is_left = (first < 0) | (first == claims.some_boxes)
+    owners = claims.owners(say * is_left, near.pixels, boxes_px)
     kept = np.flatnonzero(owners >= 0)
     return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
 
@@ -165,28 +159,76 @@ def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> 
     return np.asarray(is_near[rows, columns])
 
 
-def _in_boxes(pixels: Float64, boxes_px: Float64) -> tuple[Int, Int]:
-    """Return all pairs of a box and a point in it, box after box."""
-    u, v = pixels[:, 0], pixels[:, 1]
-    x1, y1, x2, y2 = boxes_px.T[:, :, None]
-    box, point = np.nonzero((u >= x1) & (u <= x2) & (v >= y1) & (v <= y2))
-    return box, point
+@dataclass(frozen=True)
+class _Claims:
+    """L pairs of a box and a point in it, box after box, of which S are clustered.
+
+    Attributes:
+        box: (L,).
+        point: (L,).
+        places_m: (L, 2) along the line of sight to the box, and to the left of it.
+        some: (S,) rows of pairs.
+        labels: (S,) their clusters; no two boxes have one in common.
+    """
+
+    box: Int
+    point: Int
+    places_m: Float64
+    some: Int
+    labels: Int
+
+    @classmethod
+    def of(cls, near: _Standing, boxes_px: Float64, rules: PointRules) -> Self:
+        """Pair boxes with points, and cluster those of each box."""
+        u, v = near.pixels[:, 0], near.pixels[:, 1]
+        x1, y1, x2, y2 = boxes_px.T[:, :, None]
+        box, point = np.nonzero((u >= x1) & (u <= x2) & (v >= y1) & (v <= y2))
+        places_m = _along_sight(near.xyz_m[point, :2], box, len(boxes_px))
+        some = _some_of_each(box, rules.samples)
+        labels = _clusters(places_m[some], box[some], len(boxes_px), rules)
+        return cls(box, point, places_m, some, labels)
+
+    @property
+    def some_boxes(self) -> Int:
+        """(S,)."""
+        return self.box[self.some]
+
+    @property
+    def some_points(self) -> Int:
+        """(S,)."""
+        return self.point[self.some]
+
+    def owners(self, say: Float64, pixels: Float64, boxes_px: Float64) -> Int:
+        """Return the box that each point belongs to by (S,) says, or -1.
+
+        To a box belongs what lies, from above, within its cluster of the greatest say.
+        """
+        best = self.some[_is_best(self.labels, self.some_boxes, say)]
+        low_m, high_m = _extents(self.places_m[best], self.box[best], len(boxes_px))
+        is_within = (self.places_m >= low_m[self.box]) & (self.places_m <= high_m[self.box])
+        own = np.flatnonzero(is_within.all(axis=1))
+        box, point = self.box[own], self.point[own]
+        low_px, high_px = _extents(pixels[point], box, len(boxes_px))
+        sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
+        filled = (np.where(low_px < high_px, high_px - low_px, 0.0) / sizes_px).prod(axis=1)
+        # Of what is written to one place, the last stays: the box that is filled best.
+        order = np.argsort(filled[box], kind="stable")
+        owners = np.full(len(pixels), -1)
+        owners[point[order]] = box[order]
+        return owners
 
 
 def _likelihoods(
     near: _Standing,
     boxes_px: Float64,
-    box: Int,
-    point: Int,
+    claims: _Claims,
     camera: tuple[Calibration, tuple[int, int]],
     rules: PointRules,
 ) -> Float64:
-    """Return (L,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
-    calibration, size_px = camera
-    middles, halves = (
-        (boxes_px[:, :2] + boxes_px[:, 2:]) / 2,
-        (boxes_px[:, 2:] - boxes_px[:, :2]) / 2,
-    )
+    """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
+    (calibration, size_px), box, point = camera, claims.some_boxes, claims.some_points
+    middles = (boxes_px[:, :2] + boxes_px[:, 2:]) / 2
+    halves = (boxes_px[:, 2:] - boxes_px[:, :2]) / 2
     off = (near.pixels[point] - middles[box]) / np.maximum(halves[box], 0.5)
     off_center = (off**2).sum(axis=1) / rules.centrality**2
     focal_px = float(calibration.image_P_cam[1, 1])
@@ -239,10 +281,10 @@ def _extents(places_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]
 
 
 def _is_best(labels: Int, box: Int, say: Float64) -> np.ndarray:
-    """Tell which pairs are of the cluster that has the greatest say in their box."""
+    """Tell which pairs are of the cluster that has the greatest say in their box, if any has one."""
     if len(labels) == 0:
         return np.zeros(0, bool)
     says = np.bincount(labels, say)
     most = np.zeros(int(box.max()) + 1)
     np.maximum.at(most, box, says[labels])
-    return np.asarray(says[labels] >= most[box])
+    return np.asarray((says[labels] >= most[box]) & (say > 0))

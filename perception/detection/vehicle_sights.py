@@ -142,9 +142,11 @@ def _seen_on_ground(
     is_expected = tracks.is_located & (distances <= rules.motion.gate)
     is_lost = view.stamp_s - tracks.located_s > rules.replacing_s
     anew = np.flatnonzero(sights.is_located & ~is_expected & (is_lost | ~tracks.is_located))
-    tracks = tracks.replaced(anew, _placed(tracks[anew], sights[anew], rules))
+    if len(anew):
+        tracks = tracks.replaced(anew, _placed(tracks[anew], sights[anew], rules))
     rows = np.flatnonzero(sights.is_located & is_expected)
-    tracks = tracks.replaced(rows, _corrected(tracks[rows], sights[rows], view, rules))
+    if len(rows):
+        tracks = tracks.replaced(rows, _corrected(tracks[rows], sights[rows], view, rules))
     both = np.concatenate([anew, rows])
     located_s = tracks.located_s.copy()
     located_s[both] = view.stamp_s

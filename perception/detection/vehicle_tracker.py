@@ -110,6 +110,8 @@ class VehicleTracker:
         doubtful = ~sure & (sights.scores >= rules.least_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
+            if not (len(chosen) and len(free)):
+                continue
             pairs = self._match(self._tracks[free], sights[chosen], view)
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
             corrected = see_again(self._tracks[rows], sights[seen], view, rules)
@@ -118,8 +120,9 @@ class VehicleTracker:
             free = free[pairs.unmatched_tracks]
         is_left = (self._row_of < 0) & (sights.scores >= rules.beginning_score)
         new = np.flatnonzero(is_left)
-        self._row_of[new] = len(self._tracks) + np.arange(len(new))
-        self._tracks = self._tracks.joined(begin(sights[new], view, rules))
+        if len(new):
+            self._row_of[new] = len(self._tracks) + np.arange(len(new))
+            self._tracks = self._tracks.joined(begin(sights[new], view, rules))
 
     def _match(self, tracks: VehicleTable, sights: Sights, view: View) -> Association:
         rules = self._rules
