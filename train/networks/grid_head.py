@@ -80,8 +80,11 @@ class GridHead(nn.Module):
         """Return what the raw predictions say, in float32."""
         raw = raw.float()
         boxes = box_corners(self.decode_boxes(raw))
-        shares = _as_list(raw[:, :, CLASSES]).softmax(dim=2)
-        scores = _as_list(raw[:, :, OBJECTNESS, None]).sigmoid() * shares
+        scores = _as_list(raw[:, :, OBJECTNESS, None]).sigmoid()
+        if (
+            len(self.class_names) > 1
+        ):  # the share of a single class is all, and takes long to compute
+            scores = scores * _as_list(raw[:, :, CLASSES]).softmax(dim=2)
         return DecodedBoxes(_as_list(boxes), scores)
 
     def decode_boxes(self, raw: Tensor) -> Tensor:
