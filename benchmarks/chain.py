@@ -1,6 +1,6 @@
 """The whole chain, frame after frame: speed, its worst frames, and memory."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,13 +34,15 @@ class ChainFigures:
     memory_end_mib: float
 
 
-def there_and_back(drive: Drive, frames: int) -> Iterator[Frame]:
+def there_and_back(
+    drive: Drive | Sequence[Frame], frames: int, turn_s: float = 0.1
+) -> Iterator[Frame]:
     """Yield so many frames by driving to the end, back in reverse, and so on, time going forward."""
     last = len(drive) - 1
     for number in range(frames):
         phase = number % (2 * last) if last else 0
         index = phase if phase <= last else 2 * last - phase
-        yield replace(drive[index], index=number, stamp_s=number / drive.sensor.rate_hz)
+        yield replace(drive[index], index=number, stamp_s=number * turn_s)
 
 
 def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainFigures:
@@ -48,7 +50,7 @@ def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainFig
     pipeline = Pipeline(drive.sensor, config)
     times: list[dict[str, float]] = []
     memory_start = resident_mib()
-    for number, frame in enumerate(there_and_back(drive, frames)):
+    for number, frame in enumerate(there_and_back(drive, frames, 1 / drive.sensor.rate_hz)):
         times.append(pipeline.step(frame).timings_s)
         if number == frames // 5:
             memory_start = resident_mib()

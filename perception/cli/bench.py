@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Literal
@@ -17,6 +18,7 @@ from perception.cli.table import format_table
 from perception.errors import ModelError, PerceptionError
 from perception.geometry.threads import one_blas_thread
 from perception.pipeline import PipelineConfig
+from perception.pipeline.detection_choice import DetectionChoice
 from perception.sensor import HDL_64E, sensor_named
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Part = Literal[
-    "all", "chain", "registration", "ground", "voxels", "motion",
+    "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
     "objects", "map", "filters", "following", "colors", "maps",
     "clusters", "turns", "proposals", "depthcn", "average-precision", "detectors",
 ]  # fmt: skip
@@ -39,6 +41,7 @@ def bench(  # noqa: PLR0913 - flags of a command
     part: Part = "all",
     frames: int = 30,
     chain_frames: int = 150,
+    detection: DetectionChoice = DetectionChoice(),  # noqa: B008 - frozen
     json: Path | None = None,
 ) -> None:
     """Time every stage beside its plain form, the thesis' form and the best library, in one run.
@@ -53,27 +56,33 @@ def bench(  # noqa: PLR0913 - flags of a command
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         part: one stage, the chain, or all but the detectors, whose networks take a minute to make.
         frames: for each stage.
-        chain_frames: for the whole chain, driving there and back; 1000 shows that memory stays flat.
+        chain_frames: for the whole chain and for the pipeline, driving there and back; 1000 shows that memory stays flat.
+        detection: which detectors are part of the pipeline.
         json: gets the same figures.
     """
-    chain, stages, parts = _benchmarks()
+    chain, pipeline, stages, parts = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
-    shows = part in ("all", "following", "detectors")
+    shows = part in ("all", "pipeline", "following", "detectors")
     opened: Drive = (
         SyntheticDrive(frames, sensor=model, images=shows)
         if drive is None
         else open_drive(drive, sequence=sequence, sensor=sensor, images=shows or part == "maps")
     )
-    config = PipelineConfig()
+    config = PipelineConfig.for_motion()
     machine = describe_machine()
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
     document: dict[str, object] = {"drive": opened.name, "machine": machine, "config": config}
+    if part in ("all", "pipeline"):
+        ways = pipeline.measure_pipeline(opened, chain_frames, PipelineConfig(detection=detection))
+        print(f"{pipeline.pipeline_table(ways)}\n", flush=True)
+        document["pipeline"] = ways
     if part in ("all", "chain"):
+        thesis = PipelineConfig.for_motion("thesis")
         figures = {
             "default": chain.measure_chain(opened, chain_frames, config),
             # The thesis' form is some thirty times slower: a tenth of the frames shows it.
             "thesis": chain.measure_chain(
-                opened, max(chain_frames // 10, 10), PipelineConfig("thesis", "thesis")
+                opened, max(chain_frames // 10, 10), replace(thesis, method="thesis")
             ),
         }
         print(f"{_chain_table(figures)}\n", flush=True)
@@ -101,7 +110,7 @@ def bench(  # noqa: PLR0913 - flags of a command
 def _benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, parts, stages
+        from benchmarks import chain, parts, pipeline, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -109,7 +118,7 @@ def _benchmarks() -> tuple[ModuleType, ...]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, stages, parts
+    return chain, pipeline, stages, parts
 
 
 def _chain_table(figures: dict[str, "ChainFigures"]) -> str:

@@ -1,0 +1,123 @@
+"""Every stage together: one after another, side by side, and as frames come from a LiDAR; and memory."""
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.chain import there_and_back
+from benchmarks.measure import resident_mib
+from data.drive import Drive
+from perception.cli.stage_times import StageTimes
+from perception.cli.table import format_table
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.types import Frame, Result
+
+_NAMES = ("median", "p99")
+# So many frames of a drive are kept in memory, so that reading is not measured.
+_KEPT = 60
+
+
+@dataclass(frozen=True)
+class Ways:
+    """What one way of giving frames to the pipeline took.
+
+    Attributes:
+        frames: that came.
+        dropped: of them, those that were passed over.
+        frames_per_s: results in a second.
+        median_ms: from the arrival of a frame to its result.
+        p99_ms: 99th percentile.
+        stages: by stage and for all together, median and 99th percentile in ms.
+        memory_start_mib: after the first fifth of the frames.
+        memory_end_mib: after the last.
+    """
+
+    frames: int
+    dropped: int
+    frames_per_s: float
+    median_ms: float
+    p99_ms: float
+    stages: dict[str, dict[str, float]]
+    memory_start_mib: float
+    memory_end_mib: float
+
+
+def measure_pipeline(drive: Drive, frames: int, config: PipelineConfig) -> dict[str, Ways]:
+    """Run everything over so many frames of a drive, in three ways."""
+    kept = [drive[index] for index in range(min(len(drive), _KEPT))]
+    turn_s = 1 / drive.sensor.rate_hz
+    ways: dict[str, Ways] = {}
+    with Pipeline(drive.sensor, replace(config, overlap=False)) as pipeline:
+        given = there_and_back(kept, frames, turn_s)
+        ways["one stage after another"] = _measure(map(pipeline.step, given), frames)
+    with Pipeline(drive.sensor, config) as pipeline:
+        given = there_and_back(kept, frames, turn_s)
+        ways["side by side"] = _measure(map(pipeline.step, given), frames)
+        pipeline.reset()
+        given = there_and_back(kept, frames, turn_s)
+        with pipeline.stream(_as_they_come(given, turn_s), "latest") as results:
+            name = f"as they come, {drive.sensor.rate_hz:.0f} a second, the latest"
+            ways[name] = replace(_measure(results, frames), dropped=results.dropped)
+    return ways
+
+
+def pipeline_table(ways: Mapping[str, Ways]) -> str:
+    """Return speed, latency and memory of each way, and when stages run one after another what each takes."""
+    rows = [
+        [
+            name,
+            str(way.frames),
+            str(way.dropped),
+            f"{way.frames_per_s:.1f}",
+            f"{way.median_ms:.1f}",
+            f"{way.p99_ms:.1f}",
+            f"{way.memory_start_mib:.0f} to {way.memory_end_mib:.0f}",
+        ]
+        for name, way in ways.items()
+    ]
+    header = ("", "frames", "dropped", "results/s", "median ms", "99 % ms", "MiB")
+    alone, beside = list(ways.values())[:2]
+    stages = [
+        [
+            stage,
+            *(f"{of[stage][name]:.1f}" for of in (alone.stages, beside.stages) for name in _NAMES),
+        ]
+        for stage in alone.stages
+    ]
+    head = ("stage", "median ms", "99 % ms", "side by side", "99 % ms")
+    return "\n\n".join(
+        [
+            format_table("all stages: from a frame's arrival to its result", header, rows),
+            format_table("stages, one after another and side by side", head, stages),
+        ]
+    )
+
+
+def _as_they_come(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
+    """Yield a frame each turn of the LiDAR, late ones at once."""
+    start_s = time.perf_counter()
+    for number, frame in enumerate(frames):
+        time.sleep(max(start_s + number * turn_s - time.perf_counter(), 0.0))
+        yield frame
+
+
+def _measure(results: Iterable[Result], frames: int) -> Ways:
+    times, start_s = StageTimes(), time.perf_counter()
+    memory_start = resident_mib()
+    for number, result in enumerate(results):
+        times.add(result)
+        if number == frames // 5:
+            memory_start = resident_mib()
+    elapsed_s = time.perf_counter() - start_s
+    return Ways(
+        frames=frames,
+        dropped=0,
+        frames_per_s=len(times.spans) / elapsed_s,
+        median_ms=1e3 * float(np.median(times.latencies_s)),
+        p99_ms=1e3 * float(np.percentile(times.latencies_s, 99)),
+        stages=times.to_json(),
+        memory_start_mib=memory_start,
+        memory_end_mib=resident_mib(),
+    )
