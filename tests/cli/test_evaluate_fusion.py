@@ -74,6 +74,7 @@ def test_table_of_all_rows(car_frames, known_scenes, tmp_path, capsys):
     assert "12.50" in cells(printed, "depth")
     assert cells(printed, "fusion on scores")[-3:] == ["74.21", "62.18", "54.06"]
     assert cells(printed, "fusion on scores, gain")[-3:] == ["+0.28", "+0.49", "+0.06"]
+    assert "12.50" in cells(printed, "all found, nothing else")
     # The ghosts come first: of nine, six are right at the end.
     document = json.loads(out.read_text())
     drive = document["results"][str(car_frames)]
@@ -95,6 +96,8 @@ def test_what_is_left_where_modalities_are_lost(car_frames, known_scenes, tmp_pa
     printed = capsys.readouterr().out
     assert "Modalities lost: our fusion of what is left, IoU over 0.5" in printed
     assert "12.50" in cells(printed, "depth + reflectance")
+    # The thesis' figures are of an overlap of 0.7.
+    assert cells(printed, "fusion on scores")[-3:] == ["-", "-", "-"]
     left = json.loads(out.read_text())["results"][str(car_frames)]["left"]
     assert list(left) == ["rgb+dm", "rgb+rm", "dm+rm", "rgb", "dm", "rm"]
     gains = {name: one["gain_points"]["0.5"]["moderate"]["points"] for name, one in left.items()}

@@ -1,5 +1,6 @@
 """The frames in which a detector makes most mistakes, drawn as it saw them."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -23,8 +24,9 @@ _JUDGED = DIFFICULTIES[-1]  # where most objects count
 def draw_worst(
     folder: Path, drive: Drive, network: ModalityDetector, measured: MeasuredDetector, most: int
 ) -> None:
-    """Write pictures NAME_CLASS_RANK_NUMBER.jpg of the worst frames of every class."""
+    """Write pictures DRIVE_CLASS_RANK_NUMBER.jpg of the worst frames of every class."""
     seen = measured.seen
+    drive_name = "_".join(re.findall(r"\w+", seen.data.name))
     for of_class, precision in measured.precision.items():
         judged = of_class.at_iou(next(iter(precision.reports)))
         found = seen.beside([look.detections for look in seen.looks])
@@ -38,9 +40,9 @@ def draw_worst(
                 judged,
                 mistakes.threshold,
             )
-            name = f"{drive.name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
+            name = f"{drive_name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
             _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1])
-            write_whole(folder / name.replace("/", "_"), encoded.tobytes())
+            write_whole(folder / name, encoded.tobytes())
 
 
 def _with_mistakes(

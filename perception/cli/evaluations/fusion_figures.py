@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.evaluations.class_precision import ClassPrecision, interval_cell, notes_on_few
+from perception.cli.evaluations.class_precision import ClassPrecision, interval_cell
 from perception.cli.evaluations.detection_figures import CONFIDENCE
 from perception.cli.evaluations.fusion_measure import Gain, MeasuredFusion
 from perception.cli.evaluations.fusion_steps import MODALITY_NAMES, STEP_NAMES, VARIANT_NAMES
 from perception.cli.table import Cell, format_table
+from perception.evaluation.detection.curve import best_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import PrecisionPanel
 
@@ -21,7 +22,10 @@ THESIS_PERCENT: Mapping[str, tuple[float, float, float]] = {
     VARIANT_NAMES["scores"]: (74.21, 62.18, 54.06),
     VARIANT_NAMES["features"]: (75.13, 62.74, 55.10),
 }
+_THESIS_IOU = 0.7
 _LEVELS = tuple(one.name for one in DIFFICULTIES)
+_NO_THESIS: list[Cell] = [None] * len(_LEVELS)
+_PERFECT_NAME = "all found, nothing else"
 _STEPS_AT = "moderate"
 
 
@@ -33,17 +37,17 @@ def fusion_tables(measured: MeasuredFusion) -> str:
         for iou in overlaps
         for table in (_rows_table(measured, iou), _losses_table(measured, iou))
     ]
-    notes = [*notes_on_few(list(measured.rows.values())), *_calibration_notes(measured)]
-    return "\n\n".join([*tables, "\n".join(notes)])
+    return "\n\n".join([*tables, "\n".join(_notes(measured))])
 
 
 def _rows_table(measured: MeasuredFusion, iou: float) -> str:
     rows: list[list[Cell]] = []
     for name, precision in measured.rows.items():
-        rows.append([name, *_precision_cells(precision, iou), *_thesis_cells(name)])
+        rows.append([name, *_precision_cells(precision, iou), *_thesis_cells(name, iou)])
+    rows.append([_PERFECT_NAME, *_perfect_cells(measured), *_NO_THESIS])
     for name in _fused_names(measured):
         gains = [measured.gain(name, iou, level) for level in _LEVELS]
-        rows.append([f"{name}, gain", *_gain_cells(gains), *_thesis_gains(name)])
+        rows.append([f"{name}, gain", *_gain_cells(gains), *_thesis_gains(name, iou)])
     data, averaged = measured.data, next(iter(measured.rows.values())).averaged
     title = (
         f"{data.name} ({data.kind}, {data.frames_evaluated} frames): AP R{averaged} %, IoU over {iou:g}; "
@@ -91,20 +95,31 @@ def _fused_names(measured: MeasuredFusion) -> list[str]:
     return list(measured.rows)[len(measured.modalities) :]
 
 
-def _thesis_cells(name: str) -> list[Cell]:
-    if name not in THESIS_PERCENT:
-        return [None] * len(_LEVELS)
+def _perfect_cells(measured: MeasuredFusion) -> Iterator[Cell]:
+    """Yield what finding all objects and nothing else comes to."""
+    first = next(iter(measured.rows.values()))
+    for level in _LEVELS:
+        objects = first.objects[level]
+        yield f"{best_ap(objects, first.averaged):.2f}" if objects else None
+        yield None
+
+
+def _thesis_cells(name: str, iou: float) -> list[Cell]:
+    if name not in THESIS_PERCENT or iou != _THESIS_IOU:
+        return _NO_THESIS
     return [f"{percent:.2f}" for percent in THESIS_PERCENT[name]]
 
 
-def _thesis_gains(name: str) -> list[Cell]:
-    if name not in THESIS_PERCENT:
-        return [None] * len(_LEVELS)
+def _thesis_gains(name: str, iou: float) -> list[Cell]:
+    if name not in THESIS_PERCENT or iou != _THESIS_IOU:
+        return _NO_THESIS
     best = THESIS_PERCENT[MODALITY_NAMES["rgb"]]
     return [f"{own - single:+.2f}" for own, single in zip(THESIS_PERCENT[name], best, strict=True)]
 
 
-def _calibration_notes(measured: MeasuredFusion) -> Iterator[str]:
+def _notes(measured: MeasuredFusion) -> Iterator[str]:
+    objects = next(iter(measured.rows.values())).objects
+    yield "Objects: " + ", ".join(f"{objects[level]} {level}" for level in _LEVELS)
     yield "Expected calibration error, in points: " + ", ".join(
         f"{name} {100 * one.expected_error:.1f}" for name, one in measured.reliability.items()
     )
