@@ -1,54 +1,45 @@
-"""Located vehicles as result rows of KITTI's benchmarks: the object benchmark's, and for tracks the tracking one's."""
+"""Followed vehicles as result rows of KITTI's tracking benchmark: boxes in the image, and on the road."""
 
 import numpy as np
 
 from data.kitti.labels import alphas_rad, boxes_to_cam
-from data.kitti.tracking_rows import TrackingRows, format_result_rows
-from perception.types import Bool, Calibration, Vehicles
+from data.kitti.tracking_rows import TrackingRows
+from perception.types import Calibration, Float64, Vehicles
 
-# What the rows do not say, and h w l x y z ry of what has no box in space.
-_UNKNOWN = -1.0
-_UNKNOWN_ALPHA_RAD = -10.0
-_NOWHERE = (-1.0, -1.0, -1.0, -1000.0, -1000.0, -1000.0, -10.0)
+# What the format says of what a tracker does not know.
+_NO_LEVEL, _NO_SIZE, _NO_PLACE, _NO_ANGLE = -1.0, -1.0, -1000.0, -10.0
 
 
-def vehicle_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
-    """Return a row for each of M vehicles; those that are not followed have the id -1.
+def to_vehicle_rows(
+    frame: int, vehicles: Vehicles, calibration: Calibration, least_score: float = 0.0
+) -> TrackingRows:
+    """Return a row for each vehicle that has an id; of one without a 3D box, the box in the image alone.
 
     Args:
         frame: its number.
-        vehicles: located ones.
+        vehicles: of the frame.
         calibration: of the camera.
+        least_score: of a row.
     """
-    found, boxes = vehicles.fused.detections, vehicles.boxes
+    detections = vehicles.fused.detections
+    rows = np.flatnonzero((vehicles.ids >= 0) & (detections.scores >= least_score))
+    boxes, detections = vehicles.boxes[rows], detections[rows]
     columns = boxes_to_cam(boxes, calibration)
-    alphas = alphas_rad(boxes, columns[:, 6])
-    is_known: Bool = np.asarray(np.isfinite(columns).all(axis=1))
-    columns = np.where(is_known[:, None], columns, _NOWHERE)
+    unknown = np.full(len(rows), _NO_LEVEL)
     return TrackingRows(
-        frames=np.full(len(found), frame, np.int64),
-        ids=vehicles.ids,
-        types=found.types,
-        truncation=np.full(len(found), _UNKNOWN),
-        occlusion=np.full(len(found), _UNKNOWN),
-        alphas_rad=np.where(is_known, alphas, _UNKNOWN_ALPHA_RAD),
-        boxes_px=found.boxes_px,
-        sizes_hwl_m=columns[:, :3],
-        bottoms_cam_m=columns[:, 3:6],
-        headings_rad=columns[:, 6],
-        scores=found.scores,
+        frames=np.full(len(rows), frame, np.int64),
+        ids=vehicles.ids[rows],
+        types=detections.types,
+        truncation=unknown,
+        occlusion=unknown,
+        alphas_rad=_known(alphas_rad(boxes, columns[:, 6]), _NO_ANGLE),
+        boxes_px=detections.boxes_px,
+        sizes_hwl_m=_known(columns[:, :3], _NO_SIZE),
+        bottoms_cam_m=_known(columns[:, 3:6], _NO_PLACE),
+        headings_rad=_known(columns[:, 6], _NO_ANGLE),
+        scores=detections.scores,
     )
 
 
-def format_object_rows(rows: TrackingRows) -> str:
-    """Return the 16 columns of the object benchmark of one frame's rows, each with its line end.
-
-    They are those of the tracking benchmark without frame and id.
-    """
-    lines = format_result_rows(rows).splitlines()
-    return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
-
-
-def format_track_rows(rows: TrackingRows) -> str:
-    """Return the 18 columns of the tracking benchmark of the rows that belong to a track."""
-    return format_result_rows(rows[rows.ids >= 0])
+def _known(values: Float64, otherwise: float) -> Float64:
+    return np.where(np.isfinite(values), values, otherwise)

@@ -10,6 +10,7 @@ from perception.cli.evaluations.obstacles import obstacles
 from perception.cli.evaluations.otd import otd
 from perception.cli.evaluations.robustness import robustness
 from perception.cli.evaluations.tracks import tracks
+from perception.cli.evaluations.vehicles import vehicles
 
 COMMANDS = {
     "ground": ground,
@@ -22,4 +23,5 @@ COMMANDS = {
     "detector": detector,
     "fusion": fusion,
     "robustness": robustness,
+    "vehicles": vehicles,
 }
