@@ -1,12 +1,12 @@
-"""Followed vehicles as result rows of KITTI's tracking benchmark: boxes in the image, and on the road."""
+"""Located vehicles as result rows of KITTI's benchmarks: the object benchmark's, and the tracking one's."""
 
 import numpy as np
 
 from data.kitti.labels import alphas_rad, boxes_to_cam
-from data.kitti.tracking_rows import TrackingRows
+from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from perception.types import Calibration, Float64, Vehicles
 
-# What the format says of what a tracker does not know.
+# What the formats say of what is not known.
 _NO_LEVEL, _NO_SIZE, _NO_PLACE, _NO_ANGLE = -1.0, -1.0, -1000.0, -10.0
 
 
@@ -21,14 +21,27 @@ def to_vehicle_rows(
         calibration: of the camera.
         least_score: of a row.
     """
-    detections = vehicles.fused.detections
-    rows = np.flatnonzero((vehicles.ids >= 0) & (detections.scores >= least_score))
-    boxes, detections = vehicles.boxes[rows], detections[rows]
+    rows = _all_rows(frame, vehicles, calibration)
+    return rows[(rows.ids >= 0) & (rows.scores >= least_score)]
+
+
+def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:
+    """Return the rows of one frame for the object benchmark, 16 columns each, with its line end.
+
+    Every vehicle has one, followed or not: the benchmark judges the whole range of scores.
+    """
+    # The columns of the tracking benchmark, less frame and id.
+    lines = format_result_rows(_all_rows(0, vehicles, calibration)).splitlines()
+    return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
+
+
+def _all_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
+    detections, boxes = vehicles.fused.detections, vehicles.boxes
     columns = boxes_to_cam(boxes, calibration)
-    unknown = np.full(len(rows), _NO_LEVEL)
+    unknown = np.full(len(vehicles), _NO_LEVEL)
     return TrackingRows(
-        frames=np.full(len(rows), frame, np.int64),
-        ids=vehicles.ids[rows],
+        frames=np.full(len(vehicles), frame, np.int64),
+        ids=vehicles.ids,
         types=detections.types,
         truncation=unknown,
         occlusion=unknown,

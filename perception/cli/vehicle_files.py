@@ -15,7 +15,8 @@ import numpy as np
 
 from data.drive import Drive
 from data.frames import file_number
-from data.kitti.vehicle_results import format_object_rows, format_track_rows, vehicle_rows
+from data.kitti.tracking_rows import format_result_rows
+from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
 from data.whole_file import write_whole
 from perception.geometry.angles import wrap
 from perception.types import MODALITIES, Float64, Result, Vehicles
@@ -46,14 +47,15 @@ class VehicleFiles:
         vehicles, calibration = result.vehicles, result.frame.calibration
         if vehicles is None or calibration is None:
             return
-        rows = vehicle_rows(result.frame.index, vehicles, calibration)
         number = file_number(self._drive, result.frame.index)
-        write_whole(self._out / "data" / f"{number:06d}.txt", format_object_rows(rows).encode())
+        rows = format_object_rows(vehicles, calibration)
+        write_whole(self._out / "data" / f"{number:06d}.txt", rows.encode())
         if self._lines is None:
             self._lines = (self._out / "vehicles.jsonl").open("w", buffering=1)
         self._lines.write(json.dumps(vehicle_line(result, vehicles)) + "\n")
         if self._drive.is_sequence:
-            self._write_tracks(format_track_rows(rows))
+            followed = to_vehicle_rows(result.frame.index, vehicles, calibration)
+            self._write_tracks(format_result_rows(followed))
 
     def _write_tracks(self, rows: str) -> None:
         if self._rows is None:

@@ -5,8 +5,8 @@ import pytest
 
 from data.kitti.detection_rows import read_detection_set
 from data.kitti.labels import read_object_labels
-from data.kitti.tracking_rows import read_result_rows
-from data.kitti.vehicle_results import format_object_rows, format_track_rows, vehicle_rows
+from data.kitti.tracking_rows import format_result_rows, read_result_rows
+from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
 from perception.types import Boxes3D, Calibration, Detections, FusedDetections, Vehicles
 
 CALIBRATION = Calibration(
@@ -42,7 +42,7 @@ def vehicles():
 
 
 def test_rows_are_what_the_benchmarks_server_takes(vehicles):
-    rows = format_object_rows(vehicle_rows(3, vehicles, CALIBRATION)).splitlines()
+    rows = format_object_rows(vehicles, CALIBRATION).splitlines()
     first, second = (row.split() for row in rows)
     assert len(first) == len(second) == 16
     assert (first[:3], second[:3]) == (["Car", "-1", "-1"], ["Car", "-1", "-1"])
@@ -57,7 +57,7 @@ def test_rows_are_what_the_benchmarks_server_takes(vehicles):
 
 
 def test_our_own_evaluator_reads_what_was_written(vehicles, tmp_path):
-    text = format_object_rows(vehicle_rows(0, vehicles, CALIBRATION))
+    text = format_object_rows(vehicles, CALIBRATION)
     label = "Car 0.00 0 -1.57 500 150 620.25 240 1.5 1.8 4.2 -2.0 1.78 20.0 -1.57\n"
     for folder, content in (("results/data", text), ("label_2", label)):
         (tmp_path / folder).mkdir(parents=True)
@@ -70,7 +70,7 @@ def test_our_own_evaluator_reads_what_was_written(vehicles, tmp_path):
 
 def test_boxes_read_back_in_the_lidar_frame(vehicles, tmp_path):
     path = tmp_path / "000000.txt"
-    path.write_text(format_object_rows(vehicle_rows(0, vehicles, CALIBRATION)))
+    path.write_text(format_object_rows(vehicles, CALIBRATION))
     read = read_object_labels(path, CALIBRATION).boxes_velo
     np.testing.assert_allclose(read.bottom_m[0], [20.27, 2.0, -1.7], atol=2e-6)
     np.testing.assert_allclose(read.size_m[0], [4.2, 1.8, 1.5], atol=1e-6)
@@ -79,11 +79,10 @@ def test_boxes_read_back_in_the_lidar_frame(vehicles, tmp_path):
 
 def test_only_followed_vehicles_are_rows_of_the_tracking_benchmark(vehicles, tmp_path):
     path = tmp_path / "0000.txt"
-    path.write_text(format_track_rows(vehicle_rows(3, vehicles, CALIBRATION)))
+    path.write_text(format_result_rows(to_vehicle_rows(3, vehicles, CALIBRATION)))
     rows = read_result_rows(path, 4)
     assert (rows.frames.tolist(), rows.ids.tolist(), rows.scores.tolist()) == ([3], [7], [0.875])
 
 
-def test_no_vehicles_are_no_rows(vehicles):
-    none = vehicle_rows(0, vehicles, CALIBRATION)[np.zeros(0, np.int64)]
-    assert format_object_rows(none) == format_track_rows(none) == ""
+def test_unlikely_vehicles_can_be_left_out(vehicles):
+    assert len(to_vehicle_rows(3, vehicles, CALIBRATION, least_score=0.9)) == 0
