@@ -10,6 +10,7 @@ import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.suppression import suppress
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
@@ -54,10 +55,13 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
             found_px, scores, found_m = _detected(quality, true_px, distances_m, rng)
             alarm_px, alarm_scores, alarm_m = _alarms(name, quality, (bush_px, bush_m), rng)
             both_px = np.vstack([found_px, alarm_px])
-            modal[name] = Detections(
+            seen = Detections(
                 both_px, np.concatenate([scores, alarm_scores]), np.full(len(both_px), "Car")
             )
-            depths_m[name] = np.concatenate([found_m, alarm_m])[:, None] * np.array([1.0, 1.05])
+            kept = suppress(seen, 0.5)
+            modal[name] = seen[kept]
+            both_m = np.concatenate([found_m, alarm_m])[kept]
+            depths_m[name] = both_m[:, None] * np.array([1.0, 1.05])
         scenes.append(DetectedScene(modal, SIZE_PX, depths_m))
         boxes.append(true_px)
         frames.append(np.full(len(true_px), frame))

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
@@ -10,6 +12,7 @@ from perception.evaluation.detection.average_precision import kitti_average_prec
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.curve import PrecisionCurve
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
+from perception.evaluation.detection.reliability import Rightness, rightness
 from perception.types import MODALITIES, Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
@@ -63,6 +66,23 @@ def precision_curves(
     """Return KITTI's curves by difficulty; none where nothing was detected."""
     figures = kitti_average_precision(truth, detections, frames, (of_class,))
     return figures.classes[0].curves
+
+
+def judged(
+    frames: DetectedFrames, detections: DetectedBoxes, class_names: Sequence[str]
+) -> Rightness:
+    """Tell which detections of some classes are right, each by the overlap that KITTI asks of its class."""
+    known = {of_class.name: of_class for of_class in KITTI_CLASSES}
+    parts = [
+        rightness(
+            frames.truth, detections, len(frames), known.get(name, DetectionClass(name, CAR.iou))
+        )
+        for name in class_names
+    ]
+    return Rightness(
+        np.concatenate([part.scores for part in parts]),
+        np.concatenate([part.is_right for part in parts]),
+    )
 
 
 def curves_beside(

@@ -1,4 +1,4 @@
-"""Scores beside the share that is right, by hand-made numbers."""
+"""Which detections are right, and whether scores say how often: by hand."""
 
 import numpy as np
 import pytest
@@ -15,52 +15,62 @@ from perception.types import Detections
 CAR = KITTI_CLASSES[0]
 
 
-def boxes_at(lefts):
-    left = np.array(lefts, float)
-    return np.stack([left, 0 * left + 10, left + 60, 0 * left + 60], axis=1)
+def truth_of(*rows) -> TrueBoxes:
+    zeros = np.zeros(len(rows))
+    boxes_px = np.array([box for _, _, box in rows], float)
+    types = np.array([name for _, name, _ in rows])
+    frames = np.array([frame for frame, _, _ in rows])
+    return TrueBoxes(frames, types, zeros - 10, boxes_px, zeros, zeros)
 
 
-def truths(lefts, types=None):
-    count = len(lefts)
-    return TrueBoxes(
-        frames=np.zeros(count, np.int64),
-        types=np.array(types or ["Car"] * count),
-        alphas_rad=np.full(count, -10.0),
-        boxes_px=boxes_at(lefts),
-        truncation=np.zeros(count),
-        occlusion=np.zeros(count),
+def found_in(*frames) -> DetectedBoxes:
+    return DetectedBoxes.of_frames(
+        [
+            Detections(
+                np.array([box for box, _ in rows], float).reshape(-1, 4),
+                np.array([score for _, score in rows], float),
+                np.full(len(rows), "Car"),
+            )
+            for rows in frames
+        ]
     )
 
 
-def found(lefts, scores):
-    detections = Detections(boxes_at(lefts), np.array(scores), np.full(len(lefts), "Car"))
-    return DetectedBoxes.of_frames([detections])
-
-
-def test_bins_and_expected_error():
-    # At about 0.9 three of four are right, at 0.2 none of two.
-    scores = [0.95, 0.93, 0.91, 0.97, 0.2, 0.22]
-    labelled = truths([0, 100, 200])
-    told = rightness(labelled, found([0, 100, 200, 300, 400, 500], scores), 1, CAR)
-    assert told.is_right.tolist() == [True, True, True, False, False, False]
-    one = measure_reliability(told, bins=10)
-    assert one.counts.tolist() == [2, 4]
-    assert one.shares.tolist() == [0, 0.75]
-    np.testing.assert_allclose(one.scores, [0.21, 0.94])
-    assert one.expected_error == pytest.approx((2 * 0.21 + 4 * 0.19) / 6)
-
-
 def test_an_object_is_found_once_by_the_surest():
-    told = rightness(truths([0]), found([2, 0], [0.9, 0.5]), 1, CAR)
-    assert told.is_right.tolist() == [True, False]
+    box, near = [0, 0, 100, 50], [2, 0, 102, 50]
+    truth = truth_of((0, "Car", box), (1, "Car", box))
+    found = found_in([(near, 0.9), (box, 0.6), ([300, 0, 400, 50], 0.5)], [(box, 0.4)])
+    judged = rightness(truth, found, 2, CAR)
+    assert judged.scores.tolist() == [0.9, 0.6, 0.5, 0.4]
+    assert judged.is_right.tolist() == [True, False, False, True]
 
 
-def test_what_need_not_be_found_is_neither_right_nor_wrong():
-    for name in ("Van", "DontCare"):
-        assert len(rightness(truths([0], [name]), found([0], [0.9]), 1, CAR).scores) == 0
+def test_two_objects_side_by_side_are_both_found():
+    left, right = [0, 0, 100, 50], [10, 0, 110, 50]  # overlap by 0.82
+    truth = truth_of((0, "Car", left), (0, "Car", right))
+    judged = rightness(truth, found_in([(right, 0.9), (right, 0.8)]), 1, CAR)
+    assert judged.is_right.tolist() == [True, True]
+
+
+def test_vans_and_regions_without_labels_do_not_count():
+    truth = truth_of((0, "Van", [0, 0, 100, 50]), (0, "DontCare", [200, 0, 400, 100]))
+    found = found_in([([0, 0, 100, 50], 0.9), ([250, 10, 300, 50], 0.8), ([390, 0, 500, 9], 0.7)])
+    judged = rightness(truth, found, 1, CAR)
+    assert judged.scores.tolist() == [0.7]
+    assert judged.is_right.tolist() == [False]
+
+
+def test_the_expected_error_by_hand():
+    scores = np.array([0.1, 0.2, 0.6, 0.8, 0.9, 0.9])
+    is_right = np.array([False, True, False, True, True, True])
+    found = measure_reliability(Rightness(scores, is_right), bins=2)
+    np.testing.assert_allclose(found.scores, [0.15, 0.8])
+    np.testing.assert_allclose(found.shares, [0.5, 0.75])
+    assert found.counts.tolist() == [2, 4]
+    assert found.expected_error == pytest.approx((2 * 0.35 + 4 * 0.05) / 6)
+
+
+def test_a_score_of_one_is_in_the_last_bin_and_nothing_has_no_error():
+    whole = measure_reliability(Rightness(np.array([1.0, 0.0]), np.array([True, False])), bins=4)
+    assert whole.expected_error == 0
     assert np.isnan(measure_reliability(Rightness(np.zeros(0), np.zeros(0, bool))).expected_error)
-
-
-def test_the_highest_score_is_in_the_last_bin():
-    one = measure_reliability(rightness(truths([0]), found([0], [1.0]), 1, CAR), bins=10)
-    assert (one.counts.tolist(), one.expected_error) == ([1], 0)

@@ -19,6 +19,7 @@ from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.tensorboard import SummaryWriter
 
 from data.whole_file import write_whole
+from perception.geometry.threads import one_blas_thread
 from perception.types import Float64
 from train.fusion.levenberg_marquardt import Damping, Step, descend
 from train.fusion.mlp import MODEL, MlpForm, RescoringMlp
@@ -87,13 +88,13 @@ class FittedFusion:
     """What a fit leaves.
 
     Attributes:
-        checkpoint: of the lowest error on what was kept back; None where none was to be written.
+        checkpoint: of the lowest error on what was kept back.
         epoch: when that was, from 0.
         training: mean square error there.
         validation: the same on what was kept back.
     """
 
-    checkpoint: Path | None
+    checkpoint: Path
     epoch: int
     training: float
     validation: float
@@ -142,14 +143,15 @@ def lowest(
     network = plan.first_network(sets.training)
     problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
     best: Lowest | None = None
-    for step in descend(problem, problem.start, plan.damping):
-        error = kept_back.mean_square(step.parameters)
-        if watch is not None:
-            watch(step, error)
-        if best is None or error < best.validation:
-            best = Lowest(step.number, step.parameters, step.mean_square, error)
-        elif step.number - best.step >= plan.checks:
-            break
+    with one_blas_thread():
+        for step in descend(problem, problem.start, plan.damping):
+            error = kept_back.mean_square(step.parameters)
+            if watch is not None:
+                watch(step, error)
+            if best is None or error < best.validation:
+                best = Lowest(step.number, step.parameters, step.mean_square, error)
+            elif step.number - best.step >= plan.checks:
+                break
     assert best is not None  # the start is one
     return best
 

@@ -112,7 +112,7 @@ class Fusion:
         merged = scene.merged
         rows = tri_boxes(scene, RULES[self.variant])
         places = merged.places(rows)
-        tri_scores = self._score(tri_box_features(scene, rows, self.variant))
+        tri_scores = self.expected_ious(tri_box_features(scene, rows, self.variant))
         flat, is_seen = places.ravel(), places.ravel() >= 0
         count = len(merged.detections)
         sums = np.bincount(flat[is_seen], tri_scores.ravel()[is_seen], count)
@@ -141,7 +141,8 @@ class Fusion:
             Detections(boxes_px, scores, detections.types), parts, scene.merged.columns[kept]
         )
 
-    def _score(self, features: Float64) -> Float64:
+    def expected_ious(self, features: Float64) -> Float64:
+        """Return (T, 3) what overlap with the object the boxes of (T, F) combinations are expected to have."""
         outputs = self._model({"features": features.astype(np.float32)})
         return outputs["scores"].astype(np.float64)
 

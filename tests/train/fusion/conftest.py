@@ -14,13 +14,13 @@ from train.trainer import TrainerPlan
 
 @pytest.fixture(scope="session")
 def fitted(tmp_path_factory):
-    """Return the fusion of all features with losses, fitted by 25 steps to 50 frames."""
+    """Return the fusion of all features with losses, fitted by 20 steps to 50 frames."""
     out = tmp_path_factory.mktemp("fitted")
     sets = FusionSets(
         fusion_rows(simulated_frames(50, 1), "default"),
         fusion_rows(simulated_frames(25, 2), "default"),
     )
-    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(most_steps=25))
+    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(most_steps=20))
     found = fit_fusion(sets, plan, out, TrainerPlan())
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(found.checkpoint).model)

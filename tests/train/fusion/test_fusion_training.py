@@ -1,0 +1,99 @@
+"""Both ways to fit leave the same files; a calibration finds the curve that made its scores."""
+
+import numpy as np
+import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from export.fusion import export_fusion, with_calibration
+from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.rescoring import Fusion
+from perception.errors import ModelError, UsageError
+from perception.evaluation.detection.reliability import Rightness, measure_reliability
+from tests.train.fusion.test_mlp_squares import toy_rows
+from train.fusion.calibration import fit_calibration
+from train.fusion.levenberg_marquardt import Damping
+from train.fusion.mlp import MlpForm, load_fusion
+from train.fusion.sweep import hidden_sizes, sweep
+from train.fusion.training import WATCHED, FusionPlan, FusionSets, fit_fusion, lowest
+from train.trainer import TrainerPlan
+
+SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
+
+
+def plan_of(**changes) -> FusionPlan:
+    return FusionPlan(MlpForm("scores", (4,)), training_data="toys", **changes)
+
+
+@pytest.mark.parametrize("optimiser", ["lm", "adamw"])
+def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
+    plan = plan_of(optimiser=optimiser, damping=Damping(most_steps=8), batch=20)
+    fitted = fit_fusion(SETS, plan, tmp_path, TrainerPlan(epochs=8, watched=WATCHED))
+    first = lowest(SETS, plan_of(damping=Damping(most_steps=0)))
+    assert fitted.validation < 0.5 * first.validation
+    _, facts = load_fusion(fitted.checkpoint)
+    assert facts["hidden"] == "4"
+    assert facts["optimiser"] == optimiser
+    assert facts["training_data"] == "toys"
+    events = EventAccumulator(str(tmp_path)).Reload()
+    assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
+    assert len(events.Scalars("validation/mse")) >= 2
+    exported = export_fusion(fitted.checkpoint)
+    exported.require_parity("toy")
+    assert exported.forms["fp32"].parity["features"].rows == 63
+
+
+def test_it_ends_when_what_was_kept_back_gets_no_better():
+    seen = []
+    best = lowest(SETS, plan_of(checks=2), lambda step, error: seen.append(error))
+    assert best.validation == min(seen)
+    assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
+
+
+def test_the_same_seed_finds_the_same_place():
+    first, second = (lowest(SETS, plan_of(damping=Damping(most_steps=5))) for _ in range(2))
+    np.testing.assert_array_equal(first.parameters, second.parameters)
+
+
+def test_a_sweep_fits_every_size():
+    sizes = hidden_sizes([2, 3], [2, 3, 4])
+    assert sizes == [(2,), (3,), (3, 2), (4, 2), (4, 3)]
+    swept = sweep(SETS, plan_of(damping=Damping(most_steps=3)), sizes[1:3])
+    assert [one.hidden for one in swept] == [(3,), (3, 2)]
+    assert all(0 < one.validation < 0.1 for one in swept)
+
+
+def test_a_calibration_finds_the_curve_that_made_the_scores():
+    rng = np.random.default_rng(0)
+    made = Calibration(0.6, 1.8, -0.4)
+    scores = rng.uniform(0, 1, 60_000)
+    found = Rightness(scores, rng.uniform(size=60_000) < made.probabilities(scores))
+    curve = fit_calibration(found)
+    np.testing.assert_allclose([curve.a, curve.b, curve.c], [0.6, 1.8, -0.4], atol=0.06)
+    before = measure_reliability(found).expected_error
+    after = measure_reliability(Rightness(curve.probabilities(scores), found.is_right))
+    assert after.expected_error < 0.01 < before
+
+
+def test_where_all_are_right_scores_stay():
+    assert fit_calibration(Rightness(np.array([0.2, 0.9]), np.ones(2, bool))) == Calibration()
+
+
+def test_a_calibration_keeps_the_order_whatever_it_is_shown():
+    scores = np.linspace(0.01, 0.99, 200)
+    curve = fit_calibration(Rightness(scores, scores < 0.5))  # the surer, the wronger
+    assert (np.diff(curve.probabilities(scores)) > 0).all()
+    with pytest.raises(UsageError, match="from 0 on"):
+        Calibration(-1.0, 1.0, 0.0)
+
+
+def test_a_file_takes_a_calibration(tmp_path):
+    plan = plan_of(damping=Damping(most_steps=1))
+    model = export_fusion(fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint).model
+    file = tmp_path / "fusion.onnx"
+    file.write_bytes(with_calibration(model, Calibration(2.0, 0.5, 0.25)))
+    assert Fusion(file).calibration == Calibration(2.0, 0.5, 0.25)
+
+
+def test_other_checkpoints_are_refused(tmp_path):
+    with pytest.raises(ModelError, match="a checkpoint of fusion, found no such file"):
+        load_fusion(tmp_path / "none.ckpt")
