@@ -182,12 +182,12 @@ def checkpoint_to_resume(out: Path, resume: str | None) -> Path | None:
 
 def fastest_precision(accelerator: Accelerator) -> Precision:
     """Return bfloat16 beside float32 where the device has instructions for it, else float32 alone."""
-    on_gpu = accelerator != "cpu" and torch.cuda.is_available()
-    is_fast = (
-        torch.cuda.is_bf16_supported(including_emulation=False)
-        if on_gpu
-        else torch.cpu.get_capabilities().get("avx512_bf16", False)
-    )
+    if accelerator != "cpu" and torch.cuda.is_available():
+        is_fast = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        # Older versions of torch do not tell what a CPU has.
+        known = torch.cpu.get_capabilities() if hasattr(torch.cpu, "get_capabilities") else {}
+        is_fast = bool(known.get("avx512_bf16") or known.get("amx_bf16"))
     return "bf16-mixed" if is_fast else "32-true"
 
 

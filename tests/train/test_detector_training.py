@@ -12,6 +12,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from perception.detection.network_answers import seen_objects
 from perception.errors import ModelError, UsageError
+from perception.render import palette
+from perception.types import Detections
 from tests.train.toy_candidates import ToyCandidates
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.checkpoints import read_checkpoint
@@ -19,10 +21,11 @@ from train.detector import networks
 from train.detector.anchors import fit_anchors
 from train.detector.descent import PRESETS, Descent
 from train.detector.networks import MODEL, DetectorForm, load_detector
+from train.detector.pictures import draw_seen
 from train.detector.run import FirstWeights, callbacks, train_detector
 from train.detector.training import DetectorPlan
 from train.networks.depthcn import load_verifier
-from train.trainer import TrainerPlan, fit, make_trainer
+from train.trainer import TrainerPlan, fastest_precision, fit, make_trainer
 from train.verifier.training import PLANS, VerifierTraining
 
 QUICK = Descent(learning_rate=0.01, averaging=0.8)
@@ -186,7 +189,34 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
     assert len(events.Scalars("validation/moderate")) == 2
     assert {"validation/pictures", "validation/curves"} <= set(events.Tags()["images"])
     picture = events.Images("validation/pictures")[0]
-    assert (picture.width, picture.height) == (96, 5 * 64)
+    assert (picture.width, picture.height) == (13 * 96, 13 * 5 * 64)
+
+
+def test_boxes_are_drawn_where_they_are():
+    samples = ToyPictures().validation
+    batch = {name: value[None] for name, value in samples[0].items()}
+    seen = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.5]), np.array(["Car"]))
+    picture = draw_seen(batch, 0, seen)
+    assert picture.shape == (13 * 64, 13 * 96, 3)
+    white, green = (_is_near(picture, color) for color in ((255, 255, 255), palette.MOVING))
+    assert white[13 * 40, 13 * 12 : 13 * 28].all()
+    left, _, right, bottom = (13 * samples.boxes_px[0, 3]).astype(int)
+    assert green[bottom, left + 2 : right - 2].all()
+    unsure = Detections(seen.boxes_px, np.array([0.2]), seen.types)
+    assert not _is_near(draw_seen(batch, 0, unsure), (255, 255, 255)).any()
+
+
+def _is_near(picture, color):
+    return (np.abs(picture.astype(int) - color) < 50).all(axis=2)
+
+
+@pytest.mark.parametrize(
+    ("capabilities", "precision"),
+    [({"avx512_bf16": True}, "bf16-mixed"), ({"avx512_f": True}, "32-true")],
+)
+def test_half_precision_where_the_cpu_has_it(monkeypatch, capabilities, precision):
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities, raising=False)
+    assert fastest_precision("cpu") == precision
 
 
 @pytest.fixture

@@ -15,9 +15,10 @@ from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
 _SHOWN_PICTURES = 6
-_LEAST_SCORE = 0.2  # below, they only hide the picture
+_LEAST_SCORE = 0.3  # below, they only hide the picture
+_SMALLEST_WIDTH_PX = 1200  # smaller pictures are shown larger
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
-_TEXT_PX = 9
+_TEXT_PX = 10
 
 
 class DetectorPictures(Callback):
@@ -63,19 +64,23 @@ class DetectorPictures(Callback):
 
 
 def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
-    """Return (h, w, 3) one picture: labels green, what is ignored grey, detections white with scores."""
+    """Return (H, W, 3) one picture: labels green, what is ignored grey, detections white with scores.
+
+    It is a whole number of times as large as the input.
+    """
     planes = batch["pictures"][place].byte().cpu().numpy()
-    canvas = np.ascontiguousarray(
-        np.broadcast_to(planes, (3, *planes.shape[1:])).transpose(1, 2, 0)
-    )
-    boxes_px: Float64 = batch["boxes_px"][place].cpu().numpy().astype(np.float64)
+    times = -(-_SMALLEST_WIDTH_PX // planes.shape[2])
+    large = planes.repeat(times, axis=1).repeat(times, axis=2)
+    colored = np.broadcast_to(large, (3, *large.shape[1:]))
+    canvas = np.ascontiguousarray(colored.transpose(1, 2, 0))
+    boxes_px: Float64 = times * batch["boxes_px"][place].cpu().numpy().astype(np.float64)
     has_area = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
     is_ignored = batch["is_ignored"][place].cpu().numpy().astype(bool)
     draw_boxes(canvas, boxes_px[has_area & is_ignored], _IGNORED)
     draw_boxes(canvas, boxes_px[has_area & ~is_ignored], _LABEL)
     sure = found[found.scores >= _LEAST_SCORE]
-    draw_boxes(canvas, sure.boxes_px, _FOUND)
-    for box_px, score in zip(sure.boxes_px, sure.scores.tolist(), strict=True):
+    draw_boxes(canvas, times * sure.boxes_px, _FOUND)
+    for box_px, score in zip(times * sure.boxes_px, sure.scores.tolist(), strict=True):
         draw_tag(canvas, f"{score:.2f}", box_px, _FOUND, _TEXT_PX)
     return canvas
 
