@@ -8,11 +8,14 @@ import pytest
 
 from data.open_drive import open_drive
 from perception.cli.evaluations import fusion
-from perception.cli.evaluations.fusion_steps import FusionFiles
+from perception.cli.evaluations.fusion_steps import FusionFiles, see_scene
 from perception.cli.main import main
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.union import Union
-from perception.types import Detections
+from perception.errors import ModelError
+from perception.types import MODALITIES, Detections
+from tests.detection.bright_cells import bright_cells
+from tests.detection.fusion.conftest import AS_IT_WAS, weighted_sums
 
 
 class KeepScores:
@@ -26,6 +29,16 @@ class KeepScores:
 
     def fuse_scene(self, scene):
         return Union().fuse(scene.modal, scene.size_px)
+
+
+@pytest.fixture
+def network_files(tmp_path):
+    """Return files of three detectors, and of two of the three fusions."""
+    files = {name: tmp_path / f"{name}.onnx" for name in (*MODALITIES, "scores", "default")}
+    for name, file in files.items():
+        is_detector = name in MODALITIES
+        file.write_bytes(bright_cells(name) if is_detector else weighted_sums(name, AS_IT_WAS))
+    return files
 
 
 @pytest.fixture
@@ -104,3 +117,21 @@ def test_what_is_left_where_modalities_are_lost(car_frames, known_scenes, tmp_pa
     assert gains["rgb"] == gains["dm"] == gains["rm"] == gains["dm+rm"] == 0
     assert gains["rgb+dm"] < 0
     assert left["rm"]["iou"]["0.5"]["moderate"]["detections"] is None
+
+
+def test_networks_of_files_look_at_a_frame(network_files, car_frames):
+    files = FusionFiles(**network_files)
+    detector, fusions = files.open_detectors(), files.open_fusions()
+    assert {"scores", "default"} <= set(fusions)
+    assert fusions["scores"].variant == "scores"
+    scene = see_scene(detector, open_drive(car_frames)[0])
+    # There is no image.
+    assert list(scene.modal) == ["dm", "rm"]
+    assert scene.size_px == (620, 190)
+    assert set(scene.depths_m) == {"dm", "rm"}
+
+
+def test_a_file_of_another_modality_is_refused(network_files):
+    swapped = {**network_files, "rgb": network_files["dm"]}
+    with pytest.raises(ModelError, match="rgb"):
+        FusionFiles(**swapped).open_detectors()

@@ -18,8 +18,8 @@ from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
     LabelledDrive,
+    LabelledPlace,
     ReadingRules,
-    labelled_places,
     open_labelled,
     see_drive,
 )
@@ -91,7 +91,7 @@ def robustness(  # noqa: PLR0913 - flags of a command
     reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
     measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
     chosen, files = levels or DisturbanceLevels(), models or FusionFiles()
-    place = next(labelled_places([drive], sequence))
+    place = LabelledPlace(" ".join(filter(None, (str(drive), sequence))), drive, sequence)
     opened = open_labelled(place, reading)
     disturbances = chosen.disturbances(has_images=opened.has_images)
     fusion = files.open_fusions()["default"]
