@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from perception.pipeline.clock import since_begun
 from perception.types import Result, StageSpan
 
 STAGE_HEADER = ("stage", "median ms", "99 % ms", "share %")
-_LATENCY = "arrival to result"
+_FRAME = "first to last stage"
 
 
 def stage_rows(seconds: Mapping[str, Sequence[float]]) -> list[list[str]]:
@@ -44,12 +45,12 @@ class StageTimes:
 
     Attributes:
         seconds: by stage, one entry a frame; NaN where it had nothing to do.
-        latencies_s: from the arrival of each frame to its result.
-        spans: of each frame.
+        frames_s: from the begin of each frame's first stage to the end of its last; NaN where it is not known.
+        spans: of each frame, since the first stage began.
     """
 
     seconds: dict[str, list[float]] = field(default_factory=dict)
-    latencies_s: list[float] = field(default_factory=list)
+    frames_s: list[float] = field(default_factory=list)
     spans: list[tuple[StageSpan, ...]] = field(default_factory=list)
 
     def add(self, result: Result) -> None:
@@ -58,27 +59,23 @@ class StageTimes:
         for stage in dict.fromkeys([*self.seconds, *result.timings_s]):
             of_stage = self.seconds.setdefault(stage, [np.nan] * before)
             of_stage.append(result.timings_s.get(stage, np.nan))
-        self.latencies_s.append(result.latency_s)
-        self.spans.append(result.spans)
-
-    @property
-    def median_latency_s(self) -> float:
-        """Of the frames."""
-        return float(np.median(self.latencies_s))
+        spans = since_begun(result.spans)
+        self.frames_s.append(max((span.stop_s for span in spans), default=np.nan))
+        self.spans.append(spans)
 
     def rows(self) -> list[list[str]]:
-        """Return the rows of a table, the latency last: stages that overlap take less than their sum."""
-        return [*stage_rows(self.seconds), [_LATENCY, *_median_and_p99(self.latencies_s), ""]]
+        """Return the rows of a table, the whole frame last: stages that overlap take less than their sum."""
+        return [*stage_rows(self.seconds), [_FRAME, *_median_and_p99(self.frames_s), ""]]
 
     def to_json(self) -> dict[str, dict[str, float]]:
         """Return the same figures by stage; none of no frames."""
         if not self.spans:
             return {}
-        median, p99 = map(float, _median_and_p99(self.latencies_s))
-        return stage_document(self.seconds) | {_LATENCY: {"median": median, "p99": p99}}
+        median, p99 = map(float, _median_and_p99(self.frames_s))
+        return stage_document(self.seconds) | {_FRAME: {"median": median, "p99": p99}}
 
     def typical(self) -> tuple[StageSpan, ...]:
-        """Return when the stages ran in the frame of the median latency among those with all stages."""
+        """Return when the stages ran in the frame that takes as long as most, among those with all stages."""
         most = max(map(len, self.spans))
         whole = [spans for spans in self.spans if len(spans) == most]
         whole.sort(key=lambda spans: max(span.stop_s for span in spans))

@@ -1,8 +1,9 @@
 """When each stage worked on a frame."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 from perception.types import StageSpan
 
@@ -33,3 +34,12 @@ class StageClock:
         yield
         stop_s = time.perf_counter() - self._arrival_s
         self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
+
+
+def since_begun(spans: Sequence[StageSpan]) -> tuple[StageSpan, ...]:
+    """Return the same with times since the first of the stages began, without what the frame waited before."""
+    begun_s = min((span.start_s for span in spans), default=0.0)
+    return tuple(
+        replace(span, start_s=span.start_s - begun_s, stop_s=span.stop_s - begun_s)
+        for span in spans
+    )

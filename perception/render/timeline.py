@@ -17,7 +17,7 @@ def plot_timeline(path: Path, title: str, spans: Sequence[StageSpan], turn_s: fl
     Args:
         path: of the PNG.
         title: above it.
-        spans: of the frame's stages.
+        spans: of the frame's stages, since the first began.
         turn_s: time of one turn of the LiDAR, which is marked.
     """
     workers = list(dict.fromkeys(span.worker for span in spans))
@@ -41,7 +41,7 @@ def plot_timeline(path: Path, title: str, spans: Sequence[StageSpan], turn_s: fl
     axes.axvline(1e3 * turn_s, color=rgb(palette.STATIC), linestyle="--", linewidth=1)
     axes.text(1e3 * turn_s, -0.5, " one turn of the LiDAR", fontsize=8, va="top")
     axes.set_yticks(range(len(workers)), workers)
-    axes.set(xlim=(0, 1.04e3 * _last_s(spans, turn_s)), xlabel="ms since the frame arrived")
+    axes.set(xlim=(0, 1.04e3 * _last_s(spans, turn_s)), xlabel="ms since the first stage began")
     axes.invert_yaxis()
     save_figure(figure, path)
 
