@@ -1,0 +1,90 @@
+"""What a run tells of vehicles, with networks that call what is bright a car: files of a sequence, and of single frames."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.kitti.detection_rows import read_detection_set
+from data.kitti.tracking_rows import read_result_rows
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.main import main
+from perception.types import MODALITIES
+from tests.detection.bright_cells import bright_cells
+
+
+@pytest.fixture
+def networks(tmp_path) -> list[str]:
+    """Return the flags that name a network for each view."""
+    flags = []
+    for modality in MODALITIES:
+        path = tmp_path / f"{modality}.onnx"
+        path.write_bytes(bright_cells(modality))
+        flags += [f"--pipeline.detection.{modality}-model", str(path)]
+    return flags
+
+
+@pytest.fixture
+def run_of_cars(car_frames, networks, tmp_path) -> Path:
+    """Run the object frames 0, 2 and 3."""
+    out = tmp_path / "out"
+    words = ["run", str(car_frames), "--out", str(out), "--video", "false"]
+    assert main([*words, *networks]) == 0
+    return out
+
+
+def test_result_files_are_named_as_frames_and_read_by_our_evaluator(run_of_cars, car_frames):
+    assert sorted(path.name for path in (run_of_cars / "data").iterdir()) == [
+        *("000000.txt", "000002.txt", "000003.txt")
+    ]
+    found = read_detection_set(run_of_cars, car_frames / "training").detections
+    lines = [json.loads(line) for line in (run_of_cars / "vehicles.jsonl").read_text().splitlines()]
+    assert [line["frame"] for line in lines] == [0, 1, 2]
+    told = [vehicle for line in lines for vehicle in line["vehicles"]]
+    assert len(told) == len(found.scores) > 0
+    np.testing.assert_allclose([one["score"] for one in told], found.scores, atol=1e-4)
+    for path in (run_of_cars / "data").iterdir():
+        rows = [line.split() for line in path.read_text().splitlines()]
+        assert {len(row) for row in rows} <= {16}
+        assert {tuple(row[:3]) for row in rows} <= {("Car", "-1", "-1")}
+
+
+def test_frames_that_are_no_sequence_have_no_tracks_of_vehicles(run_of_cars):
+    assert not (run_of_cars / "vehicles").exists()
+    lines = (run_of_cars / "vehicles.jsonl").read_text().splitlines()
+    assert {one["id"] for line in lines for one in json.loads(line)["vehicles"]} == {None}
+    assert json.loads((run_of_cars / "summary.json").read_text())["vehicles"]["ids"] == 0
+
+
+def test_every_vehicle_says_who_saw_it(run_of_cars):
+    lines = (run_of_cars / "vehicles.jsonl").read_text().splitlines()
+    for one in (vehicle for line in lines for vehicle in json.loads(line)["vehicles"]):
+        assert set(one["scores"]) == set(MODALITIES)
+        # There is no image, so that the LiDAR's two detectors look.
+        assert one["scores"]["rgb"] is None
+        assert one["carrier"] in ("dm", "rm")
+        assert one["scores"][one["carrier"]] is not None
+
+
+def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
+    (street,) = write_drives(tmp_path / "street", Recipe(frames=3))
+    out = tmp_path / "of_street"
+    assert main(["run", str(street), "--out", str(out), *networks]) == 0
+    rows = read_result_rows(out / "vehicles" / f"{street.name}.txt", 3)
+    lines = [json.loads(line) for line in (out / "vehicles.jsonl").read_text().splitlines()]
+    followed = [one for line in lines for one in line["vehicles"] if one["id"] is not None]
+    assert len(rows) == len(followed)
+    assert (out / "video.mp4").is_file()
+    stages = json.loads((out / "summary.json").read_text())["stages_ms"]
+    assert {"maps", "detectors, fused", "vehicles", "DepthCN"} < set(stages)
+
+
+def test_without_detectors_there_are_no_files_of_vehicles(car_frames, tmp_path):
+    out = tmp_path / "out"
+    words = ["run", str(car_frames), "--out", str(out), "--video", "false"]
+    none = ["--pipeline.detection.modalities", "[]", "--pipeline.detection.depthcn", "false"]
+    assert main([*words, *none]) == 0
+    names = {path.name for path in out.iterdir()}
+    assert not names & {"data", "vehicles", "vehicles.jsonl"}
+    assert json.loads((out / "summary.json").read_text())["vehicles"] is None
