@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from data.open_drive import open_drive
 from perception.cli.evaluations import fusion
-from perception.cli.evaluations.fusion_steps import FusionFiles, see_scene
+from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.multimodal import MultimodalDetector
 from perception.detection.union import Union
 from perception.errors import ModelError
 from perception.types import MODALITIES, Detections
@@ -42,12 +42,11 @@ def network_files(tmp_path):
 
 
 @pytest.fixture
-def known_scenes(car_frames, monkeypatch):
+def known_scenes(monkeypatch, tmp_path):
     """Let the camera see the first car and a ghost, the depth map both cars, reflectance nothing."""
-    drive = open_drive(car_frames)
 
-    def see(detector, frame):
-        boxes_px = drive.labels(frame.index).boxes_px
+    def see(drive, index, detectors, store):
+        boxes_px = drive.labels(index).boxes_px
         ghost = [[500.0, 10, 600, 80]]
         cars = np.full(2, "Car")
         modal = {
@@ -62,7 +61,9 @@ def known_scenes(car_frames, monkeypatch):
     monkeypatch.setattr(FusionFiles, "open_detectors", lambda self: detector)
     fusions = {"scores": KeepScores(), "default": KeepScores()}
     monkeypatch.setattr(FusionFiles, "open_fusions", lambda self: fusions)
-    monkeypatch.setattr(fusion, "see_scene", see)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(FusionFiles, "mark", lambda self: "known")
+    monkeypatch.setattr(fusion, "detected_scene", see)
 
 
 def evaluate(*words):
@@ -119,16 +120,25 @@ def test_what_is_left_where_modalities_are_lost(car_frames, known_scenes, tmp_pa
     assert left["rm"]["iou"]["0.5"]["moderate"]["detections"] is None
 
 
-def test_networks_of_files_look_at_a_frame(network_files, car_frames):
-    files = FusionFiles(**network_files)
-    detector, fusions = files.open_detectors(), files.open_fusions()
-    assert {"scores", "default"} <= set(fusions)
-    assert fusions["scores"].variant == "scores"
-    scene = see_scene(detector, open_drive(car_frames)[0])
+def test_networks_of_files_look_at_each_frame_once(
+    network_files, car_frames, tmp_path, monkeypatch, capsys
+):
+    looks = []
+    look = MultimodalDetector.look
+    monkeypatch.setattr(
+        MultimodalDetector, "look", lambda *asked: looks.append(asked) or look(*asked)
+    )
+    words = [f"--models.{name}={file}" for name, file in network_files.items()]
+    words += ["--cache", tmp_path / "cache", "--bootstrap", "0", "--iou", "0.5"]
+    assert evaluate(car_frames, *words) == 0
+    first = capsys.readouterr().out
+    assert evaluate(car_frames, *words) == 0
+    assert capsys.readouterr().out == first
+    assert len(looks) == 3
     # There is no image.
-    assert list(scene.modal) == ["dm", "rm"]
-    assert scene.size_px == (620, 190)
-    assert set(scene.depths_m) == {"dm", "rm"}
+    assert "color" not in first
+    assert "depth + reflectance" not in first
+    assert "fusion on scores" in first
 
 
 def test_a_file_of_another_modality_is_refused(network_files):

@@ -1,8 +1,11 @@
 """`trifuse evaluate fusion`: what three detectors come to alone and together (Table 7.10)."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from data.array_store import ArrayStore
+from data.detections.gathering import MarkedLooker, detected_scene
+from data.drive import Drive
 from data.frames import OnBadFrame
 from perception.cli.evaluations.class_precision import (
     PROTOCOL_WORDS,
@@ -16,16 +19,18 @@ from perception.cli.evaluations.fusion_figures import (
     fusion_tables,
 )
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
-from perception.cli.evaluations.fusion_steps import FusionFiles, see_scene
+from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
     ReadingRules,
     labelled_places,
     open_labelled,
     see_drive,
 )
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
+from perception.types import Frame
 
 _OWN_WORDS = {
     "gain": (
@@ -53,13 +58,15 @@ def fusion(  # noqa: PLR0913 - flags of a command
     bootstrap: int = 1000,
     seed: int = 0,
     on_bad_frame: OnBadFrame = "stop",
+    cache: Path | None = None,
     plot: Path | None = None,
     reliability_plot: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Measure three detectors alone, merged and fused, and with modalities lost (Table 7.10).
 
-    The detectors run once; every row rests on the same detections. Each drive has its own tables.
+    The detectors run once, and what they see is kept; every row rests on the same detections. Each drive
+    has its own tables.
 
     Example: trifuse evaluate fusion synth/test kitti/object --plot fusion.png --json fusion.json
 
@@ -75,6 +82,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         bootstrap: so many choices of frames give intervals; 0 for none.
         seed: of these choices.
         on_bad_frame: stop at a damaged frame, or skip it and say so.
+        cache: folder for what the detectors see; else the user's cache folder.
         plot: gets the precision-recall curves of the first drive as PNG, and those of Fig. 7.14.
         reliability_plot: gets how often detections of a score are right, as PNG.
         json: gets the same figures with protocol, data and configuration.
@@ -83,10 +91,11 @@ def fusion(  # noqa: PLR0913 - flags of a command
     measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
     files = models or FusionFiles()
     detector, fusions = files.open_detectors(), files.open_fusions()
+    marked, store = MarkedLooker(detector, files.mark()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
     for place in labelled_places(drives, sequence):
         drive = open_labelled(place, reading)
-        seen = see_drive(place.name, drive, lambda frame: see_scene(detector, frame), reading)
+        seen = see_drive(place.name, drive, _SceneOfFrame(drive, marked, store), reading)
         measured.append(measure_fusion(seen, fusions, kitti_class(class_name), measuring))
         print(fusion_tables(measured[-1]))
     first = measured[0]
@@ -108,3 +117,15 @@ def fusion(  # noqa: PLR0913 - flags of a command
         )
         configuration = {"models": files, "networks": facts}
         write_evaluation(json, [one.data for one in measured], configuration, figures, split)
+
+
+@dataclass(frozen=True)
+class _SceneOfFrame:
+    """Returns what detectors see in the frames of a drive, each looked at once for all times."""
+
+    drive: Drive
+    detectors: MarkedLooker
+    store: ArrayStore
+
+    def __call__(self, frame: Frame) -> DetectedScene:
+        return detected_scene(self.drive, frame.index, self.detectors, self.store)

@@ -6,15 +6,14 @@ from itertools import combinations
 from pathlib import Path
 
 from perception.cli.evaluations.labelled_drives import SeenDrive
-from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.cli.training.fusion_plan import DetectorFiles
+from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
 from perception.detection.session import shipped_model
 from perception.detection.union import Union
-from perception.maps.projection import camera_of
-from perception.types import MODALITIES, Detections, Frame, Modality
+from perception.types import MODALITIES, Detections, Modality
 
 # As Table 7.10 names them.
 MODALITY_NAMES: Mapping[Modality, str] = {"rgb": "color", "dm": "depth", "rm": "reflectance"}
@@ -30,7 +29,7 @@ Fuse = Callable[[DetectedScene], Detections]
 
 
 @dataclass(frozen=True)
-class FusionFiles:
+class FusionFiles(DetectorFiles):
     """Networks in the place of those that ship.
 
     Attributes:
@@ -42,9 +41,6 @@ class FusionFiles:
         default: fusion that knows distances, overlaps and what is missing.
     """
 
-    rgb: Path | None = None
-    dm: Path | None = None
-    rm: Path | None = None
     scores: Path | None = None
     features: Path | None = None
     default: Path | None = None
@@ -55,10 +51,7 @@ class FusionFiles:
         Raises:
             ModelError: a file holds no detector, or one of another modality or other classes.
         """
-        files: dict[Modality, Path | None] = {"rgb": self.rgb, "dm": self.dm, "rm": self.rm}
-        return MultimodalDetector(
-            {name: ModalityDetector(file or name, threads=1) for name, file in files.items()}
-        )
+        return MultimodalDetector(self.open())
 
     def open_fusions(self) -> dict[Variant, Fusion]:
         """Open the networks that rescore: all that are named or ship.
@@ -76,16 +69,6 @@ class FusionFiles:
             for name, file in files.items()
             if file is not None or name == "default" or shipped_model(f"fusion_{name}").is_file()
         }
-
-
-def see_scene(detector: MultimodalDetector, frame: Frame) -> DetectedScene:
-    """Return what the detectors see in a frame.
-
-    Raises:
-        PerceptionError: the frame has nothing to look at, or no camera.
-    """
-    sight = detector.look(frame)
-    return scene_of(sight.modal, camera_of(frame)[1], sight.dense)
 
 
 def modalities_of(seen: SeenDrive[DetectedScene]) -> tuple[Modality, ...]:
