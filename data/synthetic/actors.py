@@ -109,11 +109,12 @@ _COMMON_STYLES = [
 ]  # fmt: skip
 # How many in a hundred vehicles of a mixed fleet are of a style.
 _MIXED_STYLES = {
-    BodyStyle.HATCHBACK: 20, BodyStyle.ESTATE: 14, BodyStyle.SALOON: 12, BodyStyle.COMPACT_MPV: 11,
-    BodyStyle.CITY_CAR: 9, BodyStyle.SUV: 8, BodyStyle.LIMOUSINE: 5, BodyStyle.COUPE: 5,
-    BodyStyle.OFF_ROADER: 2, BodyStyle.PICK_UP: 2, BodyStyle.MINIVAN: 4, BodyStyle.PANEL_VAN: 3,
+    BodyStyle.HATCHBACK: 27, BodyStyle.ESTATE: 13, BodyStyle.SALOON: 13, BodyStyle.COMPACT_MPV: 11,
+    BodyStyle.CITY_CAR: 12, BodyStyle.SUV: 5, BodyStyle.LIMOUSINE: 3, BodyStyle.COUPE: 4,
+    BodyStyle.OFF_ROADER: 2, BodyStyle.PICK_UP: 0.5, BodyStyle.MINIVAN: 4, BodyStyle.PANEL_VAN: 3,
     BodyStyle.SMALL_VAN: 3, BodyStyle.HIGH_VAN: 2,
 }  # fmt: skip
+_SIZES = (0.87, 1.0)  # of a mixed fleet's cars, old and new
 _HEAVY_KINDS = [
     HeavyKind.BOX_TRUCK, HeavyKind.BUS, HeavyKind.ARTICULATED, HeavyKind.BOX_TRUCK,
     HeavyKind.FLATBED, HeavyKind.TRAILER, HeavyKind.BUS,
@@ -129,11 +130,15 @@ def draw_mixed_vehicles(rng: np.random.Generator, count: int) -> list[Body]:
     """Draw car and van bodies of all styles, as often as on a street."""
     weights = np.array(list(_MIXED_STYLES.values()), float)
     styles = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    return [_vehicle(list(_MIXED_STYLES)[style], rng) for style in styles]
+    bodies = []
+    for style in [list(_MIXED_STYLES)[number] for number in styles]:
+        size = float(rng.uniform(*_SIZES))
+        bodies.append(_vehicle(style, rng, 1.0 if style.is_van else size))
+    return bodies
 
 
-def _vehicle(style: BodyStyle, rng: np.random.Generator) -> Body:
-    design = draw_design(style, rng)
+def _vehicle(style: BodyStyle, rng: np.random.Generator, size: float = 1.0) -> Body:
+    design = draw_design(style, rng, size)
     return Body("Van" if style.is_van else "Car", design.size_m, (vehicles.build(design),))
 
 

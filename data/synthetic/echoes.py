@@ -16,7 +16,10 @@ from data.synthetic.materials import Slot, column
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32
 
-_IS_GLOSSY = column("gloss") > 0.05
+_IS_GLOSSY = np.isin(
+    np.arange(len(Slot)),
+    [Slot.PAINT, Slot.GLASS, Slot.WINDOW, Slot.RIM, Slot.HEADLIGHT, Slot.TAILLIGHT],
+)
 _RETRO = (Slot.SIGN, Slot.PLATE, Slot.TAILLIGHT)
 
 
@@ -26,6 +29,7 @@ class EchoModel:
 
     Attributes:
         lost_signal: reflectance over the squared share of the range at which half of all shots is lost.
+        lost_glossy: the same of paint and panes, whose coat scatters little back.
         full_power: share of the sensor's range up to which it evens out the echo of a surface face on; of
             a slanting one it falls short sooner.
         least_echo: weaker ones are reported as 0.
@@ -43,6 +47,7 @@ class EchoModel:
     """
 
     lost_signal: float = 0.035
+    lost_glossy: float = 0.5
     full_power: float = 0.25
     least_echo: float = 0.10
     grazing: float = 0.45
@@ -67,9 +72,8 @@ class EchoModel:
         """Return the share of shots that come back at all."""
         signal = shots.albedo * shots.cosine / (shots.distance_m / sensor.max_range_m) ** 2
         # Half of the returns is lost at the limit, nearly none at thrice and nearly all at a third of it.
-        share = (1 - column("drop")[slots]) / (
-            1 + (self.lost_signal / np.maximum(signal, 1e-6)) ** 2
-        )
+        lost = np.where(_IS_GLOSSY, self.lost_glossy, self.lost_signal).astype(np.float32)[slots]
+        share = (1 - column("drop")[slots]) / (1 + (lost / np.maximum(signal, 1e-6)) ** 2)
         # Dark glossy paint mirrors slanting shots away instead of scattering them back.
         turned = self.mirror * np.clip(1 - shots.albedo / 0.15, 0, 1) * (1 - shots.cosine)
         return np.asarray(share - _IS_GLOSSY[slots] * turned, np.float32)

@@ -48,7 +48,7 @@ def draw_exposure(rng: np.random.Generator) -> Exposure:
     return Exposure(
         gain=float(np.exp(rng.normal(0.0, 0.22))),
         noise=float(rng.uniform(0.3, 1.8)),
-        blur_px=float(rng.uniform(0.42, 0.65)),
+        blur_px=float(rng.uniform(0.5, 0.72)),
         metering=float(rng.uniform(0.6, 0.95)),
         contrast=float(rng.uniform(1.25, 1.9)),
         saturation=float(rng.uniform(0.75, 1.35)),
@@ -110,4 +110,4 @@ def _through_mosaic(image: UInt8) -> UInt8:
     mosaic = image[..., 1].copy()
     mosaic[::2, ::2] = image[::2, ::2, 0]
     mosaic[1::2, 1::2] = image[1::2, 1::2, 2]
-    return np.asarray(cv2.cvtColor(mosaic, cv2.COLOR_BayerBG2RGB), np.uint8)
+    return np.asarray(cv2.cvtColor(mosaic, cv2.COLOR_BayerBG2RGB_EA), np.uint8)

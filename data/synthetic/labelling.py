@@ -15,6 +15,7 @@ from perception.types import Bool, Boxes3D, Calibration, Float32, Float64, Int
 
 _SAMPLES = 26  # along each side of a box, at most, to tell what is visible
 _EDGE_SAMPLES = 80  # the same where the image cuts an object off, to find its outline
+_BESIDE_BODY_M = 0.02
 _LATTICE = np.stack(
     np.meshgrid(np.linspace(-0.45, 0.45, 9), np.linspace(-0.4, 0.4, 5), np.linspace(0.1, 0.9, 5)),
     -1,
@@ -121,10 +122,18 @@ def _sights(world: World, camera: PinholeCamera, time_s: float, rules: LabelRule
         state = world.state(actor, time_s)
         if not _may_be_seen(actor, state, camera):
             continue
-        sight = _sight(actor, state, actor.body.poses[actor.phase(time_s)].vertices_m, camera)
+        sight = _sight(actor, state, _outline(actor, time_s), camera)
         if sight is not None:
             found.append(sight)
     return found
+
+
+def _outline(actor: Actor, time_s: float) -> Float32:
+    """Return (V, 3) the vertices that a box is drawn around: KITTI's leave out the mirrors of vehicles."""
+    vertices_m = actor.body.poses[actor.phase(time_s)].vertices_m
+    if actor.body.is_person:
+        return vertices_m
+    return vertices_m[np.abs(vertices_m[:, 1]) < actor.body.size_m[1] / 2 + _BESIDE_BODY_M]
 
 
 def _may_be_seen(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.synthetic.materials import rgb
-from data.synthetic.textures import clouds, grain
+from data.synthetic.noise import clouds, grain
 from perception.types import Float32, Float64
 
 _ZENITH = rgb(0.16, 0.40, 0.95)
@@ -107,7 +107,7 @@ class Daylight:
         far = np.float32(_MIRRORED_AT_M) * directions + points
         x, y = far[:, 0], far[:, 1]
         rise = directions[:, 2]
-        tall = self.surround * (1 + 0.6 * clouds(x * 3, y * 3))
+        tall = self.surround * (1 + 0.7 * clouds(x * 3, y * 3))
         sun = self.sun_rgb * np.float32(self.sun[2])
         lit = np.float32(0.25) + np.float32(0.75) * (clouds(x + 70, y) > -0.3)
         street = (0.10 * (1 + 0.5 * clouds(x * 9, y * 9 + rise * 60)))[:, None] * self._around
@@ -132,5 +132,5 @@ def draw_daylight(sun: Float64, is_sunny: bool, rng: np.random.Generator) -> Day
         haze=haze,
         cover=float(rng.uniform(-1.6, 0.6)),
         skyline=float(rng.uniform(0.01, 0.11)),
-        surround=float(rng.uniform(0.1, 0.6)),
+        surround=float(rng.uniform(0.15, 0.8)),
     )

@@ -125,7 +125,7 @@ MATERIALS = {
     Slot.SIGN: Material((0.75, 0.75, 0.75), 0.99, SemanticClass.TRAFFIC_SIGN),
     Slot.SIGN_BACK: Material((0.35, 0.36, 0.37), 0.40, SemanticClass.TRAFFIC_SIGN),
     Slot.PAINT: Material((0.30, 0.30, 0.32), 0.30, gloss=0.06, drop=0.03),
-    Slot.GLASS: Material((0.010, 0.012, 0.013), 0.06, gloss=0.05, drop=0.85, transmission=0.45),
+    Slot.GLASS: Material((0.010, 0.012, 0.013), 0.06, gloss=0.03, drop=0.85, transmission=0.45),
     Slot.TRIM: Material((0.025, 0.025, 0.027), 0.08, gloss=0.02, drop=0.06),
     Slot.TYRE: Material((0.03, 0.03, 0.03), 0.10, drop=0.05),
     Slot.RIM: Material((0.42, 0.43, 0.45), 0.45, gloss=0.12, drop=0.03),
@@ -171,13 +171,13 @@ def palette(changes: dict[Slot, tuple[float, float, float, float]] | None = None
 # Linear colour, reflectance face on, and how many cars in a hundred wear it.
 _Paints = list[tuple[tuple[float, float, float, float], float]]
 CAR_PAINTS: _Paints = [
-    ((0.46, 0.47, 0.49, 0.42), 15),  # silver
-    ((0.22, 0.225, 0.24, 0.30), 9),  # grey
-    ((0.07, 0.074, 0.08, 0.16), 14),  # dark grey
-    ((0.010, 0.010, 0.011, 0.05), 22),  # black
-    ((0.72, 0.72, 0.70, 0.50), 14),  # white
-    ((0.012, 0.024, 0.070, 0.14), 6),  # dark blue
-    ((0.04, 0.10, 0.24, 0.25), 5),  # blue
+    ((0.46, 0.47, 0.49, 0.46), 15),  # silver
+    ((0.22, 0.225, 0.24, 0.36), 9),  # grey
+    ((0.07, 0.074, 0.08, 0.24), 14),  # dark grey
+    ((0.010, 0.010, 0.011, 0.09), 22),  # black
+    ((0.72, 0.72, 0.70, 0.55), 14),  # white
+    ((0.012, 0.024, 0.070, 0.20), 6),  # dark blue
+    ((0.04, 0.10, 0.24, 0.30), 5),  # blue
     ((0.15, 0.21, 0.29, 0.32), 2),  # light blue
     ((0.26, 0.016, 0.014, 0.34), 5),  # red
     ((0.09, 0.010, 0.014, 0.22), 3),  # dark red

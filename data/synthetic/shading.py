@@ -5,10 +5,10 @@ import numpy as np
 
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, column, rgb
+from data.synthetic.painter import Painter
 from data.synthetic.rig import near_pixels
 from data.synthetic.scene import Rays, near_any
 from data.synthetic.sight import Moment, View
-from data.synthetic.textures import Painter
 from data.synthetic.world import World
 from perception.types import Float32
 

@@ -9,8 +9,9 @@ import numpy as np
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
+from data.synthetic.panels import END_U, SILL_V, VARIANT_V, VARIANTS
 from data.synthetic.vehicle_designs import VehicleDesign
-from perception.types import Bool, Float64, UInt8
+from perception.types import Bool, Float32, Float64, UInt8
 
 
 def _stations(design: VehicleDesign) -> Float64:
@@ -121,7 +122,17 @@ def body(design: VehicleDesign) -> Mesh:
     slots = _body_slots(design, x, heights)
     shell = meshes.grid(ring, np.concatenate([slots, slots[:, ::-1]], axis=1))
     caps = [_cap(design, ring[row, 1:10], sign) for row, sign in ((0, -1), (-1, 1))]
+    x, y, z = shell.vertices_m.T
+    shell = _textured(design, shell, x + 0.8 * y * (z > design.belt_m + 0.02))
+    caps = [_textured(design, cap, END_U + cap.vertices_m[:, 1]) for cap in caps]
     return meshes.smooth(meshes.merge([shell, *caps]), np.radians(38))
+
+
+def _textured(design: VehicleDesign, mesh: Mesh, along_m: Float32) -> Mesh:
+    """Lay texture coordinates over a body: metres along it, and shares of the way from sill to waist."""
+    share = (mesh.vertices_m[:, 2] - design.clearance_m) / (design.belt_m - design.clearance_m)
+    first = VARIANT_V * (1 + round(1000 * design.length_m) % VARIANTS)
+    return meshes.textured(mesh, np.column_stack([along_m, first + SILL_V + share]))
 
 
 def _body_slots(design: VehicleDesign, x: Float64, heights: Float64) -> UInt8:

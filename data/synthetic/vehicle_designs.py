@@ -124,14 +124,23 @@ _TYPICAL_M = {
     BodyStyle.SMALL_VAN: (4.35, 1.81, 1.86, 1.06, 1.12, 0.98, 1.06, 0.66, 1.36, 0.12, 0.06),
     BodyStyle.HIGH_VAN: (6.00, 2.00, 2.58, 1.22, 1.30, 1.10, 1.22, 0.60, 1.50, 0.10, 0.05),
 }
+_IS_HEIGHT = np.array([0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0], bool)
 _HIGH_WHEELS = (BodyStyle.SUV, BodyStyle.OFF_ROADER, BodyStyle.PICK_UP, BodyStyle.HIGH_VAN)
 
 
-def draw_design(style: BodyStyle, rng: np.random.Generator) -> VehicleDesign:
-    """Draw a vehicle of one style, its measures a few per cent around the typical ones."""
+def draw_design(style: BodyStyle, rng: np.random.Generator, size: float = 1.0) -> VehicleDesign:
+    """Draw a vehicle of one style, its measures a few per cent around the typical ones.
+
+    Args:
+        style: how it is cut.
+        rng: draws its measures.
+        size: of its ground plan over that of new vehicles; older ones are smaller, though as tall.
+    """
     spread = np.array([0.06, 0.03, 0.03, *[0.02] * 4, *[0.1] * 4])
     length, width, height, belt, bonnet, nose, tail, *back = (
-        np.array(_TYPICAL_M[style]) * (1 + spread * rng.uniform(-1, 1, len(spread)))
+        np.array(_TYPICAL_M[style])
+        * (1 + spread * rng.uniform(-1, 1, len(spread)))
+        * np.where(_IS_HEIGHT, 1.0, size)
     ).tolist()
     is_high = style in _HIGH_WHEELS
     is_tall = style.is_van or style is BodyStyle.OFF_ROADER

@@ -46,6 +46,17 @@ def test_black_paint_reads_zero_and_loses_slanting_shots():
     assert kept[1] > 0.95
 
 
+def test_paint_is_lost_sooner_than_walls_the_darker_the_sooner():
+    far = [shots(40.0, albedo=albedo) for albedo in (0.09, 0.45)]
+    paint, wall = (
+        [MODEL.kept_share(HDL_64E, np.full(SHOTS, slot), fired).mean() for fired in far]
+        for slot in (Slot.PAINT, Slot.WALL)
+    )
+    assert paint[0] < 0.75
+    assert paint[1] > 0.9
+    assert min(wall) > 0.95
+
+
 def test_a_sign_far_away_is_bright():
     assert np.median(reported(Slot.SIGN, shots(55.0, albedo=0.9))) > 0.8
 

@@ -7,7 +7,7 @@ from data.drive import Labels
 from data.synthetic import labelling, meshes
 from data.synthetic.lidar import velo_poses
 from data.synthetic.materials import Slot, palette
-from data.synthetic.rig import default_calibration
+from data.synthetic.rig import PinholeCamera, default_calibration
 from data.synthetic.street import Part
 from data.synthetic.world import World
 from perception.geometry.boxes import points_inside
@@ -101,3 +101,16 @@ def test_points_of_an_object_fall_into_its_2d_box(street_drive):
             assert ((own > low) & (own < high)).all(axis=1).mean() > 0.95
             checked += 1
     assert checked > 10
+
+
+def test_mirrors_are_left_out_of_a_box(flat_world, saloon):
+    found = label(flat_world(cars=[(20.0, 0.0, 0.0)]))
+    pose = velo_poses(flat_world(), HDL_64E, np.zeros(1))[0]
+    camera = PinholeCamera(default_calibration().camera, pose)
+    length, width, _ = saloon.size_m
+    edges_px = camera.project(
+        np.array([[20 - length / 2, y, 0.7] for y in (-width / 2, width / 2)])
+    )
+    drawn_px = found.boxes_px[0, 2] - found.boxes_px[0, 0]
+    # The tail is a little narrower than the car; its mirrors reach out by 13 cm on either side.
+    assert 0.88 < drawn_px / np.ptp(edges_px[0][:, 0]) < 1.01
