@@ -65,7 +65,7 @@ def test_the_default_asks_nothing_of_it_and_sees_every_loss():
     assert rows.targets[0].tolist() == [1, 0.5, 0]
     assert rows.weights[0].tolist() == [1, 1, 0]
     # rgb lost; both maps; dm; rm, where both others stay; rgb and dm, where nothing is left; rgb and rm.
-    share = pytest.approx(1 / len(LOSSES))
+    share = pytest.approx(2 / len(LOSSES))
     assert [tuple(row) for row in rows.weights[1:].tolist()] == [
         (0, share, 0),
         (share, 0, 0),
