@@ -12,50 +12,8 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import cluster
-from perception.detection.height_cells import HeightCells
-from perception.geometry.camera import project
-from perception.maps.projection import may_be_in_view
-from perception.types import Calibration, Float32, Float64, GroundModel, Int
-
-
-@dataclass(frozen=True)
-class PointRules:
-    """What tells the points of a vehicle.
-
-    Attributes:
-        farthest_m: beyond it along an axis no point is looked at.
-        cell_m: edge of the cells in which the lowest point is looked for.
-        reach_m: how far around; under a car some ground is seen from one side or the other.
-        clearance_m: over the ground, from which on a point stands on it.
-        highest_m: over the ground, of lorries and buses.
-        model_error_m: by which the lowest point around may miss a ground model that is true there.
-        model_reach_m: from the LiDAR, beyond which a ground model knows no better than the scan.
-        height_m: of a common car.
-        nearer: standard deviation of the logarithm of depth over the depth at which a box would hold a
-            common car, for nearer ones: small cars, and boxes that are drawn too high.
-        farther: the same for farther ones: vans and lorries.
-        cut_off: the same for nearer ones where the image's border cuts the box.
-        centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
-        gap_m: between two points of one vehicle, seen from above, close to the sensor.
-        gap_per_m: by which the gap grows with distance, as beams spread.
-        samples: points of a box that are clustered, evenly picked of more.
-    """
-
-    farthest_m: float = 100.0
-    cell_m: float = 0.5
-    reach_m: float = 1.5
-    clearance_m: float = 0.2
-    highest_m: float = 3.5
-    model_error_m: float = 0.3
-    model_reach_m: float = 30.0
-    height_m: float = 1.5
-    nearer: float = 0.25
-    farther: float = 0.5
-    cut_off: float = 1.0
-    centrality: float = 0.5
-    gap_m: float = 0.4
-    gap_per_m: float = 0.012
-    samples: int = 256
+from perception.detection.points_in_boxes import PointRules, PointsInBoxes, find_points_in_boxes
+from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
 
 @dataclass(frozen=True)
@@ -75,17 +33,6 @@ class VehiclePoints:
     ground_m: Float64
 
 
-@dataclass(frozen=True)
-class _Standing:
-    """Points that stand on the ground around the boxes."""
-
-    rows: Int
-    xyz_m: Float64
-    pixels: Float64
-    depths_m: Float64
-    ground_m: Float64
-
-
 def find_points(
     points_velo: Float32,
     boxes_px: Float64,
@@ -102,61 +49,18 @@ def find_points(
         ground: the ground below, or None: then what is lowest around is the ground.
         rules: every choice.
     """
-    calibration, size_px = camera
-    near = _standing(points_velo, boxes_px, calibration.image_P_velo, size_px, ground, rules)
+    near = find_points_in_boxes(points_velo, boxes_px, camera, ground, rules)
     claims = _Claims.of(near, boxes_px, rules)
     likely = _likelihoods(near, boxes_px, claims, camera, rules)
     claimed = np.bincount(claims.some_points, likely, len(near.rows))[claims.some_points]
     say = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
-    # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle whose box it fills
-    # more; the other one is in what is left.
-    first = claims.owners(say, near.pixels, boxes_px)[claims.some_points]
+    # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle in whose box it is
+    # the likelier; the other one is in what is left.
+    first = claims.owners(say, likely, len(near.rows), len(boxes_px))[claims.some_points]
     is_left = (first < 0) | (first == claims.some_boxes)
-    owners = claims.owners(say * is_left, near.pixels, boxes_px)
+    owners = claims.owners(say * is_left, likely, len(near.rows), len(boxes_px))
     kept = np.flatnonzero(owners >= 0)
     return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
-
-
-def _standing(
-    points_velo: Float32,
-    boxes_px: Float64,
-    image_P_velo: Float64,
-    size_px: tuple[int, int],
-    ground: GroundModel | None,
-    rules: PointRules,
-) -> _Standing:
-    """Find what stands on the ground in the boxes, and how high the ground is there."""
-    rows = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
-    rows = rows[(np.abs(points_velo[rows, :2]) <= rules.farthest_m).all(axis=1)]
-    pixels, depths_m = project(image_P_velo, points_velo[rows])
-    around = np.flatnonzero((depths_m > 0) & _is_around(pixels, boxes_px, size_px))
-    rows, pixels, depths_m = rows[around], pixels[around], depths_m[around]
-    xyz_m = points_velo[rows, :3].astype(np.float64)
-    cells = HeightCells.of(xyz_m, rules.cell_m)
-    lowest_m = cells.lowest_m(rules.reach_m)
-    ground_m = lowest_m
-    if ground is not None and len(rows):
-        model_m = ground.height_m(xyz_m[:, :2])
-        # A model goes on beyond what it was fitted to, but does not hold there.
-        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= rules.model_reach_m
-        holds = is_near & (np.abs(model_m - lowest_m) < rules.model_error_m)
-        ground_m = np.where(holds, model_m, lowest_m)
-    over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
-    kept = np.flatnonzero((over_m >= rules.clearance_m) & (over_m <= rules.highest_m))
-    return _Standing(rows[kept], xyz_m[kept], pixels[kept], depths_m[kept], ground_m[kept])
-
-
-def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> np.ndarray:
-    """Tell which pixels lie in a box, or as far below one as the ground before it shows."""
-    width, height = size_px
-    is_near = np.zeros((height + 2, width + 2), bool)
-    heights = boxes_px[:, 3] - boxes_px[:, 1]
-    grown = boxes_px + np.column_stack([0 * heights, 0 * heights, 0 * heights, heights / 3])
-    last_px = np.array([width, height, width, height])
-    for x1, y1, x2, y2 in np.clip(grown, 0, last_px).astype(np.int64).tolist():
-        is_near[y1 : y2 + 2, x1 : x2 + 2] = True
-    columns, rows = np.clip(np.nan_to_num(pixels, nan=-1), 0, size_px).astype(np.int64).T
-    return np.asarray(is_near[rows, columns])
 
 
 @dataclass(frozen=True)
@@ -178,7 +82,7 @@ class _Claims:
     labels: Int
 
     @classmethod
-    def of(cls, near: _Standing, boxes_px: Float64, rules: PointRules) -> Self:
+    def of(cls, near: PointsInBoxes, boxes_px: Float64, rules: PointRules) -> Self:
         """Pair boxes with points, and cluster those of each box."""
         u, v = near.pixels[:, 0], near.pixels[:, 1]
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
@@ -198,28 +102,27 @@ class _Claims:
         """(S,)."""
         return self.point[self.some]
 
-    def owners(self, say: Float64, pixels: Float64, boxes_px: Float64) -> Int:
-        """Return the box that each point belongs to by (S,) says, or -1.
+    def owners(self, say: Float64, likely: Float64, points: int, boxes: int) -> Int:
+        """Return (points,) the box that each belongs to by (S,) says and likelihoods, or -1.
 
         To a box belongs what lies, from above, within its cluster of the greatest say.
         """
-        best = self.some[_is_best(self.labels, self.some_boxes, say)]
-        low_m, high_m = _extents(self.places_m[best], self.box[best], len(boxes_px))
+        is_best = _is_best(self.labels, self.some_boxes, say)
+        best, best_boxes = self.some[is_best], self.some_boxes[is_best]
+        low_m, high_m = _extents(self.places_m[best], best_boxes, boxes)
+        counts = np.bincount(best_boxes, minlength=boxes)
+        likelihoods = np.bincount(best_boxes, likely[is_best], boxes) / np.maximum(counts, 1)
         is_within = (self.places_m >= low_m[self.box]) & (self.places_m <= high_m[self.box])
         own = np.flatnonzero(is_within.all(axis=1))
-        box, point = self.box[own], self.point[own]
-        low_px, high_px = _extents(pixels[point], box, len(boxes_px))
-        sizes_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
-        filled = (np.where(low_px < high_px, high_px - low_px, 0.0) / sizes_px).prod(axis=1)
-        # Of what is written to one place, the last stays: the box that is filled best.
-        order = np.argsort(filled[box], kind="stable")
-        owners = np.full(len(pixels), -1)
-        owners[point[order]] = box[order]
+        # Of what is written to one place, the last stays: the box whose cluster is the likeliest.
+        own = own[np.argsort(likelihoods[self.box[own]], kind="stable")]
+        owners = np.full(points, -1)
+        owners[self.point[own]] = self.box[own]
         return owners
 
 
 def _likelihoods(
-    near: _Standing,
+    near: PointsInBoxes,
     boxes_px: Float64,
     claims: _Claims,
     camera: tuple[Calibration, tuple[int, int]],
@@ -280,7 +183,7 @@ def _extents(places_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]
     return low_m, high_m
 
 
-def _is_best(labels: Int, box: Int, say: Float64) -> np.ndarray:
+def _is_best(labels: Int, box: Int, say: Float64) -> Bool:
     """Tell which pairs are of the cluster that has the greatest say in their box, if any has one."""
     if len(labels) == 0:
         return np.zeros(0, bool)
