@@ -61,7 +61,9 @@ def export(  # noqa: PLR0913 - flags of a command
         kinds.ExportOrder(checkpoint, drive, frames, int8=int8, size=asked, progress=_progress)
     )
     print(_table(out.name, exported))
-    print(f"chosen: {exported.choice.form}, {exported.choice.reason}")
+    if exported.forms["fp32"].precision:
+        print(f"\n{_precision_table(exported)}")
+    print(f"chosen: {exported.choice.form}; {exported.choice.reason}")
     write_json(
         out.with_suffix(".json"),
         {
@@ -79,7 +81,7 @@ def export(  # noqa: PLR0913 - flags of a command
     exported.require_parity(out.name)
     for name, model in exported.models.items():
         is_chosen = name == exported.choice.form
-        file = out if is_chosen else out.with_suffix(f".{name.partition(',')[0]}.onnx")
+        file = out if is_chosen else out.with_suffix(f".{name.partition(' ')[0]}.onnx")
         write_whole(file, model)
         print(f"wrote {file}")
 
@@ -114,15 +116,10 @@ def _progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]
 
 
 def _table(name: str, exported: "Exported") -> str:
-    """Return size, time, differences and, where it was measured, precision of every form."""
+    """Return size, time and differences of every form."""
     forms = exported.forms
     outputs = [
         (kind, output) for kind, parity in forms["fp32"].parity.items() for output in parity.largest
-    ]
-    measured = [
-        (of_class, level)
-        for of_class, levels in forms["fp32"].precision.items()
-        for level in levels
     ]
     rows: list[list[Cell]] = []
     for form_name, form in forms.items():
@@ -131,9 +128,21 @@ def _table(name: str, exported: "Exported") -> str:
             f"{form.parity[kind].largest[output]:.1e}" if form.parity else None
             for kind, output in outputs
         ]
-        precision = [f"{form.precision[of_class][level]:.2f}" for of_class, level in measured]
-        rows.append([form_name, size, f"{form.fastest_ms:.1f}", *differences, *precision])
+        rows.append([form_name, size, f"{form.fastest_ms:.1f}", *differences])
     header = ("", "MB", "ms", *(f"{output}, {kind}" for kind, output in outputs))
-    header += tuple(f"AP {of_class} {level}" for of_class, level in measured)
     title = f"{name}: {exported.shown}; largest differences from torch"
     return format_table(title, header, rows)
+
+
+def _precision_table(exported: "Exported") -> str:
+    """Return average precision of every form, by class and overlap, and by difficulty."""
+    forms = exported.forms
+    columns = [
+        (name, level) for name, levels in forms["fp32"].precision.items() for level in levels
+    ]
+    rows: list[list[Cell]] = [
+        [form_name, *(f"{form.precision[of_class][level]:.2f}" for of_class, level in columns)]
+        for form_name, form in forms.items()
+    ]
+    header = ("", *(f"{of_class} {level}" for of_class, level in columns))
+    return format_table("average precision, percent, by class and IoU", header, rows)
