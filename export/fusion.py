@@ -1,6 +1,5 @@
 """The fusion's network on its way from a checkpoint to a file."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -9,41 +8,17 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from export.forms import Form, compare_forms
-from export.onnx import OPSET, Exportable, to_onnx
+from export.exported import Choice, Exported, ExportOrder
+from export.forms import compare_forms
+from export.onnx import Exportable, to_onnx
 from perception.detection.fusion.calibration import Calibration
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.session import OnnxModel
+from perception.errors import UsageError
 from train.fusion.mlp import RescoringMlp, load_fusion
 
 TOLERANCES = {"scores": 1e-4}
 _ROWS = (0, 1, 2, 60)
-
-
-@dataclass(frozen=True)
-class ExportedFusion:
-    """A network as a file, and how it compares with it.
-
-    Attributes:
-        facts: what the file says of itself.
-        model: its content.
-        forms: torch and the file, side by side.
-        opset: of ONNX that it is written in.
-    """
-
-    facts: dict[str, str]
-    model: bytes
-    forms: dict[str, Form]
-    opset: int = OPSET
-
-    def require_parity(self, where: str) -> None:
-        """Refuse a file that does not say what the checkpoint says.
-
-        Raises:
-            ModelError: a score is too far from it.
-        """
-        for parity in self.forms["fp32"].parity.values():
-            parity.require(TOLERANCES, where)
 
 
 class NamedScores(nn.Module):
@@ -58,13 +33,20 @@ class NamedScores(nn.Module):
         return (self.network(features),)
 
 
-def export_fusion(checkpoint: Path) -> ExportedFusion:
+def export_fusion(order: ExportOrder) -> Exported:
     """Make the file of a checkpoint, and show it and the checkpoint the same features.
+
+    Its scores are not calibrated; training does that, by detections that were not learned from.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
+        UsageError: a size of pictures is asked for, or 8 bits.
     """
-    network, facts = load_fusion(checkpoint)
+    if order.int8 or order.size is not None:
+        raise UsageError(
+            "fusion", expected="neither --int8 nor --size, as it takes no pictures", found="one"
+        )
+    network, facts = load_fusion(order.checkpoint)
     rng = np.random.default_rng(0)
     lows, scales = network.lows.numpy(), network.scales.numpy()
     spans = np.where(scales > 0, 2 / np.where(scales > 0, scales, 1), 0)
@@ -81,7 +63,14 @@ def export_fusion(checkpoint: Path) -> ExportedFusion:
         file.write_bytes(model)
         opened = {"fp32": (len(model), OnnxModel(file, CONTRACT))}
         forms = compare_forms(exportable, opened, {"features": batches}, timed=batches[-1])
-    return ExportedFusion(dict(facts), model, forms)
+    return Exported(
+        facts=dict(facts),
+        models={"fp32": model},
+        forms=forms,
+        tolerances=TOLERANCES,
+        choice=Choice("fp32", "no other form is of use to so small a network"),
+        shown=f"{_ROWS[-1]} combinations",
+    )
 
 
 def with_calibration(model: bytes, calibration: Calibration) -> bytes:

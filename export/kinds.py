@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from export.depthcn import export_verifier
 from export.detector import export_detector
 from export.exported import Exported, ExportOrder
+from export.fusion import export_fusion
 from train.checkpoints import model_of, read_checkpoint
 
 Exporter = Callable[[ExportOrder], Exported]
@@ -12,6 +13,7 @@ Exporter = Callable[[ExportOrder], Exported]
 EXPORTERS: Mapping[str, Exporter] = {
     "depthcn": export_verifier,
     "detector": export_detector,
+    "fusion": export_fusion,
 }
 
 

@@ -114,7 +114,7 @@ def test_checkpoint_that_diverged_is_not_exported(thesis_checkpoint, tmp_path, c
     ("content", "sentence"),
     [
         ({"state_dict": {}, "hyper_parameters": {"model": "sonar"}}, "found one of sonar"),
-        ({"weights": 1}, "expected a checkpoint of depthcn or detector, found another"),
+        ({"weights": 1}, "expected a checkpoint of depthcn or detector or fusion, found another"),
     ],
 )
 def test_checkpoint_of_another_network(tmp_path, capsys, content, sentence):
@@ -128,7 +128,7 @@ def test_checkpoint_that_is_missing_or_damaged(thesis_checkpoint, tmp_path, caps
     out = ["--out", str(tmp_path / "model.onnx")]
     assert main(["export", str(tmp_path / "gone.ckpt"), *out]) == 2
     assert (
-        "gone.ckpt: expected a checkpoint of depthcn or detector, found no such"
+        "gone.ckpt: expected a checkpoint of depthcn or detector or fusion, found no such"
         in capsys.readouterr().err
     )
     (tmp_path / "half.ckpt").write_bytes(thesis_checkpoint.read_bytes()[:100_000])

@@ -175,6 +175,7 @@ def run_training(
     out: Path,
 ) -> "TrainedFusion":
     """Fit a fusion in a folder, and write it as a model file whose scores are calibrated."""
+    from export.exported import ExportOrder
     from export.fusion import export_fusion
     from train.fusion.targets import fusion_rows
     from train.fusion.training import FusionSets, fit_fusion
@@ -185,10 +186,10 @@ def run_training(
     plan, swept = _swept(choice, sets, fusion_plan(data, choice, trainer.seed))
     write_training_configuration(out, data=data, network=plan, trainer=trainer)
     fitted = fit_fusion(sets, plan, out, trainer)
-    exported = export_fusion(fitted.checkpoint)
+    exported = export_fusion(ExportOrder(fitted.checkpoint))
     file = out / "fusion.onnx"
     exported.require_parity(file.name)
-    write_whole(file, exported.model)
+    write_whole(file, exported.models["fp32"])
     counts: dict[str, int] = {}
     for name, frames, rows in (
         ("training", found.training, sets.training),

@@ -2,6 +2,7 @@
 
 import pytest
 
+from export.exported import ExportOrder
 from export.fusion import export_fusion
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
@@ -23,5 +24,5 @@ def fitted(tmp_path_factory):
     plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(most_steps=20))
     found = fit_fusion(sets, plan, out, TrainerPlan())
     file = out / "fusion.onnx"
-    file.write_bytes(export_fusion(found.checkpoint).model)
+    file.write_bytes(export_fusion(ExportOrder(found.checkpoint)).models["fp32"])
     return Fusion(file)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from export.exported import ExportOrder
 from export.fusion import export_fusion, with_calibration
 from perception.detection.fusion.calibration import Calibration
 from perception.detection.fusion.rescoring import Fusion
@@ -37,7 +38,7 @@ def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     events = EventAccumulator(str(tmp_path)).Reload()
     assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
     assert len(events.Scalars("validation/mse")) >= 2
-    exported = export_fusion(fitted.checkpoint)
+    exported = export_fusion(ExportOrder(fitted.checkpoint))
     exported.require_parity("toy")
     assert exported.forms["fp32"].parity["features"].rows == 63
 
@@ -88,7 +89,8 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
 
 def test_a_file_takes_a_calibration(tmp_path):
     plan = plan_of(damping=Damping(most_steps=1))
-    model = export_fusion(fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint).model
+    checkpoint = fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint
+    model = export_fusion(ExportOrder(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
     file.write_bytes(with_calibration(model, Calibration(2.0, 0.5, 0.25)))
     assert Fusion(file).calibration == Calibration(2.0, 0.5, 0.25)
