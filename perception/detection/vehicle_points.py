@@ -38,7 +38,7 @@ def find_points(
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
-    rules: PointRules = PointRules(),
+    rules: PointRules,
 ) -> VehiclePoints:
     """Find the points of the vehicles in (M, 4) boxes.
 
