@@ -79,7 +79,7 @@ def _printed(shares: Float64, is_seen: Bool) -> list[Float64]:
     first = np.where(seen, shares[..., :2], np.inf).min(axis=1)
     last = np.where(seen, shares[..., 2:], -np.inf).max(axis=1)
     around = _size_and_center(np.hstack([first, last]))
-    return [boxes.reshape(len(boxes), -1), mean, np.sqrt(squares / counts), around]
+    return [boxes.reshape(len(boxes), 4 * len(MODALITIES)), mean, np.sqrt(squares / counts), around]
 
 
 def _size_and_center(boxes: Float64) -> Float64:

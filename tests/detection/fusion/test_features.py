@@ -54,6 +54,12 @@ def test_as_plain_loops_say(seed):
     )
 
 
+@pytest.mark.parametrize("variant", FEATURES)
+def test_no_combination_has_no_features(variant):
+    found = tri_box_features(clumped_scene(0), np.zeros((0, 3), int), variant)
+    assert found.shape == (0, len(FEATURES[variant]))
+
+
 def test_what_the_richer_set_adds_by_hand():
     modal = {
         "rgb": detections([[0, 0, 20, 10]]),
