@@ -1,0 +1,58 @@
+"""What the benchmark of detectors rests on: another library says the same, and networks see little."""
+
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+from benchmarks.detector_files import write_detector
+from benchmarks.detectors import Workload
+from benchmarks.openvino_peer import openvino_network
+from benchmarks.stages import Prepared
+from data.open_drive import open_drive
+from perception.detection.input_size import InputSize
+from perception.detection.modality_detector import ModalityDetector
+from perception.errors import ImageError, MissingDependencyError
+from perception.pipeline import PipelineConfig
+from tests.car_frames import write_car_frames
+from tests.detection.bright_cells import bright_cells
+
+SIZE = InputSize(64, 96)
+
+
+def pictures(count):
+    blocks = np.random.default_rng(0).integers(0, 256, (count, 8, 12, 1), dtype=np.uint8)
+    return list(blocks.repeat(8, axis=1).repeat(8, axis=2))
+
+
+def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
+    files = write_detector(tmp_path, "compact", "dm", SIZE, pictures(2))
+    full, short = (ModalityDetector(files.of(form)) for form in ("fp32", "int8"))
+    inputs = {"pictures": full.input_of(pictures(1)[0])}
+    assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
+    assert short.facts["form"] == "int8 minmax"
+
+
+def test_openvino_says_the_same(tmp_path):
+    pytest.importorskip("openvino")
+    (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
+    ours = ModalityDetector(tmp_path / "dm.onnx")
+    inputs = {"pictures": ours.input_of(pictures(1)[0])}
+    peer, expected = openvino_network(tmp_path / "dm.onnx", 1)(inputs), ours.model(inputs)
+    for name, array in expected.items():
+        np.testing.assert_allclose(peer[name], array, atol=1e-5)
+
+
+def test_openvino_that_is_missing_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "openvino", None)
+    with pytest.raises(MissingDependencyError, match=r'pip install "trifuse\[bench\]"'):
+        openvino_network(tmp_path / "any.onnx", 1)
+
+
+def test_a_drive_without_images_is_refused(tmp_path):
+    drive = open_drive(write_car_frames(tmp_path / "object", frames=1))
+    prepared = Prepared(drive, [drive[0]], [], PipelineConfig())
+    with pytest.raises(ImageError, match="expected a camera image, found none"):
+        Workload.make(prepared, tmp_path)
