@@ -6,17 +6,20 @@ pixels, a few dozen, never over cubes.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from perception.geometry.camera import project
 from perception.render.canvas import is_inside
-from perception.types import Float64, Int, UInt8, Voxels
+from perception.types import Float32, Float64, Int, UInt8, Voxels
 
 _NO_CUBE = -1
 _NEAREST_M = 0.6
 # A cube seen at an angle is broader than its edge; a full diagonal would hide what is behind.
 _SPREAD = 1.2
+# Rays are remembered for so many rows of an image, or a multiple.
+_ROWS = 64
 
 
 @dataclass(frozen=True)
@@ -75,18 +78,31 @@ def _fill_squares(canvas: Int, first: Int, edge_px: Int, number: Int) -> None:
 
 def _faces(image_P_velo: Float64, width: int, voxels: Voxels, pixels: Int, cubes: Int) -> UInt8:
     """Find the face through which each pixel's ray enters its cube."""
-    velo_R_image = np.linalg.inv(image_P_velo[:, :3])
-    camera_m = -velo_R_image @ image_P_velo[:, 3]
-    v, u = np.divmod(pixels.astype(np.int32), np.int32(width))
-    image_points = np.stack([u, v, np.ones_like(u)]).astype(np.float32)
-    rays = velo_R_image.astype(np.float32) @ image_points
-    rays[np.abs(rays) < 1e-9] = 1e-9
+    camera_m = -np.linalg.inv(image_P_velo[:, :3]) @ image_P_velo[:, 3]
+    last_row = int(pixels[-1]) // width if len(pixels) else 0
+    slower = _slowness(image_P_velo.tobytes(), width, last_row // _ROWS + 1).take(pixels, axis=1)
     from_camera = np.ascontiguousarray((voxels.centers_m - camera_m).T, np.float32)
     # A ray enters a slab half an edge before its middle, and the cube with its last slab.
-    slower = 1 / rays
     enters = from_camera.take(cubes, axis=1) * slower - np.abs(slower) * np.float32(
         voxels.size_m / 2
     )
     face: UInt8 = (enters[1] > enters[0]).astype(np.uint8)
     face[enters[2] > np.maximum(enters[0], enters[1])] = 2
     return face
+
+
+@lru_cache(maxsize=4)
+def _slowness(projection: bytes, width: int, row_blocks: int) -> Float32:
+    """Return (3, pixels) one over the direction of each pixel's ray; a drive has few cameras.
+
+    Args:
+        projection: the (3, 4) matrix in double precision.
+        width: of the image.
+        row_blocks: so many blocks of rows from the top.
+    """
+    image_P_velo = np.frombuffer(projection).reshape(3, 4)
+    velo_R_image = np.linalg.inv(image_P_velo[:, :3]).astype(np.float32)
+    v, u = np.mgrid[: row_blocks * _ROWS, :width].astype(np.float32).reshape(2, -1)
+    rays = velo_R_image @ np.stack([u, v, np.ones_like(u)])
+    rays[np.abs(rays) < 1e-9] = 1e-9
+    return np.asarray(1 / rays, np.float32)
