@@ -161,9 +161,9 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
 
 def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
     train(tmp_path / "first", 3)
-    still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12), anchors="default")
+    still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12))
     start = FirstWeights(checkpoint=tmp_path / "first" / "best.ckpt")
-    train(tmp_path / "second", 1, still, ToyPictures(6), first=start)
+    train(tmp_path / "second", 1, still, ToyPictures(5), first=start)  # of other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
     after, _ = load_detector(tmp_path / "second" / "last.ckpt")
     for (name, weight), found in zip(before.named_parameters(), after.parameters(), strict=True):
@@ -331,3 +331,8 @@ def test_only_weights_decay():
     groups = QUICK.make_optimizer(tiny_network(("Car",), 1)).param_groups
     decays = {one["weight_decay"]: {weight.ndim > 1 for weight in one["params"]} for one in groups}
     assert decays == {QUICK.weight_decay: {True}, 0.0: {False}}
+
+
+def test_several_machines_share_a_training(tmp_path):
+    trainer = make_trainer(tmp_path, plan_of(1, nodes=3, devices=2))
+    assert (trainer.num_nodes, trainer.world_size) == (3, 6)

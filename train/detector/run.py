@@ -1,6 +1,6 @@
 """From labelled pictures to a trained detector, and what it comes to on those that were kept back."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -87,6 +87,9 @@ def train_detector(
     """
     if resume is not None:
         require_same_form(resume, plan.form)
+    if first.checkpoint is not None:
+        # What its numbers mean hangs on the anchors.
+        plan = replace(plan, anchors="default")
     torch.manual_seed(trainer_plan.seed)
     module = DetectorTraining(plan, first_network(plan, first))
     trainer: Trainer = make_trainer(out, trainer_plan, callbacks(plan))

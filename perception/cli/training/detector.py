@@ -83,7 +83,8 @@ def detector(  # noqa: PLR0913 - flags of a command
         box_loss: squared, as published, or ciou; else that of the preset.
         objectness: squared, as published, or focal; else that of the preset.
         learning_rate: the highest; else that of the preset.
-        anchors: fitted to the training labels, or those that the network comes with.
+        anchors: auto fits them to the training labels; default takes those that the network comes with, as
+            with the weights of a whole Darknet detector. A training that starts from a checkpoint keeps its own.
         epochs: in all.
         batch: pictures a step; else that of the preset.
         patience: end after so many epochs without a better one.
