@@ -85,13 +85,17 @@ def judged(
     )
 
 
+def boxes_beside(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
+    """Return what each modality that looked sees by itself, and what the fusion says."""
+    looked = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
+    return {str(name): frames.of_modality(name) for name in looked} | {"fusion": fused.boxes}
+
+
 def curves_beside(
     frames: DetectedFrames, fused: FusedFrames, of_class: DetectionClass = CAR
 ) -> Mapping[str, dict[str, PrecisionCurve]]:
     """Return the curves of each modality that looked, and of the fusion."""
-    looked = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
-    found = {str(name): frames.of_modality(name) for name in looked} | {"fusion": fused.boxes}
     return {
         name: precision_curves(frames.truth, boxes, len(frames), of_class)
-        for name, boxes in found.items()
+        for name, boxes in boxes_beside(frames, fused).items()
     }

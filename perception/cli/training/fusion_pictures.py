@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
-from data.detections.fused_frames import FusedFrames, judged, precision_curves
+from data.detections.fused_frames import (
+    FusedFrames,
+    boxes_beside,
+    judged,
+    precision_curves,
+)
 from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.rescoring import RULES, Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
@@ -63,10 +68,10 @@ def draw_sizes(path: Path, swept: Sequence["SweptSize"]) -> None:
 def draw_reliability(
     path: Path, frames: DetectedFrames, fused: FusedFrames, class_names: Sequence[str]
 ) -> dict[str, Reliability]:
-    """Draw and return how often boxes are right over the detectors' scores and over those of the fusion."""
+    """Draw and return how often boxes are right over each detector's scores and over those of the fusion."""
     found = {
         name: measure_reliability(judged(frames, boxes, class_names))
-        for name, boxes in (("detectors", fused.merged), ("fusion", fused.boxes))
+        for name, boxes in boxes_beside(frames, fused).items()
     }
     plot_reliability(path, f"Scores of {len(frames)} validation frames", found)
     return found
