@@ -29,6 +29,10 @@ def make_loader(
         workers: processes that make samples; 0 makes them where the network is trained.
         collate: makes a batch of samples; else equal shapes are stacked.
     """
+    if workers > 0:
+        # Workers share the cores already. Told here, before they are forked: one that gave up threads itself,
+        # which its parent alone has, would wait for them for ever.
+        cv2.setNumThreads(1)
     trainer = module.trainer
     return DataLoader(
         dataset,
@@ -37,11 +41,5 @@ def make_loader(
         num_workers=workers,
         persistent_workers=workers > 0,
         pin_memory=trainer is not None and trainer.strategy.root_device.type != "cpu",
-        worker_init_fn=_keep_to_one_thread,
         collate_fn=collate,
     )
-
-
-def _keep_to_one_thread(worker: int) -> None:
-    """Keep a worker's libraries to one thread: the workers share the cores already."""
-    cv2.setNumThreads(1)

@@ -1,9 +1,10 @@
 """Batches of pictures: what they hold, in which order, by how many processes, and after a resume."""
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -164,6 +165,17 @@ def test_workers_give_what_no_worker_gives(dataset: PictureDataset, method: str)
         assert all(torch.equal(one[name], other[name]) for name in FIELDS)
 
 
+@pytest.fixture
+def busy_opencv() -> Iterator[None]:
+    """Let OpenCV begin threads, which a forked worker does not have."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    cv2.GaussianBlur(np.zeros((1500, 1500, 3), np.uint8), (0, 0), 3)
+    yield
+    cv2.setNumThreads(before)
+
+
+@pytest.mark.usefixtures("busy_opencv")
 def test_workers_fill_one_cache_at_once(make_data: MakeData):
     data = make_data(workers=2)
     data.setup()
