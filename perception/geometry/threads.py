@@ -21,7 +21,7 @@ def let_waiting_threads_sleep() -> None:
 def one_blas_thread() -> Iterator[None]:
     """Keep BLAS to one thread: on arrays this small, more of them cost time and gain none.
 
-    The number of threads is the whole process'; it is as before when the last who asked has left.
+    The number of threads is the whole process', so that the limit stands until the last who asked has left.
     """
     _LIMIT.enter()
     try:
