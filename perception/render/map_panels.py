@@ -1,5 +1,7 @@
 """The maps that two of the detectors look at, small, with what they saw in them."""
 
+from typing import Literal
+
 import cv2
 import numpy as np
 
@@ -9,13 +11,15 @@ from perception.maps.projection import project_frame
 from perception.render import palette
 from perception.render.detections import draw_boxes
 from perception.render.vehicles import likely_boxes_px
-from perception.types import Modality, Result, UInt8
+from perception.types import Result, UInt8
 
+MapModality = Literal["dm", "rm"]
+_MAPS: tuple[MapModality, ...] = ("dm", "rm")
 # As in the thesis' figures: near is bright.
-_COLOR_MAPS: dict[Modality, int] = {"dm": cv2.COLORMAP_TURBO, "rm": cv2.COLORMAP_BONE}
+_COLOR_MAPS: dict[MapModality, int] = {"dm": cv2.COLORMAP_TURBO, "rm": cv2.COLORMAP_BONE}
 # Of the picture, so much at its top is sky, where a LiDAR has no returns.
 _SKY_SHARE = 0.25
-_TITLES: dict[Modality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
+_TITLES: dict[MapModality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
 
 
 def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
@@ -23,7 +27,7 @@ def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
 
     They are made anew here, which takes less time than it takes to keep them.
     """
-    looked = [modality for modality in ("dm", "rm") if modality in result.modal]
+    looked = [modality for modality in _MAPS if modality in result.modal]
     if not looked:
         return {}
     dense = densify(project_frame(result.frame))

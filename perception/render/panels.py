@@ -37,7 +37,7 @@ def title_height_px(canvas: UInt8) -> int:
 
 
 def _title_text_px(canvas: UInt8) -> int:
-    return max(round(canvas.shape[0] / 80), 7)
+    return int(max(round(canvas.shape[0] / 80), 7))
 
 
 def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:

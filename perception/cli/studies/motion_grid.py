@@ -41,7 +41,10 @@ def study_motion_grid(
     """
     rules = _RULES[preset]
     newest = _existing(drive, frame)
-    detector, pipeline = GridDetector(drive.sensor, rules), Pipeline(drive.sensor, PipelineConfig.for_motion())
+    detector, pipeline = (
+        GridDetector(drive.sensor, rules),
+        Pipeline(drive.sensor, PipelineConfig.for_motion()),
+    )
     first = max(newest - rules.background.scans, 0)
     for seen in progress(drive[index] for index in range(first, newest + 1)):
         _, scan = pipeline.segment(seen)

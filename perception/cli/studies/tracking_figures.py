@@ -68,7 +68,9 @@ def study_protocol() -> DatmoProtocol:
 
 def measure_methods(drive: Drive) -> dict[str, TrackingFigures]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
-    steps = datmo_steps(drive, PipelineConfig.for_motion(), METHODS, limit=None, on_bad_frame="stop")
+    steps = datmo_steps(
+        drive, PipelineConfig.for_motion(), METHODS, limit=None, on_bad_frame="stop"
+    )
     reports = compare_datmo(drive, steps, METHODS, study_protocol())
     return {method: TrackingFigures.of(report) for method, report in reports.items()}
 
