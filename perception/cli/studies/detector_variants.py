@@ -184,12 +184,11 @@ def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> Varia
         return VariantFigures(**known["figures"])
     measured = _measure(_model_file(folder), judging)
     first = measured[0]
-    network = first.modality
     figures = VariantFigures(
         epoch=trained["epoch"],
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
-        network_ms=first.median_ms(network),
+        network_ms=first.median_ms(first.modality),
         drives=to_plain({one.seen.data.name: _of_drive(one) for one in measured}),
     )
     write_json(folder / "figures.json", {"judging": asked, "figures": figures})

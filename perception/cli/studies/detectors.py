@@ -1,8 +1,8 @@
 """`trifuse study`: the studies that train detectors, as commands."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from perception.cli.evaluations.class_precision import MeasureRules
 from perception.cli.evaluations.detection import Resampling
@@ -18,7 +18,58 @@ from perception.types import Modality
 
 _RESULTS = Path("results") / "study"
 _OVERLAPS = (0.7, 0.5)
-Accelerator = Literal["auto", "cpu", "gpu"]
+
+
+@dataclass(frozen=True)
+class TrainingFlags:
+    """What all studies that train detectors ask; each hands its `**training` flags on to this.
+
+    Attributes:
+        epochs: of each training; of one with all frames, where trainings differ in these.
+        batch: pictures a step; else that of the preset.
+        bootstrap: so many choices of frames give intervals; 0 for none.
+        seed: of all.
+        workers: processes that make samples.
+        accelerator: auto takes a GPU where there is one.
+        cache: folder for the pictures; else the user's cache folder.
+    """
+
+    epochs: int = 20
+    batch: int | None = None
+    bootstrap: int = 0
+    seed: int = 0
+    workers: int = 0
+    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
+    cache: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse no training at all."""
+        if self.epochs < 1:
+            raise UsageError("--epochs", expected="at least 1", found=str(self.epochs))
+
+    @property
+    def conditions(self) -> TrainingConditions:
+        """What is the same for all variants."""
+        return TrainingConditions(self.seed, self.accelerator)
+
+    def base(
+        self, detector: DetectorChoice, drives: list[Path], validation: Path | list[Path]
+    ) -> Variant:
+        """Return what the variants are changes of."""
+        pictures = PictureChoice(
+            tuple(drives),
+            listed(validation),
+            batch=self.batch,
+            workers=self.workers,
+            cache=self.cache,
+        )
+        return Variant("", detector, pictures, self.epochs)
+
+    def judging(self, *drives: Path) -> Judging:
+        """Return by what the variants are measured."""
+        return Judging(
+            drives, MeasureRules(_OVERLAPS, resampling=Resampling(self.bootstrap, self.seed))
+        )
 
 
 def reflectance_maps(  # noqa: PLR0913 - flags of a command
@@ -29,14 +80,8 @@ def reflectance_maps(  # noqa: PLR0913 - flags of a command
     size: str = "416x416",
     wide_size: str = "352x1216",
     preset: Literal["default", "thesis"] = "default",
-    epochs: int = 20,
-    batch: int | None = None,
-    bootstrap: int = 0,
-    seed: int = 0,
-    workers: int = 0,
-    accelerator: Accelerator = "auto",
-    cache: Path | None = None,
     out: Path = _RESULTS / "reflectance-maps.png",
+    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
     """Train a detector on sparse, interpolated and wide reflectance maps (Tables B.1, B.2 and B.3).
 
@@ -51,37 +96,25 @@ def reflectance_maps(  # noqa: PLR0913 - flags of a command
         size: height and width of the input.
         wide_size: of the one that Table B.2 calls RM*.
         preset: default; or thesis, the figures of 7.2.2, for yolov2.
-        epochs: of each training.
-        batch: pictures a step; else that of the preset.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of all.
-        workers: processes that make samples.
-        accelerator: auto takes a GPU where there is one.
-        cache: folder for the pictures; else the user's cache folder.
         out: the picture; the numbers and all trainings are written beside it.
+        training: as TrainingFlags says.
     """
+    flags = TrainingFlags(**training)
     choice = DetectorChoice("rm", network, size, preset=preset)
-    pictures = _pictures(drives, validation, batch, workers, cache)
-    variants = map_variants(Variant("", choice, pictures, _positive("epochs", epochs)), wide_size)
-    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
-    publish(study_reflectance_maps(variants, conditions, judging, out), out)
+    variants = map_variants(flags.base(choice, drives, validation), wide_size)
+    judging = flags.judging(*listed(validation))
+    publish(study_reflectance_maps(variants, flags.conditions, judging, out), out)
 
 
-def detector_losses(  # noqa: PLR0913 - flags of a command
+def detector_losses(
     drives: list[Path],
     *,
     validation: Path | list[Path],
     modality: Modality = "dm",
     network: str = "compact",
     size: str = "192x640",
-    epochs: int = 20,
-    batch: int | None = None,
-    bootstrap: int = 0,
-    seed: int = 0,
-    workers: int = 0,
-    accelerator: Accelerator = "auto",
-    cache: Path | None = None,
     out: Path = _RESULTS / "detector-losses.png",
+    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
     """Train a detector by the published loss, and with CIoU of boxes, focal objectness, and both.
 
@@ -95,21 +128,13 @@ def detector_losses(  # noqa: PLR0913 - flags of a command
         modality: rgb, the camera's image; dm, depth map; rm, reflectance map.
         network: compact, yolov2, or a classifier of torchvision as trunk.
         size: height and width of the input.
-        epochs: of each training.
-        batch: pictures a step; else that of the preset.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of all.
-        workers: processes that make samples.
-        accelerator: auto takes a GPU where there is one.
-        cache: folder for the pictures; else the user's cache folder.
         out: the picture; the numbers and all trainings are written beside it.
+        training: as TrainingFlags says.
     """
-    pictures = _pictures(drives, validation, batch, workers, cache)
-    base = Variant(
-        "", DetectorChoice(modality, network, size), pictures, _positive("epochs", epochs)
-    )
-    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
-    publish(study_detector_losses(loss_variants(base), conditions, judging, out), out)
+    flags = TrainingFlags(**training)
+    base = flags.base(DetectorChoice(modality, network, size), drives, validation)
+    judging = flags.judging(*listed(validation))
+    publish(study_detector_losses(loss_variants(base), flags.conditions, judging, out), out)
 
 
 def sim_to_real(  # noqa: PLR0913 - flags of a command
@@ -121,14 +146,8 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
     network: str = "compact",
     size: str = "192x640",
     shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0),
-    epochs: int = 20,
-    batch: int | None = None,
-    bootstrap: int = 0,
-    seed: int = 0,
-    workers: int = 0,
-    accelerator: Accelerator = "auto",
-    cache: Path | None = None,
     out: Path = _RESULTS / "sim-to-real.png",
+    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
     """Train a detector on ever more synthetic frames; measure it on held-out and on real drives.
 
@@ -145,22 +164,13 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
         network: compact, yolov2, or a classifier of torchvision as trunk.
         size: height and width of the input.
         shares: of the frames; one more training takes all, without changing them.
-        epochs: of the training with all frames.
-        batch: pictures a step; else that of the preset.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of all.
-        workers: processes that make samples.
-        accelerator: auto takes a GPU where there is one.
-        cache: folder for the pictures; else the user's cache folder.
         out: the picture; the numbers and all trainings are written beside it.
+        training: as TrainingFlags says.
     """
-    pictures = _pictures(drives, validation, batch, workers, cache)
-    base = Variant(
-        "", DetectorChoice(modality, network, size), pictures, _positive("epochs", epochs)
-    )
-    conditions, judging = TrainingConditions(seed, accelerator), _judging(pictures, bootstrap, seed)
-    judging = replace(judging, drives=(*judging.drives, *listed(real)))
-    publish(study_sim_to_real(share_variants(base, shares), conditions, judging, out), out)
+    flags = TrainingFlags(**training)
+    base = flags.base(DetectorChoice(modality, network, size), drives, validation)
+    judging = flags.judging(*listed(validation), *listed(real))
+    publish(study_sim_to_real(share_variants(base, shares), flags.conditions, judging, out), out)
 
 
 COMMANDS = {
@@ -168,26 +178,3 @@ COMMANDS = {
     "detector-losses": detector_losses,
     "sim-to-real": sim_to_real,
 }
-
-
-def _pictures(
-    drives: list[Path],
-    validation: Path | list[Path],
-    batch: int | None,
-    workers: int,
-    cache: Path | None,
-) -> PictureChoice:
-    return PictureChoice(
-        tuple(drives), listed(validation), batch=batch, workers=workers, cache=cache
-    )
-
-
-def _judging(pictures: PictureChoice, bootstrap: int, seed: int) -> Judging:
-    rules = MeasureRules(_OVERLAPS, resampling=Resampling(bootstrap, seed))
-    return Judging(pictures.validation, rules)
-
-
-def _positive(name: str, value: int) -> int:
-    if value < 1:
-        raise UsageError(f"--{name}", expected="at least 1", found=str(value))
-    return value
