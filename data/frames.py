@@ -1,7 +1,7 @@
 """Read the frames of a drive in order, one ahead of who uses them."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
@@ -14,8 +14,6 @@ from perception.types import Frame
 log = logging.getLogger(__name__)
 
 OnBadFrame = Literal["stop", "skip"]
-# Goes through the numbers of frames, and may show how far it is.
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def frame_count(drive: Drive, limit: int | None) -> int:

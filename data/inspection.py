@@ -1,6 +1,6 @@
 """Read everything of a drive once, and list what is missing, damaged or implausible."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -28,10 +28,9 @@ from perception.errors import (
     ScanError,
 )
 from perception.geometry.mounting import check_mounting
-from perception.types import Frame
+from perception.types import Frame, Progress
 
 KittiDrive = KittiSequence | ObjectFrames
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 _WHAT = {
     ScanError: "scans missing or damaged",

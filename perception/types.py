@@ -3,7 +3,7 @@
 N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, y left, z up, in metres.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, Protocol, Self, get_args
@@ -26,6 +26,8 @@ Method = Literal["default", "thesis"]
 # A view of the road that a detector looks at: the camera's image, the depth map, the reflectance map.
 Modality = Literal["rgb", "dm", "rm"]
 MODALITIES: tuple[Modality, ...] = get_args(Modality)
+# Goes through numbers, such as of frames, and may show how far it is.
+Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def _require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:

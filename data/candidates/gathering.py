@@ -10,10 +10,10 @@ import numpy as np
 
 from data.candidates.labelled_frames import LabelledFrames, Scene
 from data.candidates.matching import MATCHING, VEHICLE
-from data.frames import OnBadFrame, Progress
+from data.frames import OnBadFrame
 from perception.detection.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError, UsageError
-from perception.types import Bool, Float32, Float64, Int
+from perception.types import Bool, Float32, Float64, Int, Progress
 
 log = logging.getLogger(__name__)
 

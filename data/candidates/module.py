@@ -15,7 +15,6 @@ from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
-from data.frames import Progress
 from data.loading import make_loader
 from data.looks import Ask
 from data.process_share import ProcessShare
@@ -23,6 +22,7 @@ from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
 from perception.detection.picture import CHANNELS
 from perception.errors import UsageError
+from perception.types import Progress
 
 _SPLIT = 0x5B  # stream of random numbers
 

@@ -10,7 +10,7 @@ Labels have 15 columns, results a 16th; neither needs a calibration here:
 What a detector does not say is -1 (truncation, occlusion, size), -1000 (place) or -10 (angle).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,9 +21,7 @@ from data.kitti.sensor_files import NumberedFiles
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.grouping import ranks_in_groups
-from perception.types import Float64, Int
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
+from perception.types import Float64, Int, Progress
 
 _COLUMNS = (
     *("type", "truncation", "occlusion", "alpha", "x1", "y1", "x2", "y2"),

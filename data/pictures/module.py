@@ -10,7 +10,7 @@ import numpy as np
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
-from data.frames import OnBadFrame, Progress
+from data.frames import OnBadFrame
 from data.loading import make_loader
 from data.looks import Ask, ShuffledLooks
 from data.pictures.augmentation import PictureAugmentation
@@ -22,7 +22,7 @@ from data.process_share import ProcessShare
 from data.splitting import SplitBy
 from data.training_drives import Sources, open_drives
 from perception.errors import PerceptionError, UsageError
-from perception.types import Int
+from perception.types import Int, Progress
 
 log = logging.getLogger(__name__)
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from data.drive import Drive, Labels
-from data.frames import Progress
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, LabelError, UsageError
-from perception.types import Bool
+from perception.types import Bool, Progress
 
 
 @dataclass(frozen=True)

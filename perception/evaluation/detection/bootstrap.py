@@ -4,7 +4,6 @@ B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statisti
 with replacement, as many as there are, again and again; the interval holds the middle share of the averages.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +11,7 @@ import numpy as np
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import DetectionTallies
 from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
-from perception.types import Float64
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
+from perception.types import Float64, Progress
 
 
 @dataclass(frozen=True)
