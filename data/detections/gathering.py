@@ -23,6 +23,7 @@ from data.frame_origin import code_mark, frame_origin
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.detection.fusion.lens import Lens
 from perception.detection.modality_detector import ModalityDetector
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
@@ -159,7 +160,7 @@ def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, Modalit
 def _look(frame: Frame, looker: Looker) -> Arrays:
     sight = looker.look(frame)
     size_px = _size_px(frame, sight.dense)
-    scene = scene_of(sight.modal, size_px, sight.dense)
+    scene = scene_of(sight.modal, size_px, sight.dense, frame.calibration)
     arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
     for name, found in scene.modal.items():
         arrays[f"{name}_boxes_px"] = found.boxes_px
@@ -167,6 +168,8 @@ def _look(frame: Frame, looker: Looker) -> Arrays:
         arrays[f"{name}_types"] = found.types.astype(np.str_)
     for name, depths_m in scene.depths_m.items():
         arrays[f"{name}_depths_m"] = depths_m
+    if scene.known_lens is not None:
+        arrays["lens_px"] = np.array([scene.known_lens.focal_px, scene.known_lens.center_px])
     return arrays
 
 
@@ -186,4 +189,5 @@ def _to_scene(arrays: Arrays) -> DetectedScene:
         if f"{name}_depths_m" in arrays:
             depths_m[name] = arrays[f"{name}_depths_m"]
     width, height = arrays["size_px"].tolist()
-    return DetectedScene(modal, (width, height), depths_m)
+    lens = Lens(*map(tuple, arrays["lens_px"].tolist())) if "lens_px" in arrays else None
+    return DetectedScene(modal, (width, height), depths_m, lens)

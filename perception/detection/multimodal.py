@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
 
+from perception.detection.fusion.fitted_to import warn_of_others
+from perception.detection.fusion.rescoring import Fusion
 from perception.detection.modalities import (
     MapFilling,
     camera_image,
@@ -28,6 +30,7 @@ from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of, project_frame
 from perception.types import (
     MODALITIES,
+    Calibration,
     Detections,
     Frame,
     FusedDetections,
@@ -49,6 +52,7 @@ class JointJudge(Protocol):
         modal: ModalDetections,
         size_px: tuple[int, int],
         dense: DenseMaps | None = None,
+        camera: Calibration | None = None,
     ) -> FusedDetections:
         """Return the objects, best first, of an image of (width, height)."""
         ...
@@ -95,6 +99,8 @@ class MultimodalDetector:
         self.detectors = dict(detectors)
         """By modality."""
         self._fusion: JointJudge = fusion or Union()
+        if isinstance(fusion, Fusion):
+            warn_of_others(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detector")
 
     def look(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalSight:
@@ -119,7 +125,7 @@ class MultimodalDetector:
         seen = {name: looks[name].result() for name in MODALITIES if name in looks}
         modal = {name: one.made for name, one in seen.items()}
         shown = next(iter(maps.made.values()), dense)
-        fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown))
+        fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown, frame.calibration))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in seen.items()}
         return MultimodalSight(modal, fused.made, shown, timings_s)

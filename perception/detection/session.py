@@ -1,5 +1,6 @@
 """A network as a file: checked when it is opened, ready for its first frame, arrays by name in and out."""
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.abc import Traversable
@@ -93,7 +94,10 @@ class OnnxModel:
         """
         self.name = file.name
         """Of the file."""
-        self._session = _open(file, threads)
+        content = _content(file)
+        self.mark = hashlib.blake2b(content, digest_size=8).hexdigest()
+        """What tells the file from others."""
+        self._session = _open(file, content, threads)
         self.facts: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         """What the file says of itself."""
         self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
@@ -166,7 +170,7 @@ class OnnxModel:
         }
 
 
-def _open(file: Traversable, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
+def _content(file: Traversable) -> bytes:
     if not file.is_file():
         raise ModelError(
             file.name,
@@ -174,6 +178,10 @@ def _open(file: Traversable, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtim
             found=f"no file {file}",
             advice="check its name, or make it with `trifuse export`",
         )
+    return file.read_bytes()
+
+
+def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtime has no types
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
@@ -182,9 +190,7 @@ def _open(file: Traversable, threads: int) -> Any:  # noqa: ANN401 - ONNX Runtim
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
-        return onnxruntime.InferenceSession(
-            file.read_bytes(), options, providers=["CPUExecutionProvider"]
-        )
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # ONNX Runtime's errors have no base of their own
         raise ModelError(
             str(file),

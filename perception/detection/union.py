@@ -6,7 +6,14 @@ from perception.detection.network_answers import MOST_IOU
 from perception.detection.suppression import suppress
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps
-from perception.types import MODALITIES, Detections, FusedDetections, Int, ModalDetections
+from perception.types import (
+    MODALITIES,
+    Calibration,
+    Detections,
+    FusedDetections,
+    Int,
+    ModalDetections,
+)
 
 
 class Union:
@@ -17,6 +24,7 @@ class Union:
         modal: ModalDetections,
         size_px: tuple[int, int],
         dense: DenseMaps | None = None,
+        camera: Calibration | None = None,
     ) -> FusedDetections:
         """Return the best of each place; its parts are what the other detectors say of the same place.
 
@@ -24,6 +32,7 @@ class Union:
             modal: what each detector saw.
             size_px: width and height of the image, which makes no difference here.
             dense: neither do the maps.
+            camera: nor does it.
         """
         by_column = [modal.get(modality, Detections.empty()) for modality in MODALITIES]
         counts = [len(found) for found in by_column]

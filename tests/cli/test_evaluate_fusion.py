@@ -60,7 +60,7 @@ def known_scenes(monkeypatch, tmp_path):
     detector = SimpleNamespace(detectors=networks)
     monkeypatch.setattr(FusionFiles, "open_detectors", lambda self: detector)
     fusions = {"scores": KeepScores(), "default": KeepScores()}
-    monkeypatch.setattr(FusionFiles, "open_fusions", lambda self: fusions)
+    monkeypatch.setattr(FusionFiles, "open_fusions", lambda self, detector: fusions)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(FusionFiles, "mark", lambda self: "known")
     monkeypatch.setattr(fusion, "detected_scene", see)

@@ -49,7 +49,7 @@ def bright_cars(tmp_path, monkeypatch):
     cv2.imwrite(str(root / "training/image_2/000000.png"), image)
     detectors = {name: BrightPlaces(name, boxes_px) for name in ("rgb", "dm", "rm")}
     monkeypatch.setattr(FusionFiles, "open_detectors", lambda self: MultimodalDetector(detectors))
-    monkeypatch.setattr(FusionFiles, "open_fusions", lambda self: {"default": BestPlace()})
+    monkeypatch.setattr(FusionFiles, "open_fusions", lambda self, detector: {"default": BestPlace()})
     return root
 
 

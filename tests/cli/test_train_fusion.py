@@ -1,7 +1,8 @@
 """`trifuse train fusion` on a few frames with cars of points, with detectors whose answers are known."""
 
+import io
 import json
-from functools import partial
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import cv2
@@ -11,8 +12,11 @@ import torch
 import yaml
 
 from perception.cli.main import main
-from perception.cli.training.fusion_plan import DetectorFiles, FusionData, split_detections
+from perception.cli.training.fusion_data import DetectorFiles, FusionData, split_detections
+from perception.detection.fusion.features import FEATURES
+from perception.detection.fusion.fitted_to import detectors_note
 from perception.detection.fusion.rescoring import Fusion
+from perception.errors import UsageError
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.detection.bright_cells import bright_cells
 
@@ -56,34 +60,80 @@ def train(drive, models, cache, out, *more):
     return main([*words, *models, *more])
 
 
-@pytest.fixture
-def run(drive, models, cache, tmp_path):
-    return partial(train, drive, models, cache, tmp_path)
+SHORT = {
+    "default": ["--variant", "default", "--epochs", "2", "--hidden", "4"],
+    "scores": ["--variant", "scores", "--sweep", "[2,3]"],
+}
 
 
-@pytest.mark.parametrize(
-    ("variant", "more"),
-    [("default", ["--epochs", "2", "--hidden", "4"]), ("scores", ["--sweep", "[2,3]"])],
-)
-def test_a_fusion_is_fitted_drawn_and_written(run, drive, tmp_path, capsys, variant, more):
-    assert run("--variant", variant, *more) == 0
-    printed = capsys.readouterr().out
+@pytest.fixture(scope="module", params=SHORT)
+def trained(request, drive, models, cache, tmp_path_factory):
+    """Return the variant, the folder of its training, and what was printed."""
+    out, printed = tmp_path_factory.mktemp(request.param), io.StringIO()
+    with redirect_stdout(printed):
+        assert train(drive, models, cache, out, *SHORT[request.param]) == 0
+    return request.param, out, printed.getvalue()
+
+
+def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
+    variant, out, printed = trained
     assert [row in printed for row in ("rgb", "dm", "rm", "fusion")] == [True] * 4
-    fusion = Fusion(tmp_path / "fusion.onnx")
+    fusion = Fusion(out / "fusion.onnx")
     assert fusion.variant == variant
     assert fusion.facts["training_data"] == str(drive)
-    figures = json.loads((tmp_path / "figures.json").read_text())
-    assert figures["trained"]["counts"]["training_frames"] == 4
-    assert figures["trained"]["counts"]["validation_frames"] == 2
+    opened = DetectorFiles(*map(Path, models[1::2])).open()
+    assert fusion.facts["detectors"] == detectors_note(opened)
+    figures = json.loads((out / "figures.json").read_text())
+    counts = figures["trained"]["counts"]
+    assert [counts[f"{part}_frames"] for part in ("training", "validation", "judged")] == [4, 1, 1]
     assert figures["trained"]["facts"]["calibration"] == fusion.facts["calibration"]
-    written = yaml.safe_load((tmp_path / "config.yaml").read_text())
+    written = yaml.safe_load((out / "config.yaml").read_text())
     assert written["network"]["form"]["variant"] == variant
-    pictures = {path.stem for path in tmp_path.glob("*.png")}
+    assert written["resumed_from"] is None
+    pictures = {path.stem for path in out.glob("*.png")}
     assert {"rescoring", "steps", "reliability"} <= pictures
     assert ("sizes" in pictures) == (variant == "scores")
     if variant == "scores":
         assert len(figures["trained"]["swept"]) == 2
         assert fusion.facts["calibration"] == "1.0,1.0,0.0"
+
+
+def says(fusion):
+    features = np.random.default_rng(0).uniform(size=(5, len(FEATURES[fusion.variant])))
+    return fusion.expected_ious(features)
+
+
+def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsys):
+    _, out, _ = trained
+    file = tmp_path / "again.onnx"
+    assert main(["export", str(out / "best.ckpt"), "--out", str(file)]) == 0
+    again, first = Fusion(file), Fusion(out / "fusion.onnx")
+    assert again.facts == first.facts
+    np.testing.assert_array_equal(says(again), says(first))
+    report = json.loads(file.with_suffix(".json").read_text())
+    assert report["facts"]["calibration"] == first.facts["calibration"]
+    assert "wrote" in capsys.readouterr().out
+
+
+def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models, cache, capsys):
+    variant, out, _ = trained
+    before = Fusion(out / "fusion.onnx")
+    assert train(drive, models, cache, out, *SHORT[variant]) == 2
+    assert "go on with --resume last" in capsys.readouterr().err
+    assert train(drive, models, cache, out, *SHORT[variant], "--resume", "last") == 0
+    after = Fusion(out / "fusion.onnx")
+    np.testing.assert_array_equal(says(after), says(before))  # it was at its end
+    assert after.calibration == before.calibration
+    written = yaml.safe_load((out / "config.yaml").read_text())
+    assert written["resumed_from"] == str(out / "last.ckpt")
+
+
+def test_to_judge_takes_frames_of_its_own(drive, models, cache):
+    files = DetectorFiles(*map(Path, models[1::2]))
+    with pytest.raises(
+        UsageError, match=r"2 frames or more: .*, found 1; raise --validation-share"
+    ):
+        split_detections(FusionData((drive,), (), 0.17, models=files, cache=cache), seed=0)
 
 
 def test_detectors_look_once(drive, models, cache, monkeypatch):
@@ -96,7 +146,7 @@ def test_detectors_look_once(drive, models, cache, monkeypatch):
 
     monkeypatch.setattr("perception.detection.multimodal.MultimodalDetector.look", refuse)
     again = split_detections(data, seed=0)
-    assert (len(first.training), len(first.validation)) == (4, 2)
+    assert [len(p) for p in (first.training, first.validation, first.judged)] == [4, 1, 1]
     for one, other in zip(first.training.scenes, again.training.scenes, strict=True):
         np.testing.assert_array_equal(
             one.merged.detections.boxes_px, other.merged.detections.boxes_px

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from perception.detection.fusion.fitted_to import detectors_note
+from perception.detection.fusion.rescoring import Fusion
 from perception.detection.modalities import fill_maps, map_picture
 from perception.detection.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
@@ -15,6 +17,7 @@ from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Detections, Frame, FusedDetections
 from tests.car_frames import CALIBRATION, SIZE_PX
 from tests.detection.bright_cells import bright_cells
+from tests.detection.fusion.conftest import weighted_sums
 
 
 @pytest.fixture(scope="module")
@@ -110,13 +113,38 @@ def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
     asked = {}
 
     class Silent:
-        def fuse(self, modal, size_px, dense=None):
-            asked.update(modal=modal, size_px=size_px, dense=dense)
+        def fuse(self, modal, size_px, dense=None, camera=None):
+            asked.update(modal=modal, size_px=size_px, dense=dense, camera=camera)
             return FusedDetections.empty()
 
     sight = MultimodalDetector(detectors, Silent()).look(frame)
     assert len(sight.fused) == 0
-    assert asked == {"modal": sight.modal, "size_px": SIZE_PX, "dense": sight.dense}
+    assert asked == {
+        "modal": sight.modal,
+        "size_px": SIZE_PX,
+        "dense": sight.dense,
+        "camera": frame.calibration,
+    }
+
+
+def test_detectors_that_a_fusion_was_not_fitted_to_are_named_once(detectors, tmp_path, caplog):
+    def open_with(note: str):
+        caplog.clear()
+        path = tmp_path / "fusion.onnx"
+        path.write_bytes(weighted_sums("default", np.eye(3), detectors=note))
+        MultimodalDetector(detectors, Fusion(path))
+        return caplog.messages
+
+    fitted_to = detectors_note(detectors)
+    assert open_with(fitted_to) == open_with("unknown") == []
+    others = fitted_to.replace(detectors["dm"].model.mark, "0123456789abcdef")
+    (message,) = open_with(others)
+    assert message == (
+        f"fusion.onnx was fitted to other detectors than {detectors['dm'].model.name}: its scores "
+        "may be off; fit it anew with `trifuse train fusion`"
+    )
+    MultimodalDetector({"rgb": detectors["rgb"]}, Fusion(tmp_path / "fusion.onnx"))
+    assert len(caplog.messages) == 1
 
 
 def test_no_detector_or_one_of_another_modality_or_class(detectors, tmp_path):

@@ -84,10 +84,21 @@ class Step:
     damping: float
 
 
-def descend(problem: LeastSquares, start: Float64, damping: Damping = Damping()) -> Iterator[Step]:
-    """Yield the start and then ever lower places, until none is found; who looks on may stop earlier."""
+def descend(
+    problem: LeastSquares, start: Float64, damping: Damping = Damping(), first: int = 0
+) -> Iterator[Step]:
+    """Yield the start and then ever lower places, until none is found; who looks on may stop earlier.
+
+    From a step's parameters, damping and number it goes on as if it had not stopped.
+
+    Args:
+        problem: what shall be small.
+        start: (P,) parameters.
+        damping: from that of the first step on.
+        first: number of the start.
+    """
     mu, parameters = damping.first, np.asarray(start, np.float64)
-    for number in range(damping.most_steps + 1):
+    for number in range(first, damping.most_steps + 1):
         here = problem.normal_equations(parameters)
         length = float(np.linalg.norm(here.gradient))
         yield Step(number, parameters, here.mean_square, length, mu)

@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from perception.detection.fusion.calibration import Calibration
 from perception.detection.fusion.features import FEATURES, Variant
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Float32
@@ -99,9 +100,10 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "variant": form.variant,
         "features": ",".join(FEATURES[form.variant]),
         "hidden": ",".join(map(str, form.hidden)),
-        "calibration": "1.0,1.0,0.0",
+        "calibration": content.get("calibration", str(Calibration())),
         "optimiser": str(notes["optimiser"]),
         "training_data": str(notes["training_data"]),
+        "detectors": str(notes["detectors"]),
         "revision": str(notes["revision"]),
         "epochs": str(content["epoch"] + 1),
     }

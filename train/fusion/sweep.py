@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from train.fusion.training import FusionPlan, FusionSets, lowest
+from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.whole_steps import lowest
 
 Hidden = tuple[int, ...]
 Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]

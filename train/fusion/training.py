@@ -1,86 +1,29 @@
 """How the fusion's network is fitted: by Levenberg-Marquardt as in 7.2.2, or by AdamW.
 
-Both leave the same: OUT/best.ckpt of the lowest error on what was kept back, and what TensorBoard shows.
+Both leave the same: OUT/best.ckpt of the lowest error on what was kept back, OUT/last.ckpt to go on from, and
+what TensorBoard shows.
 """
 
 import io
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import torch
-from lightning.pytorch import LightningDataModule, LightningModule
-from torch import Tensor
-from torch.optim import AdamW
-from torch.optim.lr_scheduler import LambdaLR
-from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.tensorboard import SummaryWriter
 
 from data.whole_file import write_whole
-from perception.geometry.threads import one_blas_thread
+from perception.detection.fusion.calibration import Calibration
+from perception.errors import ModelError
 from perception.types import Float64
-from train.fusion.levenberg_marquardt import Damping, Step, descend
-from train.fusion.mlp import MODEL, MlpForm, RescoringMlp
+from train.checkpoint_writer import require_same_network
+from train.checkpoints import read_checkpoint
+from train.fusion.mlp import MODEL
 from train.fusion.mlp_squares import MlpSquares
-from train.fusion.targets import FusionRows
-from train.schedules import warm_cosine
-from train.trainer import BEST, TrainerPlan, fit, make_trainer
-
-Optimiser = Literal["lm", "adamw"]
-WATCHED = "validation/explained"
-
-
-@dataclass(frozen=True)
-class FusionPlan:
-    """Which network is fitted, and how.
-
-    Attributes:
-        form: the network.
-        optimiser: lm, Levenberg-Marquardt over all rows at once; adamw, in small steps.
-        damping: of lm.
-        checks: lm ends when the error on what was kept back has not fallen for so many steps.
-        learning_rate: the highest of adamw.
-        weight_decay: of adamw, of weights only.
-        batch: combinations a step of adamw.
-        seed: of the first weights.
-        training_data: what it learns from, for the model file.
-        revision: of the program, for the model file.
-    """
-
-    form: MlpForm = field(default_factory=MlpForm)
-    optimiser: Optimiser = "lm"
-    damping: Damping = field(default_factory=Damping)
-    checks: int = 6
-    learning_rate: float = 0.01
-    weight_decay: float = 0.0001
-    batch: int = 512
-    seed: int = 0
-    training_data: str = "unknown"
-    revision: str = "unknown"
-
-    @property
-    def notes(self) -> dict[str, Any]:
-        """What a checkpoint says of it."""
-        form = {"variant": self.form.variant, "hidden": list(self.form.hidden)}
-        kept = ("optimiser", "seed", "training_data", "revision")
-        return {"model": MODEL, **form, **{name: asdict(self)[name] for name in kept}}
-
-    def first_network(self, training: FusionRows) -> RescoringMlp:
-        """Return a network of random weights that knows the ranges of its inputs."""
-        torch.manual_seed(self.seed)
-        network = RescoringMlp(self.form)
-        network.fit_inputs(training.features)
-        return network
-
-
-@dataclass(frozen=True)
-class FusionSets:
-    """What is learned from, and what is kept back to judge by."""
-
-    training: FusionRows
-    validation: FusionRows
+from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.small_steps import FusionBatches, FusionTraining
+from train.fusion.whole_steps import Descent, lowest
+from train.trainer import BEST, LAST, TrainerPlan, fit, make_trainer
 
 
 @dataclass(frozen=True)
@@ -100,136 +43,92 @@ class FittedFusion:
     validation: float
 
 
-def fit_fusion(sets: FusionSets, plan: FusionPlan, out: Path, trainer: TrainerPlan) -> FittedFusion:
-    """Fit a network in a folder; how long and on what is asked of adamw only."""
-    if plan.optimiser == "lm":
-        with SummaryWriter(str(out)) as writer:
-            best = lowest(sets, plan, partial(_log_step, writer))
-        network = MlpSquares(plan.first_network(sets.training), sets.training).network_of(
-            best.parameters
-        )
-        _write_checkpoint(out / BEST, network, plan, best.step)
-        return FittedFusion(out / BEST, best.step, best.training, best.validation)
+def fit_fusion(
+    sets: FusionSets,
+    plan: FusionPlan,
+    out: Path,
+    trainer: TrainerPlan,
+    resume: Path | None = None,
+) -> FittedFusion:
+    """Fit a network in a folder; how long and on what is asked of adamw only.
+
+    Args:
+        sets: combinations.
+        plan: the network, and how it is fitted.
+        out: the folder.
+        trainer: how long and on what.
+        resume: a checkpoint of the same fit to go on from.
+
+    Raises:
+        ModelError: the checkpoint is damaged, or of another network or way to fit.
+    """
     torch.manual_seed(plan.seed)
     module = FusionTraining(plan, plan.first_network(sets.training))
-    fit(make_trainer(out, trainer, []), module, FusionBatches(sets, plan.batch))
-    content = torch.load(out / BEST, map_location="cpu", weights_only=True)
+    if resume is not None:
+        _require_same_fit(resume, module)
+    if plan.optimiser == "lm":
+        return _by_whole_steps(sets, plan, out, resume)
+    fit(make_trainer(out, trainer, []), module, FusionBatches(sets, plan), resume)
+    content = read_checkpoint(out / BEST, MODEL)
     module.load_state_dict(content["state_dict"])
     errors = [MlpSquares(module.network, rows) for rows in (sets.training, sets.validation)]
     training, validation = (problem.mean_square(problem.start) for problem in errors)
     return FittedFusion(out / BEST, content["epoch"], training, validation)
 
 
-@dataclass(frozen=True)
-class Lowest:
-    """Where the error on what was kept back was lowest."""
-
-    step: int
-    parameters: Float64
-    training: float
-    validation: float
+def note_calibration(checkpoint: Path, calibration: Calibration) -> None:
+    """Write into a checkpoint how its scores become probabilities, for those who export it."""
+    _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibration)})
 
 
-def lowest(
-    sets: FusionSets, plan: FusionPlan, watch: Callable[[Step, float], None] | None = None
-) -> Lowest:
-    """Go down by Levenberg-Marquardt until what was kept back says that it is enough.
+def _by_whole_steps(
+    sets: FusionSets, plan: FusionPlan, out: Path, resume: Path | None
+) -> FittedFusion:
+    problem = MlpSquares(plan.first_network(sets.training), sets.training)
 
-    Args:
-        sets: combinations.
-        plan: the network, and when to stop.
-        watch: is told of each step and of its error on what was kept back.
-    """
-    network = plan.first_network(sets.training)
-    problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
-    best: Lowest | None = None
-    with one_blas_thread():
-        for step in descend(problem, problem.start, plan.damping):
-            error = kept_back.mean_square(step.parameters)
-            if watch is not None:
-                watch(step, error)
-            if best is None or error < best.validation:
-                best = Lowest(step.number, step.parameters, step.mean_square, error)
-            elif step.number - best.step >= plan.checks:
-                break
-    assert best is not None  # the start is one
-    return best
+    def content(parameters: Float64, step: int) -> dict[str, Any]:
+        weights = problem.network_of(parameters).state_dict()
+        state = {f"network.{name}": weight for name, weight in weights.items()}
+        return {"state_dict": state, "hyper_parameters": plan.notes, "epoch": step}
 
+    def keep(descent: Descent, validation: float) -> None:
+        last, best = descent.last, descent.best
+        figures = {
+            "train/mse": last.mean_square,
+            "validation/mse": validation,
+            "train/gradient": last.gradient,
+            "train/damping": last.damping,
+        }
+        for name, value in figures.items():
+            writer.add_scalar(name, value, last.number)
+        if best.step == last.number:
+            _write(out / BEST, content(best.parameters, best.step))
+        _write(out / LAST, content(last.parameters, last.number) | {"descent": descent.state})
 
-class FusionTraining(LightningModule):
-    """One network and its descent by AdamW."""
-
-    def __init__(self, plan: FusionPlan, network: RescoringMlp) -> None:
-        """Take a network as it is."""
-        super().__init__()
-        self.save_hyperparameters(plan.notes)
-        self.plan, self.network = plan, network
-
-    def training_step(self, batch: list[Tensor], batch_idx: int) -> Tensor:
-        """Return the error of a batch."""
-        features, targets, weights = batch
-        squares = weights * (self.network(features) - targets) ** 2
-        error: Tensor = squares.sum() / weights.sum().clamp(min=1e-6)
-        self.log("train/mse", error, on_step=False, on_epoch=True, batch_size=len(features))
-        return error
-
-    def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
-        """Log the error of the whole set, and which share of the targets' variance is explained."""
-        features, targets, weights = batch
-        total = weights.sum()
-        error = (weights * (self.network(features) - targets) ** 2).sum() / total
-        mean = (weights * targets).sum() / total
-        variance = (weights * (targets - mean) ** 2).sum() / total
-        found = {"validation/mse": error, WATCHED: 1 - error / variance.clamp(min=1e-12)}
-        self.log_dict(found, batch_size=len(features))
-
-    def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
-        """Return the descent and its rate, which changes with every step."""
-        weights = [w for w in self.parameters() if w.ndim > 1]
-        biases = [w for w in self.parameters() if w.ndim <= 1]
-        groups = [
-            {"params": weights, "weight_decay": self.plan.weight_decay},
-            {"params": biases, "weight_decay": 0.0},
-        ]
-        descent = AdamW(groups, lr=self.plan.learning_rate)
-        steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(descent, partial(warm_cosine, steps=steps))
-        return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+    begun = None
+    if resume is not None:
+        begun = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
+        _write(out / BEST, content(begun.best.parameters, begun.best.step))
+    with SummaryWriter(str(out)) as writer:
+        best = lowest(sets, plan, keep, begun)
+    return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
 
-class FusionBatches(LightningDataModule):
-    """Combinations in batches; what was kept back is one."""
-
-    def __init__(self, sets: FusionSets, batch: int) -> None:
-        super().__init__()
-        self._sets, self._batch = sets, batch
-
-    def train_dataloader(self) -> DataLoader[Any]:
-        """Return what is learned from, in a new order each time."""
-        return DataLoader(_tensors(self._sets.training), self._batch, shuffle=True)
-
-    def val_dataloader(self) -> DataLoader[Any]:
-        """Return what was kept back."""
-        return DataLoader(_tensors(self._sets.validation), len(self._sets.validation))
+def _require_same_fit(checkpoint: Path, module: FusionTraining) -> None:
+    """Refuse to go on from a checkpoint of another network, or from one that holds no state of this fit."""
+    require_same_network(checkpoint, module)
+    content = read_checkpoint(checkpoint, MODEL)
+    states = {"lm": "descent", "adamw": "optimizer_states"}
+    if states[module.plan.optimiser] not in content:
+        raise ModelError(
+            checkpoint,
+            expected=f"a checkpoint to go on from by {module.plan.optimiser}",
+            found=f"one by {content['hyper_parameters']['optimiser']} without its state",
+            advice="go on from last.ckpt with the options that it was made with",
+        )
 
 
-def _tensors(rows: FusionRows) -> TensorDataset:
-    return TensorDataset(*(torch.from_numpy(column) for column in vars(rows).values()))
-
-
-def _log_step(writer: SummaryWriter, step: Step, validation: float) -> None:
-    figures = {
-        "train/mse": step.mean_square,
-        "validation/mse": validation,
-        "train/gradient": step.gradient,
-        "train/damping": step.damping,
-    }
-    for name, value in figures.items():
-        writer.add_scalar(name, value, step.number)
-
-
-def _write_checkpoint(path: Path, network: RescoringMlp, plan: FusionPlan, step: int) -> None:
-    state = {f"network.{name}": weight for name, weight in network.state_dict().items()}
-    content = io.BytesIO()
-    torch.save({"state_dict": state, "hyper_parameters": plan.notes, "epoch": step}, content)
-    write_whole(path, content.getvalue())
+def _write(path: Path, content: dict[str, Any]) -> None:
+    data = io.BytesIO()
+    torch.save(content, data)
+    write_whole(path, data.getvalue())

@@ -90,7 +90,8 @@ def fusion(  # noqa: PLR0913 - flags of a command
     reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
     measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
     files = models or FusionFiles()
-    detector, fusions = files.open_detectors(), files.open_fusions()
+    detector = files.open_detectors()
+    fusions = files.open_fusions(detector)
     marked, store = MarkedLooker(detector, files.mark()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
     for place in labelled_places(drives, sequence):

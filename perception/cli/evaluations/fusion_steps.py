@@ -6,9 +6,10 @@ from itertools import combinations
 from pathlib import Path
 
 from perception.cli.evaluations.labelled_drives import SeenDrive
-from perception.cli.training.fusion_plan import DetectorFiles
+from perception.cli.training.fusion_data import DetectorFiles
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
+from perception.detection.fusion.fitted_to import warn_of_others
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.multimodal import MultimodalDetector
 from perception.detection.session import shipped_model
@@ -53,8 +54,8 @@ class FusionFiles(DetectorFiles):
         """
         return MultimodalDetector(self.open())
 
-    def open_fusions(self) -> dict[Variant, Fusion]:
-        """Open the networks that rescore: all that are named or ship.
+    def open_fusions(self, detector: MultimodalDetector) -> dict[Variant, Fusion]:
+        """Open the networks that rescore what a detector sees: all that are named or ship.
 
         Raises:
             ModelError: a file holds no such network.
@@ -64,11 +65,14 @@ class FusionFiles(DetectorFiles):
             "features": self.features,
             "default": self.default,
         }
-        return {
+        fusions = {
             name: Fusion(file or name)
             for name, file in files.items()
             if file is not None or name == "default" or shipped_model(f"fusion_{name}").is_file()
         }
+        for one in fusions.values():
+            warn_of_others(one, detector.detectors)
+        return fusions
 
 
 def modalities_of(seen: SeenDrive[DetectedScene]) -> tuple[Modality, ...]:

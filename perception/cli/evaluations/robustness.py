@@ -94,8 +94,9 @@ def robustness(  # noqa: PLR0913 - flags of a command
     place = LabelledPlace(" ".join(filter(None, (str(drive), sequence))), drive, sequence)
     opened = open_labelled(place, reading)
     disturbances = chosen.disturbances(has_images=opened.has_images)
-    fusion = files.open_fusions()["default"]
-    detector = DisturbedDetector(files.open_detectors(), disturbances, seed)
+    undisturbed = files.open_detectors()
+    fusion = files.open_fusions(undisturbed)["default"]
+    detector = DisturbedDetector(undisturbed, disturbances, seed)
     seen = see_drive(place.name, opened, detector.see, reading)
     of_class = kitti_class(class_name)
     measured = {

@@ -110,9 +110,9 @@ class DisturbedDetector:
         Raises:
             PerceptionError: the frame has nothing to look at, or no camera.
         """
-        size_px = camera_of(frame)[1]
+        camera, size_px = camera_of(frame)
         plain = self._detector.look(frame)
-        scenes = {UNDISTURBED: scene_of(plain.modal, size_px, plain.dense)}
+        scenes = {UNDISTURBED: scene_of(plain.modal, size_px, plain.dense, camera)}
         for number, one in enumerate(self._disturbances):
             for level in one.levels:
                 rng = np.random.default_rng((self._seed, frame.index, number))
@@ -120,7 +120,7 @@ class DisturbedDetector:
                 sight = self._affected[one.name].look(disturbed)
                 dense = plain.dense if sight.dense is None else sight.dense
                 modal = {**plain.modal, **sight.modal}
-                scenes[one.name, level] = scene_of(modal, size_px, dense)
+                scenes[one.name, level] = scene_of(modal, size_px, dense, camera)
         return scenes
 
 

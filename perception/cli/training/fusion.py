@@ -9,6 +9,7 @@ from data.frames import OnBadFrame
 from data.splitting import SplitBy
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
+from perception.cli.training.fusion_data import DetectorFiles, FusionData, split_detections
 from perception.cli.training.fusion_pictures import (
     draw_reliability,
     draw_rescoring,
@@ -16,12 +17,10 @@ from perception.cli.training.fusion_pictures import (
     draw_steps,
 )
 from perception.cli.training.fusion_plan import (
-    DetectorFiles,
     FusionChoice,
-    FusionData,
     TrainedFusion,
+    TrainingPlace,
     run_training,
-    split_detections,
 )
 from perception.cli.training.trainer_choice import listed, trainer_plan
 from perception.detection.fusion.features import Variant
@@ -48,12 +47,13 @@ def fusion(  # noqa: PLR0913 - flags of a command
     seed: int = 0,
     on_bad_frame: OnBadFrame = "stop",
     cache: Path | None = None,
+    resume: str | None = None,
     out: Path = Path("results") / "fusion",
 ) -> None:
     """Fit the fusion to drives that no detector learned from; follow it with: tensorboard --logdir OUT.
 
-    The detectors look at every frame once; what they see is kept. It leaves fusion.onnx, best.ckpt,
-    config.yaml, figures.json, and pictures: rescoring.png (Fig. 7.12), steps.png (7.14), reliability.png,
+    The detectors look at every frame once; what they see is kept. It leaves fusion.onnx, best.ckpt, last.ckpt
+    to go on from, config.yaml, figures.json, and pictures: rescoring.png (Fig. 7.12), steps.png (7.14), reliability.png,
     and with a sweep sizes.png (7.13).
 
     Example: trifuse train fusion synth/fusion --variant features --sweep [5,10,20,40] --out results/fusion
@@ -62,7 +62,8 @@ def fusion(  # noqa: PLR0913 - flags of a command
         drives: labelled drives of any layout; of a folder of several, all are taken.
         models: detectors in place of those that ship; --models.rgb rgb.onnx for one of them.
         validation: drives to judge by, one or [several]; without, a share is kept back.
-        validation_share: of the frames or drives.
+        validation_share: of the frames or drives; half of them end the training and calibrate its scores, by
+            the other half the result is judged.
         split: keep single frames back, or whole drives.
         variant: default, with distances, overlaps and what is missing; features or scores, as in the thesis.
         hidden: neurons of one hidden layer, or of several as [15,7]; else those of the variant.
@@ -73,19 +74,21 @@ def fusion(  # noqa: PLR0913 - flags of a command
         seed: of every choice.
         on_bad_frame: stop at a damaged frame, or leave it out and say so.
         cache: folder for what the detectors see; else the user's cache folder.
+        resume: a checkpoint to go on from, or the word last for that of the folder.
         out: folder of the results.
     """
     trainer = trainer_plan(
         epochs=epochs, accelerator="cpu", seed=seed, watched="validation/explained"
     )
+    place = TrainingPlace.of_flags(out, resume)
     data = FusionData(
         tuple(drives), listed(validation), validation_share, split, models, on_bad_frame, cache
     )
     sizes = (hidden,) if isinstance(hidden, int) else hidden
     choice = FusionChoice(variant, sizes, optimiser, tuple(sweep), tuple(sweep_two))
     found = split_detections(data, seed)
-    trained = run_training(data, choice, found, trainer, out)
-    network, frames = Fusion(trained.file), found.validation
+    trained = run_training(data, choice, found, trainer, place)
+    network, frames = Fusion(trained.file), found.judged
     fused = fuse_frames(frames.scenes, network)
     curves = curves_beside(frames, fused)
     draw_rescoring(out / "rescoring.png", frames, network)
@@ -95,7 +98,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         draw_sizes(out / "sizes.png", trained.swept)
     document = {
         "trained": trained,
-        "validation_ap_percent": _averages(curves),
+        "judged_ap_percent": _averages(curves),
         "expected_calibration_error": {
             name: one.expected_error for name, one in reliability.items()
         },
@@ -118,7 +121,7 @@ def figures_table(
     ]
     title = (
         f"Fusion, {trained.facts['variant']}, {trained.facts['hidden']} neurons, mean square error "
-        f"{trained.fitted.validation:.4f}: AP in percent on {frames} validation frames"
+        f"{trained.fitted.validation:.4f}: AP in percent on {frames} other frames"
     )
     return format_table(title, ("Car, IoU over 0.7", *names), rows)
 

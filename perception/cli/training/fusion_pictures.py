@@ -55,7 +55,7 @@ def draw_steps(path: Path, frames: DetectedFrames, fused: FusedFrames) -> None:
         )
         for one in DIFFICULTIES
     ]
-    plot_precision(path, f"Fusion step by step, {len(frames)} validation frames", panels)
+    plot_precision(path, f"Fusion step by step, {len(frames)} frames kept apart", panels)
 
 
 def draw_sizes(path: Path, swept: Sequence["SweptSize"]) -> None:
@@ -73,7 +73,7 @@ def draw_reliability(
         name: measure_reliability(judged(frames, boxes, class_names))
         for name, boxes in boxes_beside(frames, fused).items()
     }
-    plot_reliability(path, f"Scores of {len(frames)} validation frames", found)
+    plot_reliability(path, f"Scores of {len(frames)} frames kept apart", found)
     return found
 
 

@@ -5,87 +5,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from data.detections.detected_frames import DetectedFrames
-from data.detections.gathering import MarkedLooker, detect_drives, models_mark, require_unseen
-from data.frames import OnBadFrame
-from data.splitting import SplitBy, validation_frames
-from data.training_drives import Sources, open_drives
 from data.whole_file import write_whole
-from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
+from perception.cli.training.fusion_data import FusionData, SplitDetections
+from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.fusion.features import Variant
-from perception.detection.modality_detector import ModalityDetector
-from perception.detection.multimodal import MultimodalDetector
-from perception.detection.session import shipped_model
-from perception.errors import UsageError
-from perception.types import MODALITIES, Modality
 
 if TYPE_CHECKING:
+    from train.fusion.plan import FusionPlan, FusionSets
     from train.fusion.sweep import SweptSize
-    from train.fusion.training import FittedFusion, FusionPlan, FusionSets
+    from train.fusion.training import FittedFusion
     from train.trainer import TrainerPlan
 
 Optimiser = Literal["lm", "adamw"]
-
-
-@dataclass(frozen=True)
-class DetectorFiles:
-    """Which detectors are fused; those that ship where no file is named.
-
-    Attributes:
-        rgb: detector of the camera's image.
-        dm: of the depth map.
-        rm: of the reflectance map.
-    """
-
-    rgb: Path | None = None
-    dm: Path | None = None
-    rm: Path | None = None
-
-    def open(self) -> dict[Modality, ModalityDetector]:
-        """Open all three.
-
-        Raises:
-            ModelError: there is no such file, or it holds no detector.
-        """
-        named = {name: getattr(self, name) or name for name in MODALITIES}
-        return {name: ModalityDetector(file, threads=1) for name, file in named.items()}
-
-    def mark(self) -> str:
-        """Return what tells these files from others."""
-        files = {
-            name: getattr(self, name) or shipped_model(f"{name}_compact") for name in MODALITIES
-        }
-        return models_mark({name: file.read_bytes() for name, file in files.items()})
-
-
-@dataclass(frozen=True)
-class FusionData:
-    """What a fusion learns from.
-
-    Attributes:
-        drives: labelled drives.
-        validation: drives that it is judged by; none keeps a share of the frames back.
-        validation_share: of the frames or drives.
-        split: keep single frames back, or whole drives.
-        models: the detectors.
-        on_bad_frame: stop at a damaged frame, or leave it out.
-        cache: folder for what the detectors see; else the user's cache folder.
-    """
-
-    drives: tuple[Path, ...]
-    validation: tuple[Path, ...] = ()
-    validation_share: float = 0.25
-    split: SplitBy = "frames"
-    models: DetectorFiles = DetectorFiles()
-    on_bad_frame: OnBadFrame = "stop"
-    cache: Path | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse nothing to learn from."""
-        if not self.drives:
-            raise UsageError("drives", expected="at least one", found="none")
 
 
 @dataclass(frozen=True)
@@ -116,12 +47,27 @@ _USUAL: Mapping[Variant, tuple[tuple[int, ...], Optimiser]] = {
 
 
 @dataclass(frozen=True)
-class SplitDetections:
-    """What the detectors saw, and what they detect."""
+class TrainingPlace:
+    """Where a training is.
 
-    training: DetectedFrames
-    validation: DetectedFrames
-    class_names: tuple[str, ...]
+    Attributes:
+        out: the folder.
+        resumed: the checkpoint that it goes on from.
+    """
+
+    out: Path
+    resumed: Path | None = None
+
+    @classmethod
+    def of_flags(cls, out: Path, resume: str | None) -> "TrainingPlace":
+        """Find the checkpoint, and refuse to begin where another training lies, before any work is done.
+
+        Raises:
+            UsageError: there is a training, and it is not to be gone on with.
+        """
+        from train.trainer import checkpoint_to_resume
+
+        return cls(out, checkpoint_to_resume(out, resume))
 
 
 @dataclass(frozen=True)
@@ -143,51 +89,35 @@ class TrainedFusion:
     counts: dict[str, int]
 
 
-def split_detections(data: FusionData, seed: int) -> SplitDetections:
-    """Let the detectors look at all frames, or read what they saw; keep some frames back.
-
-    Raises:
-        UsageError: a detector learned from one of the drives, or nothing is left of a part.
-        PerceptionError: a drive, a frame or a model cannot be read or used.
-    """
-    detectors = data.models.open()
-    marked = MarkedLooker(MultimodalDetector(detectors), data.models.mark())
-    sources = Sources(data.drives, data.validation, data.cache)
-    parts = []
-    for paths in filter(None, (sources.training, sources.validation)):
-        drives = open_drives(paths)
-        require_unseen(drives, detectors)
-        bar = frame_bar("detections")
-        parts.append(detect_drives(drives, marked, sources.store, data.on_bad_frame, bar))
-    names = next(iter(detectors.values())).class_names
-    if len(parts) == 2:
-        return SplitDetections(parts[0], parts[1], names)
-    whole, rng = parts[0], np.random.default_rng([seed, 0xF])
-    is_kept = validation_frames(whole.drive_numbers, data.validation_share, data.split, rng)
-    return SplitDetections(whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)], names)
-
-
 def run_training(
     data: FusionData,
     choice: FusionChoice,
     found: SplitDetections,
     trainer: "TrainerPlan",
-    out: Path,
+    place: TrainingPlace,
 ) -> "TrainedFusion":
-    """Fit a fusion in a folder, and write it as a model file whose scores are calibrated."""
+    """Fit a fusion in a folder, and write it as a model file whose scores are calibrated.
+
+    Raises:
+        ModelError: a checkpoint to go on from is damaged, or of another training.
+    """
     from export.exported import ExportOrder
     from export.fusion import export_fusion
+    from train.fusion.plan import FusionSets
     from train.fusion.targets import fusion_rows
-    from train.fusion.training import FusionSets, fit_fusion
+    from train.fusion.training import fit_fusion
 
     sets = FusionSets(
         fusion_rows(found.training, choice.variant), fusion_rows(found.validation, choice.variant)
     )
-    plan, swept = _swept(choice, sets, fusion_plan(data, choice, trainer.seed))
-    write_training_configuration(out, data=data, network=plan, trainer=trainer)
-    fitted = fit_fusion(sets, plan, out, trainer)
+    asked = replace(fusion_plan(data, choice, trainer.seed), detectors=found.detectors)
+    plan, swept = _swept(choice, sets, asked)
+    write_training_configuration(
+        place.out, data=data, network=plan, trainer=trainer, resumed_from=place.resumed
+    )
+    fitted = fit_fusion(sets, plan, place.out, trainer, place.resumed)
     exported = export_fusion(ExportOrder(fitted.checkpoint))
-    file = out / "fusion.onnx"
+    file = place.out / "fusion.onnx"
     exported.require_parity(file.name)
     write_whole(file, exported.models["fp32"])
     counts: dict[str, int] = {}
@@ -196,16 +126,17 @@ def run_training(
         ("validation", found.validation, sets.validation),
     ):
         counts |= {f"{name}_frames": len(frames), f"{name}_combinations": len(rows)}
+    counts["judged_frames"] = len(found.judged)
     facts = exported.facts
     if choice.variant == "default":  # the thesis' scores stay as they are printed
-        facts = facts | {"calibration": _calibrate(file, found)}
+        facts = facts | {"calibration": _calibrate(file, fitted.checkpoint, found)}
     return TrainedFusion(file, facts, fitted, swept, counts)
 
 
 def fusion_plan(data: FusionData, choice: FusionChoice, seed: int) -> "FusionPlan":
     """Return which network, and how it is fitted."""
     from train.fusion.mlp import MlpForm
-    from train.fusion.training import FusionPlan
+    from train.fusion.plan import FusionPlan
     from train.revision import program_revision
 
     hidden, optimiser = _USUAL[choice.variant]
@@ -231,14 +162,16 @@ def _swept(
     return replace(plan, form=replace(plan.form, hidden=best.hidden)), tuple(swept)
 
 
-def _calibrate(file: Path, found: SplitDetections) -> str:
-    """Write the curve from scores to probabilities into a model file, and return it."""
+def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
+    """Write the curve from scores to probabilities into a model file and its checkpoint, and return it."""
     from data.detections.fused_frames import fuse_frames, judged
     from export.fusion import with_calibration
     from perception.detection.fusion.rescoring import Fusion
     from train.fusion.calibration import fit_calibration
+    from train.fusion.training import note_calibration
 
     boxes = fuse_frames(found.validation.scenes, Fusion(file)).boxes
     curve = fit_calibration(judged(found.validation, boxes, found.class_names))
     write_whole(file, with_calibration(file.read_bytes(), curve))
+    note_calibration(checkpoint, curve)
     return str(curve)

@@ -1,14 +1,16 @@
 """What the detectors of one frame saw, put side by side: the boxes of all modalities, and how far they are."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from perception.detection.fusion.lens import Lens
 from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
+    Calibration,
     Detections,
     Float64,
     Int,
@@ -50,11 +52,18 @@ class DetectedScene:
         modal: detections by modality; of a detector that did not look there is no entry.
         size_px: width and height of the picture.
         depths_m: of the boxes of each modality; empty where there is no depth map.
+        known_lens: of the camera; None where nobody says.
     """
 
     modal: ModalDetections
     size_px: tuple[int, int]
     depths_m: BoxDepths = field(default_factory=dict)
+    known_lens: Lens | None = None
+
+    @property
+    def lens(self) -> Lens:
+        """Of the camera, or of a usual one."""
+        return self.known_lens or Lens.usual(self.size_px)
 
     @cached_property
     def merged(self) -> MergedDetections:
@@ -85,11 +94,16 @@ class DetectedScene:
         """Return what is left where modalities are lost; without both maps, nothing is known of depth."""
         modal = {name: found for name, found in self.modal.items() if name not in lost}
         depths_m = {name: found for name, found in self.depths_m.items() if name not in lost}
-        return DetectedScene(modal, self.size_px, {} if {"dm", "rm"} <= set(lost) else depths_m)
+        if {"dm", "rm"} <= set(lost):
+            depths_m = {}
+        return replace(self, modal=modal, depths_m=depths_m)
 
 
 def scene_of(
-    modal: ModalDetections, size_px: tuple[int, int], dense: DenseMaps | None = None
+    modal: ModalDetections,
+    size_px: tuple[int, int],
+    dense: DenseMaps | None = None,
+    camera: Calibration | None = None,
 ) -> DetectedScene:
     """Return a frame's detections with the depths of their boxes.
 
@@ -97,11 +111,13 @@ def scene_of(
         modal: detections by modality.
         size_px: width and height of the picture.
         dense: maps of the same frame; without, distances are not known.
+        camera: that took it; without, a usual one is assumed.
     """
-    if dense is None:
-        return DetectedScene(modal, size_px)
-    depths_m = {name: box_depths_m(found.boxes_px, dense) for name, found in modal.items()}
-    return DetectedScene(modal, size_px, depths_m)
+    depths_m: BoxDepths = {}
+    if dense is not None:
+        depths_m = {name: box_depths_m(found.boxes_px, dense) for name, found in modal.items()}
+    lens = None if camera is None else Lens.of(camera)
+    return DetectedScene(modal, size_px, depths_m, lens)
 
 
 def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:

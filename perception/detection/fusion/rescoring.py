@@ -28,6 +28,7 @@ from perception.types import (
     Int,
     ModalDetections,
 )
+from perception.types import Calibration as CameraCalibration
 
 KIND = "fusion"
 CONTRACT = ModelContract(
@@ -77,6 +78,8 @@ class Fusion:
         file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
         # One thread: it takes less time than waking another.
         self._model = OnnxModel(file, CONTRACT, threads=1)
+        self.name = self._model.name
+        """Of the file."""
         self.facts = self._model.facts
         """What the file says of itself."""
         self.variant: Variant = _variant(self._model)
@@ -85,7 +88,11 @@ class Fusion:
         """From its scores to probabilities."""
 
     def fuse(
-        self, modal: ModalDetections, size_px: tuple[int, int], dense: DenseMaps | None = None
+        self,
+        modal: ModalDetections,
+        size_px: tuple[int, int],
+        dense: DenseMaps | None = None,
+        camera: CameraCalibration | None = None,
     ) -> FusedDetections:
         """Return what the detectors say together, best first.
 
@@ -93,9 +100,10 @@ class Fusion:
             modal: detections by modality; any may be missing.
             size_px: width and height of the picture.
             dense: maps of the same frame, for distances; the thesis' variants do without.
+            camera: that took it, for angles; the thesis' variants do without.
         """
         needed = dense if self.variant == "default" else None
-        return self.fuse_scene(scene_of(modal, size_px, needed))
+        return self.fuse_scene(scene_of(modal, size_px, needed, camera))
 
     def fuse_scene(self, scene: DetectedScene) -> FusedDetections:
         """Return what the detectors of a scene say together, best first."""
@@ -117,11 +125,7 @@ class Fusion:
         count = len(merged.detections)
         sums = np.bincount(flat[is_seen], tri_scores.ravel()[is_seen], count)
         times = np.bincount(flat[is_seen], minlength=count)
-        # Of all places of a box, in the order of boxes, the one with the best score is the first.
-        order = np.lexsort((-tri_scores.ravel(), flat))
-        order = order[is_seen[order]]
-        _, firsts = np.unique(flat[order], return_index=True)
-        best = order[firsts] // len(MODALITIES)
+        best = _best_rows(flat, tri_scores.ravel(), count)
         return Rescored(replace(merged.detections, scores=sums / times), rows, tri_scores, best)
 
     def join(self, scene: DetectedScene, rescored: Rescored) -> FusedDetections:
@@ -145,6 +149,22 @@ class Fusion:
         """Return (T, 3) what overlap with the object the boxes of (T, F) combinations are expected to have."""
         outputs = self._model({"features": features.astype(np.float32)})
         return outputs["scores"].astype(np.float64)
+
+
+def _best_rows(places: Int, scores: Float64, count: int) -> Int:
+    """Return (M,) the row of (T, 3) combinations in which each box scores best, the first of equals.
+
+    Args:
+        places: (3T,) of boxes among the M, -1 where there is none.
+        scores: (3T,)
+        count: M, each of which is somewhere.
+    """
+    peaks = np.full(count + 1, -np.inf)  # the last is of what is not there
+    np.maximum.at(peaks, places, scores)
+    at_peak = np.flatnonzero(scores == peaks[places])
+    best = np.empty(count + 1, np.int64)
+    best[places[at_peak[::-1]]] = at_peak[::-1] // len(MODALITIES)  # what is written last stays
+    return best[:count]
 
 
 def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> Float64:

@@ -11,7 +11,6 @@ rgb 0 overlaps dm 0 and dm 1; no box of the reflectance map is near; rm 0 is alo
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import UsageError
@@ -57,8 +56,7 @@ def tri_boxes(scene: DetectedScene, rules: TriBoxRules = TriBoxRules()) -> Int:
     iou = iou_px(boxes_px, boxes_px)
     is_same = (iou > rules.least_iou) & (types[:, None] == types)
     if rules.by_set:
-        _, sets = connected_components(is_same, directed=False)
-        is_same = sets[:, None] == sets
+        is_same = _in_one_set(is_same)
     partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), rules.most_partners)
     # Every choice of one of the K of each modality, for every box: (M, K, K, K).
     first, second, third = (partners[:, column] for column in range(len(MODALITIES)))
@@ -71,6 +69,16 @@ def tri_boxes(scene: DetectedScene, rules: TriBoxRules = TriBoxRules()) -> Int:
         third[:, None, None] + 1
     )
     return np.stack(np.unravel_index(np.unique(codes[is_row]), tuple(sizes)), axis=1) - 1
+
+
+def _in_one_set(is_same: Bool) -> Bool:
+    """Return (M, M) which boxes are connected by others, twice as far at every round."""
+    while True:
+        links = is_same.astype(np.float32)
+        is_connected = links @ links > 0
+        if np.array_equal(is_connected, is_same):
+            return np.asarray(is_same)
+        is_same = is_connected
 
 
 def _partners(scene: DetectedScene, worth: Float64, most: int) -> tuple[Int, Bool]:

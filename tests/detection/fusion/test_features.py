@@ -1,13 +1,17 @@
 """The 23 features by hand and beside plain loops, and what the richer set adds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.naive_fusion import naive_features
 from perception.detection.fusion.detected_scene import DetectedScene, box_depths_m, scene_of
 from perception.detection.fusion.features import FEATURES, tri_box_features
+from perception.detection.fusion.lens import Lens
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.maps.densify import DenseMaps
+from perception.types import Calibration
 from tests.detection.fusion.scenes import clumped_scene, detections
 
 
@@ -49,9 +53,10 @@ def test_as_plain_loops_say(seed):
     expected = naive_features(scene, rows)
     np.testing.assert_allclose(tri_box_features(scene, rows, "features"), expected, atol=1e-12)
     np.testing.assert_array_equal(tri_box_features(scene, rows, "scores"), expected[:, :3])
-    np.testing.assert_allclose(
-        tri_box_features(scene, rows, "default")[:, :23], expected, atol=1e-12
-    )
+    # The richer set has the same in tangents, here of a lens that has the picture's shares for tangents.
+    unit = replace(scene, known_lens=Lens((1242.0, 375.0), (0.0, 0.0)))
+    tangents = tri_box_features(unit, rows, "default")[:, :23]
+    np.testing.assert_allclose(tangents, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("variant", FEATURES)
@@ -65,18 +70,52 @@ def test_what_the_richer_set_adds_by_hand():
         "rgb": detections([[0, 0, 20, 10]]),
         "dm": detections([[10, 0, 30, 10]]),
     }
-    scene = DetectedScene(modal, (100, 50), {"rgb": [[9, 20]], "dm": [[np.nan, np.nan]]})
+    depths_m = {"rgb": np.array([[9.0, 20]]), "dm": np.full((1, 2), np.nan)}
+    scene = DetectedScene(modal, (100, 50), depths_m, Lens((80.0, 40.0), (60.0, 25.0)))
     found = named(scene, [[0, 0, -1]])
+    assert found["tan_width_rgb"] == pytest.approx([20 / 80])
+    assert found["tan_x_rgb"] == pytest.approx([(10 - 60) / 80])
+    assert found["tan_y_dm"] == pytest.approx([(5 - 25) / 40])
     assert found["near_rgb"] == pytest.approx([np.log(10)])
     assert found["middle_rgb"] == pytest.approx([np.log(21)])
-    assert found["size_rgb"] == pytest.approx([np.log1p(20 * 10 / 50)])
-    assert found["near_dm"] == found["size_dm"] == found["near_rm"] == [0]
+    assert found["height_m_rgb"] == pytest.approx([np.log1p(20 * 10 / 40)])
+    assert found["near_dm"] == found["height_m_dm"] == found["near_rm"] == [0]
     assert found["aspect_dm"] == pytest.approx([np.log(2)])
     assert found["iou_rgb_dm"] == pytest.approx([1 / 3])
     assert found["iou_rgb_rm"] == [0]
     assert [found[f"seen_{m}"] for m in ("rgb", "dm", "rm")] == [[1], [1], [0]]
     assert [found[f"looked_{m}"] for m in ("rgb", "dm", "rm")] == [[1], [1], [0]]
     assert found["has_depth"] == [1]
+
+
+def test_what_is_seen_is_the_same_to_cameras_of_every_field_of_view():
+    scene = clumped_scene(3)
+    scene = replace(scene, known_lens=Lens((720.0, 720.0), (600.0, 170.0)))
+    rows = tri_boxes(scene)
+    # A camera of twice the focal length, whose picture is cut out around another place.
+    zoomed = DetectedScene(
+        {
+            name: replace(found, boxes_px=2 * found.boxes_px - 50)
+            for name, found in scene.modal.items()
+        },
+        (900, 700),
+        scene.depths_m,
+        Lens((1440.0, 1440.0), (1150.0, 290.0)),
+    )
+    np.testing.assert_allclose(
+        tri_box_features(zoomed, rows, "default"),
+        tri_box_features(scene, rows, "default"),
+        atol=1e-9,
+    )
+
+
+def test_where_nobody_says_a_camera_is_a_usual_one():
+    plain = clumped_scene(3)
+    assert plain.lens.center_px == (621, 187.5)
+    assert plain.lens.focal_px[0] == pytest.approx(621 / np.tan(np.deg2rad(40)))
+    matrix = np.array([[720.0, 0, 600, 45], [0, 710, 170, 0], [0, 0, 1, 0]])
+    known = scene_of(plain.modal, plain.size_px, None, Calibration(matrix, np.eye(4)))
+    assert known.lens == known.without("rgb").lens == Lens((720, 710), (600, 170))
 
 
 def test_to_see_nothing_is_not_to_be_missing():

@@ -8,8 +8,9 @@ from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
 from train.fusion.levenberg_marquardt import Damping
 from train.fusion.mlp import MlpForm
+from train.fusion.plan import FusionPlan, FusionSets
 from train.fusion.targets import fusion_rows
-from train.fusion.training import FusionPlan, FusionSets, fit_fusion
+from train.fusion.training import fit_fusion
 from train.trainer import TrainerPlan
 
 

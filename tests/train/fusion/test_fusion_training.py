@@ -1,7 +1,10 @@
 """Both ways to fit leave the same files; a calibration finds the curve that made its scores."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from export.exported import ExportOrder
@@ -14,9 +17,13 @@ from tests.train.fusion.test_mlp_squares import toy_rows
 from train.fusion.calibration import fit_calibration
 from train.fusion.levenberg_marquardt import Damping
 from train.fusion.mlp import MlpForm, load_fusion
+from train.fusion.mlp_squares import MlpSquares
+from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.small_steps import WATCHED, FusionTraining
 from train.fusion.sweep import hidden_sizes, sweep
-from train.fusion.training import WATCHED, FusionPlan, FusionSets, fit_fusion, lowest
-from train.trainer import TrainerPlan
+from train.fusion.training import fit_fusion, note_calibration
+from train.fusion.whole_steps import lowest
+from train.trainer import TrainerPlan, checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
 
@@ -43,9 +50,60 @@ def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     assert exported.forms["fp32"].parity["features"].rows == 63
 
 
+def killed(monkeypatch, plan, at):
+    """Let a fit end as by Ctrl-C at a step."""
+    steps = iter(range(at))
+
+    def one_less(self, *asked):
+        if next(steps, None) is None:
+            raise KeyboardInterrupt
+        return original(self, *asked)
+
+    owner, name = {
+        "lm": (MlpSquares, "normal_equations"),
+        "adamw": (FusionTraining, "training_step"),
+    }[plan.optimiser]
+    original = getattr(owner, name)
+    monkeypatch.setattr(owner, name, one_less)
+
+
+@pytest.mark.parametrize("optimiser", ["lm", "adamw"])
+def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optimiser):
+    # Of lm steps, and of adamw batches of which there are four an epoch.
+    plan = plan_of(optimiser=optimiser, damping=Damping(most_steps=9), batch=20)
+    trainer = TrainerPlan(epochs=3, watched=WATCHED)
+    whole = fit_fusion(SETS, plan, tmp_path / "whole", trainer)
+    out = tmp_path / "killed"
+    with monkeypatch.context() as patch:
+        killed(patch, plan, at=6)
+        with pytest.raises(KeyboardInterrupt):
+            fit_fusion(SETS, plan, out, trainer)
+    for name in ("best.ckpt", "last.ckpt"):
+        load_fusion(out / name)
+    resumed = fit_fusion(SETS, plan, out, trainer, checkpoint_to_resume(out, "last"))
+    assert replace(resumed, checkpoint=whole.checkpoint) == whole
+    for name in ("best.ckpt", "last.ckpt"):
+        expected, found = (load_fusion(tmp_path / of / name)[0] for of in ("whole", "killed"))
+        for ours, theirs in zip(found.parameters(), expected.parameters(), strict=True):
+            assert torch.equal(ours, theirs)
+
+
+def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
+    plan = plan_of(damping=Damping(most_steps=1))
+    fit_fusion(SETS, plan, tmp_path, TrainerPlan())
+    last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
+    wider = FusionPlan(MlpForm("scores", (5,)))
+    with pytest.raises(ModelError, match="the weights of this fusion, found those of another"):
+        fit_fusion(SETS, wider, tmp_path, TrainerPlan(), last)
+    with pytest.raises(ModelError, match="go on from by adamw, found one by lm"):
+        fit_fusion(SETS, plan_of(optimiser="adamw"), tmp_path, TrainerPlan(), last)
+    with pytest.raises(ModelError, match=r"without its state; go on from last\.ckpt"):
+        fit_fusion(SETS, plan, tmp_path, TrainerPlan(), best)
+
+
 def test_it_ends_when_what_was_kept_back_gets_no_better():
     seen = []
-    best = lowest(SETS, plan_of(checks=2), lambda step, error: seen.append(error))
+    best = lowest(SETS, plan_of(checks=2), lambda descent, error: seen.append(error))
     assert best.validation == min(seen)
     assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
 
@@ -87,13 +145,15 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
         Calibration(-1.0, 1.0, 0.0)
 
 
-def test_a_file_takes_a_calibration(tmp_path):
+def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
     plan = plan_of(damping=Damping(most_steps=1))
     checkpoint = fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint
     model = export_fusion(ExportOrder(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
     file.write_bytes(with_calibration(model, Calibration(2.0, 0.5, 0.25)))
     assert Fusion(file).calibration == Calibration(2.0, 0.5, 0.25)
+    note_calibration(checkpoint, Calibration(1.5, 0.25, 0.125))
+    assert load_fusion(checkpoint)[1]["calibration"] == "1.5,0.25,0.125"
 
 
 def test_other_checkpoints_are_refused(tmp_path):

@@ -1,0 +1,82 @@
+"""The fusion's network by Levenberg-Marquardt, until what was kept back says that it is enough."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import torch
+
+from perception.geometry.threads import one_blas_thread
+from perception.types import Float64
+from train.fusion.levenberg_marquardt import Step, descend
+from train.fusion.mlp_squares import MlpSquares
+from train.fusion.plan import FusionPlan, FusionSets
+
+
+@dataclass(frozen=True)
+class Lowest:
+    """Where the error on what was kept back was lowest."""
+
+    step: int
+    parameters: Float64
+    training: float
+    validation: float
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How far a descent is: all that it takes to go on."""
+
+    last: Step
+    best: Lowest
+
+    @property
+    def state(self) -> dict[str, dict[str, Any]]:
+        """What a checkpoint keeps of it."""
+        return {
+            name: {**vars(place), "parameters": torch.from_numpy(place.parameters)}
+            for name, place in vars(self).items()
+        }
+
+    @classmethod
+    def of_state(cls, state: dict[str, dict[str, Any]]) -> Self:
+        """Read what a checkpoint keeps."""
+        last, best = (
+            {**state[name], "parameters": state[name]["parameters"].numpy()}
+            for name in ("last", "best")
+        )
+        return cls(Step(**last), Lowest(**best))
+
+
+def lowest(
+    sets: FusionSets,
+    plan: FusionPlan,
+    watch: Callable[[Descent, float], None] | None = None,
+    begun: Descent | None = None,
+) -> Lowest:
+    """Go down by Levenberg-Marquardt until what was kept back says that it is enough.
+
+    Args:
+        sets: combinations.
+        plan: the network, and when to stop.
+        watch: is told of each step and of its error on what was kept back.
+        begun: a descent to go on with, from its last step.
+    """
+    network = plan.first_network(sets.training)
+    problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
+    best = None if begun is None else begun.best
+    start, damping, first = problem.start, plan.damping, 0
+    if begun is not None:
+        start, first = begun.last.parameters, begun.last.number
+        damping = replace(damping, first=begun.last.damping)
+    with one_blas_thread():
+        for step in descend(problem, start, damping, first):
+            error = kept_back.mean_square(step.parameters)
+            if best is None or error < best.validation:
+                best = Lowest(step.number, step.parameters, step.mean_square, error)
+            if watch is not None:
+                watch(Descent(step, best), error)
+            if step.number - best.step >= plan.checks:
+                break
+    assert best is not None  # the start is one
+    return best
