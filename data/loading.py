@@ -7,7 +7,8 @@ import cv2
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from data.looks import Ask
+from data.looks import Ask, Looks
+from data.process_share import ProcessShare
 
 
 def make_loader(
@@ -43,3 +44,13 @@ def make_loader(
         pin_memory=trainer is not None and trainer.strategy.root_device.type != "cpu",
         collate_fn=collate,
     )
+
+
+def share_of_process(module: LightningDataModule, looks: Looks) -> Sampler[Ask]:
+    """Return what this process learns from, of all; everything while nothing is trained."""
+    trainer = module.trainer
+    if trainer is None:
+        return looks
+    # Workers begin before Lightning says which epoch a resumed training goes on with.
+    looks.set_epoch(trainer.current_epoch)
+    return ProcessShare(looks, trainer.global_rank, trainer.world_size)

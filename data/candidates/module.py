@@ -11,13 +11,12 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Sampler
 
 from data.candidates.augmentation import Augmentation
-from data.candidates.balance import BalancedSampler
+from data.candidates.balance import BalancedLooks
 from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
-from data.loading import make_loader
+from data.loading import make_loader, share_of_process
 from data.looks import Ask
-from data.process_share import ProcessShare
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
 from perception.detection.picture import CHANNELS
@@ -145,13 +144,8 @@ class CandidateData(LightningDataModule):
         """Return batches of which half are vehicles."""
         is_vehicle = self.training.candidates.is_vehicle
         loading = self.loading
-        sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_an_epoch)
-        if self.trainer is None:
-            return self._loader(self.training, sampler)
-        # Workers begin before Lightning says which epoch a resumed training goes on with.
-        sampler.set_epoch(self.trainer.current_epoch)
-        share = ProcessShare(sampler, self.trainer.global_rank, self.trainer.world_size)
-        return self._loader(self.training, share)
+        looks = BalancedLooks(is_vehicle, loading.seed, loading.samples_an_epoch)
+        return self._loader(self.training, share_of_process(self, looks))
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that was kept back, in order."""
@@ -160,7 +154,7 @@ class CandidateData(LightningDataModule):
     def mean_crop(self, samples: int = 1024) -> Tensor:
         """Return (C, 66, 112) the mean of some training samples as they are, half of them vehicles."""
         plain = self._dataset(self.training.frames, self.training.candidates, None)
-        sampler = BalancedSampler(plain.candidates.is_vehicle, self.loading.seed, samples)
+        sampler = BalancedLooks(plain.candidates.is_vehicle, self.loading.seed, samples)
         total = sum(plain[ask]["crops"].to(torch.int64) for ask in sampler)
         return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
 

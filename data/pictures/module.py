@@ -11,14 +11,13 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.frames import OnBadFrame
-from data.loading import make_loader
+from data.loading import make_loader, share_of_process
 from data.looks import Ask, ShuffledLooks
 from data.pictures.augmentation import PictureAugmentation
 from data.pictures.dataset import PictureDataset, Sample, collate
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
 from data.pictures.splits import Split, drawn_split, listed_split
-from data.process_share import ProcessShare
 from data.splitting import SplitBy
 from data.training_drives import Sources, open_drives
 from perception.errors import PerceptionError, UsageError
@@ -145,13 +144,8 @@ class PictureData(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Sample]:
         """Return batches in a new order, with new looks, at every epoch."""
-        sampler = ShuffledLooks(len(self.training), self.loading.seed)
-        if self.trainer is None:
-            return self._loader(self.training, sampler)
-        # Workers begin before Lightning says which epoch a resumed training goes on with.
-        sampler.set_epoch(self.trainer.current_epoch)
-        share = ProcessShare(sampler, self.trainer.global_rank, self.trainer.world_size)
-        return self._loader(self.training, share)
+        looks = ShuffledLooks(len(self.training), self.loading.seed)
+        return self._loader(self.training, share_of_process(self, looks))
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that is judged by, in order."""

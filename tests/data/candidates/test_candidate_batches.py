@@ -15,7 +15,7 @@ from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import OPERATIONS, Augmentation
-from data.candidates.balance import BalancedSampler
+from data.candidates.balance import BalancedLooks
 from data.candidates.dataset import CandidateDataset
 from data.candidates.gathering import GatheringRules, gather
 from data.candidates.grids import augmentation_grids, grid_rows
@@ -83,7 +83,7 @@ def test_channels_are_chosen_by_name(street: LabelledFrames, dataset: CandidateD
 
 def test_half_of_every_batch_are_vehicles_and_all_are_seen():
     is_vehicle = np.arange(40) % 10 == 0
-    sampler = BalancedSampler(is_vehicle, seed=1)
+    sampler = BalancedLooks(is_vehicle, seed=1)
     rows = [ask.row for ask in sampler]
     assert len(rows) == len(sampler) == 40
     assert is_vehicle[rows].reshape(-1, 8).sum(axis=1).tolist() == [4] * 5
@@ -94,7 +94,7 @@ def test_half_of_every_batch_are_vehicles_and_all_are_seen():
 
 def test_an_epoch_depends_on_its_number_alone():
     is_vehicle = np.arange(30) % 3 == 0
-    first, resumed = BalancedSampler(is_vehicle, 4), BalancedSampler(is_vehicle, 4)
+    first, resumed = BalancedLooks(is_vehicle, 4), BalancedLooks(is_vehicle, 4)
     epochs = []
     for epoch in range(3):
         first.set_epoch(epoch)
@@ -191,7 +191,7 @@ def test_validation_drives_are_taken_whole(
 def test_the_mean_crop_is_the_mean_of_plain_samples(make_data: Callable[..., CandidateData]):
     data = make_data()
     data.setup()
-    rows = [ask.row for ask in BalancedSampler(data.training.candidates.is_vehicle, 0, 20)]
+    rows = [ask.row for ask in BalancedLooks(data.training.candidates.is_vehicle, 0, 20)]
     crops = [data.training[row]["crops"].numpy() for row in rows]
     np.testing.assert_allclose(data.mean_crop(20), np.mean(crops, axis=0), rtol=1e-5)
 
