@@ -2,6 +2,7 @@
 
 import logging
 import time
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -21,19 +22,10 @@ STAGE = "one object"
 _DRAWN_PLACES = 40
 
 
-class Following(Protocol):
+class Following(AbstractContextManager["Following"], Protocol):
     """What a run asks of whoever follows an object beside it."""
 
     figure: FollowFigure | None
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
     def see(self, result: Result) -> Result:
         """Take in one frame; return it with the time that this took."""
@@ -52,12 +44,7 @@ class NobodyFollowed:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, *error: object) -> None: ...
 
     def see(self, result: Result) -> Result:
         """Return the frame as it is."""

@@ -2,7 +2,7 @@
 
 from collections import deque
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -24,17 +24,8 @@ from perception.types import Result, UInt8
 _IN_LINE = 2
 
 
-class Pictures(Protocol):
+class Pictures(AbstractContextManager["Pictures"], Protocol):
     """What a run asks of whoever draws."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
     def add(self, result: Result, following: Following) -> None:
         """Take the next frame, and the object that is followed by itself."""
@@ -47,12 +38,7 @@ class NoPictures:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, *error: object) -> None: ...
 
     def add(self, result: Result, following: Following) -> None:
         """Drop the frame."""
@@ -96,14 +82,14 @@ class RunPictures:
         trace: TracebackType | None,
     ) -> None:
         """Draw what is in line, and close the video; give it its name where nothing went wrong."""
-        with ExitStack() as ends:
-            ends.push(lambda *of_drawing: self._close_video(error or of_drawing[1]))
-            ends.callback(self._painter.close)
+        is_complete = False
+        try:
             while self._in_line:
                 self._in_line.popleft().result()
-
-    def _close_video(self, error: BaseException | None) -> None:
-        self._video.__exit__(type(error) if error else None, error, None)
+            is_complete = error is None
+        finally:
+            self._painter.close()
+            self._video.close(is_complete=is_complete)
 
     def add(self, result: Result, following: Following) -> None:
         """Let a frame be drawn; wait where too many are in line."""

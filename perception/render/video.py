@@ -1,6 +1,7 @@
 """Pictures into an H.264 file that every player and browser opens."""
 
 import logging
+from contextlib import AbstractContextManager
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -21,17 +22,8 @@ _MPEG4_BITS_PER_PIXEL = 2
 _HYBRID_SINCE = (61, 7)
 
 
-class PictureSink(Protocol):
+class PictureSink(AbstractContextManager["PictureSink"], Protocol):
     """Where pictures go, one after another."""
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
 
     def add(self, picture: UInt8) -> None:
         """Take the next (H, W, 3) RGB picture."""
@@ -44,12 +36,7 @@ class NoVideo:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, *error: object) -> None: ...
 
     def add(self, picture: UInt8) -> None:
         """Drop the picture."""
@@ -78,14 +65,17 @@ class VideoFile:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file; give it its name where nothing went wrong."""
+        self.close(is_complete=error is None)
+
+    def close(self, *, is_complete: bool) -> None:
+        """Close the file; give it its name where it is complete."""
         if self._container is None:
             return
         for packet in self._stream.encode():
             self._container.mux(packet)
         self._container.close()
         self._container = None
-        if error is None:
+        if is_complete:
             self.partial_path.replace(self.path)
 
     def add(self, picture: UInt8) -> None:
