@@ -5,6 +5,7 @@ Each is drawn with its own amounts of everything, so that no two worlds look ali
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,6 +13,10 @@ from data.synthetic.clutter import Clutter
 from data.synthetic.road import RoadShape
 from data.synthetic.town import TownStyle
 from data.synthetic.world_config import WorldConfig
+
+# What draws of a street begin with: trees of fewer leaves, as there are many of them.
+_TOWN = TownStyle(houses=0.0, leaves=1000)
+Amounts = TypeVar("Amounts", TownStyle, Clutter)
 
 
 def draw_config(rng: np.random.Generator) -> WorldConfig:
@@ -29,27 +34,30 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         parking_m=float(rng.choice([0.0, 2.1, 2.1, 2.3])),
         pavement_m=_between(rng, 2.2, 4.0),
     )
-    town = TownStyle(
-        houses=_between(rng, 0.1, 0.95),
-        greenery=_between(rng, 0.05, 0.55),
-        furniture=_between(rng, 0.05, 0.6),
-        parking=_between(rng, 0.2, 0.9),
-        borders=_between(rng, 0.3, 1.0),
-        lamps=_between(rng, 0.1, 0.8),
-        backdrop=_between(rng, 0.1, 0.8),
-        low_crowns=_between(rng, 0.1, 0.8),
-        leaves=1000,
-        ground_reflectance=_between(rng, 0.75, 1.25),
+    town = _drawn(
+        rng,
+        _TOWN,
+        houses=(0.1, 0.95),
+        greenery=(0.05, 0.55),
+        furniture=(0.05, 0.6),
+        parking=(0.2, 0.9),
+        borders=(0.3, 1.0),
+        lamps=(0.1, 0.8),
+        backdrop=(0.1, 0.8),
+        low_crowns=(0.1, 0.8),
+        ground_reflectance=(0.75, 1.25),
     )
-    clutter = Clutter(
-        bushes=_between(rng, 0, 7),
-        grass=_between(rng, 0, 20),
-        conifers=_between(rng, 0, 2),
-        railings=_between(rng, 0, 0.2),
-        boxes=_between(rng, 1, 6),
-        shelters=_between(rng, 0, 0.6),
-        poles=_between(rng, 0, 1.2),
-        yards=_between(rng, 0, 1.5),
+    clutter = _drawn(
+        rng,
+        Clutter(),
+        bushes=(0, 7),
+        grass=(0, 20),
+        conifers=(0, 2),
+        railings=(0, 0.2),
+        boxes=(1, 6),
+        shelters=(0, 0.6),
+        poles=(0, 1.2),
+        yards=(0, 1.5),
     )
     return _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.08)
 
@@ -58,15 +66,8 @@ def housing_street(rng: np.random.Generator) -> WorldConfig:
     """Draw a narrow street with vehicles parked along both sides, hedges and dustbins."""
     config = town_street(rng)
     road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
-    town = replace(
-        config.town,
-        houses=_between(rng, 0.6, 0.95),
-        parking=_between(rng, 0.6, 1.0),
-        greenery=_between(rng, 0.3, 0.9),
-    )
-    clutter = replace(
-        config.clutter, boxes=_between(rng, 4, 10), bushes=_between(rng, 3, 10), yards=0.0
-    )
+    town = _drawn(rng, config.town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
+    clutter = _drawn(rng, replace(config.clutter, yards=0.0), boxes=(4, 10), bushes=(3, 10))
     return replace(
         config, road=road, town=town, clutter=clutter, ego_m_s=_between(rng, 5, 9), heavy=0.03
     )
@@ -82,26 +83,28 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
         parking_m=0.0,
         pavement_m=_between(rng, 0.8, 3.0),
     )
-    town = TownStyle(
-        houses=0.0,
-        greenery=_between(rng, 0.05, 0.5),
-        furniture=_between(rng, 0.05, 0.4),
-        borders=_between(rng, 0.0, 0.4),
-        lamps=_between(rng, 0.0, 1.0),
-        backdrop=_between(rng, 0.1, 0.8),
-        low_crowns=_between(rng, 0.1, 0.8),
-        leaves=1000,
-        ground_reflectance=_between(rng, 0.7, 1.25),
+    town = _drawn(
+        rng,
+        _TOWN,
+        greenery=(0.05, 0.5),
+        furniture=(0.05, 0.4),
+        borders=(0.0, 0.4),
+        lamps=(0.0, 1.0),
+        backdrop=(0.1, 0.8),
+        low_crowns=(0.1, 0.8),
+        ground_reflectance=(0.7, 1.25),
     )
-    clutter = Clutter(
-        bushes=_between(rng, 3, 14),
-        grass=_between(rng, 10, 40),
-        conifers=_between(rng, 0, 4),
-        rails=_between(rng, 0.1, 0.8) / 2.5,
-        railings=_between(rng, 0, 0.25),
-        boxes=_between(rng, 0, 2),
-        poles=_between(rng, 0, 0.8),
-        delineators=_between(rng, 0, 3),
+    clutter = _drawn(
+        rng,
+        Clutter(),
+        bushes=(3, 14),
+        grass=(10, 40),
+        conifers=(0, 4),
+        rails=(0.04, 0.32),
+        railings=(0, 0.25),
+        boxes=(0, 2),
+        poles=(0, 0.8),
+        delineators=(0, 3),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
@@ -125,29 +128,32 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         kerb_m=_between(rng, 0.05, 0.13),
         pavement_m=_between(rng, 2.5, 6.0),
     )
-    town = TownStyle(
-        houses=_between(rng, 0.0, 0.35),
-        greenery=_between(rng, 0.05, 0.5),
-        furniture=_between(rng, 0.1, 0.7),
-        parking=_between(rng, 0.3, 0.95),
-        borders=_between(rng, 0.0, 0.5),
-        lamps=_between(rng, 0.1, 0.8),
-        backdrop=_between(rng, 0.1, 0.8),
-        low_crowns=_between(rng, 0.1, 0.8),
-        leaves=1000,
-        ground_reflectance=_between(rng, 0.7, 1.25),
+    town = _drawn(
+        rng,
+        _TOWN,
+        houses=(0.0, 0.35),
+        greenery=(0.05, 0.5),
+        furniture=(0.1, 0.7),
+        parking=(0.3, 0.95),
+        borders=(0.0, 0.5),
+        lamps=(0.1, 0.8),
+        backdrop=(0.1, 0.8),
+        low_crowns=(0.1, 0.8),
+        ground_reflectance=(0.7, 1.25),
     )
-    clutter = Clutter(
-        bushes=_between(rng, 2, 12),
-        grass=_between(rng, 0, 25),
-        conifers=_between(rng, 0, 2),
-        rails=_between(rng, 0, 0.05),
-        railings=_between(rng, 0, 0.3),
-        boxes=_between(rng, 1, 5),
-        shelters=_between(rng, 0.2, 1.2),
-        poles=_between(rng, 1.5, 5),
-        islands=_between(rng, 1, 5),
-        yards=_between(rng, 0.5, 4),
+    clutter = _drawn(
+        rng,
+        Clutter(),
+        bushes=(2, 12),
+        grass=(0, 25),
+        conifers=(0, 2),
+        rails=(0, 0.05),
+        railings=(0, 0.3),
+        boxes=(1, 5),
+        shelters=(0.2, 1.2),
+        poles=(1.5, 5),
+        islands=(1, 5),
+        yards=(0.5, 4),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
@@ -166,25 +172,19 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         kerb_m=0.0,
         pavement_m=_between(rng, 0.6, 1.6),
     )
-    town = TownStyle(
-        houses=0.0,
-        greenery=_between(rng, 0.0, 0.5),
-        furniture=_between(rng, 0.0, 0.2),
-        borders=_between(rng, 0.0, 0.3),
-        lamps=0.0,
-        backdrop=_between(rng, 0.0, 0.8),
-        low_crowns=_between(rng, 0.1, 0.8),
-        leaves=1000,
-        ground_reflectance=_between(rng, 0.75, 1.25),
+    town = _drawn(
+        rng,
+        replace(_TOWN, lamps=0.0),
+        greenery=(0.0, 0.5),
+        furniture=(0.0, 0.2),
+        borders=(0.0, 0.3),
+        backdrop=(0.0, 0.8),
+        low_crowns=(0.1, 0.8),
+        ground_reflectance=(0.75, 1.25),
     )
-    clutter = Clutter(
-        bushes=_between(rng, 3, 15),
-        grass=_between(rng, 10, 50),
-        conifers=_between(rng, 0, 6),
-        rails=float(rng.choice([0.0, 0.1, 0.25])),
-        boxes=_between(rng, 0, 0.5),
-        delineators=_between(rng, 0, 4),
-    )
+    clutter = _drawn(rng, Clutter(), bushes=(3, 15), grass=(10, 50), conifers=(0, 6))
+    clutter = replace(clutter, rails=float(rng.choice([0.0, 0.1, 0.25])))
+    clutter = _drawn(rng, clutter, boxes=(0, 0.5), delineators=(0, 4))
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(
         _peopled(rng, config, heavy=0.12),
@@ -203,6 +203,11 @@ _SHARES: dict[Callable[[np.random.Generator], WorldConfig], float] = {
     open_junction: 0.22,
     country_road: 0.14,
 }
+
+
+def _drawn(rng: np.random.Generator, base: Amounts, **limits: tuple[float, float]) -> Amounts:
+    """Draw some amounts anew, one after the other, each between its limits."""
+    return replace(base, **{name: _between(rng, *of_one) for name, of_one in limits.items()})
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
