@@ -1,8 +1,9 @@
-"""Where the real frames are, for the tests that need them."""
+"""Where the real frames are, and how tests train."""
 
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,3 +27,14 @@ def kitti_root() -> Path:
         [sys.executable, str(_SHARED / "unpack.py"), str(root)], check=True, capture_output=True
     )
     return root
+
+
+@pytest.fixture
+def one_torch_thread() -> Iterator[None]:
+    """Share no work of a few milliseconds between threads that have to be waited for."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from export import onnx
 from perception.cli.evaluations.class_precision import MeasureRules
@@ -184,18 +183,16 @@ def model_of(facts):
     return bright_cells("rm", size=(64, 96))
 
 
+@pytest.mark.usefixtures("one_torch_thread")
 def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatch):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     # To write a model file takes ten times as long as the rest; tests/export have that.
     monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.facts))
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
     pictures = PictureChoice((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
     variant = replace(BASE, pictures=pictures, epochs=1)
     found = study_variants(
         [variant], TrainingConditions(accelerator="cpu"), judging_on(car_frames), tmp_path / "out"
     )
-    torch.set_num_threads(threads)
     assert (found["base"].epoch, found["base"].training_frames) == (1, 3)
     assert found["base"].network_ms > 0
     folder = tmp_path / "out/base"

@@ -3,20 +3,13 @@
 import json
 
 import pytest
-import torch
 import yaml
 
 from perception.cli.main import main
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import load_verifier
 
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import json
 
 import pytest
-import torch
 import yaml
 
 from perception.cli.main import main
@@ -11,13 +10,7 @@ from tests.car_frames import write_car_frames
 from train.checkpoints import read_checkpoint
 from train.detector.networks import load_detector
 
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 @pytest.fixture(scope="module")

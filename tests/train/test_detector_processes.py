@@ -1,23 +1,19 @@
 """Two processes train one detector together, and measure what both have seen."""
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from perception.detection.network_answers import seen_objects
+from tests.train.together import train_together
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.figures import ValidationBoxes, measure, precision_table
 from train.detector.networks import MODEL, load_detector
 
-ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import json, sys
 from pathlib import Path
@@ -41,21 +37,8 @@ if trained is not None:
 
 
 def test_two_processes_train_one_detector(tmp_path, monkeypatch):
-    script = tmp_path / "train_together.py"
-    script.write_text(SCRIPT)
-    ran = subprocess.run(
-        [sys.executable, str(script), str(tmp_path / "out")],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stderr
-    assert "Warning" not in ran.stderr
-    assert "recommended" not in ran.stderr
-    (line,) = ran.stdout.splitlines()  # of one process only
+    printed = train_together(SCRIPT, tmp_path)
+    (line,) = printed  # of one process only
     assert json.loads(line)["validation_labels"] == 16
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     detector, _ = load_detector(tmp_path / "out" / "last.ckpt")

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from lightning.pytorch import Callback
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from perception.detection.network_answers import seen_objects
 from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
+from tests.train.interrupted import KilledAfter
 from tests.train.toy_candidates import ToyCandidates
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.checkpoints import read_checkpoint
@@ -39,13 +39,9 @@ PLAN = DetectorPlan(
 
 
 @pytest.fixture(autouse=True)
-def tiny(monkeypatch):
-    """Offer a small network, and share no work of milliseconds between threads."""
+def tiny(monkeypatch, one_torch_thread):
+    """Offer a small network."""
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def plan_of(epochs, **other):
@@ -54,17 +50,6 @@ def plan_of(epochs, **other):
 
 def train(out, epochs=1, plan=PLAN, data=None, **other):
     return train_detector(data or ToyPictures(), plan, plan_of(epochs), out, **other)
-
-
-class KilledAfter(Callback):
-    """Stops a training as Ctrl-C does, in the middle of an epoch."""
-
-    def __init__(self, step):
-        self._step = step
-
-    def on_train_batch_end(self, trainer, *args):
-        if trainer.global_step == self._step:
-            raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])

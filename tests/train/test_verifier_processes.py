@@ -1,14 +1,10 @@
 """Two processes train one network together."""
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
+from tests.train.together import train_together
 from train.networks.depthcn import load_verifier
 
-ROOT = Path(__file__).parents[2]
 SCRIPT = """
 import json, sys
 from pathlib import Path
@@ -27,21 +23,8 @@ if trainer.is_global_zero:
 
 
 def test_two_processes_train_one_network(tmp_path):
-    script = tmp_path / "train_together.py"
-    script.write_text(SCRIPT)
-    ran = subprocess.run(
-        [sys.executable, str(script), str(tmp_path / "out")],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stderr
-    assert "Warning" not in ran.stderr
-    assert "recommended" not in ran.stderr
-    found = json.loads(ran.stdout.splitlines()[-1])
+    printed = train_together(SCRIPT, tmp_path)
+    found = json.loads(printed[-1])
     assert (found["processes"], found["steps"]) == (2, 2)  # 32 samples in batches of 8, halved
     assert 0 <= found["validation/accuracy"] <= 1
     network, _ = load_verifier(tmp_path / "out" / "last.ckpt")

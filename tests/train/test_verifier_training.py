@@ -5,11 +5,11 @@ from functools import partial
 import numpy as np
 import pytest
 import torch
-from lightning.pytorch import Callback
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from perception.errors import ModelError, UsageError
+from tests.train.interrupted import KilledAfter
 from tests.train.toy_candidates import ToyCandidates, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
@@ -21,14 +21,7 @@ from train.verifier.loss import box_loss
 from train.verifier.pictures import JudgedCrops, VerifierPictures, draw_judged
 from train.verifier.training import PLANS, VerifierTraining
 
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Share no work of a few milliseconds between threads that have to be waited for."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 def plan_of(epochs, **other):
@@ -38,17 +31,6 @@ def plan_of(epochs, **other):
 def module_of(method="default", seed=0):
     torch.manual_seed(seed)
     return VerifierTraining(PLANS[method])
-
-
-class KilledAfter(Callback):
-    """Stops a training as Ctrl-C does, in the middle of an epoch."""
-
-    def __init__(self, step):
-        self._step = step
-
-    def on_train_batch_end(self, trainer, *args):
-        if trainer.global_step == self._step:
-            raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
