@@ -10,7 +10,7 @@ from benchmarks.naive_depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, Prepared
 from perception.cli.table import Cell
 from perception.cli.vehicle_detector import DetectorChoice
-from perception.detection.depthcn import DepthCn
+from perception.detection.depthcn.detector import DepthCn
 
 
 def compare_depthcn(prepared: Prepared) -> Comparison:

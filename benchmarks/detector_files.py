@@ -11,7 +11,7 @@ import torch
 from export.detector import QUANTISATION, DecodedDetector
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
-from perception.detection.input_size import InputSize, stretch
+from perception.detection.detectors.input_size import InputSize, stretch
 from perception.types import Modality, UInt8
 from train.detector.networks import DetectorForm, make_detector
 from train.networks.grid_detector import GridDetector

@@ -12,9 +12,9 @@ from benchmarks.measure import Contender, take_turns
 from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import Comparison, Prepared, add_peer
 from export.parity import Arrays, Network
-from perception.detection.input_size import InputSize
-from perception.detection.modalities import camera_image, map_picture
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import camera_image, map_picture
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from perception.detection.picture import camera_picture
-from perception.detection.proposals import propose
-from perception.detection.verifier import VEHICLE, Judgement, Verifier
-from perception.detection.windows import windows_px
+from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.proposals import propose
+from perception.detection.depthcn.verifier import VEHICLE, Judgement, Verifier
+from perception.detection.depthcn.windows import windows_px
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame
 from perception.sensor import HDL_64E, LidarModel

@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 
 from benchmarks.naive_dbscan import cluster_by_definition
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.types import Calibration, Float, Float64
 
 

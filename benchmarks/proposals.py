@@ -11,9 +11,9 @@ from benchmarks.stages import Comparison, Prepared, add_peer
 from data.drive import Labels
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
+from perception.detection.depthcn.proposals import ProposalRules, propose
+from perception.detection.depthcn.standing import find_standing
 from perception.detection.height_cells import HeightCells
-from perception.detection.proposals import ProposalRules, propose
-from perception.detection.standing import find_standing
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of

@@ -14,11 +14,11 @@ from export.exported import Choice, Exported, ExportOrder
 from export.forms import compare_forms
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
-from perception.detection.depthcn import DepthCn
-from perception.detection.picture import camera_picture
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.verifier import CONTRACT
+from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.detection.session import OnnxModel
-from perception.detection.verifier import CONTRACT
-from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.errors import UsageError
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame

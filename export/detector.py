@@ -16,9 +16,9 @@ from export.forms import Form, compare_forms
 from export.onnx import Exportable, to_onnx
 from export.parity import Arrays, in_torch
 from export.quantize import Quantisation, Scales, to_int8
-from perception.detection.input_size import InputSize
-from perception.detection.modalities import picture_of
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.types import UInt8
 from train.detector.networks import load_detector

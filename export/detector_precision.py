@@ -6,8 +6,8 @@ from data.drive import Labels
 from data.true_boxes import true_boxes
 from export.exported import ExportOrder
 from export.parity import Network
-from perception.detection.modalities import picture_of
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections
 from train.detector.figures import measure, precision_table

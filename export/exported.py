@@ -10,7 +10,7 @@ import numpy as np
 from data.drive import Drive
 from export.forms import Form
 from export.onnx import OPSET
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.types import Frame
 
 

@@ -17,7 +17,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from data.strengths import Strengths
-from perception.detection.windows import CROP_HEIGHT_PX
+from perception.detection.depthcn.windows import CROP_HEIGHT_PX
 from perception.types import Float64
 
 Operation = Literal[

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from data.candidates.augmentation import Change, Cover
-from perception.detection.crops import LEAST_EDGE_PX, warp, window_maps
-from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
+from perception.detection.depthcn.crops import LEAST_EDGE_PX, warp, window_maps
+from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.maps.encoding import decode_depth, encode_depth
 from perception.types import Float, Float64, UInt8
 

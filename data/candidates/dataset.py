@@ -12,7 +12,7 @@ from data.candidates.changes import Candidate, look_at
 from data.candidates.gathering import CandidateSet
 from data.candidates.labelled_frames import LabelledFrames
 from data.looks import Ask
-from perception.detection.picture import CHANNELS
+from perception.detection.depthcn.picture import CHANNELS
 from perception.errors import UsageError
 from perception.types import UInt8
 

@@ -11,7 +11,7 @@ import numpy as np
 from data.candidates.labelled_frames import LabelledFrames, Scene
 from data.candidates.matching import MATCHING, VEHICLE
 from data.frames import OnBadFrame
-from perception.detection.windows import WindowKind, windows_px
+from perception.detection.depthcn.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError, UsageError
 from perception.types import Bool, Float32, Float64, Int, Progress
 

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 import perception.detection
+import perception.detection.depthcn
 import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.drive import Drive, Labels
 from data.frame_origin import code_mark, frame_origin
-from perception.detection.picture import camera_picture
-from perception.detection.proposals import ProposalRules, propose
+from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.proposals import ProposalRules, propose
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
 from perception.maps.densify import densify
@@ -160,5 +161,7 @@ def _shares(clusters: Int, is_within: np.ndarray, count: int) -> Float64:
 
 
 def _origin(drive: Drive, index: int) -> dict[str, Any]:
-    code = code_mark(perception.detection, perception.maps, Path(__file__))
+    code = code_mark(
+        perception.detection, perception.detection.depthcn, perception.maps, Path(__file__)
+    )
     return {**frame_origin(drive, index), "code": code}

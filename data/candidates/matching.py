@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.candidates.labelled_frames import Scene
-from perception.detection.windows import WindowKind
+from perception.detection.depthcn.windows import WindowKind
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float64, Int
 

@@ -19,7 +19,7 @@ from data.loading import make_loader, share_of_process
 from data.looks import Ask
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
-from perception.detection.picture import CHANNELS
+from perception.detection.depthcn.picture import CHANNELS
 from perception.errors import UsageError
 from perception.types import Progress
 

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 import perception.detection
+import perception.detection.detectors
 import perception.detection.fusion
 import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
@@ -22,9 +23,9 @@ from data.drive import Drive, Labels
 from data.frame_origin import code_mark, frame_origin
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.lens import Lens
-from perception.detection.modality_detector import ModalityDetector
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
 from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality
@@ -126,7 +127,11 @@ def detected_scene(
         PerceptionError: the frame cannot be read or used.
     """
     code = code_mark(
-        perception.detection, perception.detection.fusion, perception.maps, Path(__file__)
+        perception.detection,
+        perception.detection.detectors,
+        perception.detection.fusion,
+        perception.maps,
+        Path(__file__),
     )
     key = entry_key(
         what="detections", models=detectors.mark, code=code, **frame_origin(drive, index)

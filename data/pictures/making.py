@@ -14,9 +14,14 @@ import perception.maps
 from data.array_store import Arrays, entry_key
 from data.drive import Drive
 from data.frame_origin import code_mark, frame_origin
-from perception.detection import input_size, modalities
-from perception.detection.input_size import InputSize, stretch
-from perception.detection.modalities import MapFilling, camera_image, fill_maps, map_picture
+from perception.detection.detectors import input_size, modalities
+from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.modalities import (
+    MapFilling,
+    camera_image,
+    fill_maps,
+    map_picture,
+)
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Frame, Int, Modality, UInt8

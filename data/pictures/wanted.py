@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from data.drive import Labels
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.protocol import KITTI_CLASSES, Difficulty
 from perception.types import Bool, Float32, Float64, Int
 

@@ -17,8 +17,8 @@ from perception.cli.detect_summary import DetectSummary
 from perception.cli.documents import write_configuration, write_json
 from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
-from perception.detection.depthcn import DetectionRules
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.detector import DetectionRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene

@@ -14,7 +14,7 @@ from data.whole_file import write_whole
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.table import Cell, format_table
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
 from perception.types import Frame
 

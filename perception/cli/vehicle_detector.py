@@ -10,8 +10,8 @@ from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.detection.depthcn import DepthCn, DetectionRules
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.detector import DepthCn, DetectionRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.geometry.threads import one_blas_thread
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of

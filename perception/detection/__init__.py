@@ -1,1 +1,1 @@
-"""Vehicles in the camera's image: proposals from the scan, verified by a network (thesis chapter 6)."""
+"""Vehicles in the camera's image, by networks, and on the road, by the scan (thesis chapter 6)."""

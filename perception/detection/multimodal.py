@@ -15,16 +15,16 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
 
-from perception.detection.fusion.fitted_to import warn_of_others
-from perception.detection.fusion.rescoring import Fusion
-from perception.detection.modalities import (
+from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
     fill_maps,
     map_picture,
 )
-from perception.detection.modality_detector import ModalityDetector
-from perception.detection.union import Union
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.union import Union
+from perception.detection.fusion.fitted_to import warn_of_others
+from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of, project_frame

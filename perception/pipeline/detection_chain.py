@@ -5,9 +5,9 @@ Frames know nothing of each other here, except where vehicles are followed.
 
 from dataclasses import dataclass
 
-from perception.detection.depthcn import DepthCn
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector, MultimodalSight
 from perception.detection.session import shipped_model
 from perception.maps.densify import DenseMaps, densify

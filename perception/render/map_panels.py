@@ -5,7 +5,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from perception.detection.modalities import map_picture
+from perception.detection.detectors.modalities import map_picture
 from perception.maps.densify import densify
 from perception.maps.projection import project_frame
 from perception.render import palette

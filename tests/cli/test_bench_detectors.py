@@ -12,8 +12,8 @@ from benchmarks.detectors import Workload
 from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import Prepared
 from data.open_drive import open_drive
-from perception.detection.input_size import InputSize
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import ImageError, MissingDependencyError
 from perception.pipeline import PipelineConfig
 from tests.car_frames import write_car_frames

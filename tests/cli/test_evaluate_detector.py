@@ -11,7 +11,7 @@ import pytest
 from data.open_drive import open_drive
 from perception.cli.evaluations import detector
 from perception.cli.main import main
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.types import Detections
 
 

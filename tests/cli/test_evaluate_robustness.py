@@ -10,8 +10,8 @@ import pytest
 from data.open_drive import open_drive
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
+from perception.detection.detectors.union import Union
 from perception.detection.multimodal import MultimodalDetector
-from perception.detection.union import Union
 from perception.types import Detections
 from tests.car_frames import SIZE_PX, write_car_frames
 
@@ -49,7 +49,9 @@ def bright_cars(tmp_path, monkeypatch):
     cv2.imwrite(str(root / "training/image_2/000000.png"), image)
     detectors = {name: BrightPlaces(name, boxes_px) for name in ("rgb", "dm", "rm")}
     monkeypatch.setattr(FusionFiles, "open_detectors", lambda self: MultimodalDetector(detectors))
-    monkeypatch.setattr(FusionFiles, "open_fusions", lambda self, detector: {"default": BestPlace()})
+    monkeypatch.setattr(
+        FusionFiles, "open_fusions", lambda self, detector: {"default": BestPlace()}
+    )
     return root
 
 

@@ -9,7 +9,7 @@ import yaml
 from jsonargparse import auto_cli
 
 from perception.cli.main import main
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from tests.car_frames import write_car_frames
 
 GRID = (

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from perception.detection.detectors.modalities import fill_maps, map_picture
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.union import Union
 from perception.detection.fusion.fitted_to import detectors_note
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.modalities import fill_maps, map_picture
-from perception.detection.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
-from perception.detection.union import Union
 from perception.errors import CalibrationError, ImageError, ModelError, UsageError
 from perception.maps.densify import densify
 from perception.maps.projection import project_frame

@@ -9,7 +9,7 @@ import torch
 from export.depthcn import exportable_verifier, random_inputs
 from export.parity import compare, in_torch
 from perception.cli.main import main
-from perception.detection.verifier import Verifier
+from perception.detection.depthcn.verifier import Verifier
 
 
 @pytest.fixture(scope="module")

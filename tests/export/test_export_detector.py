@@ -20,8 +20,8 @@ from export.exported import ExportOrder
 from export.forms import Form
 from export.parity import compare, in_torch
 from perception.cli.main import main
-from perception.detection.input_size import InputSize
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modality_detector import ModalityDetector
 from tests.car_frames import write_car_frames
 from tests.detection.bright_cells import bright_cells
 from train.networks.compact import CompactDetector

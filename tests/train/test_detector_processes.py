@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from perception.detection.network_answers import seen_objects
+from perception.detection.detectors.network_answers import seen_objects
 from tests.train.together import train_together
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.checkpoints import read_checkpoint

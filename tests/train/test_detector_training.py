@@ -9,7 +9,7 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from perception.detection.network_answers import seen_objects
+from perception.detection.detectors.network_answers import seen_objects
 from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections

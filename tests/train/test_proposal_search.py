@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposals import ProposalRules, propose
 from perception.errors import (
     CalibrationError,
     DriveError,

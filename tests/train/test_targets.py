@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from perception.detection.input_size import InputSize  # noqa: E402
+from perception.detection.detectors.input_size import InputSize  # noqa: E402
 from perception.errors import UsageError  # noqa: E402
 from train.detector.input_sizes import (  # noqa: E402
     resize_labels,

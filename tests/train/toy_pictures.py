@@ -9,7 +9,7 @@ from torch.utils.data import DataLoader, Sampler
 
 from data.pictures.dataset import collate
 from data.process_share import ProcessShare
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from train.networks.compact import CompactDetector

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torchmetrics import Metric
 
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.average_precision import (
     ClassFigures,
     DetectionFigures,

@@ -11,7 +11,7 @@ import numpy as np
 from torch import Tensor
 from torch.nn import functional
 
-from perception.detection.input_size import SIZE_STEP_PX, InputSize
+from perception.detection.detectors.input_size import SIZE_STEP_PX, InputSize
 from perception.errors import UsageError
 from train.detector.targets import BatchLabels
 

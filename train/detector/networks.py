@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self, get_args
 
-from perception.detection.input_size import InputSize
-from perception.detection.modalities import CHANNELS, MapFilling
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Modality
 from train.checkpoints import read_checkpoint, weights_of

@@ -11,8 +11,8 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
 from data.pictures.module import PictureData
-from perception.detection.input_size import InputSize
-from perception.detection.network_answers import seen_objects
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_answers import seen_objects
 from perception.evaluation.detection.average_precision import DetectionFigures
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections

@@ -2,7 +2,7 @@
 
 from torch import Tensor, nn
 
-from perception.detection.input_size import SIZE_STEP_PX
+from perception.detection.detectors.input_size import SIZE_STEP_PX
 from perception.errors import ModelError
 from train.networks.grid_head import DecodedBoxes, GridHead
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
-from perception.detection.proposals import ProposalRules, box, cut
-from perception.detection.standing import find_standing
+from perception.detection.depthcn.proposals import ProposalRules, box, cut
+from perception.detection.depthcn.standing import find_standing
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_reached
 from perception.maps.projection import camera_of

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import product
 
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.errors import UsageError
 
 

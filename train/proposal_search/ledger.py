@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from data.whole_file import write_whole
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.errors import UsageError
 from train.proposal_search.counting import Count, Part
 

@@ -8,8 +8,8 @@ import numpy as np
 from data.drive import Labels
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
-from perception.detection.proposal_order import ProposalOrder, order_scores
-from perception.detection.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
+from perception.detection.depthcn.proposals import ProposalRules, propose
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of

@@ -23,8 +23,8 @@ from perception.cli.evaluations.labelled_drives import (
     open_labelled,
 )
 from perception.cli.vehicle_detector import DetectorChoice
-from perception.detection.proposals import ProposalRules
-from perception.detection.verifier import VEHICLE
+from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 from perception.render.precision_plots import plot_precision

@@ -8,7 +8,7 @@ from data.drive import Drive
 from data.kitti.detection_rows import DetectionSet
 from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingRules, see_drive
 from perception.cli.vehicle_detector import Sighting, VehicleDetector
-from perception.detection.verifier import VEHICLE
+from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections, Float64
 

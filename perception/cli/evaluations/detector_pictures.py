@@ -9,8 +9,8 @@ import numpy as np
 from data.drive import Drive
 from data.whole_file import write_whole
 from perception.cli.evaluations.detector_steps import MeasuredDetector
-from perception.detection.modalities import picture_of
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.mistakes import count_mistakes
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass

@@ -9,7 +9,7 @@ import numpy as np
 from data.drive import Drive
 from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
 from perception.cli.evaluations.labelled_drives import ReadingRules, SeenDrive, see_drive
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.multimodal import MultimodalDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class

@@ -9,7 +9,7 @@ import numpy as np
 from data.drive import Drive
 from data.frames import OnBadFrame
 from perception.cli.drive_results import drive_results
-from perception.detection.depthcn import DepthCn
+from perception.detection.depthcn.detector import DepthCn
 from perception.detection.objects import locate
 from perception.detection.vehicle_tracker import Followed, VehicleTracker
 from perception.pipeline import PipelineConfig

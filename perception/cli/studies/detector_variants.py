@@ -29,7 +29,7 @@ from perception.cli.training.detector_plan import (
     run_training,
 )
 from perception.cli.training.trainer_choice import trainer_plan
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import kitti_class
 

@@ -17,7 +17,7 @@ from perception.cli.studies.variant_figures import (
     precision_tables,
     times_table,
 )
-from perception.detection.modalities import MapFilling
+from perception.detection.detectors.modalities import MapFilling
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
 OURS, WIDE = "ours", "nearest, wide"

@@ -14,7 +14,7 @@ from perception.cli.training.detector_plan import (
     run_training,
 )
 from perception.cli.training.trainer_choice import listed, trainer_plan
-from perception.detection.modalities import MapFilling
+from perception.detection.detectors.modalities import MapFilling
 from perception.types import Modality
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 from data.frames import OnBadFrame
 from data.splitting import SplitBy
 from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
-from perception.detection.input_size import InputSize
-from perception.detection.modalities import MapFilling
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modalities import MapFilling
 from perception.errors import UsageError
 from perception.types import Modality
 

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from perception.cli.table import Cell, format_table, percent
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallFigures
 from train.proposal_search.counting import Count
 from train.proposal_search.recall import Setting

@@ -17,7 +17,7 @@ from perception.cli.training.proposal_figures import (
     recall_table,
     search_document,
 )
-from perception.detection.proposal_order import ProposalOrder
+from perception.detection.depthcn.proposal_order import ProposalOrder
 from perception.evaluation.detection.proposal_recall import OVERLAPS
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
 from perception.types import Method

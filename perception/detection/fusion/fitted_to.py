@@ -4,7 +4,7 @@ import logging
 from collections.abc import Mapping
 from typing import Protocol
 
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.types import Modality
 
 log = logging.getLogger(__name__)

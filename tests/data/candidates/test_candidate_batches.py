@@ -24,7 +24,7 @@ from data.candidates.module import CandidateData, CandidateRules, Loading
 from data.looks import Ask
 from data.splitting import validation_frames
 from data.training_drives import Sources
-from perception.detection.crops import crop_windows
+from perception.detection.depthcn.crops import crop_windows
 from perception.errors import DriveError, LabelError, UsageError
 
 FIELDS = {"crops", "windows_px", "is_vehicle", "box_share"}

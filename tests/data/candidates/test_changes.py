@@ -5,7 +5,7 @@ import pytest
 
 from data.candidates.augmentation import Augmentation, Change, Cover, draw_change
 from data.candidates.changes import Candidate, cover_side, look_at, scale_depth, shift_lines
-from perception.detection.crops import crop_windows
+from perception.detection.depthcn.crops import crop_windows
 from perception.maps.encoding import decode_depth, encode_depth
 
 HEIGHT, WIDTH = 66, 112

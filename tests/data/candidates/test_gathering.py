@@ -10,7 +10,7 @@ from data.array_store import ArrayStore
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.open_drive import open_drive
-from perception.detection.windows import WindowKind
+from perception.detection.depthcn.windows import WindowKind
 from perception.errors import DriveError, LabelError, ScanError, UsageError
 from perception.geometry.box_overlap_px import iou_px
 

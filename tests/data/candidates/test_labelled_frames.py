@@ -11,7 +11,7 @@ from data.array_store import ArrayStore
 from data.candidates import labelled_frames
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
 from data.open_drive import open_drive
-from perception.detection.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalRules
 from perception.errors import CalibrationError, DriveError
 
 

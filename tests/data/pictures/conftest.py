@@ -11,7 +11,7 @@ from data.array_store import ArrayStore
 from data.open_drive import open_drive
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.types import Modality
 from tests.car_frames import SIZE_PX, write_car_frames
 

@@ -14,8 +14,8 @@ from data.open_drive import open_drive
 from data.pictures import labelled_pictures
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
-from perception.detection.input_size import InputSize, stretch
-from perception.detection.modalities import MapFilling, fill_maps, map_picture
+from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.modalities import MapFilling, fill_maps, map_picture
 from perception.errors import ImageError, LabelError, ScanError, UsageError
 from perception.maps.projection import project_frame
 from perception.types import Modality

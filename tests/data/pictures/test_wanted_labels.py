@@ -5,7 +5,7 @@ import pytest
 
 from data.drive import Labels
 from data.pictures.wanted import PictureLabels, picture_labels, within_picture
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.types import Boxes3D
 
 SIZE_PX, HALF = (640, 192), InputSize(96, 320)

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.naive_proposals import boxes_by_loop
 from data.open_drive import open_drive
-from perception.detection.proposals import ProposalRules, Proposals, box, cut, propose
-from perception.detection.standing import find_standing
+from perception.detection.depthcn.proposals import ProposalRules, Proposals, box, cut, propose
+from perception.detection.depthcn.standing import find_standing
 from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
 from perception.sensor import VLP_16

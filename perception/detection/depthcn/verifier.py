@@ -7,10 +7,10 @@ from typing import Self, TypeVar
 
 import numpy as np
 
-from perception.detection.crops import crop_windows
-from perception.detection.picture import CHANNELS
+from perception.detection.depthcn.crops import crop_windows
+from perception.detection.depthcn.picture import CHANNELS
+from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
-from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError
 from perception.types import Float64, Method, UInt8
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from perception.detection.proposals import Proposals
+from perception.detection.depthcn.proposals import Proposals
 from perception.types import Float64
 
 ProposalOrder = Literal["size", "points"]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from perception.detection.input_size import InputSize
+from perception.detection.detectors.input_size import InputSize
 from perception.detection.suppression import suppress
 from perception.types import Detections, Float
 

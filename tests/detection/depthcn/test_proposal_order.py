@@ -1,7 +1,7 @@
 import numpy as np
 
-from perception.detection.proposal_order import order_scores
-from perception.detection.proposals import Proposals
+from perception.detection.depthcn.proposal_order import order_scores
+from perception.detection.depthcn.proposals import Proposals
 
 FOCAL_PX = 700.0
 

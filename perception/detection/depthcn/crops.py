@@ -9,7 +9,7 @@ change of scale, place and direction too, is one warp straight from the full pic
 import cv2
 import numpy as np
 
-from perception.detection.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
+from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.errors import PerceptionError
 from perception.types import Float, Float64, UInt8
 

@@ -11,9 +11,9 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from perception.detection.input_size import InputSize, boxes_in_picture, stretch
-from perception.detection.modalities import CHANNELS, MapFilling
-from perception.detection.network_answers import seen_objects
+from perception.detection.detectors.input_size import InputSize, boxes_in_picture, stretch
+from perception.detection.detectors.modalities import CHANNELS, MapFilling
+from perception.detection.detectors.network_answers import seen_objects
 from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
 from perception.errors import ImageError, ModelError
 from perception.maps.densify import FILLINGS

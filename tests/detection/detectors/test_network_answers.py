@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from perception.detection.input_size import InputSize
-from perception.detection.network_answers import seen_objects
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.network_answers import seen_objects
 from perception.errors import UsageError
 
 SIZE = InputSize(64, 96)

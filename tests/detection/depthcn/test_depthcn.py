@@ -5,10 +5,10 @@ import pytest
 
 from benchmarks.naive_depthcn import detect_one_by_one, judge_one_by_one, suppress_by_loop
 from data.open_drive import open_drive
-from perception.detection.depthcn import DepthCn, DetectionRules
-from perception.detection.picture import camera_picture
-from perception.detection.proposals import Proposals
-from perception.detection.windows import windows_px
+from perception.detection.depthcn.detector import DepthCn, DetectionRules
+from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.proposals import Proposals
+from perception.detection.depthcn.windows import windows_px
 from perception.errors import CalibrationError, ModelError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame

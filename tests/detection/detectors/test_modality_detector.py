@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from perception.detection.input_size import InputSize
-from perception.detection.modality_detector import ModalityDetector
+from perception.detection.detectors.input_size import InputSize
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import ImageError, ModelError
 from tests.detection.bright_cells import bright_cells
 

@@ -9,11 +9,11 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.picture import camera_picture
-from perception.detection.proposals import ProposalRules, Proposals, propose
+from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.proposals import ProposalRules, Proposals, propose
+from perception.detection.depthcn.verifier import VEHICLE, Judgement, Verifier
+from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
-from perception.detection.verifier import VEHICLE, Judgement, Verifier
-from perception.detection.windows import windows_px
 from perception.errors import UsageError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_frame

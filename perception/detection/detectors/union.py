@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.detection.network_answers import MOST_IOU
+from perception.detection.detectors.network_answers import MOST_IOU
 from perception.detection.suppression import suppress
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps

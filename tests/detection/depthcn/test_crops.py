@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.detection.crops import crop_windows
+from perception.detection.depthcn.crops import crop_windows
 from perception.errors import PerceptionError
 
 SHAPE = (66, 112)
