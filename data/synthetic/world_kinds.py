@@ -5,7 +5,7 @@ Each is drawn with its own amounts of everything, so that no two worlds look ali
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -207,7 +207,8 @@ _SHARES: dict[Callable[[np.random.Generator], WorldConfig], float] = {
 
 def _drawn(rng: np.random.Generator, base: Amounts, **limits: tuple[float, float]) -> Amounts:
     """Draw some amounts anew, one after the other, each between its limits."""
-    return replace(base, **{name: _between(rng, *of_one) for name, of_one in limits.items()})
+    amounts: dict[str, Any] = {name: _between(rng, *of_one) for name, of_one in limits.items()}
+    return replace(base, **amounts)
 
 
 def _between(rng: np.random.Generator, low: float, high: float) -> float:
