@@ -31,10 +31,9 @@ Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 def _require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:
-    fits = array.ndim == len(expected) and all(
-        isinstance(want, str) or have == want
-        for have, want in zip(array.shape, expected, strict=True)
-    )
+    fits = array.ndim == len(expected)
+    for have, want in zip(array.shape, expected, strict=False):
+        fits &= have == want or isinstance(want, str)
     if not fits:
         shape = "(" + ", ".join(map(str, expected)) + ")"
         raise PerceptionError(what, expected=f"shape {shape}", found=f"shape {array.shape}")
@@ -410,6 +409,7 @@ class Result:
         obstacles: static and moving.
         tracks: what moves, as objects with an identity.
         modal: what each detector saw by itself; empty where detection is off.
+        map_pictures: (H, W) of each map that they looked at, 0 where nothing is known.
         vehicles: what they say together, None where detection is off.
         depthcn: what DepthCN saw, None where it is off.
         timings_s: seconds by stage; what overlaps counts more than once.
@@ -422,6 +422,7 @@ class Result:
     obstacles: Obstacles
     tracks: Tracks = field(default_factory=Tracks.empty)
     modal: ModalDetections = field(default_factory=dict)
+    map_pictures: Mapping[Modality, UInt8] = field(default_factory=dict)
     vehicles: Vehicles | None = None
     depthcn: Detections | None = None
     timings_s: dict[str, float] = field(default_factory=dict)

@@ -8,10 +8,11 @@ The camera's image waits for no map, so that its network runs while the maps are
 thread leaves the other core to another network: measured, this is faster than each on both cores in turn.
 """
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
 
@@ -36,6 +37,7 @@ from perception.types import (
     FusedDetections,
     ModalDetections,
     Modality,
+    StageSpan,
     UInt8,
 )
 
@@ -66,13 +68,18 @@ class MultimodalSight:
         modal: what each saw by itself; one that had nothing to look at has no entry.
         fused: what they say together.
         dense: the maps that were looked at, None where none was.
+        pictures: (H, W) of each map that a detector looked at, 0 where nothing is known.
         timings_s: of each part. Parts overlap in time: all of them took less than their sum.
+        spans: when each detector looked and the fusion worked, since all began; of no worker what the
+            caller's thread did.
     """
 
     modal: ModalDetections
     fused: FusedDetections
     dense: DenseMaps | None
+    pictures: Mapping[Modality, UInt8]
     timings_s: Mapping[str, float]
+    spans: tuple[StageSpan, ...]
 
 
 class MultimodalDetector:
@@ -115,7 +122,8 @@ class MultimodalDetector:
             ImageError: an image is wanted by the only detector, and there is none.
             ModelError: a network yields numbers that are not finite.
         """
-        looks: dict[Modality, Future[_Timed[Detections]]] = {}
+        begun_s = time.perf_counter()
+        looks: dict[Modality, Future[_Timed[_Look]]] = {}
         if self._looks_at_image(frame):
             looks["rgb"] = self._start("rgb", lambda: camera_image(frame))
         maps = _timed(lambda: self._make_maps(frame, dense))
@@ -123,12 +131,22 @@ class MultimodalDetector:
             if modality in self.detectors:
                 looks[modality] = self._start(modality, partial(self._picture, modality, maps.made))
         seen = {name: looks[name].result() for name in MODALITIES if name in looks}
-        modal = {name: one.made for name, one in seen.items()}
+        modal = {name: one.made.seen for name, one in seen.items()}
         shown = next(iter(maps.made.values()), dense)
         fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown, frame.calibration))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in seen.items()}
-        return MultimodalSight(modal, fused.made, shown, timings_s)
+        return MultimodalSight(
+            modal,
+            fused.made,
+            shown,
+            {name: seen[name].made.picture[..., 0] for name in _MAP_MODALITIES if name in seen},
+            timings_s,
+            (
+                *(one.span(f"{name} detector", begun_s) for name, one in seen.items()),
+                replace(fused.span("fusion", begun_s), worker=""),
+            ),
+        )
 
     def _looks_at_image(self, frame: Frame) -> bool:
         is_alone = len(self.detectors) == 1
@@ -150,25 +168,45 @@ class MultimodalDetector:
     def _picture(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
         return map_picture(maps[self.detectors[modality].filling], modality)
 
-    def _start(
-        self, modality: Modality, picture: Callable[[], UInt8]
-    ) -> "Future[_Timed[Detections]]":
+    def _start(self, modality: Modality, picture: Callable[[], UInt8]) -> "Future[_Timed[_Look]]":
         """Let a detector look at a picture, which is made by whoever does this, too."""
-        detect = self.detectors[modality].detect
-        return self._workers.submit(_timed, lambda: detect(picture()))
+
+        def look() -> _Look:
+            shown = picture()
+            return _Look(shown, self.detectors[modality].detect(shown))
+
+        return self._workers.submit(_timed, look)
+
+
+class _Look(NamedTuple):
+    """What a detector was shown, and what it saw."""
+
+    picture: UInt8
+    seen: Detections
 
 
 class _Timed(NamedTuple, Generic[Made]):
-    """What was made, and in which time."""
+    """What was made, by which thread, and when, by `time.perf_counter`."""
 
     made: Made
-    seconds: float
+    worker: str
+    start_s: float
+    stop_s: float
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+        return self.stop_s - self.start_s
+
+    def span(self, stage: str, begun_s: float) -> StageSpan:
+        """Return when it was made, since all began."""
+        return StageSpan(stage, self.worker, self.start_s - begun_s, self.stop_s - begun_s)
 
 
 def _timed(make: Callable[[], Made]) -> _Timed[Made]:
-    start = time.perf_counter()
+    start_s = time.perf_counter()
     made = make()
-    return _Timed(made, time.perf_counter() - start)
+    return _Timed(made, threading.current_thread().name, start_s, time.perf_counter())
 
 
 def _size_px(frame: Frame) -> tuple[int, int]:

@@ -35,6 +35,25 @@ class StageClock:
         stop_s = time.perf_counter() - self._arrival_s
         self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
 
+    @contextmanager
+    def parts(self) -> Iterator[list[StageSpan]]:
+        """Take in the stages that are put into the list within, by times since this began.
+
+        Those without a worker were run by this clock's own.
+        """
+        begun_s = time.perf_counter() - self._arrival_s
+        parts: list[StageSpan] = []
+        yield parts
+        self.spans += tuple(
+            StageSpan(
+                part.stage,
+                part.worker or self._worker,
+                begun_s + part.start_s,
+                begun_s + part.stop_s,
+            )
+            for part in parts
+        )
+
 
 def since_begun(spans: Sequence[StageSpan]) -> tuple[StageSpan, ...]:
     """Return the same with times since the first of the stages began, without what the frame waited before."""

@@ -46,8 +46,10 @@ class DetectionChain:
             return None
         if frame.image is None and self.multimodal.detectors.keys() == {"rgb"}:
             return None
-        with clock.stage("detectors, fused"):
-            return self.multimodal.look(frame, dense)
+        with clock.parts() as parts:
+            sight = self.multimodal.look(frame, dense)
+            parts.extend(sight.spans)
+        return sight
 
     def verify(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
         """Let DepthCN look."""

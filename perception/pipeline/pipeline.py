@@ -174,7 +174,11 @@ class Pipeline:
                     located, result.frame, result.world_SE3_velo, result.tracks
                 )
             result = replace(
-                result, modal=sight.modal, vehicles=followed.vehicles, tracks=followed.tracks
+                result,
+                modal=sight.modal,
+                map_pictures=sight.pictures,
+                vehicles=followed.vehicles,
+                tracks=followed.tracks,
             )
         return replace(
             result,

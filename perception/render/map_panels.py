@@ -5,9 +5,6 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from perception.detection.detectors.modalities import map_picture
-from perception.maps.densify import densify
-from perception.maps.projection import project_frame
 from perception.render import palette
 from perception.render.detections import draw_boxes
 from perception.render.vehicles import likely_boxes_px
@@ -23,23 +20,17 @@ _TITLES: dict[MapModality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
 
 
 def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
-    """Return pictures by title, each within (width, height), of the maps that detectors looked at.
-
-    They are made anew here, which takes less time than it takes to keep them.
-    """
-    looked = [modality for modality in _MAPS if modality in result.modal]
-    if not looked:
-        return {}
-    dense = densify(project_frame(result.frame))
+    """Return pictures by title, each within (width, height), of the maps that detectors looked at."""
     panels = {}
-    scale = min(largest_px[0] / dense.depth_m.shape[1], largest_px[1] / dense.depth_m.shape[0])
-    for modality in looked:
-        values = _smaller(map_picture(dense, modality), scale)
+    for modality in (name for name in _MAPS if name in result.map_pictures):
+        shown = result.map_pictures[modality]
+        scale = min(largest_px[0] / shown.shape[1], largest_px[1] / shown.shape[0])
+        values = _smaller(shown, scale)
         colors = cv2.applyColorMap(
             255 - values if modality == "dm" else values, _COLOR_MAPS[modality]
         )
         picture: UInt8 = np.asarray(colors[:, :, ::-1], np.uint8).copy()
-        picture[~_smaller(dense.is_valid.view(np.uint8), scale).view(bool)] = palette.PANEL
+        picture[values == 0] = palette.PANEL
         # Pixels of the map whose centres are whole numbers, as in `Resizing`.
         boxes_px = (likely_boxes_px(result.modal[modality]) + 0.5) * scale - 0.5
         draw_boxes(picture, boxes_px, palette.MODALITIES[modality])

@@ -77,7 +77,7 @@ def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
     assert len(rows) == len(followed)
     assert (out / "video.mp4").is_file()
     stages = json.loads((out / "summary.json").read_text())["stages_ms"]
-    assert {"maps", "detectors, fused", "vehicles", "DepthCN"} < set(stages)
+    assert {"maps", "dm detector", "rm detector", "fusion", "vehicles", "DepthCN"} < set(stages)
 
 
 def test_without_detectors_there_are_no_files_of_vehicles(car_frames, tmp_path):

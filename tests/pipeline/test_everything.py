@@ -6,6 +6,7 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
+from perception.detection.detectors.modalities import picture_of
 from perception.errors import ModelError, PoseError, UsageError
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
@@ -13,7 +14,7 @@ from perception.types import MODALITIES
 
 STAGES = {
     *("registration", "ground", "static and moving", "moving objects", "DepthCN"),
-    *("maps", "detectors, fused", "vehicles"),
+    *("maps", "rgb detector", "dm detector", "rm detector", "fusion", "vehicles"),
 }
 
 
@@ -58,9 +59,11 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
-        *("maps", "detectors, fused", "vehicles")
+        *("maps", "fusion", "vehicles")
     ]
-    for worker in ("obstacles", "vehicles"):
+    workers = {span.worker for span in result.spans}
+    assert {"obstacles", "vehicles"} < workers
+    for worker in workers:
         of_it = [span for span in result.spans if span.worker == worker]
         edges = [edge for span in of_it for edge in (span.start_s, span.stop_s)]
         assert edges == sorted(edges)
@@ -69,6 +72,17 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
     # DepthCN looks at maps that the other worker made.
     times = {span.stage: span for span in result.spans}
     assert times["DepthCN"].start_s >= times["maps"].stop_s
+    for modality in MODALITIES:
+        assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
+
+
+def test_the_maps_that_were_looked_at_come_as_pictures(street_frames, everything):
+    frame = street_frames[0]
+    with Pipeline(config=everything) as pipeline:
+        pictures = pipeline.step(frame).map_pictures
+    assert set(pictures) == {"dm", "rm"}
+    for modality, picture in pictures.items():
+        np.testing.assert_array_equal(picture, picture_of(frame, modality)[..., 0])
 
 
 def test_without_an_image_the_lidar_looks_alone(street_frames, everything):
@@ -76,6 +90,17 @@ def test_without_an_image_the_lidar_looks_alone(street_frames, everything):
         result = pipeline.step(replace(street_frames[0], image=None))
     assert set(result.modal) == {"dm", "rm"}
     assert result.depthcn is not None
+
+
+def test_without_poses_vehicles_are_located_all_the_same(street_frames, everything):
+    # Where nothing says how the LiDAR moved, its scans are registered to each other.
+    with Pipeline(config=everything) as pipeline:
+        with_poses = pipeline.step(street_frames[0]).vehicles
+        pipeline.reset()
+        frames = [replace(frame, world_SE3_velo=None) for frame in street_frames]
+        without = [pipeline.step(frame).vehicles for frame in frames]
+    np.testing.assert_allclose(without[0].boxes.bottom_m, with_poses.boxes.bottom_m, atol=1e-9)
+    assert all(len(found) > 0 for found in without)
 
 
 def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(

@@ -40,7 +40,8 @@ def seen(scene):
         np.full(4, -1),
     )
     modal = {"rgb": detections((60, 30, 130, 80)), "dm": detections((50, 20, 140, 90))}
-    return replace(scene, modal=modal, vehicles=vehicles)
+    depths = np.full((100, 200), 90, np.uint8)
+    return replace(scene, modal=modal, map_pictures={"dm": depths}, vehicles=vehicles)
 
 
 def test_each_detector_has_its_colour_and_the_unlikely_is_not_drawn(seen):
