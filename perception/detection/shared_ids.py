@@ -143,5 +143,6 @@ def _overlap(vehicles: Boxes3D, objects: Boxes3D) -> Float64:
     """Return (V, T) overlap on the ground; NaN of a vehicle of which the place is not known."""
     overlap = np.full((len(vehicles), len(objects)), np.nan)
     known = np.flatnonzero(np.isfinite(vehicles.bottom_m).all(axis=1))
-    overlap[known] = iou_ground(vehicles[known], objects)
+    if len(known) and len(objects):
+        overlap[known] = iou_ground(vehicles[known], objects)
     return overlap

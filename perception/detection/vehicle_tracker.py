@@ -24,7 +24,7 @@ from perception.detection.vehicle_sights import (
 from perception.detection.vehicle_table import VehicleRules, VehicleTable
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
-from perception.tracking.association import Association, assign_optimally
+from perception.tracking.association import Association, assign_worthwhile
 from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
@@ -126,14 +126,13 @@ class VehicleTracker:
 
     def _match(self, tracks: VehicleTable, sights: Sights, view: View) -> Association:
         rules = self._rules
-        iou = iou_px(np.nan_to_num(expected_boxes_px(tracks, view)), sights.boxes_px)
-        distances = place_distances(tracks, sights)
-        is_near, is_far = distances <= rules.motion.gate, distances > rules.motion.gate
-        least_iou = np.select([is_near, is_far], [rules.near_iou, rules.blind_iou], rules.least_iou)
-        # Apart by the gate's width costs as much as no overlap at all; not knowing, half of that.
-        apart = np.nan_to_num(distances / rules.motion.gate, nan=0.5)
-        costs = (1.0 - iou) + np.minimum(apart, 1.0)
-        return assign_optimally(costs, iou >= least_iou)
+        expected_px = np.nan_to_num(expected_boxes_px(tracks, view))
+        iou = iou_px(expected_px, sights.boxes_px)
+        on_ground, gate = place_distances(tracks, sights), rules.motion.gate
+        # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
+        on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
+        in_image = _side_distances(expected_px, sights.boxes_px, rules)
+        return assign_worthwhile(in_image + on_ground, iou >= rules.least_iou, rules.most_apart)
 
     def _give_ids(self, view: View, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""
@@ -153,6 +152,17 @@ class VehicleTracker:
         velocities_m_s[seen] = velocities_in_scan(tracks, view, self._rules)
         boxes = _overwritten(vehicles.boxes, seen, tracks, boxes_in_scan(tracks, view), view)
         return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
+
+
+def _side_distances(expected_px: Float64, seen_px: Float64, rules: VehicleRules) -> Float64:
+    """Return (T, D) squared distances of the four sides, in their standard deviations.
+
+    Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
+    """
+    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], rules.least_size_px)
+    deviations_px = rules.side_share * np.tile(sizes_px, 2)[:, None]
+    off = (seen_px - expected_px[:, None]) / deviations_px
+    return np.asarray((off**2).sum(axis=2))
 
 
 def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:

@@ -39,6 +39,23 @@ def assign_optimally(costs: Float64, is_allowed: Bool) -> Association:
     return _association(tracks[kept], detections[kept], costs.shape)
 
 
+def assign_worthwhile(costs: Float64, is_allowed: Bool, most: float) -> Association:
+    """Match allowed pairs of (T, D) at the least sum of costs, where each one unmatched costs something, too.
+
+    What is hidden or missed leaves its track without a detection: to match as many as there can be would
+    hand on the neighbour's instead, and the next one's to the neighbour.
+
+    Args:
+        costs: (T, D) of each pair.
+        is_allowed: (T, D) which pairs passed the gate.
+        most: cost of a pair from which on both rather stay alone.
+    """
+    is_worthwhile = is_allowed & (costs < most)
+    tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, most))
+    kept = is_worthwhile[tracks, detections]
+    return _association(tracks[kept], detections[kept], costs.shape)
+
+
 def assign_nearest_in_turn(distances: Float64, is_allowed: Bool) -> Association:
     """Let each track, in order, take the nearest detection in its gate that no track before it took.
 
@@ -60,9 +77,10 @@ def assign_nearest_in_turn(distances: Float64, is_allowed: Bool) -> Association:
 
 
 def _association(tracks: Int, detections: Int, shape: tuple[int, ...]) -> Association:
-    return Association(
-        tracks,
-        detections,
-        np.setdiff1d(np.arange(shape[0]), tracks),
-        np.setdiff1d(np.arange(shape[1]), detections),
-    )
+    return Association(tracks, detections, _others(tracks, shape[0]), _others(detections, shape[1]))
+
+
+def _others(rows: Int, count: int) -> Int:
+    is_left = np.ones(count, bool)
+    is_left[rows] = False
+    return np.flatnonzero(is_left)

@@ -1,6 +1,6 @@
 """Tables of parallel columns, so that a step over all tracks costs a few array operations."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -14,28 +14,24 @@ class Columns:
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, next(iter(self.__dataclass_fields__))))
 
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the tracks of a mask, of indices, or of a slice."""
-        return type(self)(
-            **{column.name: getattr(self, column.name)[rows] for column in fields(self)}
-        )
+        return type(self)(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def joined(self, others: Self) -> Self:
         """Return these tracks and others after them."""
         return type(self)(
-            **{
-                column.name: np.concatenate(
-                    [getattr(self, column.name), getattr(others, column.name)]
-                )
-                for column in fields(self)
-            }
+            *(
+                np.concatenate([getattr(self, name), getattr(others, name)])
+                for name in self.__dataclass_fields__
+            )
         )
 
     def replaced(self, rows: Int, others: Self) -> Self:
         """Return these tracks with others in the place of some rows."""
-        columns = {column.name: getattr(self, column.name).copy() for column in fields(self)}
-        for name, column in columns.items():
+        columns = [getattr(self, name).copy() for name in self.__dataclass_fields__]
+        for name, column in zip(self.__dataclass_fields__, columns, strict=True):
             column[rows] = getattr(others, name)
-        return type(self)(**columns)
+        return type(self)(*columns)

@@ -7,7 +7,8 @@ import pytest
 
 from perception.detection.objects import locate
 from perception.detection.vehicle_tracker import Followed, VehicleTracker
-from perception.types import Boxes3D, FusedDetections, Tracks
+from perception.errors import CalibrationError
+from perception.types import Boxes3D, Frame, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, seen_from, sides
 
 _ROAD = road(step_m=1.0)
@@ -83,6 +84,39 @@ def test_a_gap_is_bridged(blind):
     for _ in range(6):
         drive.see(world, missed=(0,), blind=blind)
     assert drive.see(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
+
+
+def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
+    drive, world = (
+        Drive(speed_m_s=8.0),
+        cars(*[(14.0 + 5.5 * place, 4.0, 0.0) for place in range(6)]),
+    )
+    for _ in range(4):
+        expected = drive.see(world).vehicles.ids.tolist()
+    assert expected == list(range(6))
+    for missed in (1, 3, 2, 4, 0, 3):
+        told = drive.see(world, missed=(missed,)).vehicles.ids.tolist()
+        assert told == [one for one in expected if one != missed]
+    assert drive.see(world).vehicles.ids.tolist() == expected
+
+
+def test_a_frame_without_a_camera_is_refused_and_changes_nothing():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        located = drive.see(world).vehicles
+    blind = Frame(9, 0.9, np.ones((len(located.owners), 4), np.float32))
+    with pytest.raises(CalibrationError, match="a camera's calibration"):
+        drive.tracker.update(located, blind, np.eye(4))
+    assert drive.see(world).vehicles.ids.tolist() == [0]
+
+
+def test_what_was_not_located_goes_on_in_the_image():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.see(world)
+    told = [drive.see(world, blind=True).vehicles for _ in range(4)]
+    assert [one.ids.tolist() for one in told] == [[0]] * 4
+    assert np.isnan(told[0].boxes.yaw_rad).all()
 
 
 def test_what_was_away_for_long_is_new():

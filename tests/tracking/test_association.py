@@ -8,6 +8,7 @@ from perception.tracking.association import (
     Association,
     assign_nearest_in_turn,
     assign_optimally,
+    assign_worthwhile,
 )
 
 BOTH = pytest.mark.parametrize("assign", [assign_optimally, assign_nearest_in_turn])
@@ -100,3 +101,20 @@ def test_optimal_is_the_best_of_all_trials(seed):
     found = assign_optimally(costs, is_allowed)
     cost = costs[found.tracks, found.detections].sum()
     assert (len(found.tracks), pytest.approx(cost)) == best_by_trial(costs, is_allowed)
+
+
+def test_a_missed_neighbour_does_not_hand_on_all_others():
+    # Each track's own detection costs 1, its neighbour's 8; that of the first is missing.
+    costs = np.full((3, 3), 50.0)
+    costs[[0, 1, 2], [0, 1, 2]], costs[[0, 1], [1, 2]] = 1.0, 8.0
+    seen, is_allowed = costs[:, 1:], np.ones((3, 2), bool)
+    assert pairs(assign_worthwhile(seen, is_allowed, 30.0)) == {1: 0, 2: 1}
+    assert pairs(assign_worthwhile(seen[:1], is_allowed[:1], 30.0)) == {0: 0}
+    assert pairs(assign_worthwhile(seen[:1], is_allowed[:1], 8.0)) == {}
+    assert pairs(assign_worthwhile(seen[:1], ~is_allowed[:1], 30.0)) == {}
+
+
+def test_what_nothing_is_worth_is_left_over():
+    found = assign_worthwhile(np.array([[1.0, 9.0], [9.0, 9.0]]), np.ones((2, 2), bool), 5.0)
+    assert pairs(found) == {0: 0}
+    assert found.unmatched_tracks.tolist() == found.unmatched_detections.tolist() == [1]
