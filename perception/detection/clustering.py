@@ -93,14 +93,14 @@ def _join(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -
     kept = np.flatnonzero(has_core[pairs.first] & has_core[pairs.second])
     pairs, is_joined = pairs[kept], is_joined[kept]
     joined, doubtful = pairs[is_joined], pairs[~is_joined]
-    part = _parts(len(cells), joined.first, joined.second)
+    part = connected_parts(len(cells), joined.first, joined.second)
     doubtful = doubtful[part[doubtful.first] != part[doubtful.second]]
     touching = doubtful[_touch(cells, doubtful, is_core, radius_m)]
     if len(touching.first) == 0:
         return part
     first, second = part[touching.first], part[touching.second]
     order = np.argsort(first)
-    return _parts(len(cells), first[order], second[order])[part]
+    return connected_parts(len(cells), first[order], second[order])[part]
 
 
 def _face(cells: PointCells, pairs: CellPairs, radius_m: float) -> Bool:
@@ -155,7 +155,7 @@ def _cores_near(
     return points[near], pair[near]
 
 
-def _parts(count: int, first: Int, second: Int) -> Int:
+def connected_parts(count: int, first: Int, second: Int) -> Int:
     """Return (count,) the connected part of each node, for edges in the order of their first node."""
     ends = np.zeros(count + 1, np.int32)
     np.cumsum(np.bincount(first, minlength=count), out=ends[1:])

@@ -1,6 +1,6 @@
 """Detections become objects on the road: their points, how far they are, and the box around each."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,10 +28,14 @@ class LocateRules:
     Attributes:
         points: what tells the points of a vehicle.
         fit: what tells its box.
+        least_score: of a detection that is looked for in the scan. Others are left open: a detector that
+            tells of everything says a hundred times a frame what is not there, and the time of each would
+            be taken from what may be.
     """
 
     points: PointRules = field(default_factory=PointRules)
     fit: FitRules = field(default_factory=FitRules)
+    least_score: float = 0.1
 
 
 def locate(
@@ -56,7 +60,9 @@ def locate(
     """
     rules, camera, count = rules or LocateRules(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
-    found = find_points(frame.points_velo, boxes_px, camera, ground, rules.points)
+    likely = np.flatnonzero(fused.detections.scores >= rules.least_score)
+    found = find_points(frame.points_velo, boxes_px[likely], camera, ground, rules.points)
+    found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = found.owners
     distances_m = np.full(count, np.inf)

@@ -15,7 +15,9 @@ class PointRules:
     """What tells the points of a vehicle.
 
     Attributes:
-        farthest_m: beyond it along an axis no point is looked at.
+        farthest_m: beyond it along the optical axis no point is looked at.
+        beyond: where the image's border cuts a box, so many of its heights farther out its vehicle may go on:
+            the LiDAR sees it there, too.
         cell_m: edge of the cells in which the lowest point is looked for.
         reach_m: how far around; under a car some ground is seen from one side or the other.
         clearance_m: over the ground, from which on a point stands on it.
@@ -30,10 +32,11 @@ class PointRules:
         centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
         gap_m: between two points of one vehicle, seen from above, close to the sensor.
         gap_per_m: by which the gap grows with distance, as beams spread.
-        samples: points of a box that are clustered, evenly picked of more.
+        samples: points of a box that have a say, evenly picked of more.
     """
 
     farthest_m: float = 100.0
+    beyond: float = 3.0
     cell_m: float = 0.5
     reach_m: float = 1.5
     clearance_m: float = 0.2
@@ -76,14 +79,27 @@ def find_points_in_boxes(
     ground: GroundModel | None,
     rules: PointRules,
 ) -> PointsInBoxes:
-    """Find what stands on the ground in (M, 4) boxes, and how high the ground is there."""
-    image_P_velo, size_px = camera[0].image_P_velo, camera[1]
-    rows = np.flatnonzero(may_be_in_view(points_velo, image_P_velo, size_px))
-    rows = rows[(np.abs(points_velo[rows, :2]) <= rules.farthest_m).all(axis=1)]
-    pixels, depths_m = project(image_P_velo, points_velo[rows])
-    around = np.flatnonzero((depths_m > 0) & _is_around(pixels, boxes_px, size_px))
-    rows, pixels, depths_m = rows[around], pixels[around], depths_m[around]
+    """Find what stands on the ground in (M, 4) boxes, and how high the ground is there.
+
+    Args:
+        points_velo: (N, 4) the scan.
+        boxes_px: where to look, in the image or beside it.
+        camera: its calibration, and (width, height) of its image.
+        ground: the ground below, or None: then what is lowest around is the ground.
+        rules: every choice.
+    """
+    around_px = _with_ground_before(boxes_px, camera[1])
+    low_px, size_px = _window(around_px)
+    # Pixels are counted from the corner of what is looked at, so that all else is passed over at once.
+    shift = np.array([[1, 0, -low_px[0]], [0, 1, -low_px[1]], [0, 0, 1]])
+    window_P_velo = shift @ camera[0].image_P_velo
+    rows = np.flatnonzero(may_be_in_view(points_velo, window_P_velo, size_px))
     xyz_m = points_velo[rows, :3].astype(np.float64)
+    pixels, depths_m = project(window_P_velo, xyz_m)
+    is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
+    around = np.flatnonzero((depths_m > 0) & (depths_m <= rules.farthest_m) & is_around)
+    rows, xyz_m, depths_m = rows[around], xyz_m[around], depths_m[around]
+    pixels = pixels[around] + low_px
     cells = HeightCells.of(xyz_m, rules.cell_m)
     lowest_m = cells.lowest_m(rules.reach_m)
     ground_m = lowest_m
@@ -98,14 +114,41 @@ def find_points_in_boxes(
     return PointsInBoxes(rows[kept], xyz_m[kept], pixels[kept], depths_m[kept], ground_m[kept])
 
 
+def beyond_borders(boxes_px: Float64, width_px: int, rules: PointRules) -> Float64:
+    """Return (M, 4) boxes; those that a side of the image cuts go on beyond it."""
+    x1, y1, x2, y2 = np.clip(boxes_px.T, -width_px, 2 * width_px)
+    reach_px = rules.beyond * (y2 - y1)
+    return np.column_stack(
+        [
+            np.where(x1 <= 1, x1 - reach_px, x1),
+            y1,
+            np.where(x2 >= width_px - 2, x2 + reach_px, x2),
+            y2,
+        ]
+    )
+
+
+def _with_ground_before(boxes_px: Float64, size_px: tuple[int, int]) -> Float64:
+    """Let (M, 4) boxes go on as far below as the ground before a vehicle shows."""
+    x1, y1, x2, y2 = boxes_px.T
+    last_px = size_px[1] - 1
+    lowest_px = np.clip(y2 + (y2 - y1) / 3, 0, last_px)
+    return np.column_stack([x1, np.clip(y1, 0, last_px), x2, lowest_px])
+
+
+def _window(boxes_px: Float64) -> tuple[Float64, tuple[int, int]]:
+    """Return the upper left pixel, and (width, height), of a window with all boxes in it."""
+    low_px = np.floor(boxes_px[:, :2].min(axis=0))
+    width, height = (np.ceil(boxes_px[:, 2:].max(axis=0)) - low_px).astype(int) + 1
+    return low_px, (max(int(width), 1), max(int(height), 1))
+
+
 def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> Bool:
-    """Tell which pixels lie in a box, or as far below one as the ground before it shows."""
+    """Tell which pixels of a window lie in a box."""
     width, height = size_px
     is_near = np.zeros((height + 2, width + 2), bool)
-    heights = boxes_px[:, 3] - boxes_px[:, 1]
-    grown = boxes_px + np.column_stack([0 * heights, 0 * heights, 0 * heights, heights / 3])
-    last_px = np.array([width, height, width, height])
-    for x1, y1, x2, y2 in np.clip(grown, 0, last_px).astype(np.int64).tolist():
+    for x1, y1, x2, y2 in np.maximum(boxes_px, 0).astype(np.int64).tolist():
         is_near[y1 : y2 + 2, x1 : x2 + 2] = True
-    columns, rows = np.clip(np.nan_to_num(pixels, nan=-1), 0, size_px).astype(np.int64).T
-    return np.asarray(is_near[rows, columns])
+    u, v = pixels.T
+    columns = np.clip(u, 0, width).astype(np.int32)
+    return np.asarray(is_near[np.clip(v, 0, height).astype(np.int32), columns])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.types import Float64, Int
+from perception.types import Float32, Float64, Int
 
 
 @dataclass(frozen=True)
@@ -101,10 +101,10 @@ class _Reaches:
         costs: (F, D) of points that lie on no side that is seen.
     """
 
-    yaw_rad: Float64
-    low_m: Float64
-    high_m: Float64
-    costs: Float64
+    yaw_rad: Float32
+    low_m: Float32
+    high_m: Float32
+    costs: Float32
 
     def best(self, count: int) -> "_Reaches":
         """Return the best directions of each vehicle."""
@@ -130,11 +130,12 @@ def fit_rectangles(
         spans: where they are in the image.
         rules: every choice.
     """
-    samples = _sampled(xy_m, owners, rules.samples)
+    # Single precision is a tenth of a millimetre at most, and takes half of the time.
+    samples = _sampled(xy_m, owners, rules.samples).astype(np.float32)
     step_rad = np.pi / 2 / rules.directions
-    coarse = np.tile(np.arange(rules.directions) * step_rad, (len(samples), 1))
+    coarse = np.tile(np.arange(rules.directions) * step_rad, (len(samples), 1)).astype(np.float32)
     first, first_rad = _best_rectangles(_reach(samples, coarse, rules), spans, rules)
-    turns_rad = np.linspace(-step_rad, step_rad, rules.finer + 2)[1:-1]
+    turns_rad = np.linspace(-step_rad, step_rad, rules.finer + 2)[1:-1].astype(np.float32)
     finer = _reach(samples, first_rad[:, None] + turns_rad, rules)
     return _best_rectangles(finer, spans, rules)[0] if len(samples) else first
 
@@ -147,14 +148,16 @@ def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
     return np.asarray(xy_m[starts[:, None] + picked.astype(np.int64)])
 
 
-def _reach(samples: Float64, yaw_rad: Float64, rules: FitRules) -> _Reaches:
+def _reach(samples: Float32, yaw_rad: Float32, rules: FitRules) -> _Reaches:
     """Measure samples (F, P, 2) along directions (F, D)."""
     cos, sin = np.cos(yaw_rad)[..., None], np.sin(yaw_rad)[..., None]
     x, y = samples[:, None, :, 0], samples[:, None, :, 1]
     turned = np.stack([cos * x + sin * y, cos * y - sin * x], axis=2)  # (F, D, 2, P)
     count = samples.shape[1]
     beyond = int(rules.trimmed * count)
-    ordered = np.partition(turned, (beyond, count - 1 - beyond), axis=-1)
+    ordered: Float32 = np.partition(
+        turned.astype(np.float32, copy=False), (beyond, count - 1 - beyond), axis=-1
+    )
     low_m, high_m = ordered[..., beyond], ordered[..., count - 1 - beyond]
     # Only a side that faces the sensor is seen; one that the sensor is beside is not.
     side_m = np.where(low_m > 0, low_m, np.where(high_m < 0, high_m, np.inf))
@@ -166,7 +169,7 @@ def _reach(samples: Float64, yaw_rad: Float64, rules: FitRules) -> _Reaches:
 
 def _best_rectangles(
     reaches: _Reaches, spans: ImageSpans, rules: FitRules
-) -> tuple[Rectangles, Float64]:
+) -> tuple[Rectangles, Float32]:
     """Try sizes and places; return the best and the direction (F,) along which it was measured."""
     reaches = reaches.best(rules.kept)
     sizes_m, size_costs = _sizes(reaches, rules)  # (F, T, O, 2)
@@ -184,7 +187,7 @@ def _best_rectangles(
             centers_m[vehicles, way, size, left, 1],
         ]
     )
-    chosen_m = sizes_m[vehicles, way, size]
+    chosen_m = sizes_m[vehicles, way, size].astype(np.float64)
     is_across = size >= len(rules.lengths_m)
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
@@ -192,15 +195,15 @@ def _best_rectangles(
             [cos * center[:, 0] - sin * center[:, 1], sin * center[:, 0] + cos * center[:, 1]]
         ),
         np.where(is_across[:, None], chosen_m[:, ::-1], chosen_m),
-        direction + np.where(is_across, np.pi / 2, 0.0),
+        direction.astype(np.float64) + np.where(is_across, np.pi / 2, 0.0),
     )
     return rectangles, direction
 
 
-def _sizes(reaches: _Reaches, rules: FitRules) -> tuple[Float64, Float64]:
+def _sizes(reaches: _Reaches, rules: FitRules) -> tuple[Float32, Float32]:
     """Return (F, T, O, 2) sizes along and left, first with the length along, and what they cost."""
-    lengths_m, width_m = np.array(rules.lengths_m), rules.width_m[0]
-    along = np.column_stack([lengths_m, np.full(len(lengths_m), width_m)])
+    lengths_m, width_m = np.array(rules.lengths_m, np.float32), rules.width_m[0]
+    along = np.column_stack([lengths_m, np.full_like(lengths_m, width_m)])
     seen_m = (reaches.high_m - reaches.low_m)[..., None, :]
     sizes_m = np.maximum(np.concatenate([along, along[:, ::-1]]), seen_m)
     is_across = np.arange(2 * len(lengths_m)) >= len(lengths_m)
@@ -211,10 +214,10 @@ def _sizes(reaches: _Reaches, rules: FitRules) -> tuple[Float64, Float64]:
     return sizes_m, off_length**2 + off_width**2
 
 
-def _places(reaches: _Reaches, sizes_m: Float64, rules: FitRules) -> tuple[Float64, Float64]:
+def _places(reaches: _Reaches, sizes_m: Float32, rules: FitRules) -> tuple[Float32, Float32]:
     """Return (F, T, O, 3, 2) centres that begin at the low end, lie evenly, end at the high end; and costs."""
     low_m, high_m = reaches.low_m[:, :, None], reaches.high_m[:, :, None]
-    places_m = np.stack(
+    places_m: Float32 = np.stack(
         [
             low_m + sizes_m / 2,
             np.broadcast_to((low_m + high_m) / 2, sizes_m.shape),
@@ -222,34 +225,38 @@ def _places(reaches: _Reaches, sizes_m: Float64, rules: FitRules) -> tuple[Float
         ],
         axis=-2,
     )
-    costs = np.empty((*reaches.low_m.shape[:2], 3, 2))
+    costs = np.empty((*reaches.low_m.shape[:2], 3, 2), np.float32)
     is_low_seen, is_high_seen = reaches.low_m > 0, reaches.high_m < 0
     costs[..., 0, :] = np.where(is_high_seen, rules.hidden, 0.0)
     costs[..., 1, :] = np.where(is_low_seen | is_high_seen, rules.middle, 0.0)
     costs[..., 2, :] = np.where(is_low_seen, rules.hidden, 0.0)
+    places_m = places_m.astype(np.float32, copy=False)
     return places_m, np.broadcast_to(costs[:, :, None], places_m.shape)
 
 
 def _span_costs(
-    yaw_rad: Float64, sizes_m: Float64, centers_m: Float64, spans: ImageSpans, rules: FitRules
-) -> Float64:
+    yaw_rad: Float32, sizes_m: Float32, centers_m: Float32, spans: ImageSpans, rules: FitRules
+) -> Float32:
     """Return (F, T, O, 3, 3) how much the projection misses the sides of the box in the image."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     ways = np.stack([np.stack([cos, sin], -1), np.stack([-sin, cos], -1)], -2)  # (F, T, 2, xy)
-    row, depth = spans.image_P_velo[0], spans.image_P_velo[2]
+    row, _, depth = spans.image_P_velo.astype(np.float32)
+    heights_m = spans.heights_m.astype(np.float32)
     # Both are linear in place: a corner's are the centre's and half a size along each way.
     per_m = np.stack([ways @ row[:2], ways @ depth[:2]])[:, :, :, None]  # (2, F, T, 1, 2)
-    start = np.stack([row[2] * spans.heights_m + row[3], depth[2] * spans.heights_m + depth[3]])
+    start = np.stack([row[2] * heights_m + row[3], depth[2] * heights_m + depth[3]])
     parts = per_m[:, :, :, :, None] * centers_m  # (2, F, T, O, 3, 2)
     middle = parts[..., :, None, 0] + parts[..., None, :, 1] + start[:, :, None, None, None, None]
     halves = (per_m * sizes_m / 2)[..., None, None, :]
-    ends = [
-        middle + one * halves[..., 0] + other * halves[..., 1]
-        for one, other in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    ]
-    columns = np.stack([u / np.maximum(w, 0.1) for u, w in ends])
-    columns = np.clip(columns, 0, spans.width_px - 1)
-    left, right = spans.left_right_px.T[:, :, None, None, None, None]
+    sums, differences = halves.sum(axis=-1), halves[..., 0] - halves[..., 1]
+    corners = (middle + sums, middle - sums, middle + differences, middle - differences)
+    columns = [u / np.maximum(w, np.float32(0.1)) for u, w in corners]
+    lowest, highest = np.minimum(*columns[:2]), np.maximum(*columns[:2])
+    for column in columns[2:]:
+        lowest, highest = np.minimum(lowest, column), np.maximum(highest, column)
+    left, right = spans.left_right_px.astype(np.float32).T[:, :, None, None, None, None]
     deviation = rules.edge_px + rules.edge_share * (right - left)
-    off_left, off_right = columns.min(axis=0) - left, columns.max(axis=0) - right
+    # Of what is beyond the image's sides, the box ends there.
+    off_left = np.clip(lowest, 0, spans.width_px - 1) - left
+    off_right = np.clip(highest, 0, spans.width_px - 1) - right
     return np.asarray((off_left**2 + off_right**2) / deviation**2)

@@ -11,8 +11,13 @@ from typing import Self
 
 import numpy as np
 
-from perception.detection.clustering import cluster
-from perception.detection.points_in_boxes import PointRules, PointsInBoxes, find_points_in_boxes
+from perception.detection.clustering import connected_parts
+from perception.detection.points_in_boxes import (
+    PointRules,
+    PointsInBoxes,
+    beyond_borders,
+    find_points_in_boxes,
+)
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
 
@@ -49,8 +54,12 @@ def find_points(
         ground: the ground below, or None: then what is lowest around is the ground.
         rules: every choice.
     """
-    near = find_points_in_boxes(points_velo, boxes_px, camera, ground, rules)
-    claims = _Claims.of(near, boxes_px, rules)
+    if not len(boxes_px):
+        none = np.zeros(0, np.int64)
+        return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
+    reached_px = beyond_borders(boxes_px, camera[1][0], rules)
+    near = find_points_in_boxes(points_velo, reached_px, camera, ground, rules)
+    claims = _Claims.of(near, reached_px, rules)
     likely = _likelihoods(near, boxes_px, claims, camera, rules)
     claimed = np.bincount(claims.some_points, likely, len(near.rows))[claims.some_points]
     say = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
@@ -65,32 +74,34 @@ def find_points(
 
 @dataclass(frozen=True)
 class _Claims:
-    """L pairs of a box and a point in it, box after box, of which S are clustered.
+    """L pairs of a box and a point in it, box after box, of which S have a say.
 
     Attributes:
         box: (L,).
         point: (L,).
-        places_m: (L, 2) along the line of sight to the box, and to the left of it.
+        along_m: (L,) how far along the line of sight to the box.
+        left_m: (L,) how far to the left of it.
         some: (S,) rows of pairs.
         labels: (S,) their clusters; no two boxes have one in common.
     """
 
     box: Int
     point: Int
-    places_m: Float64
+    along_m: Float64
+    left_m: Float64
     some: Int
     labels: Int
 
     @classmethod
     def of(cls, near: PointsInBoxes, boxes_px: Float64, rules: PointRules) -> Self:
         """Pair boxes with points, and cluster those of each box."""
-        u, v = near.pixels[:, 0], near.pixels[:, 1]
+        u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         box, point = np.nonzero((u >= x1) & (u <= x2) & (v >= y1) & (v <= y2))
-        places_m = _along_sight(near.xyz_m[point, :2], box, len(boxes_px))
+        along_m, left_m = _along_sight(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
         some = _some_of_each(box, rules.samples)
-        labels = _clusters(places_m[some], box[some], len(boxes_px), rules)
-        return cls(box, point, places_m, some, labels)
+        labels = _clusters(along_m[some], left_m[some], box[some], rules)
+        return cls(box, point, along_m, left_m, some, labels)
 
     @property
     def some_boxes(self) -> Int:
@@ -105,20 +116,24 @@ class _Claims:
     def owners(self, say: Float64, likely: Float64, points: int, boxes: int) -> Int:
         """Return (points,) the box that each belongs to by (S,) says and likelihoods, or -1.
 
-        To a box belongs what lies, from above, within its cluster of the greatest say.
+        To a box belongs what lies, from above, within its cluster of the greatest say; to the likelier of
+        two what lies within both.
         """
         is_best = _is_best(self.labels, self.some_boxes, say)
         best, best_boxes = self.some[is_best], self.some_boxes[is_best]
-        low_m, high_m = _extents(self.places_m[best], best_boxes, boxes)
+        is_within = np.ones(len(self.box), bool)
+        for place_m in (self.along_m, self.left_m):
+            low_m, high_m = _extents(place_m[best], best_boxes, boxes)
+            is_within &= (place_m >= low_m[self.box]) & (place_m <= high_m[self.box])
+        own = np.flatnonzero(is_within)
         counts = np.bincount(best_boxes, minlength=boxes)
         likelihoods = np.bincount(best_boxes, likely[is_best], boxes) / np.maximum(counts, 1)
-        is_within = (self.places_m >= low_m[self.box]) & (self.places_m <= high_m[self.box])
-        own = np.flatnonzero(is_within.all(axis=1))
-        # Of what is written to one place, the last stays: the box whose cluster is the likeliest.
-        own = own[np.argsort(likelihoods[self.box[own]], kind="stable")]
-        owners = np.full(points, -1)
-        owners[self.point[own]] = self.box[own]
-        return owners
+        by_likelihood = np.argsort(likelihoods, kind="stable")
+        ranks = np.empty(boxes, np.int64)
+        ranks[by_likelihood] = np.arange(boxes)
+        highest = np.full(points, -1)
+        np.maximum.at(highest, self.point[own], ranks[self.box[own]])
+        return np.asarray(np.append(by_likelihood, -1)[highest])
 
 
 def _likelihoods(
@@ -130,26 +145,26 @@ def _likelihoods(
 ) -> Float64:
     """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
     (calibration, size_px), box, point = camera, claims.some_boxes, claims.some_points
-    middles = (boxes_px[:, :2] + boxes_px[:, 2:]) / 2
-    halves = (boxes_px[:, 2:] - boxes_px[:, :2]) / 2
-    off = (near.pixels[point] - middles[box]) / np.maximum(halves[box], 0.5)
-    off_center = (off**2).sum(axis=1) / rules.centrality**2
+    x1, y1, x2, y2 = boxes_px.T
+    off_center = np.zeros(len(box))
+    for place_px, low_px, high_px in ((near.pixels[:, 0], x1, x2), (near.pixels[:, 1], y1, y2)):
+        half_px = np.maximum((high_px - low_px) / 2, 0.5)
+        off_center += ((place_px[point] - ((low_px + high_px) / 2)[box]) / half_px[box]) ** 2
     focal_px = float(calibration.image_P_cam[1, 1])
-    expected_m = focal_px * rules.height_m / np.maximum(2 * halves[:, 1], 1.0)
-    is_cut = (boxes_px[:, 1] <= 1) | (boxes_px[:, 3] >= size_px[1] - 2)
+    expected_m = focal_px * rules.height_m / np.maximum(y2 - y1, 1.0)
+    is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
     nearer = np.where(is_cut, rules.cut_off, rules.nearer)[box]
     deviation = np.where(ratio < 0, nearer, rules.farther)
-    return np.asarray(np.exp(-(off_center + (ratio / deviation) ** 2) / 2))
+    return np.asarray(np.exp(-(off_center / rules.centrality**2 + (ratio / deviation) ** 2) / 2))
 
 
-def _along_sight(xy_m: Float64, box: Int, boxes: int) -> Float64:
-    """Turn (L, 2) places, box by box, into how far along the line of sight and how far left of it."""
-    sums_m = np.column_stack([np.bincount(box, xy_m[:, axis], boxes) for axis in (0, 1)])
-    away_m = np.hypot(sums_m[:, 0], sums_m[:, 1])
-    cos, sin = (sums_m / np.maximum(away_m, 1e-6)[:, None])[box].T
-    x, y = xy_m.T
-    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+def _along_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
+    """Turn (L,) places, box by box, into how far along the line of sight and how far left of it."""
+    x_sum_m, y_sum_m = np.bincount(box, x_m), np.bincount(box, y_m)
+    away_m = np.maximum(np.hypot(x_sum_m, y_sum_m), 1e-6)
+    cos, sin = (x_sum_m / away_m)[box], (y_sum_m / away_m)[box]
+    return cos * x_m + sin * y_m, cos * y_m - sin * x_m
 
 
 def _some_of_each(box: Int, most: int) -> Int:
@@ -160,26 +175,45 @@ def _some_of_each(box: Int, most: int) -> Int:
     return np.flatnonzero((np.arange(len(box)) - starts[box]) % stride[box] == 0)
 
 
-def _clusters(places_m: Float64, box: Int, boxes: int, rules: PointRules) -> Int:
+# From a cell to those whose middles are no more than a gap away, less what points lie off the middles; in
+# one half of the directions.
+_CELLS_PER_GAP = 3
+_STEPS = tuple(
+    (along, left)
+    for along in range(_CELLS_PER_GAP)
+    for left in range(1 - _CELLS_PER_GAP, _CELLS_PER_GAP)
+    if (along, left) > (0, 0) and along**2 + left**2 <= 5
+)
+
+
+def _clusters(along_m: Float64, left_m: Float64, box: Int, rules: PointRules) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
-    All boxes are clustered at once: each lies in a strip of its own, measured in its own gaps.
+    Points lie in cells that are a share of a gap wide, of each box its own; cells are joined that are about
+    a gap apart.
     """
-    counts = np.maximum(np.bincount(box, minlength=boxes), 1)
-    away_m = np.bincount(box, places_m[:, 0], boxes) / counts
-    along, left = (places_m / (rules.gap_m + rules.gap_per_m * away_m)[box, None]).T
-    low, high = np.zeros(boxes), np.zeros(boxes)
-    np.minimum.at(low, box, left)
-    np.maximum.at(high, box, left)
-    strips = np.cumsum(high - low + 3.0)
-    return cluster(np.column_stack([along, left - high[box] + strips[box]]), 1.0, 1)
+    if not len(box):
+        return np.zeros(0, np.int64)
+    away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
+    cell_m = ((rules.gap_m + rules.gap_per_m * away_m) / _CELLS_PER_GAP)[box]
+    along = np.floor(along_m / cell_m).astype(np.int64)
+    left = np.floor(left_m / cell_m).astype(np.int64)
+    along, left = along - along.min(), left - left.min()
+    # Some cells beyond the last of a row are empty, so that no step leads to another row's.
+    row = int(left.max()) + 1 + _CELLS_PER_GAP
+    keys = (box * (int(along.max()) + 1 + _CELLS_PER_GAP) + along) * row + left
+    cells, cell_of = np.unique(keys, return_inverse=True)
+    wanted = cells[:, None] + np.array([one * row + other for one, other in _STEPS])
+    at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+    first, step = np.nonzero(cells[at] == wanted)
+    return connected_parts(len(cells), first, at[first, step])[cell_of]
 
 
-def _extents(places_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
-    """Return (M, 2) least and greatest place in each box; least above greatest where there is none."""
-    low_m, high_m = np.full((boxes, 2), np.inf), np.full((boxes, 2), -np.inf)
-    np.minimum.at(low_m, box, places_m)
-    np.maximum.at(high_m, box, places_m)
+def _extents(place_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
+    """Return (M,) least and greatest place in each box; least above greatest where there is none."""
+    low_m, high_m = np.full(boxes, np.inf), np.full(boxes, -np.inf)
+    np.minimum.at(low_m, box, place_m)
+    np.maximum.at(high_m, box, place_m)
     return low_m, high_m
 
 

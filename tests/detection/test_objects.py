@@ -4,11 +4,22 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.objects import locate
+from perception.detection.objects import LocateRules, locate
 from perception.errors import CalibrationError
 from perception.geometry.angles import wrap
+from perception.geometry.camera import project
 from perception.types import Boxes3D, Frame, FusedDetections
-from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, in_sight, road, sides
+from tests.vehicle_scenes import (
+    CALIBRATION,
+    SIZE_PX,
+    FlatRoad,
+    cars,
+    detected,
+    frame_of,
+    in_sight,
+    road,
+    sides,
+)
 
 _GROUND = FlatRoad()
 
@@ -115,6 +126,31 @@ def test_two_returns_give_a_distance_but_no_box():
     found = locate(detected(true), frame_of(road(), returns), _GROUND)
     assert np.isnan(found.boxes.yaw_rad[0])
     assert found.distances_m[0] == pytest.approx(np.linalg.norm(returns[1]), abs=1e-4)
+
+
+def test_what_is_hardly_believed_is_not_looked_for():
+    true = cars((12.0, 4.0, 0.4), (20.0, -4.0, 0.0))
+    frame = frame_of(road(), sides(true))
+    found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
+    assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
+    assert set(found.owners.tolist()) == {-1, 1}
+    all_of_them = LocateRules(least_score=0.0)
+    found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
+    assert np.isfinite(found.boxes.yaw_rad).all()
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_of_a_car_that_the_images_border_cuts_the_lidar_sees_the_rest(side):
+    true = cars((5.5, 4.6 * side, 0.0))
+    body = sides(true)
+    pixels, _ = project(CALIBRATION.image_P_velo, body)
+    is_shown = (pixels[:, 0] >= 0) & (pixels[:, 0] < SIZE_PX[0])
+    assert 0.2 < is_shown.mean() < 0.7
+    found = locate(detected(true), frame_of(road(), body), _GROUND)
+    # More than the image shows; what is nearer reaches farther up and down than the box.
+    assert (found.owners[len(road()) :] == 0).mean() > 0.75
+    np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.25)
+    assert axis_error_rad(found.boxes, true)[0] < np.radians(4)
 
 
 def test_nothing_detected_gives_nothing():
