@@ -1,0 +1,55 @@
+"""`trifuse evaluate vehicles`: what it prints and writes of labels as detections, and what it refuses."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from data.synthetic.collection import Recipe, write_drives
+from perception.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    """Write a short sequence in KITTI's tracking layout."""
+    root = tmp_path_factory.mktemp("street")
+    write_drives(root, Recipe(layout="tracking", frames=4, images=False))
+    return root
+
+
+def evaluate(root: Path, *words: object) -> int:
+    return main(["evaluate", "vehicles", str(root), "--detector", "labels", *map(str, words)])
+
+
+def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_path, capsys):
+    out = tmp_path / "vehicles.json"
+    assert evaluate(street, "--noise", 0, "--missing", 0, "--json", out) == 0
+    printed = capsys.readouterr().out
+    assert "4 of 4 frames, detector labels, scores from 0.5" in printed
+    document = json.loads(out.read_text())
+    assert document["data"]["frames_evaluated"] == 4
+    disturbance = document["configuration"]["disturbance"]
+    assert (disturbance["noise"], disturbance["missing"]) == (0, 0)
+    results = document["results"]
+    near = results["location"][0]
+    assert near["detected"] > 0
+    assert near["boxed"] == 1
+    assert near["centre_0.5"] < 0.3
+    assert results["ids"]["agreed"] <= results["ids"]["met"]
+
+
+def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path):
+    documents = []
+    for name in ("one", "other"):
+        out = tmp_path / f"{name}.json"
+        assert evaluate(street, "--seed", 3, "--frames", 2, "--json", out) == 0
+        documents.append(json.loads(out.read_text())["results"])
+    assert documents[0] == documents[1]
+
+
+def test_a_drive_without_track_labels_is_refused(tmp_path, capsys):
+    write_drives(tmp_path, Recipe(layout="tracking", frames=1, images=False))
+    shutil.rmtree(tmp_path / "training" / "label_02")
+    assert evaluate(tmp_path) == 2
+    assert "labels with track ids" in capsys.readouterr().err
