@@ -32,6 +32,14 @@ def test_boxes_end_at_the_edges_and_unsure_or_empty_ones_are_left_out():
     np.testing.assert_allclose(found.boxes_px, [[0, 0, 20, 64]])
 
 
+def test_a_crowd_keeps_its_best():
+    places = np.arange(400.0)
+    corners = np.stack([places % 24 * 4, places // 24 * 3], axis=1)
+    scores = np.linspace(0.9, 0.1, 400)[:, None] * [1.0, 0.0]
+    found = seen_objects(np.hstack([corners, corners + 2]), scores, NAMES, SIZE)
+    np.testing.assert_allclose(found.scores, scores[:64, 0])
+
+
 def test_nothing_seen():
     assert len(seen_objects(np.zeros((0, 4)), np.zeros((0, 2)), NAMES, SIZE)) == 0
     assert len(seen_objects(np.full((3, 4), np.nan), np.full((3, 2), 0.5), NAMES, SIZE)) == 0
