@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS,
 from perception.evaluation.detection.scene import count_objects
 from perception.render.precision_plots import PrecisionPanel
 from perception.types import Float64
-
-RecallOption = Literal["11", "40"]
-AVERAGED: Mapping[RecallOption, RecallPoints] = {"11": 11, "40": 40}
 
 PROTOCOL_WORDS = {
     **DETECTION_PROTOCOL,
@@ -52,14 +49,6 @@ class MeasureRules:
     overlaps: tuple[float, ...] = (0.7, 0.5)
     averaged: RecallPoints = 40
     resampling: Resampling = field(default_factory=Resampling)
-
-    @classmethod
-    def of_flags(
-        cls, iou: float | tuple[float, ...], recall_points: RecallOption, choices: int, seed: int
-    ) -> "MeasureRules":
-        """Return them as the flags of a command say."""
-        overlaps = (iou,) if isinstance(iou, float | int) else tuple(iou)
-        return cls(overlaps, AVERAGED[recall_points], Resampling(choices, seed))
 
 
 @dataclass(frozen=True)

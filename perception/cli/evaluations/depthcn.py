@@ -1,14 +1,9 @@
 """`trifuse evaluate depthcn`: DepthCN on labelled drives, by KITTI's measure of boxes in the image."""
 
 from pathlib import Path
+from typing import Any
 
-from data.frames import OnBadFrame
-from perception.cli.evaluations.class_precision import (
-    PROTOCOL_WORDS,
-    ClassPrecision,
-    MeasureRules,
-    RecallOption,
-)
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision, MeasureRules
 from perception.cli.evaluations.depthcn_figures import (
     DriveFigures,
     depthcn_panels,
@@ -17,11 +12,8 @@ from perception.cli.evaluations.depthcn_figures import (
 )
 from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
 from perception.cli.evaluations.document import Figures, write_evaluation
-from perception.cli.evaluations.labelled_drives import (
-    ReadingRules,
-    labelled_places,
-    open_labelled,
-)
+from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
+from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.cli.vehicle_detector import DetectorChoice
 from perception.detection.depthcn.proposals import ProposalRules
 from perception.detection.depthcn.verifier import VEHICLE
@@ -37,22 +29,15 @@ _OWN_WORDS = {
 }
 
 
-def depthcn(  # noqa: PLR0913 - flags of a command
+def depthcn(
     drives: list[Path],
     *,
-    sequence: str | None = None,
-    sensor: str | None = None,
-    frames: int | None = None,
     method: Method = "default",
     model: Path | None = None,
     rules: ProposalRules | None = None,
-    iou: float | tuple[float, ...] = (0.7, 0.5),
-    recall_points: RecallOption = "40",
-    bootstrap: int = 0,
-    seed: int = 0,
-    on_bad_frame: OnBadFrame = "stop",
     plot: Path | None = None,
     json: Path | None = None,
+    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
 ) -> None:
     """Detect cars by DepthCN in labelled drives and measure them by KITTI's 2D protocol.
 
@@ -62,25 +47,18 @@ def depthcn(  # noqa: PLR0913 - flags of a command
 
     Args:
         drives: object folder, tracking folder or synthetic drive; one or several.
-        sequence: which one of a tracking folder; else each of them for itself.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        frames: of each drive only so many from the start; else all.
         method: default, or thesis for its own network, of which --model has to name a file.
         model: a network that you trained and exported; goes before method.
         rules: how proposals are found; --rules.radius_m 0.6 for one of them.
-        iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7.
-        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of these choices.
-        on_bad_frame: stop at a damaged frame, or skip it and say so.
         plot: gets the precision-recall curves as PNG.
         json: gets the same figures with protocol, data and configuration.
+        flags: as MeasureFlags says.
     """
-    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
-    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    asked = MeasureFlags(**flags)
+    reading, measuring = asked.reading, asked.measuring
     choice = DetectorChoice(method, model, rules)
     measured, facts = [], {}
-    for place in labelled_places(drives, sequence):
+    for place in labelled_places(drives, reading.sequence):
         drive = open_labelled(place, reading)
         detector = choice.open(drive.sensor)
         facts = dict(detector.facts)

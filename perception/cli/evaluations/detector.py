@@ -2,13 +2,9 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
-from data.frames import OnBadFrame
-from perception.cli.evaluations.class_precision import (
-    PROTOCOL_WORDS,
-    MeasureRules,
-    RecallOption,
-)
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS
 from perception.cli.evaluations.detector_figures import (
     detector_panels,
     detector_results,
@@ -17,11 +13,8 @@ from perception.cli.evaluations.detector_figures import (
 from perception.cli.evaluations.detector_pictures import draw_worst
 from perception.cli.evaluations.detector_steps import classes_of, measure_detector, open_detector
 from perception.cli.evaluations.document import Figures, write_evaluation
-from perception.cli.evaluations.labelled_drives import (
-    ReadingRules,
-    labelled_places,
-    open_labelled,
-)
+from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
+from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import plot_precision
@@ -33,18 +26,11 @@ def detector(  # noqa: PLR0913 - flags of a command
     *,
     model: Modality | Path,
     classes: str | tuple[str, ...] | None = None,
-    sequence: str | None = None,
-    sensor: str | None = None,
-    frames: int | None = None,
-    iou: float | tuple[float, ...] = (0.7, 0.5),
-    recall_points: RecallOption = "40",
-    bootstrap: int = 0,
-    seed: int = 0,
-    on_bad_frame: OnBadFrame = "stop",
     pictures: Path | None = None,
     worst: int = 12,
     plot: Path | None = None,
     json: Path | None = None,
+    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
 ) -> None:
     """Detect by the network of one modality in labelled drives and measure it by KITTI's 2D protocol.
 
@@ -56,27 +42,20 @@ def detector(  # noqa: PLR0913 - flags of a command
         drives: object folder, tracking folder or synthetic drive; one or several.
         model: an ONNX file, or rgb, dm or rm for the network that ships.
         classes: of those that the network knows; several as [Car,Van]; else all.
-        sequence: which one of a tracking folder; else each of them for itself.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        frames: of each drive only so many from the start; else all.
-        iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7 of cars.
-        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of these choices.
-        on_bad_frame: stop at a damaged frame, or skip it and say so.
         pictures: folder for the frames with most mistakes, drawn.
         worst: how many of each drive and class are drawn.
         plot: gets the precision-recall curves as PNG.
         json: gets the same figures with protocol, data and configuration.
+        flags: as MeasureFlags says.
     """
     if worst < 1:
         raise UsageError("--worst", expected="at least 1", found=str(worst))
-    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
-    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    asked = MeasureFlags(**flags)
+    reading, measuring = asked.reading, asked.measuring
     network = open_detector(model)
     wanted = classes_of(network, classes)
     measured = []
-    for place in labelled_places(drives, sequence):
+    for place in labelled_places(drives, reading.sequence):
         drive = open_labelled(place, reading)
         one = measure_detector(place.name, drive, network, wanted, reading, measuring)
         measured.append(one)

@@ -2,30 +2,18 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from data.array_store import ArrayStore
 from data.detections.gathering import MarkedLooker, detected_scene
 from data.drive import Drive
-from data.frames import OnBadFrame
-from perception.cli.evaluations.class_precision import (
-    PROTOCOL_WORDS,
-    MeasureRules,
-    RecallOption,
-)
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS
 from perception.cli.evaluations.document import Figures, write_evaluation
-from perception.cli.evaluations.fusion_figures import (
-    fusion_panels,
-    fusion_results,
-    fusion_tables,
-)
+from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
-from perception.cli.evaluations.labelled_drives import (
-    ReadingRules,
-    labelled_places,
-    open_labelled,
-    see_drive,
-)
+from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled, see_drive
+from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
@@ -50,18 +38,12 @@ def fusion(  # noqa: PLR0913 - flags of a command
     *,
     models: FusionFiles | None = None,
     class_name: str = "Car",
-    sequence: str | None = None,
-    sensor: str | None = None,
-    frames: int | None = None,
-    iou: float | tuple[float, ...] = (0.7, 0.5),
-    recall_points: RecallOption = "40",
     bootstrap: int = 1000,
-    seed: int = 0,
-    on_bad_frame: OnBadFrame = "stop",
     cache: Path | None = None,
     plot: Path | None = None,
     reliability_plot: Path | None = None,
     json: Path | None = None,
+    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
 ) -> None:
     """Measure three detectors alone, merged and fused, and with modalities lost (Table 7.10).
 
@@ -74,27 +56,21 @@ def fusion(  # noqa: PLR0913 - flags of a command
         drives: object folder, tracking folder or synthetic drive; one or several.
         models: networks in the place of those that ship; --models.rgb FILE.onnx for one of them.
         class_name: what is looked for.
-        sequence: which one of a tracking folder; else each of them for itself.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        frames: of each drive only so many from the start; else all.
-        iou: overlap that a detection must exceed; several as [0.7,0.5]. KITTI asks for 0.7 of cars.
-        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
         bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of these choices.
-        on_bad_frame: stop at a damaged frame, or skip it and say so.
         cache: folder for what the detectors see; else the user's cache folder.
         plot: gets the precision-recall curves of the first drive as PNG, and those of Fig. 7.14.
         reliability_plot: gets how often detections of a score are right, as PNG.
         json: gets the same figures with protocol, data and configuration.
+        flags: as MeasureFlags says.
     """
-    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
-    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    asked = MeasureFlags(bootstrap=bootstrap, **flags)
+    reading, measuring = asked.reading, asked.measuring
     files = models or FusionFiles()
     detector = files.open_detectors()
     fusions = files.open_fusions(detector)
     marked, store = MarkedLooker(detector, files.mark()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
-    for place in labelled_places(drives, sequence):
+    for place in labelled_places(drives, reading.sequence):
         drive = open_labelled(place, reading)
         seen = see_drive(place.name, drive, _SceneOfFrame(drive, marked, store), reading)
         measured.append(measure_fusion(seen, fusions, kitti_class(class_name), measuring))

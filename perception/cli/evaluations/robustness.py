@@ -7,22 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from data.frames import OnBadFrame
-from perception.cli.evaluations.class_precision import (
-    PROTOCOL_WORDS,
-    ClassPrecision,
-    MeasureRules,
-    RecallOption,
-)
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
     LabelledDrive,
     LabelledPlace,
-    ReadingRules,
     open_labelled,
     see_drive,
 )
+from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.cli.evaluations.robustness_steps import (
     UNDISTURBED,
     Disturbance,
@@ -57,16 +51,10 @@ def robustness(  # noqa: PLR0913 - flags of a command
     models: FusionFiles | None = None,
     levels: DisturbanceLevels | None = None,
     class_name: str = "Car",
-    sequence: str | None = None,
-    sensor: str | None = None,
-    frames: int | None = None,
     iou: float = 0.7,
-    recall_points: RecallOption = "40",
-    bootstrap: int = 0,
-    seed: int = 0,
-    on_bad_frame: OnBadFrame = "stop",
     plot: Path | None = None,
     json: Path | None = None,
+    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
 ) -> None:
     """Measure detectors and fusion over darkness, lost rays, and errors of the calibration.
 
@@ -77,26 +65,21 @@ def robustness(  # noqa: PLR0913 - flags of a command
         models: networks in the place of those that ship; --models.rgb FILE.onnx for one of them.
         levels: of each disturbance; --levels.pixels "[4,8]" for one of them, "[]" leaves it out.
         class_name: what is looked for.
-        sequence: which one of a tracking folder.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        frames: only so many from the start; else all.
         iou: overlap that a detection must exceed.
-        recall_points: 11, as the thesis had, or 40: over how many points precision is averaged.
-        bootstrap: so many choices of frames give the document intervals; 0 for none.
-        seed: of what is disturbed, and of these choices.
-        on_bad_frame: stop at a damaged frame, or skip it and say so.
         plot: gets the curves as PNG.
         json: gets the same figures with protocol, data and configuration.
+        flags: as MeasureFlags says.
     """
-    reading = ReadingRules(sequence, sensor, frames, on_bad_frame)
-    measuring = MeasureRules.of_flags(iou, recall_points, bootstrap, seed)
+    asked = MeasureFlags(iou=iou, **flags)
+    reading, measuring = asked.reading, asked.measuring
     chosen, files = levels or DisturbanceLevels(), models or FusionFiles()
-    place = LabelledPlace(" ".join(filter(None, (str(drive), sequence))), drive, sequence)
+    name = " ".join(filter(None, (str(drive), reading.sequence)))
+    place = LabelledPlace(name, drive, reading.sequence)
     opened = open_labelled(place, reading)
     disturbances = chosen.disturbances(has_images=opened.has_images)
     undisturbed = files.open_detectors()
     fusion = files.open_fusions(undisturbed)["default"]
-    detector = DisturbedDetector(undisturbed, disturbances, seed)
+    detector = DisturbedDetector(undisturbed, disturbances, asked.seed)
     seen = see_drive(place.name, opened, detector.see, reading)
     of_class = kitti_class(class_name)
     measured = {
@@ -113,7 +96,12 @@ def robustness(  # noqa: PLR0913 - flags of a command
         value_name = f"AP R{measuring.averaged} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
         plot_levels(plot, title, value_name, panels)
     if json is not None:
-        values = {"difficulties": DIFFICULTIES, "levels": chosen, "seed": seed, **asdict(measuring)}
+        values = {
+            "difficulties": DIFFICULTIES,
+            "levels": chosen,
+            "seed": asked.seed,
+            **asdict(measuring),
+        }
         words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
         figures = Figures("robustness", words, robustness_results(disturbances, measured))
         write_evaluation(json, seen.data, {"models": files}, figures)
