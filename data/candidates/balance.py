@@ -26,7 +26,7 @@ class BalancedLooks(Looks):
 
     def _order(self, rng: np.random.Generator) -> Int:
         turns = [_in_cycles(rows, self._half, rng) for rows in self._classes]
-        return np.array(turns).T.ravel()
+        return np.array(turns, np.int64).T.ravel()
 
 
 def _in_cycles(rows: Int, count: int, rng: np.random.Generator) -> Int:

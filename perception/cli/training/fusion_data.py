@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -19,10 +18,7 @@ from perception.detection.session import shipped_model
 from perception.errors import UsageError
 from perception.types import MODALITIES, Modality
 
-if TYPE_CHECKING:
-    pass
-
-Optimiser = Literal["lm", "adamw"]
+_SPLIT = 0xF  # stream of random numbers
 
 
 @dataclass(frozen=True)
@@ -119,7 +115,7 @@ def split_detections(data: FusionData, seed: int) -> SplitDetections:
         require_unseen(drives, detectors)
         bar = frame_bar("detections")
         parts.append(detect_drives(drives, marked, sources.store, data.on_bad_frame, bar))
-    rng = np.random.default_rng([seed, 0xF])
+    rng = np.random.default_rng([seed, _SPLIT])
     if len(parts) == 1:
         whole = parts[0]
         is_kept = validation_frames(whole.drive_numbers, data.validation_share, data.split, rng)
