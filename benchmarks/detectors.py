@@ -15,7 +15,7 @@ from export.parity import Arrays, Network
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import camera_image, map_picture
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.multimodal import MultimodalDetector
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.types import MODALITIES, Modality, UInt8

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalSight
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.multimodal import MultimodalDetector, MultimodalSight
 from perception.detection.session import shipped_model
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from perception.datmo.detector import SegmentedScan
-from perception.detection.multimodal import MultimodalSight
-from perception.detection.objects import locate
-from perception.detection.vehicle_tracker import VehicleTracker
+from perception.detection.detectors.multimodal import MultimodalSight
+from perception.detection.vehicles.objects import locate
+from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
 from perception.geometry.threads import one_blas_thread
 from perception.maps.densify import DenseMaps

@@ -9,9 +9,9 @@ import pytest
 from perception.cli.evaluations import fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.multimodal import MultimodalDetector
 from perception.errors import ModelError
 from perception.types import MODALITIES, Detections
 from tests.detection.bright_cells import bright_cells

@@ -10,8 +10,8 @@ import pytest
 from data.open_drive import open_drive
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
-from perception.detection.multimodal import MultimodalDetector
 from perception.types import Detections
 from tests.car_frames import SIZE_PX, write_car_frames
 

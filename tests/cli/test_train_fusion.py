@@ -137,7 +137,7 @@ def test_detectors_look_once(drive, models, cache, monkeypatch):
     def refuse(self, frame, dense=None):
         raise AssertionError("looked again")
 
-    monkeypatch.setattr("perception.detection.multimodal.MultimodalDetector.look", refuse)
+    monkeypatch.setattr("perception.detection.detectors.multimodal.MultimodalDetector.look", refuse)
     again = split_detections(data, seed=0)
     assert [len(p) for p in (first.training, first.validation, first.judged)] == [4, 1, 1]
     for one, other in zip(first.training.scenes, again.training.scenes, strict=True):

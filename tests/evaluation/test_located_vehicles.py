@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data.kitti.vehicle_results import to_vehicle_rows
-from perception.detection.objects import locate
+from perception.detection.vehicles.objects import locate
 from perception.evaluation.located_vehicles import location_errors
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
 

@@ -10,7 +10,7 @@ from data.drive import Drive
 from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
 from perception.cli.evaluations.labelled_drives import ReadingRules, SeenDrive, see_drive
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.multimodal import MultimodalDetector
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.types import Detections, Float64, Frame, Modality

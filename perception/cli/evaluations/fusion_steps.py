@@ -7,12 +7,12 @@ from pathlib import Path
 
 from perception.cli.evaluations.labelled_drives import SeenDrive
 from perception.cli.training.fusion_data import DetectorFiles
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.fitted_to import warn_of_others
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.multimodal import MultimodalDetector
 from perception.detection.session import shipped_model
 from perception.types import MODALITIES, Detections, Modality
 

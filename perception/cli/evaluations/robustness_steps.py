@@ -13,9 +13,9 @@ from perception.cli.evaluations.fusion_steps import (
     merge,
 )
 from perception.cli.evaluations.labelled_drives import SeenDrive
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.multimodal import MultimodalDetector
 from perception.errors import UsageError
 from perception.maps.projection import camera_of
 from perception.types import MODALITIES, Detections, Frame, Modality

@@ -10,8 +10,8 @@ from data.drive import Drive
 from data.frames import OnBadFrame
 from perception.cli.drive_results import drive_results
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.objects import locate
-from perception.detection.vehicle_tracker import Followed, VehicleTracker
+from perception.detection.vehicles.objects import locate
+from perception.detection.vehicles.tracker import Followed, VehicleTracker
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_choice import DetectionChoice
 from perception.types import MODALITIES, Detections, Frame, FusedDetections, Result

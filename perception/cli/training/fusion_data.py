@@ -12,8 +12,8 @@ from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
 from perception.cli.training.trainer_choice import frame_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.fitted_to import detectors_note
-from perception.detection.multimodal import MultimodalDetector
 from perception.detection.session import shipped_model
 from perception.errors import UsageError
 from perception.types import MODALITIES, Modality

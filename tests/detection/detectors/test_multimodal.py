@@ -7,10 +7,10 @@ import pytest
 
 from perception.detection.detectors.modalities import fill_maps, map_picture
 from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
 from perception.detection.fusion.fitted_to import detectors_note
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.multimodal import MultimodalDetector
 from perception.errors import CalibrationError, ImageError, ModelError, UsageError
 from perception.maps.densify import densify
 from perception.maps.projection import project_frame

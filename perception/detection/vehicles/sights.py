@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from perception.detection.vehicle_table import VehicleRules, VehicleTable
+from perception.detection.vehicles.table import VehicleRules, VehicleTable
 from perception.geometry import se3
 from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes

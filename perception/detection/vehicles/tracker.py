@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.detection.shared_ids import SharedIds, SharingRules
-from perception.detection.vehicle_sights import (
+from perception.detection.vehicles.shared_ids import SharedIds, SharingRules
+from perception.detection.vehicles.sights import (
     Sights,
     View,
     begin,
@@ -21,7 +21,7 @@ from perception.detection.vehicle_sights import (
     see_again,
     velocities_in_scan,
 )
-from perception.detection.vehicle_table import VehicleRules, VehicleTable
+from perception.detection.vehicles.table import VehicleRules, VehicleTable
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_worthwhile

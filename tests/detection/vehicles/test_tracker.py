@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.detection.objects import locate
-from perception.detection.vehicle_tracker import Followed, VehicleTracker
+from perception.detection.vehicles.objects import locate
+from perception.detection.vehicles.tracker import Followed, VehicleTracker
 from perception.errors import CalibrationError
 from perception.types import Boxes3D, Frame, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, seen_from, sides

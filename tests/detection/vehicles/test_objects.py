@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.objects import LocateRules, locate
+from perception.detection.vehicles.objects import LocateRules, locate
 from perception.errors import CalibrationError
 from perception.geometry.angles import wrap
 from perception.geometry.camera import project

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import connected_parts
-from perception.detection.points_in_boxes import (
+from perception.detection.vehicles.points_in_boxes import (
     PointRules,
     PointsInBoxes,
     beyond_borders,

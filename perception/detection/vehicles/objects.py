@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from perception.detection.points_in_boxes import PointRules
-from perception.detection.vehicle_fit import FitRules, ImageSpans, fit_rectangles
-from perception.detection.vehicle_points import VehiclePoints, find_points
+from perception.detection.vehicles.fit import FitRules, ImageSpans, fit_rectangles
+from perception.detection.vehicles.points import VehiclePoints, find_points
+from perception.detection.vehicles.points_in_boxes import PointRules
 from perception.geometry.angles import wrap
 from perception.maps.projection import camera_of
 from perception.types import (
