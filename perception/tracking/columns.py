@@ -5,7 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from perception.types import Bool, Int
+from perception.tracking.kalman import Gaussians
+from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
@@ -35,3 +36,26 @@ class Columns:
         for name, column in zip(self.__dataclass_fields__, columns, strict=True):
             column[rows] = getattr(others, name)
         return type(self)(*columns)
+
+
+@dataclass(frozen=True)
+class OnGround(Columns):
+    """T tracks over the ground plane of a world that stands still.
+
+    Attributes:
+        mean: (T, 4) x and y of the box's centre and its velocity.
+        covariance: (T, 4, 4) of these.
+    """
+
+    mean: Float64
+    covariance: Float64
+
+    @property
+    def states(self) -> Gaussians:
+        """The Kalman filters."""
+        return Gaussians(self.mean, self.covariance)
+
+    @property
+    def speeds_m_s(self) -> Float64:
+        """(T,) over the ground."""
+        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))

@@ -5,19 +5,16 @@ from typing import Self
 
 import numpy as np
 
-from perception.tracking.columns import Columns
-from perception.tracking.kalman import Gaussians
+from perception.tracking.columns import OnGround
 from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class TrackTable(Columns):
-    """T tracks over the ground plane of a world that stands still.
+class TrackTable(OnGround):
+    """T tracks of moving objects.
 
     Attributes:
         ids: (T,) rising.
-        mean: (T, 4) x and y of the box's centre and its velocity.
-        covariance: (T, 4, 4) of these.
         yaw_rad: (T,) heading.
         yaw_variance: (T,) of the heading.
         sizes_m: (T, 2) remembered length and width.
@@ -35,8 +32,6 @@ class TrackTable(Columns):
     """
 
     ids: Int
-    mean: Float64
-    covariance: Float64
     yaw_rad: Float64
     yaw_variance: Float64
     sizes_m: Float64
@@ -51,16 +46,6 @@ class TrackTable(Columns):
     sights: Int
     points: Int
     is_confirmed: Bool
-
-    @property
-    def states(self) -> Gaussians:
-        """The Kalman filters."""
-        return Gaussians(self.mean, self.covariance)
-
-    @property
-    def speeds_m_s(self) -> Float64:
-        """(T,) over the ground."""
-        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
 
     @classmethod
     def empty(cls) -> Self:

@@ -5,8 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from perception.tracking.columns import Columns
-from perception.tracking.kalman import Gaussians
+from perception.tracking.columns import OnGround
 from perception.tracking.motion_model import MotionModel
 from perception.types import Bool, Float64, Int
 
@@ -66,7 +65,7 @@ class VehicleRules:
 
 
 @dataclass(frozen=True)
-class VehicleTable(Columns):
+class VehicleTable(OnGround):
     """T followed vehicles.
 
     Attributes:
@@ -76,10 +75,8 @@ class VehicleTable(Columns):
         boxes_px: (T, 4) in the image at the last sight.
         speeds_px_s: (T, 4) of its sides.
         anchors_px: (T, 3) column, row and depth in metres of the middle of the 3D box at the last sight.
-        is_located: (T,) whether it was ever found on the ground; else what follows is void.
+        is_located: (T,) whether it was ever found on the ground; else what follows, mean and covariance are void.
         located_s: (T,) stamp of the last sight there.
-        mean: (T, 4) x and y of the box's centre in the world, and its velocity.
-        covariance: (T, 4, 4) of these.
         axis: (T, 2) sum of sights of the heading, as cosine and sine of twice the angle.
         yaw_rad: (T,) heading in the world.
         sizes_m: (T, 3) length, width, height: means so far.
@@ -95,23 +92,11 @@ class VehicleTable(Columns):
     anchors_px: Float64
     is_located: Bool
     located_s: Float64
-    mean: Float64
-    covariance: Float64
     axis: Float64
     yaw_rad: Float64
     sizes_m: Float64
     sizings: Int
     low_world_m: Float64
-
-    @property
-    def states(self) -> Gaussians:
-        """The Kalman filters."""
-        return Gaussians(self.mean, self.covariance)
-
-    @property
-    def speeds_m_s(self) -> Float64:
-        """(T,) over the ground."""
-        return np.asarray(np.hypot(self.mean[:, 2], self.mean[:, 3]))
 
     @property
     def speed_deviations_m_s(self) -> Float64:
