@@ -29,8 +29,8 @@ def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_p
     assert "4 of 4 frames, detector labels, scores from 0.5" in printed
     document = json.loads(out.read_text())
     assert document["data"]["frames_evaluated"] == 4
-    disturbance = document["configuration"]["disturbance"]
-    assert (disturbance["noise"], disturbance["missing"]) == (0, 0)
+    label_noise = document["configuration"]["label_noise"]
+    assert (label_noise["noise"], label_noise["missing"]) == (0, 0)
     results = document["results"]
     near = results["location"][0]
     assert near["detected"] > 0

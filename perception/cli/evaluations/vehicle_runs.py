@@ -23,7 +23,7 @@ _LABEL_SCORE = 0.9
 
 
 @dataclass(frozen=True)
-class Disturbance:
+class LabelNoise:
     """What is done to labels so that they look like detections.
 
     Attributes:
@@ -53,7 +53,7 @@ class VehicleFrame:
 def vehicle_frames(
     drive: Drive,
     source: VehicleSource,
-    disturbance: Disturbance,
+    label_noise: LabelNoise,
     *,
     limit: int | None,
     on_bad_frame: OnBadFrame,
@@ -62,8 +62,8 @@ def vehicle_frames(
 
     Args:
         drive: what is read.
-        source: the pipeline's own detectors, DepthCN, or labels that are disturbed.
-        disturbance: of these.
+        source: the pipeline's own detectors, DepthCN, or labels that are made noisy.
+        label_noise: of these.
         limit: only so many frames from the start, or None.
         on_bad_frame: stop or skip.
 
@@ -76,7 +76,7 @@ def vehicle_frames(
             if result.vehicles is not None:
                 yield VehicleFrame(result.frame, Followed(result.vehicles, result.tracks))
         return
-    detect = _by_depthcn(drive) if source == "depthcn" else _by_labels(drive, disturbance)
+    detect = _by_depthcn(drive) if source == "depthcn" else _by_labels(drive, label_noise)
     tracker, config = VehicleTracker(), PipelineConfig.for_motion()
     for result in drive_results(drive, config, limit=limit, on_bad_frame=on_bad_frame):
         yield VehicleFrame(result.frame, _follow(tracker, detect(result.frame), result))
@@ -97,15 +97,15 @@ def _by_depthcn(drive: Drive) -> Callable[[Frame], Detections]:
     return DepthCn("default", drive.sensor).detect
 
 
-def _by_labels(drive: Drive, disturbance: Disturbance) -> Callable[[Frame], Detections]:
-    random = np.random.default_rng(disturbance.seed)
+def _by_labels(drive: Drive, label_noise: LabelNoise) -> Callable[[Frame], Detections]:
+    random = np.random.default_rng(label_noise.seed)
 
     def read(frame: Frame) -> Detections:
         labels = drive.labels(frame.index)
-        is_found = random.random(len(labels)) >= disturbance.missing
+        is_found = random.random(len(labels)) >= label_noise.missing
         boxes_px = labels.boxes_px[np.isin(labels.types, _DETECTED) & is_found]
         sizes_px = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
-        noise_px = disturbance.noise * sizes_px * random.standard_normal(boxes_px.shape)
+        noise_px = label_noise.noise * sizes_px * random.standard_normal(boxes_px.shape)
         count = len(boxes_px)
         return Detections(boxes_px + noise_px, np.full(count, _LABEL_SCORE), np.full(count, "Car"))
 

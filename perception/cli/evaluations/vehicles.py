@@ -18,7 +18,7 @@ from perception.cli.evaluations.vehicle_figures import (
     vehicle_tables,
 )
 from perception.cli.evaluations.vehicle_runs import (
-    Disturbance,
+    LabelNoise,
     VehicleFrame,
     VehicleSource,
     vehicle_frames,
@@ -52,8 +52,8 @@ def vehicles(  # noqa: PLR0913 - flags of a command
     sequence: str | None = None,
     detector: VehicleSource = "fused",
     least_score: float = 0.5,
-    noise: float = Disturbance.noise,
-    missing: float = Disturbance.missing,
+    noise: float = LabelNoise.noise,
+    missing: float = LabelNoise.missing,
     seed: int = 0,
     frames: int | None = None,
     on_bad_frame: OnBadFrame = "stop",
@@ -66,7 +66,7 @@ def vehicles(  # noqa: PLR0913 - flags of a command
     Args:
         root: sequences in KITTI's tracking layout, or a synthetic drive in it.
         sequence: which one, where there are several.
-        detector: fused, the pipeline's own; depthcn; or labels, disturbed, to see what location and tracking add.
+        detector: fused, the pipeline's own; depthcn; or labels, made noisy, to see what location and tracking add.
         least_score: of a detection that counts.
         noise: of the sides of labels, as a share of the box's size.
         missing: share of labels that are not detected.
@@ -76,9 +76,9 @@ def vehicles(  # noqa: PLR0913 - flags of a command
         json: gets the same figures with protocol, data and configuration.
     """
     drive = open_measured(root, sequence, None, frames)
-    disturbance = Disturbance(noise, missing, seed)
+    label_noise = LabelNoise(noise, missing, seed)
     labels = _label_rows(drive)
-    seen = vehicle_frames(drive, detector, disturbance, limit=frames, on_bad_frame=on_bad_frame)
+    seen = vehicle_frames(drive, detector, label_noise, limit=frames, on_bad_frame=on_bad_frame)
     report = measure_vehicles(drive, labels, seen, least_score)
     print(
         f"{drive.name}: {report.frames} of {len(drive)} frames, detector {detector}, scores from "
@@ -93,7 +93,7 @@ def vehicles(  # noqa: PLR0913 - flags of a command
             first_frames=len(drive) if frames is None else frames,
             frames_evaluated=report.frames,
         )
-        choices = {"detector": detector, "least_score": least_score, "disturbance": disturbance}
+        choices = {"detector": detector, "least_score": least_score, "label_noise": label_noise}
         figures = Figures("vehicles", {**_PROTOCOL}, vehicle_results(report))
         write_evaluation(json, data, choices, figures)
 
