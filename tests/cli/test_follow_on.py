@@ -33,7 +33,9 @@ def result(street) -> Result:
     drive = open_drive(street)
     boxes = Boxes3D(np.array([[9.0, 2, -1.7], [12, -2, -1.7]]), np.full((2, 3), 2.0), np.zeros(2))
     tracks = Tracks(np.array([3, 8]), boxes, np.ones((2, 2)), np.ones(2, bool))
-    return replace(Pipeline(drive.sensor, PipelineConfig.for_motion()).step(drive[0]), tracks=tracks)
+    return replace(
+        Pipeline(drive.sensor, PipelineConfig.for_motion()).step(drive[0]), tracks=tracks
+    )
 
 
 class StandingTracker:
