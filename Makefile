@@ -9,7 +9,7 @@ help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
 	@echo "make test   install with the developers' tools, lint, and run the tests"
 	@echo "make lint   ruff and mypy"
-	@echo "make weights train the network that ships, on synthetic drives: an hour on two cores"
+	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
 	@echo "make bench  every stage beside its plain form and the best library for it"
 
 demo: $(VENV)/.installed
@@ -23,15 +23,27 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# What the shipped network has learned from: other worlds than it is judged by, none of them real.
+# What the shipped networks have learned from: other worlds than they are judged by, none of them real.
 SYNTH := results/weights/synth
+SHIPPED := perception/detection/weights
 weights: $(VENV)/.installed-dev
-	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 400 --images false --seed 1000
-	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --images false --seed 5000
-	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 120 --images false --seed 9000
-	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 16 --out results/weights/depthcn
+	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 800 --seed 1000
+	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
+	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 120 --seed 9000
+	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
+	for modality in rgb dm rm; do \
+	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
+	    --epochs 16 --out results/weights/$$modality && \
+	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
+	    --data $(SYNTH)/val --int8 true && \
+	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
+	done
+	$(BIN)/trifuse train fusion $(SYNTH)/fusion --epochs 40 --out results/weights/fusion
+	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
+	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 8 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
-	cp results/weights/depthcn.onnx perception/detection/weights/depthcn_default.onnx
+	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
+	$(BIN)/trifuse evaluate fusion $(SYNTH)/test
 	$(BIN)/trifuse evaluate depthcn $(SYNTH)/test
 
 format: $(VENV)/.installed-dev
