@@ -1,8 +1,8 @@
 """One frame through every stage, in real time and in bounded memory.
 
-    obstacles  | registration - ground - static and moving - moving objects ----- DepthCN -.
-               |                                                           '               |
-    vehicles   | maps ------ three detectors, fused ------------------------'-- vehicles --+- Result
+    obstacles  | registration - ground - static and moving - moving objects -- DepthCN -.
+               |                                                           |            |
+    vehicles   | maps ------ three detectors, fused ------------------------ vehicles --+- Result
 
 Each line is a worker, which takes frame after frame; a stage waits for those that its input is from.
 """
@@ -11,7 +11,8 @@ import logging
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Self
 
 from perception.datmo.detector import SegmentedScan
@@ -27,7 +28,7 @@ from perception.pipeline.config import PipelineConfig
 from perception.pipeline.detection_chain import open_detection
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.pipeline.stream import FramePolicy, ResultStream
-from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
+from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker, when_both
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Detections, Frame, Result
 
@@ -137,7 +138,8 @@ class Pipeline:
         followed = above.submit(self._obstacles.step, frame, over)
         verified = above.submit(self._verify, frame, maps, over)
         sight = below.submit(self._look, frame, maps, under)
-        return below.submit(self._join, _Parts(followed, verified, sight, over, under))
+        seen = below.submit(self._follow_vehicles, followed, sight, under)
+        return when_both(seen, verified, partial(_join, over=over, under=under))
 
     def _make_maps(self, frame: Frame, clock: StageClock) -> DenseMaps | None:
         if self._detection.is_off:
@@ -161,30 +163,30 @@ class Pipeline:
         dense = maps.result()
         return None if dense is None else self._detection.look(frame, dense, clock)
 
-    def _join(self, parts: "_Parts") -> Result:
-        """Put together what the workers found of one frame."""
-        result, scan = parts.followed.result()
-        sight, depthcn = parts.sight.result(), parts.verified.result()
+    def _follow_vehicles(
+        self,
+        followed: "Future[tuple[Result, SegmentedScan]]",
+        sight: "Future[MultimodalSight | None]",
+        clock: StageClock,
+    ) -> Result:
+        """Add the vehicles, which are seen by the detectors and move as the tracks do."""
+        result, scan = followed.result()
+        seen = sight.result()
         if scan.is_reset:
             self._vehicles.end_all()
-        if sight is not None:
-            with parts.under.stage("vehicles"):
-                located = locate(sight.fused, result.frame, result.ground)
-                followed = self._vehicles.update(
-                    located, result.frame, result.world_SE3_velo, result.tracks
-                )
-            result = replace(
-                result,
-                modal=sight.modal,
-                map_pictures=sight.pictures,
-                vehicles=followed.vehicles,
-                tracks=followed.tracks,
+        if seen is None:
+            return result
+        with clock.stage("vehicles"):
+            located = locate(seen.fused, result.frame, result.ground)
+            moved = self._vehicles.update(
+                located, result.frame, result.world_SE3_velo, result.tracks
             )
         return replace(
             result,
-            depthcn=depthcn,
-            timings_s=parts.over.seconds | parts.under.seconds,
-            spans=parts.over.spans + parts.under.spans,
+            modal=seen.modal,
+            map_pictures=seen.pictures,
+            vehicles=moved.vehicles,
+            tracks=moved.tracks,
         )
 
     def _tell_once(self, words: str, *facts: object) -> None:
@@ -193,12 +195,13 @@ class Pipeline:
         self._has_told = True
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """What is joined into one result, and when it was made."""
-
-    followed: "Future[tuple[Result, SegmentedScan]]"
-    verified: "Future[Detections | None]"
-    sight: "Future[MultimodalSight | None]"
-    over: StageClock
-    under: StageClock
+def _join(
+    result: Result, depthcn: Detections | None, *, over: StageClock, under: StageClock
+) -> Result:
+    """Add what DepthCN saw, and when every stage of the frame ran."""
+    return replace(
+        result,
+        depthcn=depthcn,
+        timings_s=over.seconds | under.seconds,
+        spans=over.spans + under.spans,
+    )

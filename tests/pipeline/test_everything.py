@@ -1,14 +1,20 @@
 """All stages together: the same answer in every way of running them, and what a missing camera changes."""
 
 import logging
+import threading
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
 
+from perception.detection.depthcn import detector as depthcn_detector
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import picture_of
 from perception.errors import ModelError, PoseError, UsageError
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.maps.densify import densify
+from perception.pipeline import Pipeline, PipelineConfig, detection_chain
+from perception.pipeline import pipeline as pipeline_module
 from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
 from perception.types import MODALITIES
 
@@ -74,6 +80,42 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
     assert times["DepthCN"].start_s >= times["maps"].stop_s
     for modality in MODALITIES:
         assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
+
+
+def test_vehicles_do_not_wait_for_depthcn(street_frames, everything, monkeypatch):
+    are_located, waited = threading.Event(), []
+    examine, find = DepthCn.examine, pipeline_module.locate
+
+    def examine_late(*given):
+        waited.append(are_located.wait(timeout=20))
+        return examine(*given)
+
+    def locate(*given):
+        are_located.set()
+        return find(*given)
+
+    monkeypatch.setattr(DepthCn, "examine", examine_late)
+    monkeypatch.setattr(pipeline_module, "locate", locate)
+    with Pipeline(config=everything) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert waited == [True]
+    assert result.depthcn is not None
+
+
+def test_maps_are_made_once_for_all_detectors(street_frames, everything, monkeypatch):
+    made = []
+
+    def count(*given):
+        made.append(densify(*given))
+        return made[-1]
+
+    for module in (detection_chain, depthcn_detector, modalities):
+        monkeypatch.setattr(module, "densify", count)
+    with Pipeline(config=everything) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert result.depthcn is not None
+    assert set(result.modal) == set(MODALITIES)
+    assert len(made) == 1
 
 
 def test_the_maps_that_were_looked_at_come_as_pictures(street_frames, everything):
