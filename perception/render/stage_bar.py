@@ -8,7 +8,8 @@ from perception.render import palette
 from perception.render.text import Align, draw_text, text_width_px
 from perception.types import StageSpan, UInt8
 
-_TOP, _BOTTOM = 0.22, 0.46  # of the canvas' height, of all bars together
+_TOP, _BOTTOM = 0.16, 0.40  # of the canvas' height, of all bars together
+_BASELINES = {1: (0.82,), 2: (0.65, 0.91)}  # by the number of lines of words
 
 
 def draw_stage_bar(
@@ -36,24 +37,54 @@ def draw_worker_bars(
     workers = list(dict.fromkeys(span.worker for span in spans))
     edges_px = np.rint(np.linspace(top, bottom, len(workers) + 1)).astype(int)
     full_s = max(turn_s, *(span.stop_s for span in spans)) if spans else turn_s
-    column, baseline = 0.0, 0.82 * height
     for number, span in enumerate(spans):
-        color = palette.STAGES[number % len(palette.STAGES)]
         row = workers.index(span.worker)
         left, right = (round(width * at_s / full_s) for at_s in (span.start_s, span.stop_s))
-        canvas[edges_px[row] : edges_px[row + 1], left:right] = color
-        words = f"{span.stage} {(span.stop_s - span.start_s) * 1e3:.0f}"
-        draw_text(canvas, words, (column, baseline), color=color, height_px=text_px)
-        column += text_width_px(words, text_px) + 1.6 * text_px
+        canvas[edges_px[row] : edges_px[row + 1], left:right] = _color(number)
     # In time the mark stands at the end of the bars, else within them.
-    _mark_the_turn(canvas, turn_s, round(turn_s / full_s * width), text_px)
-
-
-def _mark_the_turn(canvas: UInt8, turn_s: float, column: int, text_px: int) -> None:
-    height, width = canvas.shape[:2]
-    color = palette.STATIC if column < width else palette.FAINT_TEXT
-    canvas[round(0.14 * height) : round(0.54 * height), column - 2 : column] = color
+    turn_px = round(turn_s / full_s * width)
+    color = palette.STATIC if turn_px < width else palette.FAINT_TEXT
+    canvas[round(0.08 * height) : round(0.46 * height), turn_px - 2 : turn_px] = color
     words = f"{turn_s * 1e3:.0f} ms: one turn of the LiDAR"
-    draw_text(
-        canvas, words, (width - 2, 0.82 * height), color=color, height_px=text_px, align=Align.RIGHT
-    )
+    taken_px = text_width_px(words, text_px) + _gap_px(text_px)
+    at = (width - 2, _write_stages(canvas, spans, taken_px, text_px))
+    draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
+
+
+def _write_stages(
+    canvas: UInt8, spans: Sequence[StageSpan], taken_px: float, text_px: int
+) -> float:
+    """Write the name and time of each stage; return the last line's baseline, whose end is kept free."""
+    height, width = canvas.shape[:2]
+    words = [f"{span.stage} {(span.stop_s - span.start_s) * 1e3:.0f}" for span in spans]
+    widths_px = [text_width_px(each, text_px) + _gap_px(text_px) for each in words]
+    lines = _lines(widths_px, width + _gap_px(text_px), taken_px)
+    baselines_px: list[float] = [share * height for share in _BASELINES[len(lines)]]
+    for line, baseline in zip(lines, baselines_px, strict=True):
+        column = 0.0
+        for number in line:
+            at = (column, baseline)
+            draw_text(canvas, words[number], at, color=_color(number), height_px=text_px)
+            column += widths_px[number]
+    return baselines_px[-1]
+
+
+def _lines(widths_px: Sequence[float], room_px: float, taken_px: float) -> list[list[int]]:
+    """Share out words to one line, or evenly to two; the last are left out where they find no room."""
+    total_px = sum(widths_px) + taken_px
+    if total_px <= room_px:
+        return [list(range(len(widths_px)))]
+    ends_px = np.cumsum([0.0, *widths_px])
+    fitting = int(np.searchsorted(ends_px, room_px, side="right")) - 1
+    first = min(fitting, int(np.searchsorted(ends_px, total_px / 2)))
+    reached_px = ends_px[first] + room_px - taken_px
+    last = int(np.searchsorted(ends_px, reached_px, side="right")) - 1
+    return [list(range(first)), list(range(first, last))]
+
+
+def _gap_px(text_px: int) -> float:
+    return 1.6 * text_px
+
+
+def _color(number: int) -> palette.Color:
+    return palette.STAGES[number % len(palette.STAGES)]

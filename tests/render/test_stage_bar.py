@@ -3,6 +3,7 @@ import pytest
 
 from perception.render.palette import FAINT_TEXT, PANEL, STAGES, STATIC
 from perception.render.stage_bar import draw_stage_bar, draw_worker_bars
+from perception.render.text import Align, text_width_px
 from perception.types import StageSpan
 
 BAR_ROW = 20
@@ -41,7 +42,7 @@ def test_each_worker_has_a_bar_of_its_own(canvas):
         StageSpan("maps", "below", 0.020, 0.050),
     ]
     draw_worker_bars(canvas, spans, turn_s=0.1, text_px=9)
-    above, below = canvas[15], canvas[25]
+    above, below = canvas[13], canvas[20]
     assert (above[100:300] == STAGES[0]).all()
     assert (below[200:500] == STAGES[1]).all()
     assert (above[300:990] == PANEL).all()
@@ -51,3 +52,27 @@ def test_each_worker_has_a_bar_of_its_own(canvas):
 def test_no_stage_is_an_empty_bar(canvas):
     draw_worker_bars(canvas, [], turn_s=0.1, text_px=9)
     assert (canvas[BAR_ROW, :998] == PANEL).all()
+
+
+@pytest.mark.parametrize("width", [1000, 500, 150])
+def test_names_of_stages_neither_overlap_nor_run_out(canvas, width, monkeypatch):
+    written = []
+
+    def draw_text(canvas, words, position_px, *, color, height_px, align=Align.LEFT):
+        left = position_px[0] - text_width_px(words, height_px) * align.value
+        written.append((position_px[1], left, left + text_width_px(words, height_px)))
+
+    monkeypatch.setattr("perception.render.stage_bar.draw_text", draw_text)
+    spans = [StageSpan(f"stage {n}", "", 0.01 * n, 0.01 * n + 0.005) for n in range(11)]
+    draw_worker_bars(canvas[:, :width], spans, turn_s=0.1, text_px=9)
+    lines = sorted({baseline for baseline, _, _ in written})
+    assert len(lines) == (1 if width == 1000 else 2)
+    assert (len(written) == 12) == (width >= 500)
+    assert lines[-1] < 60
+    for line in lines:
+        edges = [
+            edge for baseline, *extent in sorted(written) if baseline == line for edge in extent
+        ]
+        assert edges == sorted(edges)
+        assert edges[0] >= 0
+        assert edges[-1] <= width
