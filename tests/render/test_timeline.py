@@ -1,5 +1,6 @@
 import cv2
 
+from perception.render import timeline
 from perception.render.timeline import plot_timeline
 from perception.types import StageSpan
 
@@ -15,3 +16,27 @@ def test_a_timeline_is_a_picture_with_a_row_for_each_worker(tmp_path):
     one, two = (cv2.imread(str(tmp_path / f"{count}.png")) for count in (1, 3))
     assert two.shape[0] > one.shape[0]
     assert two.shape[1] == one.shape[1]
+
+
+def test_words_stay_within_their_bar_or_stand_above_it_apart(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(timeline, "save_figure", lambda figure, path: drawn.append(figure))
+    spans = [
+        StageSpan("static and moving", "obstacles", 0.0, 0.1),
+        StageSpan("moving objects", "obstacles", 0.1, 0.102),
+        StageSpan("ground", "obstacles", 0.103, 0.105),
+        StageSpan("rgb detector", "detectors_0", 0.103, 0.105),
+    ]
+    plot_timeline(tmp_path / "none.png", "a frame", spans, turn_s=0.1)
+    (axes,) = drawn[0].axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["obstacles", "detectors"]
+    bars = [bar.get_window_extent() for bar in axes.patches]
+    words = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    inside = words.pop("static and moving\n100.0")
+    assert bars[0].x0 < inside.x0 < inside.x1 < bars[0].x1
+    assert bars[0].y0 < inside.y0 < inside.y1 < bars[0].y1
+    above = [words[name] for name in ("moving objects 2.0", "ground 2.0", "rgb detector 2.0")]
+    for place, bar in zip(above, bars[1:], strict=True):
+        assert place.y0 >= bar.y1 - 1
+        assert place.x1 <= axes.get_window_extent().x1
+    assert not above[0].overlaps(above[1])

@@ -108,7 +108,7 @@ class MultimodalDetector:
         self._fusion: JointJudge = fusion or Union()
         if isinstance(fusion, Fusion):
             warn_of_others(fusion, detectors)
-        self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detector")
+        self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
     def look(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalSight:
         """Detect in one frame; one without an image is seen by the LiDAR's detectors alone.
