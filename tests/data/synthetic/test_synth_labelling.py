@@ -10,7 +10,7 @@ from data.synthetic.materials import Slot, palette
 from data.synthetic.rig import PinholeCamera, default_calibration
 from data.synthetic.street import Part
 from data.synthetic.world import World
-from perception.geometry.boxes import points_inside
+from perception.geometry.boxes import corners, points_inside, transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
 
@@ -103,14 +103,13 @@ def test_points_of_an_object_fall_into_its_2d_box(street_drive):
     assert checked > 10
 
 
-def test_mirrors_are_left_out_of_a_box(flat_world, saloon):
-    found = label(flat_world(cars=[(20.0, 0.0, 0.0)]))
+def test_the_box_of_a_vehicle_is_its_cuboid_as_the_camera_sees_it(flat_world, saloon):
+    found = label(flat_world(cars=[(20.0, 3.0, 0.4)]))
     pose = velo_poses(flat_world(), HDL_64E, np.zeros(1))[0]
     camera = PinholeCamera(default_calibration().camera, pose)
-    length, width, _ = saloon.size_m
-    edges_px = camera.project(
-        np.array([[20 - length / 2, y, 0.7] for y in (-width / 2, width / 2)])
+    corners_m = corners(transform_boxes(pose, found.boxes_velo))[0]
+    pixels, _ = camera.project(corners_m)
+    np.testing.assert_allclose(
+        found.boxes_px[0], [*pixels.min(axis=0), *pixels.max(axis=0)], atol=1e-3
     )
-    drawn_px = found.boxes_px[0, 2] - found.boxes_px[0, 0]
-    # The tail is a little narrower than the car; its mirrors reach out by 13 cm on either side.
-    assert 0.88 < drawn_px / np.ptp(edges_px[0][:, 0]) < 1.01
+    np.testing.assert_allclose(found.boxes_velo.size_m[0], saloon.size_m, rtol=1e-6)
