@@ -147,7 +147,7 @@ def _cuboid_edges() -> Float64:
     along = np.tile(_EDGE_POINTS, len(signs))
     across = signs.repeat(len(_EDGE_POINTS), axis=0)
     edges = [np.insert(across, axis, along, axis=1) for axis in range(3)]
-    return np.concatenate(edges) + [0, 0, 0.5]
+    return np.concatenate(edges) + np.array([0, 0, 0.5])
 
 
 _CUBOID_EDGES = _cuboid_edges()
