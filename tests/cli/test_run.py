@@ -52,8 +52,9 @@ def frames_of(video: Path) -> int:
 def test_every_file_of_a_run_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
-        "config.yaml", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
-        "summary.json", "timeline.png", "tracks", "tracks.jsonl", "video.mp4",
+        "config.yaml", "data", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
+        "summary.json", "timeline.png", "tracks", "tracks.jsonl", "vehicles", "vehicles.jsonl",
+        "video.mp4",
     }  # fmt: skip
     assert frames_of(results / "video.mp4") == FRAMES
 
