@@ -33,7 +33,7 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
 	for modality in rgb dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
-	    --epochs 16 --out results/weights/$$modality && \
+	    --epochs 20 --out results/weights/$$modality && \
 	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
 	    --data $(SYNTH)/val --int8 true && \
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
