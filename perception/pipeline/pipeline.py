@@ -20,7 +20,7 @@ from perception.detection.detectors.multimodal import MultimodalSight
 from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import keep_opencv_to_one_thread, one_blas_thread
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
@@ -59,6 +59,8 @@ class Pipeline:
         self._obstacles = ObstacleChain(sensor, self.config)
         self._detection = open_detection(self.config.detection, sensor)
         self._forget_vehicles()
+        if self.config.overlap:
+            keep_opencv_to_one_thread()
         kind = ThreadWorker if self.config.overlap else CallerWorker
         self._obstacle_worker: Worker = kind("obstacles")
         self._vehicle_worker: Worker = kind("vehicles")

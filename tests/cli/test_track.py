@@ -35,9 +35,10 @@ def street(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def labelled_id(street) -> int:
-    """Return the nearest object that is labelled in every frame."""
+    """Return the nearest object that is labelled, and whole in the image, in every frame."""
     labels = [open_drive(street).labels(index) for index in range(FRAMES)]
-    always = set.intersection(*(set(one.track_ids.tolist()) for one in labels))
+    whole = [one[one.truncation == 0] for one in labels]
+    always = set.intersection(*(set(one.track_ids.tolist()) for one in whole))
     far_m = np.hypot(*labels[0].boxes_velo.bottom_m[:, :2].T)
     return min(always, key=lambda track: far_m[labels[0].track_ids == track][0])
 
