@@ -138,7 +138,7 @@ def _outline(actor: Actor, time_s: float) -> Float:
     """
     if actor.body.is_person:
         return actor.body.poses[actor.phase(time_s)].vertices_m
-    return _CUBOID_EDGES * np.asarray(actor.body.size_m)
+    return np.asarray(_CUBOID_EDGES * np.asarray(actor.body.size_m), np.float64)
 
 
 def _cuboid_edges() -> Float64:
@@ -147,7 +147,8 @@ def _cuboid_edges() -> Float64:
     along = np.tile(_EDGE_POINTS, len(signs))
     across = signs.repeat(len(_EDGE_POINTS), axis=0)
     edges = [np.insert(across, axis, along, axis=1) for axis in range(3)]
-    return np.concatenate(edges) + np.array([0, 0, 0.5])
+    middle_to_bottom_m = np.array([0, 0, 0.5])
+    return np.asarray(np.concatenate(edges) + middle_to_bottom_m, np.float64)
 
 
 _CUBOID_EDGES = _cuboid_edges()
