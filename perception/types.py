@@ -26,6 +26,9 @@ Method = Literal["default", "thesis"]
 # A view of the road that a detector looks at: the camera's image, the depth map, the reflectance map.
 Modality = Literal["rgb", "dm", "rm"]
 MODALITIES: tuple[Modality, ...] = get_args(Modality)
+# Those of them that are made of the LiDAR's returns.
+MapModality = Literal["dm", "rm"]
+MAP_MODALITIES: tuple[MapModality, ...] = get_args(MapModality)
 # Goes through numbers, such as of frames, and may show how far it is.
 Progress = Callable[[Iterable[int]], Iterable[int]]
 

@@ -6,7 +6,7 @@ all that makes it: the frame's files, the model files, and the code.
 
 import hashlib
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -28,11 +28,9 @@ from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.lens import Lens
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
-from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality
+from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality, Progress
 
 log = logging.getLogger(__name__)
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 class Sight(Protocol):

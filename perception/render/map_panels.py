@@ -1,17 +1,13 @@
 """The maps that two of the detectors look at, small, with what they saw in them."""
 
-from typing import Literal
-
 import cv2
 import numpy as np
 
 from perception.render import palette
 from perception.render.detections import draw_boxes
 from perception.render.vehicles import likely_boxes_px
-from perception.types import Result, UInt8
+from perception.types import MAP_MODALITIES, MapModality, Result, UInt8
 
-MapModality = Literal["dm", "rm"]
-_MAPS: tuple[MapModality, ...] = ("dm", "rm")
 # As in the thesis' figures: near is bright.
 _COLOR_MAPS: dict[MapModality, int] = {"dm": cv2.COLORMAP_TURBO, "rm": cv2.COLORMAP_BONE}
 # Of the picture, so much at its top is sky, where a LiDAR has no returns.
@@ -22,7 +18,7 @@ _TITLES: dict[MapModality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
 def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
     """Return pictures by title, each within (width, height), of the maps that detectors looked at."""
     panels = {}
-    for modality in (name for name in _MAPS if name in result.map_pictures):
+    for modality in (name for name in MAP_MODALITIES if name in result.map_pictures):
         shown = result.map_pictures[modality]
         scale = min(largest_px[0] / shown.shape[1], largest_px[1] / shown.shape[0])
         values = _smaller(shown, scale)

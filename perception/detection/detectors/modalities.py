@@ -18,7 +18,7 @@ from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps, project_frame
-from perception.types import Frame, Modality, UInt8
+from perception.types import Frame, MapModality, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 
@@ -33,7 +33,7 @@ def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
     return densify(sparse, filling)
 
 
-def map_picture(dense: DenseMaps, modality: Literal["dm", "rm"]) -> UInt8:
+def map_picture(dense: DenseMaps, modality: MapModality) -> UInt8:
     """Return (H, W, 1), the depth or the reflectance map as 8-bit numbers, 0 where nothing is known."""
     if modality == "rm":
         return encode_reflectance(dense.reflectance)[..., None]

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from perception.detection.detectors.modalities import (
     MapFilling,
@@ -30,19 +30,19 @@ from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of, project_frame
 from perception.types import (
+    MAP_MODALITIES,
     MODALITIES,
     Calibration,
     Detections,
     Frame,
     FusedDetections,
+    MapModality,
     ModalDetections,
     Modality,
     StageSpan,
     UInt8,
 )
 
-MapModality = Literal["dm", "rm"]
-_MAP_MODALITIES: tuple[MapModality, ...] = get_args(MapModality)
 Made = TypeVar("Made")
 
 
@@ -127,7 +127,7 @@ class MultimodalDetector:
         if self._looks_at_image(frame):
             looks["rgb"] = self._start("rgb", lambda: camera_image(frame))
         maps = _timed(lambda: self._make_maps(frame, dense))
-        for modality in _MAP_MODALITIES:
+        for modality in MAP_MODALITIES:
             if modality in self.detectors:
                 looks[modality] = self._start(modality, partial(self._picture, modality, maps.made))
         seen = {name: looks[name].result() for name in MODALITIES if name in looks}
@@ -140,7 +140,7 @@ class MultimodalDetector:
             modal,
             fused.made,
             shown,
-            {name: seen[name].made.picture[..., 0] for name in _MAP_MODALITIES if name in seen},
+            {name: seen[name].made.picture[..., 0] for name in MAP_MODALITIES if name in seen},
             timings_s,
             (
                 *(one.span(f"{name} detector", begun_s) for name, one in seen.items()),
@@ -154,9 +154,7 @@ class MultimodalDetector:
 
     def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
         """Make the maps of every way of filling that a detector asks for."""
-        wanted = {
-            self.detectors[name].filling for name in _MAP_MODALITIES if name in self.detectors
-        }
+        wanted = {self.detectors[name].filling for name in MAP_MODALITIES if name in self.detectors}
         made: dict[MapFilling, DenseMaps] = {}
         if dense is not None and "default" in wanted:
             made["default"] = dense
