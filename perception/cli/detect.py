@@ -6,8 +6,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
-
 from data.drive import Drive
 from data.frames import OnBadFrame, file_number, frame_count
 from data.kitti.detection_rows import format_result_rows
@@ -15,6 +13,7 @@ from data.open_drive import open_drive
 from data.whole_file import write_whole
 from perception.cli.detect_summary import DetectSummary
 from perception.cli.documents import write_configuration, write_json
+from perception.cli.picture_file import write_jpeg
 from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
 from perception.detection.depthcn.detector import DetectionRules
@@ -24,7 +23,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
 from perception.render.detections import depth_picture
 from perception.render.video import PictureSink, video_or_none
-from perception.types import Method, UInt8
+from perception.types import Method
 
 log = logging.getLogger(__name__)
 
@@ -160,13 +159,8 @@ class _Pictures:
         self._composition = self._composition or DetectionComposition.of(scene, self._turn_s)
         picture = self._composition.draw(scene)
         if not self._is_sequence:
-            _write_picture(self._out / "pictures" / f"{number:06d}.jpg", picture)
+            write_jpeg(self._out / "pictures" / f"{number:06d}.jpg", picture)
             return
         self._video.add(picture)
         if self._count == self._middle:
-            _write_picture(self._out / "picture.jpg", picture)
-
-
-def _write_picture(path: Path, picture: UInt8) -> None:
-    _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 90))
-    write_whole(path, encoded.tobytes())
+            write_jpeg(self._out / "picture.jpg", picture)

@@ -8,17 +8,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
-import cv2
-
 from data.drive import Drive
-from data.whole_file import write_whole
 from perception.cli.follow_on import Following
+from perception.cli.picture_file import write_jpeg
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
 from perception.render.follow_figures import FollowFigure
 from perception.render.trails import Trails
 from perception.render.video import VideoFile
-from perception.types import Result, UInt8
+from perception.types import Result
 
 # So many frames wait to be drawn, at most.
 _IN_LINE = 2
@@ -103,10 +101,5 @@ class RunPictures:
         picture = self._composition.draw(scene.shown, self._trails, scene.followed)
         self._video.add(picture)
         if self._count == self._middle:
-            _write_picture(self._out / "picture.jpg", picture)
+            write_jpeg(self._out / "picture.jpg", picture, quality=88)
         self._count += 1
-
-
-def _write_picture(path: Path, picture: UInt8) -> None:
-    _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, 88))
-    write_whole(path, encoded.tobytes())

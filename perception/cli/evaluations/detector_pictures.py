@@ -3,12 +3,11 @@
 import re
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from data.drive import Drive
-from data.whole_file import write_whole
 from perception.cli.evaluations.detector_steps import MeasuredDetector
+from perception.cli.picture_file import write_jpeg
 from perception.detection.detectors.modalities import picture_of
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
@@ -41,8 +40,7 @@ def draw_worst(
                 mistakes.threshold,
             )
             name = f"{drive_name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
-            _, encoded = cv2.imencode(".jpg", picture[:, :, ::-1])
-            write_whole(folder / name, encoded.tobytes())
+            write_jpeg(folder / name, picture, quality=95)
 
 
 def _with_mistakes(
