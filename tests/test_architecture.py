@@ -67,6 +67,17 @@ def test_imports_go_one_way():
     assert upward == []
 
 
+def test_contracts_are_imported_from_their_package():
+    by_file = [
+        f"{module} imports {name}"
+        for module, path in source_modules().items()
+        if not module.startswith("perception.types")
+        for name in imports_of(path)
+        if name.startswith("perception.types.") and name.count(".") > 2
+    ]
+    assert by_file == []
+
+
 def test_an_upward_import_would_be_seen():
     assert layer_of("perception.geometry.se3") < layer_of("perception.obstacles.ground")
     assert (

@@ -1,0 +1,53 @@
+"""What flows between the stages: frozen, and refused at construction where the shape is wrong.
+
+N points, M boxes, V voxels, H x W image. The LiDAR frame `velo` has x forward, y left, z up, in metres.
+Other packages import all of it from here: `from perception.types import Frame`.
+"""
+
+from perception.types.arrays import Bool, Complex64, Float, Float32, Float64, Int, UInt8
+from perception.types.boxes import Boxes3D
+from perception.types.detections import (
+    MAP_MODALITIES,
+    MODALITIES,
+    Detections,
+    FusedDetections,
+    MapModality,
+    ModalDetections,
+    Modality,
+)
+from perception.types.frame import Calibration, Frame
+from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
+from perception.types.result import Result
+from perception.types.stages import Method, Progress, StageSpan
+from perception.types.tracks import Tracks
+from perception.types.vehicles import Vehicles
+
+__all__ = [
+    "MAP_MODALITIES",
+    "MODALITIES",
+    "Bool",
+    "Boxes3D",
+    "Calibration",
+    "Complex64",
+    "Detections",
+    "Float",
+    "Float32",
+    "Float64",
+    "Frame",
+    "FusedDetections",
+    "GroundModel",
+    "Int",
+    "MapModality",
+    "Method",
+    "ModalDetections",
+    "Modality",
+    "Obstacles",
+    "PointState",
+    "Progress",
+    "Result",
+    "StageSpan",
+    "Tracks",
+    "UInt8",
+    "Vehicles",
+    "Voxels",
+]

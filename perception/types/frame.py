@@ -1,0 +1,108 @@
+"""What the sensors see at one moment, and how the camera stands to the LiDAR."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.errors import CalibrationError, ImageError, PoseError, ScanError
+from perception.types.arrays import Bool, Float32, Float64, UInt8, require_shape
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A rectified pinhole camera and where the LiDAR sits before it.
+
+    Attributes:
+        image_P_cam: (3, 4) projection of the rectified reference camera's frame to pixels; KITTI's P2.
+        cam_SE3_velo: (4, 4) LiDAR to rectified reference camera; KITTI's R0_rect * Tr_velo_to_cam.
+        image_size_px: (width, height) where the calibration states it.
+        source: the file, for error messages.
+    """
+
+    image_P_cam: Float64
+    cam_SE3_velo: Float64
+    image_size_px: tuple[int, int] | None = None
+    source: str = "calibration"
+
+    def __post_init__(self) -> None:
+        """Refuse matrices that cannot project."""
+        require_shape(f"{self.source} image_P_cam", self.image_P_cam, (3, 4))
+        require_shape(f"{self.source} cam_SE3_velo", self.cam_SE3_velo, (4, 4))
+        for name, square in (
+            ("image_P_cam", self.image_P_cam[:, :3]),
+            ("cam_SE3_velo", self.cam_SE3_velo),
+        ):
+            if not np.isfinite(square).all() or abs(np.linalg.det(square)) < 1e-9:
+                raise CalibrationError(
+                    self.source, expected=f"an invertible {name}", found="a singular matrix"
+                )
+
+    @property
+    def image_P_velo(self) -> Float64:
+        """(3, 4) projection from the LiDAR frame to pixels (3.1)."""
+        return self.image_P_cam @ self.cam_SE3_velo
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the sensors saw at one moment.
+
+    Attributes:
+        index: number of the frame within its drive.
+        stamp_s: time of the scan.
+        points_velo: (N, 4) x, y, z in metres and reflectance 0..1.
+        image: (H, W, 3) RGB, or None without a camera.
+        world_SE3_velo: (4, 4) INS pose of the LiDAR in a frame fixed to the earth, or None without INS.
+        calibration: of the camera, or None.
+        source: the scan's file, for error messages.
+    """
+
+    index: int
+    stamp_s: float
+    points_velo: Float32
+    image: UInt8 | None = None
+    world_SE3_velo: Float64 | None = None
+    calibration: Calibration | None = None
+    source: str = "frame"
+
+    def __post_init__(self) -> None:
+        """Refuse empty or non-finite scans, malformed poses, and an image of another size."""
+        self._check_scan()
+        if self.world_SE3_velo is not None:
+            require_shape(f"{self.source} world_SE3_velo", self.world_SE3_velo, (4, 4))
+            if not np.isfinite(self.world_SE3_velo).all():
+                raise PoseError(self.source, expected="a finite pose", found="NaN or infinity")
+        if self.image is not None:
+            self._check_image(self.image)
+
+    def _check_scan(self) -> None:
+        require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
+        if len(self.points_velo) == 0:
+            raise ScanError(self.source, expected="at least one point", found="an empty scan")
+        finite: Bool = np.asarray(np.isfinite(self.points_velo).all(axis=1))
+        if not finite.all():
+            raise ScanError(
+                self.source,
+                expected="finite coordinates",
+                found=f"{int((~finite).sum())} of {len(finite)} points with NaN or infinity",
+                advice="drop these points when you record the scan",
+            )
+        low, high = self.points_velo[:, 3].min(), self.points_velo[:, 3].max()
+        if low < 0 or high > 1:
+            raise ScanError(
+                self.source,
+                expected="reflectance from 0 to 1",
+                found=f"{low:g} to {high:g}",
+                advice="divide it by the sensor's full scale, 255 for most",
+            )
+
+    def _check_image(self, image: UInt8) -> None:
+        require_shape(f"{self.source} image", image, ("H", "W", 3))
+        size = self.calibration.image_size_px if self.calibration else None
+        height, width = image.shape[:2]
+        if size is not None and size != (width, height):
+            raise ImageError(
+                self.source,
+                expected=f"an image of {size[0]}x{size[1]} pixels as its calibration says",
+                found=f"{width}x{height}",
+            )

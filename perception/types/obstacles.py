@@ -1,0 +1,67 @@
+"""Where the ground is, and what stands on it."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Protocol
+
+from perception.types.arrays import Float, Float32, Float64, Int, UInt8, require_shape
+
+
+class GroundModel(Protocol):
+    """A ground surface in the LiDAR frame. Every ground method returns one."""
+
+    def height_m(self, xy_m: Float) -> Float64:
+        """Return (N,) the z of the ground at (N, 2) positions."""
+        ...
+
+    def distance_m(self, points_velo: Float) -> Float:
+        """Return (N,) signed distances of (N, 3+) points along the ground's normal, up positive."""
+        ...
+
+
+class PointState(IntEnum):
+    """What the obstacle stage says of one LiDAR point."""
+
+    OUTSIDE = 0  # beyond the local area
+    GROUND = 1
+    STATIC = 2
+    MOVING = 3
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """V occupied cubes of one grid.
+
+    Attributes:
+        centers_m: (V, 3).
+        counts: (V,) points in each, the thesis' occupancy value (2.1.2).
+        size_m: edge of a cube.
+    """
+
+    centers_m: Float32
+    counts: Int
+    size_m: float
+
+    def __post_init__(self) -> None:
+        """Refuse arrays of different lengths."""
+        require_shape("Voxels.centers_m", self.centers_m, ("V", 3))
+        require_shape("Voxels.counts", self.counts, (len(self.centers_m),))
+
+    def __len__(self) -> int:
+        """Return V."""
+        return len(self.centers_m)
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """What stands on the ground in one scan, in the LiDAR frame of that scan.
+
+    Attributes:
+        point_states: (N,) one `PointState` for each point of the frame.
+        static: voxels of the static model, seen in this scan or a recent one.
+        moving: voxels of this scan that move.
+    """
+
+    point_states: UInt8
+    static: Voxels
+    moving: Voxels

@@ -1,0 +1,48 @@
+"""What the pipeline makes of one frame."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from perception.types.arrays import Float64, UInt8
+from perception.types.detections import Detections, ModalDetections, Modality
+from perception.types.frame import Frame
+from perception.types.obstacles import GroundModel, Obstacles
+from perception.types.stages import StageSpan
+from perception.types.tracks import Tracks
+from perception.types.vehicles import Vehicles
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the pipeline made of one frame.
+
+    Attributes:
+        frame: what it was given.
+        world_SE3_velo: (4, 4) pose after registration.
+        ground: the ground surface in the LiDAR frame.
+        obstacles: static and moving.
+        tracks: what moves, as objects with an identity.
+        modal: what each detector saw by itself; empty where detection is off.
+        map_pictures: (H, W) of each map that they looked at, 0 where nothing is known.
+        vehicles: what they say together, None where detection is off.
+        depthcn: what DepthCN saw, None where it is off.
+        timings_s: seconds by stage; what overlaps counts more than once.
+        spans: when each stage ran, stages of one worker in their order.
+    """
+
+    frame: Frame
+    world_SE3_velo: Float64
+    ground: GroundModel
+    obstacles: Obstacles
+    tracks: Tracks = field(default_factory=Tracks.empty)
+    modal: ModalDetections = field(default_factory=dict)
+    map_pictures: Mapping[Modality, UInt8] = field(default_factory=dict)
+    vehicles: Vehicles | None = None
+    depthcn: Detections | None = None
+    timings_s: dict[str, float] = field(default_factory=dict)
+    spans: tuple[StageSpan, ...] = ()
+
+    @property
+    def latency_s(self) -> float:
+        """From the arrival of the frame to its last stage's end, or NaN where that was not taken."""
+        return max((span.stop_s for span in self.spans), default=float("nan"))
