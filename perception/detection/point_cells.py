@@ -63,7 +63,7 @@ class PointCells:
         # Two rows to spare, so that what is above the last row is not the next column.
         row = ((y_m - low_y) * per_m).astype(np.int64)
         stride = int(row.max()) + 3
-        point_keys, order = _sorted(((x_m - low_x) * per_m).astype(np.int64) * stride + row)
+        point_keys, order = sorted_keys(((x_m - low_x) * per_m).astype(np.int64) * stride + row)
         x_m, y_m = x_m[order], y_m[order]
         starts = np.concatenate([[0], np.flatnonzero(point_keys[1:] != point_keys[:-1]) + 1])
         return cls(
@@ -140,7 +140,7 @@ def spread(starts: Int, counts: Int) -> tuple[Int, Int]:
     return owner, np.arange(len(owner)) + (starts - before)[owner]
 
 
-def _sorted(keys: Int) -> tuple[Int, Int]:
+def sorted_keys(keys: Int) -> tuple[Int, Int]:
     """Return (N,) keys in order, and where each stood."""
     bits = len(keys).bit_length()
     if int(keys.max()).bit_length() + bits > 62:

@@ -66,7 +66,8 @@ def locate(
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = found.owners
     distances_m = np.full(count, np.inf)
-    np.minimum.at(distances_m, found.owners, np.linalg.norm(found.xyz_m, axis=1))
+    x_m, y_m, z_m = found.xyz_m.T
+    np.minimum.at(distances_m, found.owners, np.sqrt(x_m**2 + y_m**2 + z_m**2))
     return Vehicles(
         fused=fused,
         ids=np.full(count, -1),

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import connected_parts
+from perception.detection.point_cells import sorted_keys, spread
 from perception.detection.vehicles.points_in_boxes import (
     PointRules,
     PointsInBoxes,
@@ -97,7 +98,8 @@ class _Claims:
         """Pair boxes with points, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
-        box, point = np.nonzero((u >= x1) & (u <= x2) & (v >= y1) & (v <= y2))
+        is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
+        box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
         along_m, left_m = _along_sight(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
         some = _some_of_each(box, rules.samples)
         labels = _clusters(along_m[some], left_m[some], box[some], rules)
@@ -176,14 +178,9 @@ def _some_of_each(box: Int, most: int) -> Int:
 
 
 # From a cell to those whose middles are no more than a gap away, less what points lie off the middles; in
-# one half of the directions.
+# one half of the directions: so many cells along, and from so many to so many left.
 _CELLS_PER_GAP = 3
-_STEPS = tuple(
-    (along, left)
-    for along in range(_CELLS_PER_GAP)
-    for left in range(1 - _CELLS_PER_GAP, _CELLS_PER_GAP)
-    if (along, left) > (0, 0) and along**2 + left**2 <= 5
-)
+_STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 
 
 def _clusters(along_m: Float64, left_m: Float64, box: Int, rules: PointRules) -> Int:
@@ -202,11 +199,16 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, rules: PointRules) ->
     # Some cells beyond the last of a row are empty, so that no step leads to another row's.
     row = int(left.max()) + 1 + _CELLS_PER_GAP
     keys = (box * (int(along.max()) + 1 + _CELLS_PER_GAP) + along) * row + left
-    cells, cell_of = np.unique(keys, return_inverse=True)
-    wanted = cells[:, None] + np.array([one * row + other for one, other in _STEPS])
-    at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
-    first, step = np.nonzero(cells[at] == wanted)
-    return connected_parts(len(cells), first, at[first, step])[cell_of]
+    ordered, order = sorted_keys(keys)
+    is_first = np.append(True, ordered[1:] != ordered[:-1])
+    cells, cell_of = ordered[is_first], np.empty(len(keys), np.int64)
+    cell_of[order] = is_first.cumsum() - 1
+    # Numbered row by row, all cells that a step leads to lie side by side.
+    along, low, high = _STEPS.T[:, :, None]
+    starts = np.searchsorted(cells, cells + along * row + low).T.ravel()
+    ends = np.searchsorted(cells, cells + along * row + high, side="right").T.ravel()
+    step, second = spread(starts, ends - starts)
+    return connected_parts(len(cells), step // len(_STEPS), second)[cell_of]
 
 
 def _extents(place_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:

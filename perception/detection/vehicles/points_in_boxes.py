@@ -94,12 +94,12 @@ def find_points_in_boxes(
     shift = np.array([[1, 0, -low_px[0]], [0, 1, -low_px[1]], [0, 0, 1]])
     window_P_velo = shift @ camera[0].image_P_velo
     rows = np.flatnonzero(may_be_in_view(points_velo, window_P_velo, size_px))
-    xyz_m = points_velo[rows, :3].astype(np.float64)
+    xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
     pixels, depths_m = project(window_P_velo, xyz_m)
     is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
     around = np.flatnonzero((depths_m > 0) & (depths_m <= rules.farthest_m) & is_around)
-    rows, xyz_m, depths_m = rows[around], xyz_m[around], depths_m[around]
-    pixels = pixels[around] + low_px
+    rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
+    pixels = pixels.T.take(around, axis=1).T + low_px
     cells = HeightCells.of(xyz_m, rules.cell_m)
     lowest_m = cells.lowest_m(rules.reach_m)
     ground_m = lowest_m
@@ -111,7 +111,13 @@ def find_points_in_boxes(
         ground_m = np.where(holds, model_m, lowest_m)
     over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
     kept = np.flatnonzero((over_m >= rules.clearance_m) & (over_m <= rules.highest_m))
-    return PointsInBoxes(rows[kept], xyz_m[kept], pixels[kept], depths_m[kept], ground_m[kept])
+    return PointsInBoxes(
+        rows[kept],
+        xyz_m.take(kept, axis=0),
+        pixels.T.take(kept, axis=1).T,
+        depths_m[kept],
+        ground_m[kept],
+    )
 
 
 def beyond_borders(boxes_px: Float64, width_px: int, rules: PointRules) -> Float64:
