@@ -13,12 +13,13 @@ from data.open_drive import open_drive
 from data.whole_file import write_whole
 from perception.cli.detect_summary import DetectSummary
 from perception.cli.documents import write_configuration, write_json
+from perception.cli.flags import require_positive
 from perception.cli.picture_file import write_jpeg
 from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
 from perception.detection.depthcn.detector import DetectionRules
 from perception.detection.depthcn.proposals import ProposalRules
-from perception.errors import PerceptionError, UsageError
+from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
 from perception.render.detections import depth_picture
@@ -89,8 +90,7 @@ class DetectPlan:
 
     def __post_init__(self) -> None:
         """Refuse to look at no frames."""
-        if self.frames is not None and self.frames < 1:
-            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+        require_positive("--frames", self.frames)
 
 
 def detect_in_drive(

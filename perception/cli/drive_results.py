@@ -1,12 +1,10 @@
 """A drive through the pipeline, frame by frame, with a progress bar."""
 
-import sys
 from collections.abc import Generator
-
-from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
+from perception.cli.progress import bar
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Result
 
@@ -31,4 +29,4 @@ def drive_results(
         Pipeline(drive.sensor, config) as pipeline,
         pipeline.stream(frames, is_sequence=drive.is_sequence) as results,
     ):
-        yield from tqdm(results, drive.name, count, unit="frame", file=sys.stderr)
+        yield from bar(results, drive.name, count)

@@ -1,22 +1,18 @@
 """`trifuse export`: a checkpoint as an ONNX file, shown to say what the checkpoint says."""
 
 import os
-import sys
-from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
-
-from tqdm import tqdm
 
 from data.open_drive import open_drive
 from data.whole_file import write_whole
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
+from perception.cli.progress import bar
 from perception.cli.table import Cell, format_table
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
-from perception.types import Frame
 
 if TYPE_CHECKING:
     from export.exported import Exported
@@ -58,7 +54,7 @@ def export(  # noqa: PLR0913 - flags of a command
     kinds = _exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
     exported = kinds.export_network(
-        kinds.ExportOrder(checkpoint, drive, frames, int8=int8, size=asked, progress=_progress)
+        kinds.ExportOrder(checkpoint, drive, frames, int8=int8, size=asked, progress=bar)
     )
     print(_table(out.name, exported))
     if exported.forms["fp32"].precision:
@@ -108,11 +104,6 @@ def _require_place(out: Path) -> None:
         found = "a folder of that name"
     if found is not None:
         raise UsageError(f"--out {out}", expected="a file that can be written", found=found)
-
-
-def _progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
-    bar: Iterable[Frame] = tqdm(frames, what, count, unit="frame", file=sys.stderr)
-    return bar
 
 
 def _table(name: str, exported: "Exported") -> str:

@@ -1,14 +1,13 @@
 """`trifuse maps`: the dense depth and reflectance map of a frame as pictures, or of all frames."""
 
-import sys
 from pathlib import Path
 
 import cv2
-from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import file_number, read_frames
 from data.open_drive import open_drive
+from perception.cli.progress import bar
 from perception.cli.results_folder import new_results_folder
 from perception.cli.table import format_table
 from perception.errors import DriveError, UsageError
@@ -42,7 +41,7 @@ def maps(
     opened = open_drive(drive, sequence=sequence)
     folder = out or new_results_folder(Path("results"))
     if all:
-        for one in tqdm(read_frames(opened), "frames", len(opened), file=sys.stderr):
+        for one in bar(read_frames(opened), "frames", len(opened)):
             name = f"{file_number(opened, one.index):06d}.png"
             write_maps(densify(project_frame(one), method), folder, name)
         print(f"{len(opened)} depth and reflectance maps in {folder}")

@@ -1,7 +1,6 @@
 """`trifuse track`: follow one object through a drive; its trajectory, its speed, and a video."""
 
 import logging
-import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -9,17 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
 from perception.cli.documents import write_configuration, write_json
+from perception.cli.flags import require_positive
 from perception.cli.follow_files import FollowedFile, FollowedRows
 from perception.cli.follow_start import FollowStart, StartRequest, find_start
 from perception.cli.follow_summary import FollowSummary
+from perception.cli.progress import bar
 from perception.cli.results_folder import new_results_folder
-from perception.errors import UsageError
 from perception.evaluation.single_object.track import TrueTrack
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import one_blas_thread
@@ -105,8 +104,7 @@ class FollowPlan:
 
     def __post_init__(self) -> None:
         """Refuse to follow through no frames."""
-        if self.frames is not None and self.frames < 1:
-            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+        require_positive("--frames", self.frames)
 
 
 def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) -> FollowSummary:
@@ -121,7 +119,7 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
     pictures = _Pictures(start, last - start.frame)
     pipeline = Pipeline(drive.sensor, plan.pipeline)
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
-    bar = tqdm(frames, drive.name, last - start.frame, unit="frame", file=sys.stderr)
+    shown = bar(frames, drive.name, last - start.frame)
     with ExitStack() as files:
         lines = files.enter_context(closing(FollowedFile(out / "trajectory.jsonl")))
         rows = files.enter_context(
@@ -138,7 +136,7 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
         path = out / "video.mp4" if plan.video else None
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         try:
-            for frame in bar:
+            for frame in shown:
                 result, _ = pipeline.segment(frame)
                 moment = moment_of(result, plan.pipeline.body)
                 answer = follower.see(moment)

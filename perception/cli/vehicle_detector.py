@@ -1,15 +1,13 @@
 """A vehicle detector over a drive, with a clock on each of its parts."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from tqdm import tqdm
-
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
+from perception.cli.progress import bar
 from perception.detection.depthcn.detector import DepthCn, DetectionRules
 from perception.detection.depthcn.proposals import ProposalRules
 from perception.geometry.threads import one_blas_thread
@@ -141,8 +139,7 @@ def looks(
         PerceptionError: a frame cannot be read or used.
     """
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
-    bar = tqdm(frames, drive.name, frame_count(drive, limit), unit="frame", file=sys.stderr)
-    for frame in bar:
+    for frame in bar(frames, drive.name, frame_count(drive, limit)):
         with one_blas_thread():
             seen = look(frame)
         yield frame, seen

@@ -1,14 +1,12 @@
 """A drive through the pipeline once, and from there through several ways to find and follow what moves."""
 
-import sys
 import time
 from collections.abc import Iterator, Sequence
-
-from tqdm import tqdm
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.evaluations.datmo_report import DatmoStep
+from perception.cli.progress import bar
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
 from perception.geometry.threads import one_blas_thread
@@ -40,7 +38,7 @@ def datmo_steps(
     stages = {method: datmo_stage(method, drive.sensor, config.area) for method in methods}
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
-    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
+    for frame in bar(frames, drive.name, count):
         _, scan = pipeline.segment(frame)
         tracks: dict[str, Tracks] = {}
         seconds: dict[str, float] = {}

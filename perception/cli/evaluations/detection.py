@@ -1,14 +1,11 @@
 """`trifuse evaluate detection`: result files of any detector against labels, by KITTI's 2D protocol."""
 
-import sys
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from tqdm import tqdm
 
 from data.kitti.detection_rows import DetectionSet, read_detection_set, read_frame_list
 from perception.cli.evaluations.detection_figures import (
@@ -19,6 +16,7 @@ from perception.cli.evaluations.detection_figures import (
     detection_table,
 )
 from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.progress import bar, frame_bar
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import match_detections
 from perception.evaluation.detection.bootstrap import PrecisionSamples, resample_precision
@@ -85,9 +83,7 @@ def detection(  # noqa: PLR0913 - flags of a command
     names = (classes,) if isinstance(classes, str) else classes
     chosen = tuple(_class_named(name, iou) for name in names)
     numbers = None if frames_list is None else read_frame_list(frames_list)
-    found = read_detection_set(
-        results, labels, numbers, partial(_bar, what="reading", unit="frame")
-    )
+    found = read_detection_set(results, labels, numbers, frame_bar("reading"))
     resampling = Resampling(bootstrap, seed)
     report = measure_detections(found, chosen, _AVERAGED[recall_points], resampling)
     print(f"{_describe(results, found)}\n\n{detection_table(report)}")
@@ -157,8 +153,8 @@ def measure_detections(
     samples: tuple[dict[str, PrecisionSamples], ...] = ()
     if resampling.choices:
         generator = np.random.default_rng(resampling.seed)
-        bar = partial(_bar, what="bootstrap", unit="choice")
-        samples = resample_precision(tallies, resampling.choices, generator, bar)
+        shown = partial(bar, words="bootstrap", unit="choice", delay_s=2)
+        samples = resample_precision(tallies, resampling.choices, generator, shown)
     return DetectionReport(tallies.figures(), samples, averaged)
 
 
@@ -201,8 +197,3 @@ def _describe(results: Path, found: DetectionSet) -> str:
             f"{found.beyond[0]:06d}: not read"
         )
     return "\n".join(lines)
-
-
-def _bar(steps: Iterable[int], what: str, unit: str) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(steps, what, unit=unit, file=sys.stderr, delay=2)
-    return bar

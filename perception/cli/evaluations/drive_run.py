@@ -9,7 +9,8 @@ from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.drive_results import drive_results
 from perception.cli.evaluations.document import DataUsed, Figures, write_evaluation
-from perception.errors import DriveError, UsageError
+from perception.cli.flags import require_positive
+from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
 from perception.types import Result
 
@@ -60,8 +61,7 @@ def open_measured(
     root: Path, sequence: str | None, sensor: str | None, frames: int | None
 ) -> Drive:
     """Open a drive that has something to measure against."""
-    if frames is not None and frames < 1:
-        raise UsageError("--frames", expected="at least 1", found=str(frames))
+    require_positive("--frames", frames)
     drive = open_drive(root, sequence=sequence, sensor=sensor, images=False)
     if not drive.has_labels and drive.point_truth(0) is None:
         raise DriveError(

@@ -10,6 +10,7 @@ from data.frames import OnBadFrame, file_number
 from data.kitti.detection_rows import DetectionSet
 from data.open_drive import open_drive, sequences_in
 from data.true_boxes import true_boxes
+from perception.cli.flags import require_positive
 from perception.cli.vehicle_detector import looks
 from perception.errors import DriveError, UsageError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
@@ -101,8 +102,7 @@ class ReadingRules:
 
     def __post_init__(self) -> None:
         """Refuse no frame at all."""
-        if self.frames is not None and self.frames < 1:
-            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+        require_positive("--frames", self.frames)
 
 
 def labelled_places(paths: Sequence[Path], sequence: str | None) -> Iterator[LabelledPlace]:

@@ -1,15 +1,13 @@
 """A drive through the pipeline once, and from there through every tracker of every object in it."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from tqdm import tqdm
-
 from data.derived.single_object import ObjectSequence
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
+from perception.cli.progress import bar
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
 from perception.geometry.threads import one_blas_thread
@@ -80,7 +78,7 @@ def follow_objects(
     limit = max((one.sequence.last_frame + 1 for one in objects), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
-    for frame in tqdm(frames, drive.name, count, unit="frame", file=sys.stderr):
+    for frame in bar(frames, drive.name, count):
         result, _ = pipeline.segment(frame)
         moment = moment_of(result, pipeline.config.body)
         with one_blas_thread():

@@ -1,12 +1,9 @@
 """`trifuse evaluate tracks`: result files of any tracker against labels, by KITTI's 2D protocol."""
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-from tqdm import tqdm
 
 from data.kitti.tracker_files import (
     TrackedSequenceFiles,
@@ -16,6 +13,7 @@ from data.kitti.tracker_files import (
 )
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
+from perception.cli.progress import bar
 from perception.errors import UsageError
 from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (
@@ -129,7 +127,7 @@ def measure_tracks(
     """
     rules, frame_counts = rules or KittiRules(), {}
     by_class: dict[str, dict[str, TrackingScores]] = {name: {} for name in classes}
-    for files in tqdm(sequences, "tracks", unit="sequence", file=sys.stderr, delay=2):
+    for files in bar(sequences, "tracks", unit="sequence", delay_s=2):
         rows = files.read()
         frame_counts[files.name] = rows.frame_count
         for name in classes:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 from data.frames import OnBadFrame
 from data.splitting import SplitBy
-from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
+from perception.cli.progress import frame_bar
+from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
 from perception.errors import UsageError

@@ -10,7 +10,7 @@ from data.detections.gathering import MarkedLooker, detect_drives, models_mark, 
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
-from perception.cli.training.trainer_choice import frame_bar
+from perception.cli.progress import frame_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.fitted_to import detectors_note

@@ -1,8 +1,6 @@
 """`trifuse train proposals`: the rules of the proposals that reach most labelled objects (6.1.4)."""
 
 import sys
-from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 
 from tqdm import tqdm
@@ -11,6 +9,7 @@ from data.frames import OnBadFrame
 from perception import __version__
 from perception.cli.documents import write_json, write_yaml
 from perception.cli.machine import usable_cores
+from perception.cli.progress import bar, frame_bar
 from perception.cli.training.proposal_figures import (
     best_table,
     recall_document,
@@ -69,7 +68,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
         out: folder of the results.
     """
     processes = usable_cores() if workers is None else workers
-    found = survey(drives, object_class, every=every, progress=partial(_bar, "labels", "frame"))
+    found = survey(drives, object_class, every=every, progress=frame_bar("labels"))
     plan = SearchPlan(found, grid, method, iou, on_bad_frame=on_bad_frame)
     table = search(plan, out / "counts.jsonl", processes, _search_bar)
     write_yaml(out / "rules.yaml", table[0].rules)
@@ -116,10 +115,4 @@ def _search_bar(finished: Finished, done: int, parts: int) -> Finished:
 
 
 def _recall_bar(gathered: Gathered, parts: int) -> Gathered:
-    bar: Gathered = tqdm(gathered, "recall", parts, unit="part", file=sys.stderr, delay=2)
-    return bar
-
-
-def _bar(what: str, unit: str, steps: Iterable[int]) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(steps, what, unit=unit, file=sys.stderr, delay=2)
-    return bar
+    return bar(gathered, "recall", parts, unit="part", delay_s=2)

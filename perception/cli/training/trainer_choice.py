@@ -1,11 +1,7 @@
 """What all commands that train share; what needs torch is imported here."""
 
-import sys
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from tqdm import tqdm
 
 from perception import __version__
 from perception.cli.documents import write_yaml
@@ -48,13 +44,3 @@ def listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
     if paths is None:
         return ()
     return (paths,) if isinstance(paths, Path) else tuple(paths)
-
-
-def frame_bar(words: str) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return what shows on stderr how far the making of something from frames is."""
-
-    def bar(frames: Iterable[int]) -> Iterable[int]:
-        shown: Iterable[int] = tqdm(frames, words, unit="frame", file=sys.stderr, delay=2)
-        return shown
-
-    return bar

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.frames import OnBadFrame
-from perception.cli.training.trainer_choice import frame_bar, write_training_configuration
+from perception.cli.progress import frame_bar
+from perception.cli.training.trainer_choice import write_training_configuration
 from perception.errors import UsageError
 from perception.types import Method
 
