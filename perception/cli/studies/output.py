@@ -7,6 +7,9 @@ from typing import Any
 from perception import __version__
 from perception.cli.documents import write_json
 
+RESULTS = Path("results") / "study"
+"""Where pictures go, unless another place is named."""
+
 
 @dataclass(frozen=True)
 class Study:
