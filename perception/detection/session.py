@@ -1,11 +1,11 @@
 """A network as a file: checked when it is opened, ready for its first frame, arrays by name in and out."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.abc import Traversable
 from importlib.resources import files
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import onnxruntime
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from perception.errors import ModelError
 
 Array = NDArray[Any]
+Noted = TypeVar("Noted")
 # As ONNX Runtime names the types of numbers that go in.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
@@ -133,6 +134,18 @@ class OnnxModel:
                     advice="train it anew, or export an earlier checkpoint",
                 )
         return outputs
+
+    def fact_among(self, name: str, known: Sequence[Noted]) -> Noted:
+        """Return what the file says of itself under a name, where it is something that we know.
+
+        Raises:
+            ModelError: it is something else.
+        """
+        said = self.facts[name]
+        for one in known:
+            if one == said:
+                return one
+        raise ModelError(self.name, expected=f"{name} {' or '.join(map(str, known))}", found=said)
 
     def _check_facts(self, contract: ModelContract) -> None:
         for name in (*contract.facts, *contract.noted):

@@ -37,6 +37,13 @@ def test_file_says_what_it_is(write_model):
     assert model.inputs["crops"] == Input(np.uint8, (None, 3, 66, 112))
 
 
+def test_a_fact_is_one_of_those_known(write_model):
+    model = OnnxModel(write_model(), CONTRACT)
+    assert model.fact_among("classes", ["Van", "Car"]) == "Car"
+    with pytest.raises(ModelError, match="expected classes Van or Tram, found Car"):
+        model.fact_among("classes", ["Van", "Tram"])
+
+
 def test_answer_does_not_depend_on_threads(write_model):
     answers = [OnnxModel(write_model(), CONTRACT, n)(inputs_of(5))["scores"] for n in (1, 2)]
     np.testing.assert_array_equal(*answers)

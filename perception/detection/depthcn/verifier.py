@@ -1,9 +1,8 @@
 """The network that tells vehicles among candidates: it says by its file what it looks at."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.abc import Traversable
-from typing import Self, TypeVar
+from typing import Self, get_args
 
 import numpy as np
 
@@ -31,9 +30,8 @@ CONTRACT = ModelContract(
     },
     outputs=("scores", "boxes_px"),
 )
-_WINDOWS: dict[str, WindowKind] = {"box": "box", "metric": "metric"}
-_METHODS: dict[str, Method] = {"default": "default", "thesis": "thesis"}
-Noted = TypeVar("Noted")
+_WINDOWS: tuple[WindowKind, ...] = get_args(WindowKind)
+_METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True)
@@ -79,17 +77,10 @@ class Verifier:
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
                 found=f"{', '.join(channels)} for an input of {taken}",
             )
-        self.window: WindowKind = self._noted("window", _WINDOWS)
+        self.window: WindowKind = self.model.fact_among("window", _WINDOWS)
         """Which part of the picture it wants to see of a candidate."""
-        self.method: Method = self._noted("method", _METHODS)
+        self.method: Method = self.model.fact_among("method", _METHODS)
         """By which proposals and maps it was trained."""
-
-    def _noted(self, key: str, known: Mapping[str, Noted]) -> Noted:
-        """Return what the file says, if it is something that we know."""
-        value = self.model.facts[key]
-        if value not in known:
-            raise ModelError(self.model.name, expected=f"{key} {' or '.join(known)}", found=value)
-        return known[value]
 
     def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""

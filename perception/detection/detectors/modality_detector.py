@@ -6,7 +6,6 @@ picture -- stretch --> input of the network --> boxes and scores -- suppress -->
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.abc import Traversable
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -28,7 +27,6 @@ CONTRACT = ModelContract(
     usual_rows=1,
 )
 _FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILLINGS)
-Noted = TypeVar("Noted")
 
 
 class ModalityDetector:
@@ -56,9 +54,9 @@ class ModalityDetector:
             wanted["classes"] = ",".join(class_names)
         self.model = OnnxModel(file, CONTRACT.with_facts(wanted), threads)
         """The network itself."""
-        self.modality: Modality = self._noted("modality", MODALITIES)
+        self.modality: Modality = self.model.fact_among("modality", MODALITIES)
         """Which view of the road it is shown."""
-        self.filling: MapFilling = self._noted("filling", _FILLINGS)
+        self.filling: MapFilling = self.model.fact_among("filling", _FILLINGS)
         """How the maps that it learned from were made."""
         self.class_names = tuple(self.facts["classes"].split(","))
         """What it detects."""
@@ -111,16 +109,6 @@ class ModalityDetector:
             boxes_in_picture(seen.boxes_px, self.size, picture), 0, [width - 1, height - 1] * 2
         )
         return replace(seen, boxes_px=within)
-
-    def _noted(self, key: str, known: Sequence[Noted]) -> Noted:
-        """Return what the file says, if it is something that we know."""
-        value = self.facts[key]
-        for one in known:
-            if one == value:
-                return one
-        raise ModelError(
-            self.model.name, expected=f"{key} {' or '.join(map(str, known))}", found=value
-        )
 
     def _pixels(self, key: str) -> int:
         value = self.facts[key]
