@@ -8,6 +8,12 @@ from perception.errors import UsageError
 from perception.types import Bool, Int
 
 SplitBy = Literal["frames", "drives"]
+_STREAM = 0x5B  # of random numbers
+
+
+def split_generator(seed: int) -> np.random.Generator:
+    """Return what draws the frames that are kept back: of one seed always the same."""
+    return np.random.default_rng([seed, _STREAM])
 
 
 def validation_frames(

@@ -27,6 +27,11 @@ class Sources:
     cache_gb: float = 20.0
 
     @property
+    def parts(self) -> list[tuple[Path, ...]]:
+        """Those learned from, and those to judge by where there are some."""
+        return [paths for paths in (self.training, self.validation) if paths]
+
+    @property
     def store(self) -> ArrayStore:
         """Open where things made of the frames are kept."""
         return ArrayStore(self.cache, int(self.cache_gb * 1e9))

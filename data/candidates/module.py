@@ -4,26 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule
 from torch import Tensor
-from torch.utils.data import DataLoader, Sampler
+from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedLooks
 from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, GatheringRules, gather
 from data.candidates.labelled_frames import FrameRules, LabelledFrames
-from data.loading import make_loader, share_of_process
-from data.looks import Ask
-from data.splitting import SplitBy, validation_frames
+from data.loading import make_loader, require_batches, share_of_process
+from data.splitting import SplitBy, split_generator, validation_frames
 from data.training_drives import Sources, open_drives
 from perception.detection.depthcn.picture import CHANNELS
-from perception.errors import UsageError
-from perception.types import Progress
-
-_SPLIT = 0x5B  # stream of random numbers
+from perception.types import Bool, Progress
 
 
 @dataclass(frozen=True)
@@ -63,12 +58,7 @@ class Loading:
 
     def __post_init__(self) -> None:
         """Refuse what no batch could be made of."""
-        if self.batch_size < 2 or self.workers < 0:
-            raise UsageError(
-                "loading",
-                expected="a batch size from 2 and workers from 0",
-                found=f"{self.batch_size} and {self.workers}",
-            )
+        require_batches(self, least=2)
 
 
 class CandidateData(LightningDataModule):
@@ -108,9 +98,8 @@ class CandidateData(LightningDataModule):
         Raises:
             PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
         """
-        for paths in (self.sources.training, self.sources.validation):
-            if paths:
-                gather(self._frames(paths), self.rules.gathering, self._progress)
+        for paths in self.sources.parts:
+            gather(self._frames(paths), self.rules.gathering, self._progress)
 
     def setup(self, stage: str | None = None) -> None:
         """Gather the candidates and keep some back.
@@ -127,11 +116,7 @@ class CandidateData(LightningDataModule):
             kept_frames = self._frames(self.sources.validation)
             kept = gather(kept_frames, self.rules.gathering)
         else:
-            rng = np.random.default_rng([self.loading.seed, _SPLIT])
-            loading = self.loading
-            is_kept = validation_frames(
-                frames.drive_numbers, loading.validation_share, loading.split_by, rng
-            )[found.frames]
+            is_kept = self._is_kept(frames)[found.frames]
             found, kept = found[~is_kept], found[is_kept]
         # What is judged is what will be met: proposals, not labels that were shaken.
         kept = kept[~kept.is_shaken]
@@ -145,11 +130,11 @@ class CandidateData(LightningDataModule):
         is_vehicle = self.training.candidates.is_vehicle
         loading = self.loading
         looks = BalancedLooks(is_vehicle, loading.seed, loading.samples_an_epoch)
-        return self._loader(self.training, share_of_process(self, looks))
+        return make_loader(self, self.training, share_of_process(self, looks), loading)
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that was kept back, in order."""
-        return self._loader(self.validation, None)
+        return make_loader(self, self.validation, None, self.loading)
 
     def mean_crop(self, samples: int = 1024) -> Tensor:
         """Return (C, 66, 112) the mean of some training samples as they are, half of them vehicles."""
@@ -161,16 +146,16 @@ class CandidateData(LightningDataModule):
     def _frames(self, paths: Sequence[Path]) -> LabelledFrames:
         return LabelledFrames(open_drives(paths), self.rules.frames, self.sources.store)
 
+    def _is_kept(self, frames: LabelledFrames) -> Bool:
+        """Tell which frames are kept back, where no drives are named to judge by."""
+        loading = self.loading
+        rng = split_generator(loading.seed)
+        return validation_frames(
+            frames.drive_numbers, loading.validation_share, loading.split_by, rng
+        )
+
     def _dataset(
         self, frames: LabelledFrames, found: CandidateSet, augmentation: Augmentation | None
     ) -> CandidateDataset:
         channels, seed = self.loading.channels, self.loading.seed
         return CandidateDataset(frames, found, augmentation, channels, seed)
-
-    def _loader(
-        self, dataset: CandidateDataset, sampler: Sampler[Ask] | None
-    ) -> DataLoader[Sample]:
-        loading = self.loading
-        return make_loader(
-            self, dataset, sampler, batch_size=loading.batch_size, workers=loading.workers
-        )

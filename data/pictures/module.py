@@ -11,7 +11,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.frames import OnBadFrame
-from data.loading import make_loader, share_of_process
+from data.loading import make_loader, require_batches, share_of_process
 from data.looks import Ask, ShuffledLooks
 from data.pictures.augmentation import PictureAugmentation
 from data.pictures.dataset import PictureDataset, Sample, collate
@@ -54,12 +54,7 @@ class PictureLoading:
 
     def __post_init__(self) -> None:
         """Refuse what no batch could be made of."""
-        if self.batch_size < 1 or self.workers < 0:
-            raise UsageError(
-                "loading",
-                expected="a batch size from 1 and workers from 0",
-                found=f"{self.batch_size} and {self.workers}",
-            )
+        require_batches(self)
         if not 0 < self.training_share <= 1:
             found = f"{self.training_share:g}"
             raise UsageError("training share", expected="above 0, at most 1", found=found)
@@ -116,10 +111,9 @@ class PictureData(LightningDataModule):
         Raises:
             PerceptionError: a drive cannot be opened or read, or lacks labels, images or calibration.
         """
-        for paths in (self.sources.training, self.sources.validation):
-            if paths:
-                frames = self._frames(paths)
-                self._readable(frames, self._progress(range(len(frames))))
+        for paths in self.sources.parts:
+            frames = self._frames(paths)
+            self._readable(frames, self._progress(range(len(frames))))
 
     def setup(self, stage: str | None = None) -> None:
         """Read all labels and keep some frames back.
@@ -201,12 +195,4 @@ class PictureData(LightningDataModule):
         return np.array(readable, np.int64)
 
     def _loader(self, dataset: PictureDataset, sampler: Sampler[Ask] | None) -> DataLoader[Sample]:
-        loading = self.loading
-        return make_loader(
-            self,
-            dataset,
-            sampler,
-            batch_size=loading.batch_size,
-            workers=loading.workers,
-            collate=collate,
-        )
+        return make_loader(self, dataset, sampler, self.loading, collate)

@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.labels import read_label_lines
-from data.splitting import SplitBy, validation_frames
+from data.splitting import SplitBy, split_generator, validation_frames
 from perception.errors import LabelError, UsageError
 from perception.types import Int
-
-_SPLIT = 0x5B  # stream of random numbers
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ def drawn_split(
     Raises:
         UsageError: a share is not 0 but leaves nothing of a part, or nothing to learn from.
     """
-    rng = np.random.default_rng([seed, _SPLIT])
+    rng = split_generator(seed)
     left = np.arange(len(drive_numbers))
     parts, taken = [], 0.0
     for share in (test_share, validation_share):

@@ -110,7 +110,7 @@ def split_detections(data: FusionData, seed: int) -> SplitDetections:
     marked = MarkedLooker(MultimodalDetector(detectors), data.models.mark())
     sources = Sources(data.drives, data.validation, data.cache)
     parts = []
-    for paths in filter(None, (sources.training, sources.validation)):
+    for paths in sources.parts:
         drives = open_drives(paths)
         require_unseen(drives, detectors)
         bar = frame_bar("detections")
