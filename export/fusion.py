@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from export.exported import Choice, Exported, ExportOrder
 from export.forms import compare_forms
 from export.onnx import Exportable, to_onnx
-from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.calibration import Calibrations
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.session import OnnxModel
 from perception.errors import UsageError
@@ -73,9 +73,9 @@ def export_fusion(order: ExportOrder) -> Exported:
     )
 
 
-def with_calibration(model: bytes, calibration: Calibration) -> bytes:
-    """Return the same file with another curve from its scores to probabilities."""
+def with_calibrations(model: bytes, calibrations: Calibrations) -> bytes:
+    """Return the same file with other curves from scores to probabilities."""
     loaded = onnx.load_from_string(model)
     facts = {entry.key: entry.value for entry in loaded.metadata_props}
-    onnx.helper.set_model_props(loaded, facts | {"calibration": str(calibration)})
+    onnx.helper.set_model_props(loaded, facts | {"calibration": str(calibrations)})
     return bytes(loaded.SerializeToString())

@@ -25,7 +25,6 @@ from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
-from perception.detection.fusion.lens import Lens
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
 from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality, Progress
@@ -171,8 +170,8 @@ def _look(frame: Frame, looker: Looker) -> Arrays:
         arrays[f"{name}_types"] = found.types.astype(np.str_)
     for name, depths_m in scene.depths_m.items():
         arrays[f"{name}_depths_m"] = depths_m
-    if scene.known_lens is not None:
-        arrays["lens_px"] = np.array([scene.known_lens.focal_px, scene.known_lens.center_px])
+    if scene.known_focal_px is not None:
+        arrays["focal_px"] = np.array(scene.known_focal_px)
     return arrays
 
 
@@ -192,5 +191,5 @@ def _to_scene(arrays: Arrays) -> DetectedScene:
         if f"{name}_depths_m" in arrays:
             depths_m[name] = arrays[f"{name}_depths_m"]
     width, height = arrays["size_px"].tolist()
-    lens = Lens(*map(tuple, arrays["lens_px"].tolist())) if "lens_px" in arrays else None
-    return DetectedScene(modal, (width, height), depths_m, lens)
+    focal_px = float(arrays["focal_px"]) if "focal_px" in arrays else None
+    return DetectedScene(modal, (width, height), depths_m, focal_px)

@@ -116,7 +116,7 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     assert train(drive, models, cache, out, *SHORT[variant], "--resume", "last") == 0
     after = Fusion(out / "fusion.onnx")
     np.testing.assert_array_equal(says(after), says(before))  # it was at its end
-    assert after.calibration == before.calibration
+    assert after.calibrations == before.calibrations
     written = yaml.safe_load((out / "config.yaml").read_text())
     assert written["resumed_from"] == str(out / "last.ckpt")
 

@@ -15,20 +15,9 @@ from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
 from perception.evaluation.rows import Rows
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.types import Bool, Float32, Float64, Modality
+from perception.types import Bool, Float32, Float64
+from train.fusion.conditions import LOSSES, doubted
 
-# What may be lost: the camera, the LiDAR, and any detector.
-LOSSES: tuple[tuple[Modality, ...], ...] = (
-    ("rgb",),
-    ("dm", "rm"),
-    ("dm",),
-    ("rm",),
-    ("rgb", "dm"),
-    ("rgb", "rm"),
-)
-# Of all losses together, where a whole frame has 1. Of simulated detectors, what is fused from one that is
-# left was with 1 up to 1.2 AP worse than this one, with 2 better; whole frames were the same.
-_LOSS_WEIGHT = 2.0
 _LIKE = 0.5  # overlap from which a box shows what is neither right nor wrong
 
 
@@ -74,19 +63,29 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     return BoxTargets(ious, (ious > _LIKE) | ((in_alike <= _LIKE) & (in_region <= _LIKE)))
 
 
-def fusion_rows(frames: DetectedFrames, variant: Variant) -> FusionRows:
+def fusion_rows(frames: DetectedFrames, variant: Variant, doubts: int = 0) -> FusionRows:
     """Return all combinations of all frames with what is true of them.
 
-    The default also sees every frame as it would be without the camera, the LiDAR, or any of the
-    detectors. What is not there has no target; in the thesis' variants it has the target 0.
+    The default also sees every frame as it would be without any one of the detectors, and all of these again
+    by detectors surer or less sure of themselves. What is not there has no target; in the thesis' variants it
+    has the target 0.
+
+    Args:
+        frames: with what is true.
+        variant: what is said of a combination.
+        doubts: how often, for the default.
 
     Raises:
         UsageError: there is no combination.
     """
-    parts = list(_rows_of(frames, variant, 1.0))
-    if variant == "default":
-        for lost in LOSSES:
-            parts += _rows_of(frames.without(*lost), variant, _LOSS_WEIGHT / len(LOSSES))
+    parts: list[FusionRows] = []
+    if variant != "default":
+        parts += _rows_of(frames, variant, 1.0)
+    else:
+        for version in (frames, *(doubted(frames, seed) for seed in range(doubts))):
+            parts += _rows_of(version, variant, 1.0)
+            for lost in LOSSES:
+                parts += _rows_of(version.without(*lost), variant, 1 / len(LOSSES))
     rows = FusionRows.concatenate(parts)
     if not len(rows):
         raise UsageError("fusion", expected="frames with detections", found="none")

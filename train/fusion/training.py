@@ -13,7 +13,7 @@ import torch
 from torch.utils.tensorboard import SummaryWriter
 
 from data.whole_file import write_whole
-from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.calibration import Calibrations
 from perception.errors import ModelError
 from perception.types import Float64
 from train.checkpoint_writer import require_same_network
@@ -76,9 +76,9 @@ def fit_fusion(
     return FittedFusion(out / BEST, content["epoch"], training, validation)
 
 
-def note_calibration(checkpoint: Path, calibration: Calibration) -> None:
-    """Write into a checkpoint how its scores become probabilities, for those who export it."""
-    _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibration)})
+def note_calibrations(checkpoint: Path, calibrations: Calibrations) -> None:
+    """Write into a checkpoint how scores become probabilities, for those who export it."""
+    _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibrations)})
 
 
 def _by_whole_steps(

@@ -9,6 +9,7 @@ from data.whole_file import write_whole
 from perception.cli.training.fusion_data import FusionData, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.fusion.features import Variant
+from perception.types import MODALITIES
 
 if TYPE_CHECKING:
     from train.fusion.plan import FusionPlan, FusionSets
@@ -38,6 +39,7 @@ class FusionChoice:
     sweep_two: tuple[int, ...] = ()
 
 
+_DOUBTS = 2  # of every frame, for the default
 # The thesis' own: 41 neurons on scores, 23 on all features, by Levenberg-Marquardt (7.2.2).
 _USUAL: Mapping[Variant, tuple[tuple[int, ...], Optimiser]] = {
     "scores": ((41,), "lm"),
@@ -108,7 +110,8 @@ def run_training(
     from train.fusion.training import fit_fusion
 
     sets = FusionSets(
-        fusion_rows(found.training, choice.variant), fusion_rows(found.validation, choice.variant)
+        fusion_rows(found.training, choice.variant, doubts=_DOUBTS),
+        fusion_rows(found.validation, choice.variant),
     )
     asked = replace(fusion_plan(data, choice, trainer.seed), detectors=found.detectors)
     plan, swept = _swept(choice, sets, asked)
@@ -163,15 +166,23 @@ def _swept(
 
 
 def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
-    """Write the curve from scores to probabilities into a model file and its checkpoint, and return it."""
-    from data.detections.fused_frames import fuse_frames, judged
-    from export.fusion import with_calibration
+    """Write the curves from scores to probabilities into a model file and its checkpoint, and return them."""
+    from data.detections.fused_frames import boxes_beside, fuse_frames, judged
+    from export.fusion import with_calibrations
+    from perception.detection.fusion.calibration import Calibrations
     from perception.detection.fusion.rescoring import Fusion
     from train.fusion.calibration import fit_calibration
-    from train.fusion.training import note_calibration
+    from train.fusion.training import note_calibrations
 
-    boxes = fuse_frames(found.validation.scenes, Fusion(file)).boxes
-    curve = fit_calibration(judged(found.validation, boxes, found.class_names))
-    write_whole(file, with_calibration(file.read_bytes(), curve))
-    note_calibration(checkpoint, curve)
-    return str(curve)
+    frames = found.validation
+    boxes = boxes_beside(frames, fuse_frames(frames.scenes, Fusion(file)))
+    curves = {
+        name: fit_calibration(judged(frames, of_one, found.class_names))
+        for name, of_one in boxes.items()
+    }
+    calibrations = Calibrations(
+        joint=curves["fusion"], alone={name: curves[name] for name in MODALITIES if name in curves}
+    )
+    write_whole(file, with_calibrations(file.read_bytes(), calibrations))
+    note_calibrations(checkpoint, calibrations)
+    return str(calibrations)

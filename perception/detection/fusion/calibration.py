@@ -4,12 +4,13 @@ M. Kull, T. Silva Filho, P. Flach, "Beta calibration", AISTATS 2017: the logit o
 a ln s - b ln (1 - s) + c. With a = b = 1 and c = 0, scores stay as they are.
 """
 
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from perception.errors import UsageError
-from perception.types import Float64
+from perception.types import MODALITIES, Float64, Modality
 
 _EDGE = 1e-6  # scores are kept so far from 0 and 1, where logarithms end
 
@@ -43,6 +44,39 @@ class Calibration:
         """Return (M,) how likely detections with (M,) scores are right."""
         for_it, against = score_logs(scores)
         return np.asarray(1 / (1 + np.exp(-(self.a * for_it + self.b * against + self.c))))
+
+
+@dataclass(frozen=True)
+class Calibrations:
+    """The curves of a fusion.
+
+    Attributes:
+        joint: of what it says of several views together.
+        alone: of the scores of each view that has no other beside it.
+    """
+
+    joint: Calibration = Calibration()
+    alone: Mapping[Modality, Calibration] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Write them as in a model file: 1.0,1.0,0.0 rgb=2.0,1.0,0.5 dm=..."""
+        return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.alone.items())])
+
+    @classmethod
+    def parse(cls, text: str) -> "Calibrations":
+        """Read what a model file says; ValueError where it is something else."""
+        joint, *alone = text.split(" ")
+        named = dict(entry.split("=") for entry in alone)
+        return cls(
+            Calibration.parse(joint),
+            {name: Calibration.parse(named[name]) for name in MODALITIES if name in named},
+        )
+
+    def of(self, looked: Collection[Modality]) -> Calibration:
+        """Return the curve of a frame at which these views looked."""
+        if len(looked) > 1:
+            return self.joint
+        return self.alone.get(next(iter(looked), "rgb"), Calibration())
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:

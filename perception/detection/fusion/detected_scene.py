@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from perception.detection.fusion.lens import Lens
 from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
@@ -19,6 +18,8 @@ from perception.types import (
 )
 
 _LOOKS = 10  # places along each edge of a box at which its depth is read
+# Where nobody says: what a camera that looks ahead from a car mostly spans from side to side.
+_USUAL_SPAN_RAD = np.deg2rad(80)
 _NEAR = 0.1  # quantile of the depths that is taken for the near side
 
 # For each modality (M, 2) depths of the near side and of the middle of its boxes, NaN where unknown.
@@ -52,18 +53,19 @@ class DetectedScene:
         modal: detections by modality; of a detector that did not look there is no entry.
         size_px: width and height of the picture.
         depths_m: of the boxes of each modality; empty where there is no depth map.
-        known_lens: of the camera; None where nobody says.
+        known_focal_px: focal length of the camera, down; None where nobody says.
     """
 
     modal: ModalDetections
     size_px: tuple[int, int]
     depths_m: BoxDepths = field(default_factory=dict)
-    known_lens: Lens | None = None
+    known_focal_px: float | None = None
 
     @property
-    def lens(self) -> Lens:
-        """Of the camera, or of a usual one."""
-        return self.known_lens or Lens.usual(self.size_px)
+    def focal_px(self) -> float:
+        """Focal length of the camera, or of a usual one."""
+        usual_px = self.size_px[0] / 2 / float(np.tan(_USUAL_SPAN_RAD / 2))
+        return self.known_focal_px or usual_px
 
     @cached_property
     def merged(self) -> MergedDetections:
@@ -116,8 +118,8 @@ def scene_of(
     depths_m: BoxDepths = {}
     if dense is not None:
         depths_m = {name: box_depths_m(found.boxes_px, dense) for name, found in modal.items()}
-    lens = None if camera is None else Lens.of(camera)
-    return DetectedScene(modal, size_px, depths_m, lens)
+    focal_px = None if camera is None else float(camera.image_P_cam[1, 1])
+    return DetectedScene(modal, size_px, depths_m, focal_px)
 
 
 def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:

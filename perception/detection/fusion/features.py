@@ -7,8 +7,9 @@
     15..18  μx μy σx σy                     mean and deviation of the centres of the boxes that are there
     19..22  w h x y                         of the smallest box around them
 
-A box that is not there has zeros. The richer set has the same in tangents of angles, so that it holds for
-cameras of every field of view, and goes on with distances, overlaps, and what is missing.
+A box that is not there has zeros. The default has no number that says where in the picture a box is: what is
+learned of the one road does not hold for others. To the scores it adds distances and the heights that they make of
+boxes, which are the same to cameras of every field of view, overlaps, and what is missing.
 """
 
 from collections.abc import Mapping
@@ -27,15 +28,12 @@ _PAIRS = ((0, 1), (0, 2), (1, 2))
 _SCORES = tuple(f"score_{name}" for name in MODALITIES)
 
 
-def _placed(*parts: str) -> tuple[str, ...]:
-    """Return what is said of where boxes are."""
-    return (
-        *(f"{part}_{name}" for name in MODALITIES for part in parts),
-        *("mean_x", "mean_y", "deviation_x", "deviation_y"),
-        *(f"{part}_around" for part in parts),
-    )
-
-
+_PLACES = ("width", "height", "x", "y")
+_PLACED = (
+    *(f"{part}_{name}" for name in MODALITIES for part in _PLACES),
+    *("mean_x", "mean_y", "deviation_x", "deviation_y"),
+    *(f"{part}_around" for part in _PLACES),
+)
 _ADDED = (
     *(f"{part}_{name}" for part in ("near", "middle", "height_m", "aspect") for name in MODALITIES),
     *(f"iou_{MODALITIES[a]}_{MODALITIES[b]}" for a, b in _PAIRS),
@@ -44,8 +42,8 @@ _ADDED = (
 )
 FEATURES: Mapping[Variant, tuple[str, ...]] = {
     "scores": _SCORES,
-    "features": (*_SCORES, *_placed("width", "height", "x", "y")),
-    "default": (*_SCORES, *_placed("tan_width", "tan_height", "tan_x", "tan_y"), *_ADDED),
+    "features": (*_SCORES, *_PLACED),
+    "default": (*_SCORES, *_ADDED),
 }
 
 
@@ -60,12 +58,11 @@ def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: Variant) -> 
         return scores.T
     if variant == "features":
         return np.vstack([scores, *_layout(found.boxes_px / np.tile(scene.size_px, 2), places)]).T
-    layout = _layout(scene.lens.tangents(found.boxes_px), places)
-    return np.vstack([scores, *layout, *_added(scene, places)]).T
+    return np.vstack([scores, *_added(scene, places)]).T
 
 
 def _layout(boxes: Float64, places: Int) -> list[Float64]:
-    """Return the rows after the scores, of (M, 4) boxes in some unit and their (3, T) places."""
+    """Return the rows after the scores, of (M, 4) boxes in shares of the picture and their (3, T) places."""
     is_seen = places >= 0
     shapes = np.hstack([_size_and_center(boxes.T), np.zeros((4, 1))])[:, places]
     centers, counts = shapes[2:], np.maximum(is_seen.sum(axis=0), 1)
@@ -94,7 +91,7 @@ def _added(scene: DetectedScene, places: Int) -> list[Float64]:
     depths_m = scene.merged_depths_m
     size_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
     # How high it is at its distance: what is no car is too high or low.
-    heights_m = depths_m[:, 1] * size_px[:, 1] / scene.lens.focal_px[1]
+    heights_m = depths_m[:, 1] * size_px[:, 1] / scene.focal_px
     known = np.nan_to_num(np.log1p([*depths_m.T, heights_m]))
     of_boxes = np.vstack([known, np.log(size_px[:, 0] / size_px[:, 1])])
     each = np.hstack([of_boxes, np.zeros((4, 1))])[:, places].reshape(4 * len(MODALITIES), -1)

@@ -10,7 +10,7 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.calibration import Calibrations
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
 from perception.detection.fusion.tri_boxes import TriBoxRules, tri_boxes
@@ -84,8 +84,8 @@ class Fusion:
         """What the file says of itself."""
         self.variant: Variant = _variant(self._model)
         """What the network is told of a combination."""
-        self.calibration = _calibration(self._model)
-        """From its scores to probabilities."""
+        self.calibrations = _calibrations(self._model)
+        """From scores to probabilities."""
 
     def fuse(
         self,
@@ -120,7 +120,7 @@ class Fusion:
         merged = scene.merged
         rows = tri_boxes(scene, RULES[self.variant])
         places = merged.places(rows)
-        tri_scores = self.expected_ious(tri_box_features(scene, rows, self.variant))
+        tri_scores = self._tri_scores(scene, rows)
         flat, is_seen = places.ravel(), places.ravel() >= 0
         count = len(merged.detections)
         sums = np.bincount(flat[is_seen], tri_scores.ravel()[is_seen], count)
@@ -140,10 +140,18 @@ class Fusion:
             others_px = scene.merged.detections.boxes_px[places]
             is_own = places == kept[:, None]
             boxes_px = _blended(others_px, is_own, places >= 0, rescored.tri_scores[rows])
-        scores = self.calibration.probabilities(detections.scores)
+        scores = self.calibrations.of(scene.modal).probabilities(detections.scores)
         return FusedDetections(
             Detections(boxes_px, scores, detections.types), parts, scene.merged.columns[kept]
         )
+
+    def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:
+        """Return (T, 3) what is said of the boxes of (T, 3) combinations."""
+        if self.variant == "default" and len(scene.modal) == 1:
+            # Nobody is there to judge it by, and nobody knows its order better than itself.
+            places = scene.merged.places(rows)
+            return np.asarray(np.append(scene.merged.detections.scores, 0.0)[places])
+        return self.expected_ious(tri_box_features(scene, rows, self.variant))
 
     def expected_ious(self, features: Float64) -> Float64:
         """Return (T, 3) what overlap with the object the boxes of (T, F) combinations are expected to have."""
@@ -200,9 +208,9 @@ def _variant(model: OnnxModel) -> Variant:
     )
 
 
-def _calibration(model: OnnxModel) -> Calibration:
+def _calibrations(model: OnnxModel) -> Calibrations:
     try:
-        return Calibration.parse(model.facts["calibration"])
+        return Calibrations.parse(model.facts["calibration"])
     except (ValueError, UsageError) as error:
         raise ModelError(
             model.name, expected="a calibration of three numbers", found=model.facts["calibration"]

@@ -1,11 +1,16 @@
 """New scores, one detection for each object, and what each was made of: by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from perception.detection.fusion.calibration import Calibration, Calibrations
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
+from perception.detection.suppression import suppress
 from perception.errors import ModelError
+from perception.types import MODALITIES
 from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
 
 HALF_OF_ALL = np.full((3, 3), 0.5)
@@ -68,6 +73,33 @@ def test_scores_become_probabilities_in_their_order(fusion_file):
     assert (np.diff(curved.scores) <= 0).all()
     logit = 2 * np.log(plain.scores) - 0.5 * np.log(1 - plain.scores) - 1
     np.testing.assert_allclose(curved.scores, 1 / (1 + np.exp(-logit)), atol=1e-9)
+
+
+@pytest.mark.parametrize("left", MODALITIES)
+def test_a_view_alone_keeps_its_boxes_and_their_order(fusion_file, left):
+    scene = clumped_scene(1)
+    found = scene.modal[left]
+    found = found[suppress(found, 0.5)]
+    alone = replace(scene, modal={left: found}, depths_m={})
+    curves = f"1.0,1.0,0.0 {left}=1.0,1.0,-1.0"
+    fused = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse_scene(alone)
+    np.testing.assert_array_equal(fused.detections.boxes_px, found.boxes_px)
+    odds = found.scores / (1 - found.scores) / np.e
+    np.testing.assert_allclose(fused.detections.scores, odds / (1 + odds), atol=1e-9)
+
+
+def test_curves_are_written_and_read_as_they_are():
+    curves = Calibrations(
+        Calibration(0.5, 2.0, 0.1), {"rgb": Calibration(), "rm": Calibration(3.0, 0.0, -1e-7)}
+    )
+    assert Calibrations.parse(str(curves)) == curves
+    assert Calibrations.parse("1.0,1.0,0.0") == Calibrations()
+    assert curves.of({"rgb", "dm"}) == curves.of({"rgb", "dm", "rm"}) == curves.joint
+    assert [curves.of({name}) for name in MODALITIES] == [
+        Calibration(),
+        Calibration(),  # not known
+        Calibration(3.0, 0.0, -1e-7),
+    ]
 
 
 @pytest.mark.parametrize("variant", ["scores", "features", "default"])

@@ -1,12 +1,13 @@
 """What the fusion is worth on simulated detectors, whole and with modalities lost."""
 
+from itertools import combinations
+
 import pytest
 
 from data.detections.fused_frames import curves_beside, fuse_frames, precision_curves
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import MODALITIES
 from tests.simulated_detectors import simulated_frames
-from train.fusion.targets import LOSSES
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +27,16 @@ def test_the_fusion_beats_the_best_modality_at_every_difficulty(frames, fitted):
         assert curves["fusion"][difficulty].ap() > best + 1.05
 
 
+LOSSES = [lost for count in (1, 2) for lost in combinations(MODALITIES, count)]
+
+
 @pytest.mark.parametrize("lost", LOSSES)
 def test_a_loss_is_graceful(frames, fitted, lost):
     left = frames.without(*lost)
     found = fuse_frames(left.scenes, fitted)
     best = max(moderate(left, left.of_modality(name)) for name in MODALITIES if name not in lost)
-    assert moderate(left, found.boxes) > best - 2
+    is_alone = len(lost) == 2
+    assert moderate(left, found.boxes) >= best - (1e-9 if is_alone else 2)
 
 
 def test_each_step_helps(frames, fitted):

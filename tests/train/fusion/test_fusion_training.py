@@ -8,8 +8,8 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from export.exported import ExportOrder
-from export.fusion import export_fusion, with_calibration
-from perception.detection.fusion.calibration import Calibration
+from export.fusion import export_fusion, with_calibrations
+from perception.detection.fusion.calibration import Calibration, Calibrations
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Rightness, measure_reliability
@@ -21,7 +21,7 @@ from train.fusion.mlp_squares import MlpSquares
 from train.fusion.plan import FusionPlan, FusionSets
 from train.fusion.small_steps import WATCHED, FusionTraining
 from train.fusion.sweep import hidden_sizes, sweep
-from train.fusion.training import fit_fusion, note_calibration
+from train.fusion.training import fit_fusion, note_calibrations
 from train.fusion.whole_steps import lowest
 from train.trainer import TrainerPlan, checkpoint_to_resume
 
@@ -150,10 +150,11 @@ def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
     checkpoint = fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint
     model = export_fusion(ExportOrder(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
-    file.write_bytes(with_calibration(model, Calibration(2.0, 0.5, 0.25)))
-    assert Fusion(file).calibration == Calibration(2.0, 0.5, 0.25)
-    note_calibration(checkpoint, Calibration(1.5, 0.25, 0.125))
-    assert load_fusion(checkpoint)[1]["calibration"] == "1.5,0.25,0.125"
+    curves = Calibrations(Calibration(2.0, 0.5, 0.25), {"dm": Calibration(1.0, 0.0, -1.0)})
+    file.write_bytes(with_calibrations(model, curves))
+    assert Fusion(file).calibrations == curves
+    note_calibrations(checkpoint, curves)
+    assert load_fusion(checkpoint)[1]["calibration"] == "2.0,0.5,0.25 dm=1.0,0.0,-1.0"
 
 
 def test_other_checkpoints_are_refused(tmp_path):

@@ -1,0 +1,39 @@
+"""Frames as they might also have been seen: without a detector, or by surer and less sure ones.
+
+On roads that they have not learned from, detectors differ in how far their scores are to be believed. A fusion that
+has seen every detector doubted rests more on what they agree on, and on what is at the distance of a box.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.types import Float64, Modality
+
+# What may be lost where two views stay; of one alone there is nothing to learn.
+LOSSES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
+# By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
+_MOST_STRETCH, _SHIFT = 0.15, 0.45
+_EDGE = 1e-4  # scores are kept so far from 0 and 1, where logits end
+
+
+def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
+    """Return the same boxes with scores that other detectors might have given them, in the same order."""
+    rng = np.random.default_rng(seed)
+    return replace(frames, scenes=tuple(_doubted_scene(scene, rng) for scene in frames.scenes))
+
+
+def _doubted_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
+    modal = {}
+    for name, found in scene.modal.items():
+        stretch = 1 + _MOST_STRETCH * rng.uniform(-1, 1)
+        logits = stretch * _logits(found.scores) + _SHIFT * rng.standard_normal()
+        modal[name] = replace(found, scores=1 / (1 + np.exp(-logits)))
+    return replace(scene, modal=modal)
+
+
+def _logits(scores: Float64) -> Float64:
+    inside = np.clip(scores, _EDGE, 1 - _EDGE)
+    return np.log(inside / (1 - inside))
