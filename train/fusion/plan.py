@@ -35,7 +35,7 @@ class FusionPlan:
     damping: Damping = field(default_factory=Damping)
     checks: int = 6
     learning_rate: float = 0.01
-    weight_decay: float = 0.0001
+    weight_decay: float = 0.1
     batch: int = 512
     seed: int = 0
     training_data: str = "unknown"

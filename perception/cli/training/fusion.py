@@ -43,7 +43,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     optimiser: Literal["lm", "adamw"] | None = None,
     sweep: tuple[int, ...] = (),
     sweep_two: tuple[int, ...] = (),
-    epochs: int = 60,
+    epochs: int = 4,
     seed: int = 0,
     on_bad_frame: OnBadFrame = "stop",
     cache: Path | None = None,
@@ -70,7 +70,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         optimiser: lm, Levenberg-Marquardt over all rows; or adamw; else that of the variant.
         sweep: sizes of one hidden layer to try; the best of all that are tried is taken.
         sweep_two: sizes of two hidden layers, of which all falling pairs are tried.
-        epochs: of adamw.
+        epochs: of adamw; more of them fit synthetic drives better, and real ones worse.
         seed: of every choice.
         on_bad_frame: stop at a damaged frame, or leave it out and say so.
         cache: folder for what the detectors see; else the user's cache folder.
