@@ -1,5 +1,6 @@
 """`trifuse evaluate fusion`: what three detectors come to alone and together (Table 7.10)."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -7,14 +8,16 @@ from typing import Any
 from data.array_store import ArrayStore
 from data.detections.gathering import MarkedLooker, detected_scene
 from data.drive import Drive
-from perception.cli.evaluations.class_precision import PROTOCOL_WORDS
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MeasureRules
 from perception.cli.evaluations.document import Figures, write_evaluation
 from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled, see_drive
 from perception.cli.evaluations.measure_flags import MeasureFlags
+from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
@@ -82,18 +85,28 @@ def fusion(  # noqa: PLR0913 - flags of a command
         title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.overlaps[0]:g}"
         plot_reliability(reliability_plot, title, first.reliability)
     if json is not None:
-        facts: dict[str, dict[str, str]] = {}
-        for networks in (detector.detectors, fusions):
-            facts |= {str(name): dict(one.facts) for name, one in networks.items()}
-        values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
-        words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
-        figures = Figures("fusion", words, {one.data.name: fusion_results(one) for one in measured})
-        split = "; ".join(
-            f"{name} was trained on: {of_one.get('training_data', 'not known')}"
-            for name, of_one in facts.items()
-        )
-        configuration = {"models": files, "networks": facts}
-        write_evaluation(json, [one.data for one in measured], configuration, figures, split)
+        networks = {**detector.detectors, **fusions}
+        _write(json, measured, {"models": files}, networks, measuring)
+
+
+def _write(
+    path: Path,
+    measured: Sequence[MeasuredFusion],
+    configuration: dict[str, Any],
+    networks: Mapping[Any, ModalityDetector | Fusion],
+    measuring: MeasureRules,
+) -> None:
+    """Write all figures with what they rest on."""
+    facts = {str(name): dict(one.facts) for name, one in networks.items()}
+    values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
+    words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
+    figures = Figures("fusion", words, {one.data.name: fusion_results(one) for one in measured})
+    split = "; ".join(
+        f"{name} was trained on: {of_one.get('training_data', 'not known')}"
+        for name, of_one in facts.items()
+    )
+    data = [one.data for one in measured]
+    write_evaluation(path, data, configuration | {"networks": facts}, figures, split)
 
 
 @dataclass(frozen=True)
