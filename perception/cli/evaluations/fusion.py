@@ -15,9 +15,7 @@ from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fu
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled, see_drive
 from perception.cli.evaluations.measure_flags import MeasureFlags
-from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
@@ -85,28 +83,27 @@ def fusion(  # noqa: PLR0913 - flags of a command
         title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.overlaps[0]:g}"
         plot_reliability(reliability_plot, title, first.reliability)
     if json is not None:
-        networks = {**detector.detectors, **fusions}
-        _write(json, measured, {"models": files}, networks, measuring)
+        facts = {str(name): one.facts for name, one in detector.detectors.items()}
+        facts |= {str(name): one.facts for name, one in fusions.items()}
+        _write(json, measured, {"models": files, "networks": facts}, measuring)
 
 
 def _write(
     path: Path,
     measured: Sequence[MeasuredFusion],
-    configuration: dict[str, Any],
-    networks: Mapping[Any, ModalityDetector | Fusion],
+    configuration: Mapping[str, Any],
     measuring: MeasureRules,
 ) -> None:
     """Write all figures with what they rest on."""
-    facts = {str(name): dict(one.facts) for name, one in networks.items()}
     values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
     words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
     figures = Figures("fusion", words, {one.data.name: fusion_results(one) for one in measured})
     split = "; ".join(
         f"{name} was trained on: {of_one.get('training_data', 'not known')}"
-        for name, of_one in facts.items()
+        for name, of_one in configuration["networks"].items()
     )
     data = [one.data for one in measured]
-    write_evaluation(path, data, configuration | {"networks": facts}, figures, split)
+    write_evaluation(path, data, configuration, figures, split)
 
 
 @dataclass(frozen=True)
