@@ -27,20 +27,20 @@ lint: $(VENV)/.installed-dev
 SYNTH := results/weights/synth
 SHIPPED := perception/detection/weights
 weights: $(VENV)/.installed-dev
-	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 800 --seed 1000
+	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 1600 --seed 1000
 	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
 	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 120 --seed 9000
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
 	for modality in rgb dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
-	    --epochs 20 --out results/weights/$$modality && \
+	    --epochs 12 --out results/weights/$$modality && \
 	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
 	    --data $(SYNTH)/val --int8 true && \
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
-	$(BIN)/trifuse train fusion $(SYNTH)/fusion --epochs 40 --out results/weights/fusion
+	$(BIN)/trifuse train fusion $(SYNTH)/fusion --out results/weights/fusion
 	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
-	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 8 --out results/weights/depthcn
+	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 3 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate fusion $(SYNTH)/test
