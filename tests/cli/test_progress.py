@@ -1,21 +1,6 @@
-"""What commands share: refused counts, and a bar that changes nothing of what goes through it."""
+"""A bar that changes nothing of what goes through it."""
 
-import pytest
-
-from perception.cli.flags import require_positive
 from perception.cli.progress import bar, frame_bar
-from perception.errors import UsageError
-
-
-@pytest.mark.parametrize("count", [0, -3])
-def test_no_count_below_one(count):
-    with pytest.raises(UsageError, match=f"--frames: expected at least 1, found {count}"):
-        require_positive("--frames", count)
-
-
-@pytest.mark.parametrize("count", [1, None])
-def test_one_is_enough_and_none_is_no_limit(count):
-    require_positive("--frames", count)
 
 
 def test_all_steps_come_through_in_order_and_are_counted(capsys):

@@ -10,9 +10,9 @@ from data.frames import OnBadFrame, file_number
 from data.kitti.detection_rows import DetectionSet
 from data.open_drive import open_drive, sequences_in
 from data.true_boxes import true_boxes
-from perception.cli.flags import require_positive
+from perception.cli.flags import require_drives, require_positive
 from perception.cli.vehicle_detector import looks
-from perception.errors import DriveError, UsageError
+from perception.errors import DriveError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.types import Detections, Frame
 
@@ -112,8 +112,7 @@ def labelled_places(paths: Sequence[Path], sequence: str | None) -> Iterator[Lab
         UsageError: there is no path.
         DriveError: one holds no drive.
     """
-    if not paths:
-        raise UsageError("drives", expected="at least one", found="none")
+    require_drives(paths)
     for path in paths:
         names = sequences_in(path)
         if names == [None] or sequence is not None:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Literal
 
 from data.frames import OnBadFrame
 from data.splitting import SplitBy
+from perception.cli.flags import require_drives
 from perception.cli.progress import frame_bar
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
-from perception.errors import UsageError
 from perception.types import Modality
 
 if TYPE_CHECKING:
@@ -56,8 +56,7 @@ class PictureChoice:
 
     def __post_init__(self) -> None:
         """Refuse nothing to learn from."""
-        if not self.drives:
-            raise UsageError("drives", expected="at least one", found="none")
+        require_drives(self.drives)
 
 
 @dataclass(frozen=True)

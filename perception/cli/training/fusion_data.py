@@ -10,6 +10,7 @@ from data.detections.gathering import MarkedLooker, detect_drives, models_mark, 
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import Sources, open_drives
+from perception.cli.flags import require_drives
 from perception.cli.progress import frame_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
@@ -76,8 +77,7 @@ class FusionData:
 
     def __post_init__(self) -> None:
         """Refuse nothing to learn from."""
-        if not self.drives:
-            raise UsageError("drives", expected="at least one", found="none")
+        require_drives(self.drives)
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data.frames import OnBadFrame
+from perception.cli.flags import require_drives
 from perception.cli.progress import frame_bar
 from perception.cli.training.trainer_choice import write_training_configuration
-from perception.errors import UsageError
 from perception.types import Method
 
 if TYPE_CHECKING:
@@ -40,8 +40,7 @@ class VerifierData:
 
     def __post_init__(self) -> None:
         """Refuse nothing to learn from."""
-        if not self.drives:
-            raise UsageError("drives", expected="at least one", found="none")
+        require_drives(self.drives)
 
     @property
     def names(self) -> str:

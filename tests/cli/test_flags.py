@@ -1,0 +1,22 @@
+"""What no command takes is refused in the same words."""
+
+import pytest
+
+from perception.cli.flags import require_drives, require_positive
+from perception.errors import UsageError
+
+
+@pytest.mark.parametrize("count", [0, -3])
+def test_no_count_below_one(count):
+    with pytest.raises(UsageError, match=f"--frames: expected at least 1, found {count}"):
+        require_positive("--frames", count)
+
+
+@pytest.mark.parametrize("count", [1, None])
+def test_one_is_enough_and_none_is_no_limit(count):
+    require_positive("--frames", count)
+
+
+def test_no_drive_is_refused():
+    with pytest.raises(UsageError, match="drives: expected at least one, found none"):
+        require_drives(())
