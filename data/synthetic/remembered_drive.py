@@ -13,7 +13,12 @@ class RememberedDrive(SyntheticDrive):
     """A `SyntheticDrive` without images that keeps its scans: 4 MB each of an HDL-64E."""
 
     def __init__(
-        self, frames: int = 80, *, seed: int = 0, sensor: LidarModel = HDL_64E, noise: InsNoise
+        self,
+        frames: int = 80,
+        *,
+        seed: int = 0,
+        sensor: LidarModel = HDL_64E,
+        noise: InsNoise | None = None,
     ) -> None:
         """Draw the world.
 
@@ -21,7 +26,7 @@ class RememberedDrive(SyntheticDrive):
             frames: how many scans.
             seed: of the world and of all noise.
             sensor: the LiDAR.
-            noise: of the INS.
+            noise: of the INS; else as KITTI's.
         """
         super().__init__(frames, seed=seed, sensor=sensor, noise=noise, images=False)
         self._scans: dict[int, LidarScan] = {}

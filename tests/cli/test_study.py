@@ -1,13 +1,12 @@
 import json
 from dataclasses import dataclass
-from functools import cache
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
-from data.synthetic.drive import SyntheticDrive
+from data.synthetic.remembered_drive import RememberedDrive
 from perception.cli.main import main
 from perception.cli.studies import speed, stages
 from perception.cli.studies.chain_times import (
@@ -43,17 +42,9 @@ class LevelGround:
         return points_velo[:, 2] + 1.7
 
 
-class RememberingDrive(SyntheticDrive):
-    """Casts each scan once for all tests."""
-
-    @cache  # noqa: B019 - lives as long as this module's tests
-    def __getitem__(self, index):
-        return super().__getitem__(index)
-
-
 @pytest.fixture(scope="module")
 def drive():
-    return RememberingDrive(8, sensor=HDL_32E, images=False)
+    return RememberedDrive(8, sensor=HDL_32E)
 
 
 def is_picture(path):

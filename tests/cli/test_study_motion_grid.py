@@ -1,12 +1,11 @@
 import json
 from dataclasses import replace
-from functools import cache
 
 import cv2
 import numpy as np
 import pytest
 
-from data.synthetic.drive import SyntheticDrive
+from data.synthetic.remembered_drive import RememberedDrive
 from perception.cli.main import main
 from perception.cli.studies import motion_grid
 from perception.cli.studies.motion_grid import boxes_along_axes, study_motion_grid
@@ -16,17 +15,9 @@ from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import VLP_16
 
 
-class RememberingDrive(SyntheticDrive):
-    """Casts each scan once for all tests."""
-
-    @cache  # noqa: B019 - lives as long as this module's tests
-    def __getitem__(self, index):
-        return super().__getitem__(index)
-
-
 @pytest.fixture(scope="module")
 def drive():
-    return RememberingDrive(7, sensor=VLP_16, images=False)
+    return RememberedDrive(7, sensor=VLP_16)
 
 
 def frames(iterable):
