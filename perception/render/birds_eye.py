@@ -12,8 +12,9 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.render import palette
-from perception.render.canvas import blank_canvas, is_inside
+from perception.render.canvas import blank_canvas
 from perception.render.palette import Color
+from perception.render.pixels import packed, paint_pixels, places_of
 from perception.render.surface import Surface
 from perception.render.text import Align, draw_text
 from perception.render.vehicle import vehicle_outline_m
@@ -46,7 +47,7 @@ class BirdsEyeView:
         """Return (N, 2) columns and rows of (N, 2+) points."""
         column = self.vehicle_px[0] - points_m[:, 1] * self.pixels_per_m
         row = self.vehicle_px[1] - points_m[:, 0] * self.pixels_per_m
-        return np.column_stack([column, row]).astype(np.float64)
+        return np.stack([column, row]).astype(np.float64).T
 
     @property
     def image_P_velo(self) -> Float64:
@@ -114,9 +115,9 @@ def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
     tints = np.array([palette.POINTS] * len(PointState), np.uint8)
     tints[PointState.GROUND] = palette.GROUND_POINTS
     pixels = view.to_pixels(result.frame.points_velo)
-    inside = is_inside(pixels, view.size_px)
-    column, row = np.rint(pixels[inside]).astype(int).T
-    canvas[row, column] = tints[result.obstacles.point_states[inside]]
+    shown, places = places_of(pixels, view.size_px, view.size_px[0])
+    states = result.obstacles.point_states.take(shown)
+    paint_pixels(canvas, places, packed(tints).take(states))
 
 
 def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: Surface) -> None:
@@ -133,12 +134,10 @@ def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Floa
     edge = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
     corner = view.to_pixels(voxels.centers_m) - (edge - 1) / 2
     width, height = view.size_px
-    inside = is_inside(corner, (width - edge + 1, height - edge + 1))
-    painted: UInt8 = np.broadcast_to(colors, (len(voxels), 3))[inside].astype(np.uint8)
-    column, row = np.rint(corner[inside]).astype(int).T
-    for down in range(edge):
-        for right in range(edge):
-            canvas[row + down, column + right] = painted
+    shown, first = places_of(corner, (width - edge + 1, height - edge + 1), width)
+    painted = packed(np.broadcast_to(colors, (len(voxels), 3)).take(shown, axis=0).astype(np.uint8))
+    square = (np.arange(edge)[:, None] * width + np.arange(edge)).ravel()
+    paint_pixels(canvas, (square[:, None] + first).ravel(), np.tile(painted, len(square)))
 
 
 def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:

@@ -9,17 +9,19 @@ import numpy as np
 from perception.geometry.camera import project
 from perception.render import palette
 from perception.render.cubes import CubeImage, render_cubes
+from perception.render.pixels import PackedColors, packed, unpacked
 from perception.render.surface import Surface
 from perception.types import Float32, Float64, Int, Obstacles, UInt8, Voxels
 
 _NEAREST_M = 0.7
 # Brightness of the faces across x, y and z: the sun stands high before the vehicle.
 _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
-# A voxel of this many points is drawn at full brightness.
+# Fuller voxels are brighter, as in the author's pictures; one of this many points is at full brightness.
 _FULL_COUNT = 8
+_FULLNESS = (0.8 + 0.2 * np.arange(_FULL_COUNT + 1) / _FULL_COUNT).astype(np.float32)
 _FIXED_POINT_BITS = 4
 # From the fill's colour to the mesh's, by how much of a pixel a line covers.
-_MESH_TABLE = np.linspace(palette.GROUND, palette.GROUND_MESH, 256).astype(np.uint8)[None]
+_MESH_COLORS = packed(np.linspace(palette.GROUND, palette.GROUND_MESH, 256).astype(np.uint8))
 
 
 @dataclass(frozen=True)
@@ -54,33 +56,42 @@ def draw_overlay(
     The ground is hidden behind obstacles, and nearer cubes hide farther ones.
     """
     height, width = image.shape[:2]
-    voxels, tints = _tinted_voxels(obstacles)
+    voxels, looks = _voxels_and_looks(obstacles)
     cubes = render_cubes(image_P_velo, (width, height), voxels)
-    color, opacity = _paint_ground(image_P_velo, (width, height), surface, style)
+    colors, opacity = _paint_ground(image_P_velo, (width, height), surface, style)
     _hide_behind(cubes, opacity, style.gap_px)
-    _paint_cubes(cubes, tints, color)
+    seen_looks = looks.take(cubes.cubes) * len(_FACE_LIGHT) + cubes.faces
+    colors.reshape(-1)[cubes.pixels] = _CUBE_COLORS.take(seen_looks)
     opacity.reshape(-1)[cubes.pixels] = style.cube_opacity
-    return np.asarray(cv2.blendLinear(color, image, opacity, 1 - opacity), np.uint8)
+    return np.asarray(cv2.blendLinear(unpacked(colors), image, opacity, 1 - opacity), np.uint8)
 
 
-def _tinted_voxels(obstacles: Obstacles) -> tuple[Voxels, Float32]:
-    """Put static and moving voxels into one set, so that they hide each other, with (V, 3) colours."""
+def _cube_colors() -> PackedColors:
+    """Return the colours of cubes: of static and moving ones, by how full they are, by the face."""
+    kinds = np.array([palette.STATIC, palette.MOVING], np.float32)
+    tints = kinds[:, None] * _FULLNESS[:, None]
+    return packed((tints[:, :, None] * _FACE_LIGHT[:, None]).astype(np.uint8).reshape(-1, 3))
+
+
+_CUBE_COLORS = _cube_colors()
+
+
+def _voxels_and_looks(obstacles: Obstacles) -> tuple[Voxels, Int]:
+    """Put static and moving voxels into one set, so that they hide each other; (V,) tells kind and fullness."""
     both = Voxels(
         np.concatenate([obstacles.static.centers_m, obstacles.moving.centers_m]),
         np.concatenate([obstacles.static.counts, obstacles.moving.counts]),
         obstacles.static.size_m,
     )
-    is_moving = np.arange(len(both)) >= len(obstacles.static)
-    tints = np.array([palette.STATIC, palette.MOVING], np.float32)[is_moving.astype(int)]
-    # Fuller voxels are brighter, as in the author's pictures.
-    fullness = 0.8 + 0.2 * np.minimum(both.counts / _FULL_COUNT, 1)
-    return both, tints * fullness[:, None].astype(np.float32)
+    looks = np.minimum(both.counts, _FULL_COUNT)
+    looks[len(obstacles.static) :] += len(_FULLNESS)
+    return both, looks
 
 
 def _paint_ground(
     image_P_velo: Float64, size_px: tuple[int, int], surface: Surface, style: OverlayStyle
-) -> tuple[UInt8, Float32]:
-    """Return (H, W, 3) colour and (H, W) opacity: a faint fill, and a mesh of lines on it."""
+) -> tuple[PackedColors, Float32]:
+    """Return (H, W) colours and (H, W) opacity: a faint fill, and a mesh of lines on it."""
     width, height = size_px
     nodes_m = surface.nodes_m
     pixels, depth_m = project(image_P_velo, nodes_m.reshape(-1, 3))
@@ -94,10 +105,14 @@ def _paint_ground(
     lines = [*nodes_px, *np.ascontiguousarray(nodes_px.transpose(1, 0, 2))]
     if len(nodes_px) > 1:
         cv2.polylines(mesh, lines, False, 255, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
-    color = cv2.LUT(cv2.merge([mesh] * 3), _MESH_TABLE)
+    colors = np.full((height, width), _MESH_COLORS[0])
     opacity = fill * np.float32(style.ground_opacity / 255)
-    opacity += mesh * np.float32(style.mesh_opacity / 255)
-    return np.asarray(color, np.uint8), opacity
+    # Few pixels are of lines.
+    places = np.flatnonzero(mesh != 0)
+    shares = mesh.reshape(-1).take(places)
+    colors.reshape(-1)[places] = _MESH_COLORS.take(shares)
+    opacity.reshape(-1)[places] += shares * np.float32(style.mesh_opacity / 255)
+    return colors, opacity
 
 
 def _fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
@@ -113,8 +128,3 @@ def _hide_behind(cubes: CubeImage, opacity: Float32, gap_px: tuple[int, int]) ->
     solid.reshape(-1)[cubes.pixels] = 1
     closed = cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones(gap_px[::-1], np.uint8))
     opacity *= 1 - closed
-
-
-def _paint_cubes(cubes: CubeImage, tints: Float32, color: UInt8) -> None:
-    lit = (tints[:, None] * _FACE_LIGHT[:, None]).astype(np.uint8).reshape(-1, 3)
-    color.reshape(-1, 3)[cubes.pixels] = lit.take(cubes.cubes * 3 + cubes.faces, axis=0)

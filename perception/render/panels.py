@@ -118,7 +118,8 @@ class FittedImage:
         """Resize an image to fit within (width, height)."""
         scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
         width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
-        interpolation = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+        # Down to half the size, a pixel's neighbours are all that it takes.
+        interpolation = cv2.INTER_AREA if scale <= 0.5 else cv2.INTER_LINEAR
         picture = cv2.resize(image, (width, height), interpolation=interpolation)
         whole = np.array([0, 0, image.shape[1], image.shape[0]], np.float64)
         resizing = Resizing.of_window(whole, (width, height))

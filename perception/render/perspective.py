@@ -6,8 +6,9 @@ import numpy as np
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler
 from perception.render import palette
-from perception.render.canvas import blank_canvas, is_inside
+from perception.render.canvas import blank_canvas
 from perception.render.overlay import OverlayStyle, draw_overlay
+from perception.render.pixels import packed, paint_pixels, places_of
 from perception.render.surface import Surface
 from perception.render.vehicle import Face, vehicle_faces
 from perception.types import Float64, PointState, Result, UInt8
@@ -58,13 +59,13 @@ def draw_perspective(size_px: tuple[int, int], result: Result, surface: Surface)
 
 def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
     """Dot the points outside the local area, brighter where they reflect more."""
-    is_outside = result.obstacles.point_states == PointState.OUTSIDE
-    points = result.frame.points_velo[is_outside]
+    outside = np.flatnonzero(result.obstacles.point_states == PointState.OUTSIDE)
+    points = result.frame.points_velo.take(outside, axis=0)
     pixels, _ = project(image_P_velo, points)
-    seen = is_inside(pixels, (image.shape[1], image.shape[0]))
-    column, row = np.rint(pixels[seen]).astype(int).T
-    brightness = 0.45 + 0.9 * np.minimum(points[seen, 3:4], 0.6)
-    image[row, column] = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
+    seen, places = places_of(pixels, (image.shape[1], image.shape[0]), image.shape[1])
+    brightness = 0.45 + 0.9 * np.minimum(points[:, 3:4].take(seen, axis=0), 0.6)
+    tints = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
+    paint_pixels(image, places, packed(tints))
 
 
 def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:

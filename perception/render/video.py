@@ -8,6 +8,8 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 import av
+import cv2
+import numpy as np
 from av.container import OutputContainer
 
 from perception.errors import ImageError
@@ -16,7 +18,10 @@ from perception.types import UInt8
 _LOG = logging.getLogger(__name__)
 # Best first. The last is in every build of FFmpeg, but browsers do not play it.
 _ENCODERS = ("libx264", "libopenh264", "mpeg4")
-_X264_OPTIONS = {"preset": "veryfast", "crf": "23", "threads": "1"}
+# A picture is encoded in a quarter of the time that `veryfast` takes, into a file half as large again.
+_X264_OPTIONS = {"preset": "ultrafast", "crf": "24", "threads": "1"}
+# Red, green, blue and one, as shares of the blue and the red difference.
+_CHROMA = np.array([[-0.148, -0.291, 0.439, 128], [0.439, -0.368, -0.071, 128]])
 _MPEG4_BITS_PER_PIXEL = 2
 # From this libavformat on, a file can be read at any moment while it is written.
 _HYBRID_SINCE = (61, 7)
@@ -86,7 +91,7 @@ class VideoFile:
         """
         container = self._container or self._open(picture)
         self._check_size(picture)
-        frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+        frame = av.VideoFrame.from_ndarray(_to_yuv420(picture), format="yuv420p")
         for packet in self._stream.encode(frame):
             container.mux(packet)
 
@@ -118,6 +123,20 @@ class VideoFile:
             raise ImageError(
                 self.path, expected=f"pictures of shape {expected}", found=f"{picture.shape}"
             )
+
+
+def _to_yuv420(picture: UInt8) -> UInt8:
+    """Return (H * 3 / 2, W): brightness, then blue and red differences of every four pixels (BT.601).
+
+    OpenCV takes the differences of one pixel of the four, which tears coloured lines; here they are
+    the mean's. FFmpeg does the same in several times the time.
+    """
+    height, width = picture.shape[:2]
+    planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420), np.uint8)
+    means = cv2.resize(picture, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    differences = cv2.transform(means, _CHROMA)
+    planes[height:].reshape(2, height // 2, width // 2)[:] = differences.transpose(2, 0, 1)
+    return planes
 
 
 def video_or_none(path: Path | None, rate_hz: float = 10.0) -> PictureSink:
