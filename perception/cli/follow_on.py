@@ -1,4 +1,4 @@
-"""`--follow` of a run: one track of the pipeline, handed to a tracker of one object, written and drawn."""
+"""`--follow` of a run: one track or vehicle of the pipeline, handed to a tracker of one object, written and drawn."""
 
 import logging
 import time
@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
+
+import numpy as np
 
 from perception.cli.follow_files import FollowedFile
 from perception.geometry.threads import one_blas_thread
@@ -82,11 +84,12 @@ class FollowOn:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close the file; say so where the track never came."""
+        """Close the file; say so where the object never came."""
         self._file.close()
         if error is None and not self._hand_over.has_begun:
             log.warning(
-                "--follow %d: no frame had this track; tracks.jsonl holds the ids that there were",
+                "--follow %d: no frame had a track or a located vehicle of this id; tracks.jsonl and "
+                "vehicles.jsonl hold the ids that there were",
                 self._hand_over.track_id,
             )
 
@@ -105,8 +108,14 @@ class FollowOn:
         return replace(result, timings_s={**result.timings_s, STAGE: seconds})
 
     def shown(self, result: Result) -> Result:
-        """Return the frame without the pipeline's own track of what is drawn as followed."""
+        """Return the frame without the pipeline's own track or vehicle of what is drawn as followed."""
         if self.figure is None:
             return result
-        others = result.tracks.ids != self._hand_over.track_id
-        return replace(result, tracks=result.tracks[others])
+        followed_id, vehicles = self._hand_over.track_id, result.vehicles
+        if vehicles is not None:
+            # Its box in the image stays: there the tracker draws none.
+            others = np.where(vehicles.ids == followed_id, np.nan, 1.0)
+            bottom_m = vehicles.boxes.bottom_m * others[:, None]
+            vehicles = replace(vehicles, boxes=replace(vehicles.boxes, bottom_m=bottom_m))
+        tracks = result.tracks[result.tracks.ids != followed_id]
+        return replace(result, tracks=tracks, vehicles=vehicles)

@@ -48,7 +48,8 @@ def run(  # noqa: PLR0913 - flags of a command
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         frames: only so many from the start; else all.
         video: whether to draw the video.
-        follow: id of a track that the default tracker of one object takes over in its first frame.
+        follow: id of a track or a detected vehicle that the default tracker of one object takes over in the
+            first frame in which it has a box.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
         pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
     """
@@ -69,7 +70,7 @@ class RunPlan:
         video: whether to draw the video.
         on_bad_frame: stop or skip.
         pipeline: choices of the pipeline.
-        follow: id of the track that is followed by itself, or None.
+        follow: id of the track or vehicle that is followed by itself, or None.
     """
 
     frames: int | None = None

@@ -17,7 +17,8 @@ from perception.render import palette
 from perception.render.composition import Composition
 from perception.tracking.single_object.hand_over import HandOver
 from perception.tracking.single_object.tracker import FollowedObject, FollowState
-from perception.types import Boxes3D, Result, Tracks
+from perception.types import Boxes3D, Result, Tracks, Vehicles
+from tests.vehicle_scenes import cars, detected
 
 FRAMES = 6
 
@@ -72,7 +73,32 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
     with FollowOn(tmp_path / "followed.jsonl", hand_over_of(99)) as following:
         following.see(result)
-    assert "--follow 99: no frame had this track" in caplog.text
+    assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
+
+
+def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tmp_path):
+    fused = detected(cars((9.0, 2.0, 0.0), (12.0, -2.0, 0.0)))
+    boxes = replace(result.tracks.boxes, bottom_m=np.array([[9.0, 2, -1.7], [np.nan] * 3]))
+    unlocated = Vehicles(
+        fused=fused,
+        ids=np.array([4, 5]),
+        boxes=boxes,
+        distances_m=np.array([7.0, np.nan]),
+        velocities_m_s=np.full((2, 2), np.nan),
+        owners=np.full(len(result.frame.points_velo), -1),
+    )
+    located = replace(unlocated, boxes=result.tracks.boxes)
+    path = tmp_path / "followed.jsonl"
+    with FollowOn(path, hand_over_of(5)) as following:
+        # Where the LiDAR says too little of it, there is nothing to begin with.
+        following.see(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
+        assert following.figure is None
+        seen = following.see(replace(result, tracks=Tracks.empty(), vehicles=located))
+        shown = following.shown(seen).vehicles
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
+    # It is drawn in space once, as what is followed.
+    assert np.isnan(shown.boxes.bottom_m).any(axis=1).tolist() == [False, True]
 
 
 def test_where_nobody_is_followed_nothing_changes(result):

@@ -1,9 +1,11 @@
 """From tracks of many objects to a tracker of one: what the thesis suggests for its DATMO system (5.3)."""
 
+import numpy as np
+
 from perception.errors import UsageError
 from perception.geometry.grids import VehicleBody
 from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
-from perception.types import Result
+from perception.types import Boxes3D, Result
 
 
 def moment_of(result: Result, body: VehicleBody) -> Moment:
@@ -25,17 +27,19 @@ def moment_of(result: Result, body: VehicleBody) -> Moment:
 
 
 class HandOver:
-    """Gives one track of the pipeline to a tracker of one object, in the first frame that has it.
+    """Gives one object of the pipeline to a tracker of one object, in the first frame that has it.
+
+    It is a track of what moves or, where none has its id, a detected vehicle: they share the count of ids.
 
     From there on the tracker is on its own: it may keep what the pipeline loses, and lose what the
     pipeline keeps.
     """
 
     def __init__(self, track_id: int, tracker: SingleObjectTracker, body: VehicleBody) -> None:
-        """Wait for a track.
+        """Wait for an object.
 
         Args:
-            track_id: of the pipeline.
+            track_id: of a track or a vehicle of the pipeline.
             tracker: that takes it over.
             body: the vehicle's own outline.
         """
@@ -48,8 +52,17 @@ class HandOver:
         """Follow the object on; None as long as the pipeline has not given its track."""
         if self.has_begun:
             return self._tracker.follow(moment_of(result, self._body))
-        track = result.tracks[result.tracks.ids == self.track_id]
-        if not len(track):
+        box = self._box(result)
+        if not len(box):
             return None
         self.has_begun = True
-        return self._tracker.start(moment_of(result, self._body), track.boxes)
+        return self._tracker.start(moment_of(result, self._body), box)
+
+    def _box(self, result: Result) -> Boxes3D:
+        """Return the box of the object, or none."""
+        boxes = result.tracks.boxes[result.tracks.ids == self.track_id]
+        if len(boxes) or result.vehicles is None:
+            return boxes
+        vehicles = result.vehicles
+        is_located = np.isfinite(vehicles.boxes.bottom_m).all(axis=1)
+        return vehicles.boxes[is_located & (vehicles.ids == self.track_id)]
