@@ -1,6 +1,6 @@
 """What a terminal shows of a training: one bar over all batches, one line an epoch."""
 
-from typing import Any
+from typing import Any, NoReturn
 
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar
@@ -82,6 +82,11 @@ class TrainingBar(ProgressBar):
     def _close(self) -> None:
         if self._bar is not None:
             self._bar.close()
+
+
+def step_bar(most: int, first: int = 0) -> "tqdm[NoReturn]":
+    """Return a bar over the steps of a training that may end before the last, on stderr."""
+    return tqdm(total=most, initial=first, desc="train", unit="step", dynamic_ncols=True)
 
 
 def _line(figures: dict[str, Any], stage: str) -> str:

@@ -1,4 +1,4 @@
-"""The mean square error of a network of the fusion as a least-squares problem, with its exact Jacobian."""
+"""The mean square error of a network of the fusion as a least-squares problem, with its exact derivatives."""
 
 import math
 
@@ -8,11 +8,12 @@ from torch import Tensor
 from torch.nn.utils import parameters_to_vector
 
 from perception.types import Float64
+from train.fusion.curvature_sums import CurvatureSums, LayerFactors
 from train.fusion.levenberg_marquardt import NormalEquations
 from train.fusion.mlp import RescoringMlp
 from train.fusion.targets import FusionRows
 
-_ROWS_AT_ONCE = 1024  # which bounds the memory of the Jacobian
+_ROWS_AT_ONCE = 512  # so that what is made of them stays in the cache
 
 
 class MlpSquares:
@@ -40,41 +41,48 @@ class MlpSquares:
 
     def residuals(self, parameters: Float64) -> Float64:
         """Return (3T,) the errors times the roots of their weights."""
-        *_, says = self._layers(self._named(parameters), self._inputs)
-        found: Float64 = ((says - self._targets) * self._roots).reshape(-1).numpy()
+        found: Float64 = self.residuals_of(torch.from_numpy(parameters)).numpy()
         return found
 
-    def jacobian(self, parameters: Float64, rows: slice = slice(None)) -> Float64:
-        """Return (3R, P) derivatives of the residuals of R rows."""
-        weights = self._named(parameters)
-        *inputs, says = self._layers(weights, self._inputs[rows])
-        # (R, 3, 3): how each output goes with what comes into its bend, and with no other's.
-        slopes = (says * (1 - says) if self._bends_output else torch.ones_like(says)).diag_embed()
-        back = slopes * self._roots[rows, :, None]
-        columns: list[Tensor] = []
-        layers = self._layer_names()
-        for name, values in zip(reversed(layers), reversed(inputs), strict=True):
-            of_weights = back[:, :, :, None] * values[:, None, None, :]
-            columns = [of_weights.flatten(2), back, *columns]
-            # Through the layer, and through the tanh before it: 1 - tanh².
-            back = (back @ weights[f"{name}.weight"]) * (1 - values**2)[:, None]
-        found: Float64 = torch.cat(columns, dim=2).flatten(0, 1).numpy()
-        return found
+    def residuals_of(self, parameters: Tensor) -> Tensor:
+        """Return the same of a tensor, for whoever wants its derivatives by torch."""
+        *_, says = self._layers(self._named(parameters), self._inputs)
+        return ((says - self._targets) * self._roots).reshape(-1)
 
     def normal_equations(self, parameters: Float64) -> NormalEquations:
-        """Return the error with its derivatives, summed up over parts of the rows."""
-        count = len(parameters)
-        gradient, curvature = np.zeros(count), np.zeros((count, count))
-        residuals = self.residuals(parameters)
+        """Return the error with its derivatives, summed up over parts of the rows.
+
+        The Jacobian is never made: its rows are outer products of how the residuals go with a layer's
+        neurons and of what goes into the layer. So the curvature between two layers is one product of
+        all pairs of the former, summed over the outputs, with all pairs of the latter; within a layer,
+        of half of them.
+        """
+        sums = CurvatureSums([self._shapes[f"{name}.weight"] for name in self._layer_names()])
+        weights, square = self._named(parameters), 0.0
         for start in range(0, len(self._inputs), _ROWS_AT_ONCE):
-            end = min(start + _ROWS_AT_ONCE, len(self._inputs))
-            jacobian = self.jacobian(parameters, slice(start, end))
-            gradient += jacobian.T @ residuals[3 * start : 3 * end]
-            curvature += jacobian.T @ jacobian
-        square = float(np.sum(residuals**2))
+            rows = slice(start, start + _ROWS_AT_ONCE)
+            *inputs, says = self._layers(weights, self._inputs[rows])
+            residuals = ((says - self._targets[rows]) * self._roots[rows]).T
+            square += float((residuals**2).sum())
+            sums.add(residuals, self._factors(weights, inputs, says, self._roots[rows]))
         return NormalEquations(
-            square / self._total, gradient / self._total, curvature / self._total
+            square / self._total, sums.gradient / self._total, sums.curvature / self._total
         )
+
+    def _factors(
+        self, weights: dict[str, Tensor], inputs: list[Tensor], says: Tensor, roots: Tensor
+    ) -> list[LayerFactors]:
+        """Return the factors of R rows for each layer, told what goes into each."""
+        slopes = says * (1 - says) if self._bends_output else torch.ones_like(says)
+        # How each output goes with what comes into its bend, and with no other's.
+        back = (slopes * roots).diag_embed().permute(1, 2, 0).contiguous()
+        factors: list[LayerFactors] = []
+        for name, entered in zip(reversed(self._layer_names()), reversed(inputs), strict=True):
+            values = entered.T.contiguous()
+            factors.insert(0, LayerFactors(back, torch.cat([values, torch.ones_like(values[:1])])))
+            # Through the layer, and through the tanh before it: 1 - tanh².
+            back = (weights[f"{name}.weight"].T @ back) * (1 - values**2)
+        return factors
 
     def network_of(self, parameters: Float64) -> RescoringMlp:
         """Return a network with these parameters."""
@@ -95,9 +103,9 @@ class MlpSquares:
     def _layer_names(self) -> list[str]:
         return [name.removesuffix(".weight") for name in self._shapes if name.endswith(".weight")]
 
-    def _named(self, parameters: Float64) -> dict[str, Tensor]:
+    def _named(self, parameters: Float64 | Tensor) -> dict[str, Tensor]:
         sizes = [math.prod(shape) for shape in self._shapes.values()]
-        parts = torch.split(torch.from_numpy(parameters), sizes)
+        parts = torch.split(torch.as_tensor(parameters), sizes)
         return {
             name: part.view(shape)
             for (name, shape), part in zip(self._shapes.items(), parts, strict=True)

@@ -23,6 +23,7 @@ from train.fusion.mlp_squares import MlpSquares
 from train.fusion.plan import FusionPlan, FusionSets
 from train.fusion.small_steps import FusionBatches, FusionTraining
 from train.fusion.whole_steps import Descent, lowest
+from train.progress import step_bar
 from train.trainer import BEST, LAST, TrainerPlan, fit, make_trainer
 
 
@@ -104,12 +105,15 @@ def _by_whole_steps(
         if best.step == last.number:
             _write(out / BEST, content(best.parameters, best.step))
         _write(out / LAST, content(last.parameters, last.number) | {"descent": descent.state})
+        bar.update(last.number - bar.n)
+        bar.set_postfix(train=f"{last.mean_square:.5f}", validation=f"{validation:.5f}")
 
     begun = None
     if resume is not None:
         begun = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
         _write(out / BEST, content(begun.best.parameters, begun.best.step))
-    with SummaryWriter(str(out)) as writer:
+    first = 0 if begun is None else begun.last.number
+    with SummaryWriter(str(out)) as writer, step_bar(plan.damping.most_steps, first) as bar:
         best = lowest(sets, plan, keep, begun)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
