@@ -29,7 +29,7 @@ SHIPPED := perception/detection/weights
 weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse synth $(SYNTH)/train --layout object --frames 1600 --seed 1000
 	$(BIN)/trifuse synth $(SYNTH)/val --layout object --frames 100 --seed 5000
-	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 120 --seed 9000
+	$(BIN)/trifuse synth $(SYNTH)/test --layout object --frames 240 --seed 9000
 	$(BIN)/trifuse synth $(SYNTH)/fusion --layout object --frames 200 --seed 20000
 	for modality in rgb dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
