@@ -34,10 +34,7 @@ weights: $(VENV)/.installed-dev
 	for modality in rgb dm rm; do \
 	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
 	    --epochs 12 --out results/weights/$$modality && \
-	  $(BIN)/trifuse train detector $(SYNTH)/train --validation $(SYNTH)/val --modality $$modality \
-	    --start results/weights/$$modality/best.ckpt --augment false --learning_rate 0.0005 --epochs 2 \
-	    --out results/weights/$$modality-unchanged && \
-	  $(BIN)/trifuse export results/weights/$$modality-unchanged/best.ckpt --out results/weights/$$modality.onnx \
+	  $(BIN)/trifuse export results/weights/$$modality/best.ckpt --out results/weights/$$modality.onnx \
 	    --data $(SYNTH)/val --int8 true && \
 	  cp results/weights/$$modality.onnx $(SHIPPED)/$${modality}_compact.onnx || exit 2; \
 	done
