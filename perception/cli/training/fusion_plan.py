@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from data.whole_file import write_whole
+from perception.cli.progress import bar
 from perception.cli.training.fusion_data import FusionData, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.fusion.features import Variant
@@ -158,7 +160,8 @@ def _swept(
     """Return the plan with the best of the sizes to be tried."""
     from train.fusion.sweep import hidden_sizes, sweep
 
-    swept = sweep(sets, plan, hidden_sizes(choice.sweep, choice.sweep_two))
+    sizes = hidden_sizes(choice.sweep, choice.sweep_two)
+    swept = sweep(sets, plan, sizes, partial(bar, words="sizes", unit="network", delay_s=2))
     if not swept:
         return plan, ()
     best = min(swept, key=lambda one: one.validation)
