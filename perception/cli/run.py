@@ -17,6 +17,7 @@ from perception.cli.run_pictures import NoPictures, Pictures, RunPictures
 from perception.cli.run_summary import RunSummary
 from perception.errors import PerceptionError, UsageError
 from perception.pipeline import PipelineConfig
+from perception.pipeline.detection_chain import wanted_modalities
 from perception.render.composition import Composition
 from perception.render.timeline import plot_timeline
 from perception.tracking.single_object.hand_over import HandOver
@@ -53,9 +54,9 @@ def run(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
         pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
     """
-    # A tracker of one object may look at images that nobody draws.
-    has_use = video or follow is not None
-    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=has_use)
+    # Networks, and a tracker of one object, look at images that nobody draws.
+    is_looked_at = "rgb" in wanted_modalities(pipeline.detection) or follow is not None
+    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or is_looked_at)
     plan = RunPlan(frames, video, on_bad_frame, pipeline, follow)
     summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
     print(summary.table())

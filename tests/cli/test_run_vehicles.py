@@ -80,6 +80,20 @@ def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
     assert {"maps", "dm detector", "rm detector", "fusion", "vehicles", "DepthCN"} < set(stages)
 
 
+@pytest.mark.parametrize("looks", [True, False])
+def test_an_image_that_nobody_draws_is_looked_at_all_the_same(networks, tmp_path, looks):
+    (street,) = write_drives(tmp_path / "street", Recipe(frames=2))
+    out = tmp_path / "out"
+    words = ["run", str(street), "--out", str(out), "--video", "false", *networks]
+    assert (
+        main([*words, "--pipeline.detection.modalities", '["rgb","dm"]' if looks else '["dm"]'])
+        == 0
+    )
+    stages = json.loads((out / "summary.json").read_text())["stages_ms"]
+    assert ("rgb detector" in stages) == looks
+    assert "dm detector" in stages
+
+
 def test_without_detectors_there_are_no_files_of_vehicles(car_frames, tmp_path):
     out = tmp_path / "out"
     words = ["run", str(car_frames), "--out", str(out), "--video", "false"]
