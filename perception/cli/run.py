@@ -11,11 +11,12 @@ from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.documents import write_configuration
 from perception.cli.drive_results import drive_results
+from perception.cli.flags import require_positive
 from perception.cli.follow_on import Following, FollowOn, NobodyFollowed
 from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.run_pictures import NoPictures, Pictures, RunPictures
 from perception.cli.run_summary import RunSummary
-from perception.errors import PerceptionError, UsageError
+from perception.errors import PerceptionError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_chain import wanted_modalities
 from perception.render.composition import Composition
@@ -82,8 +83,7 @@ class RunPlan:
 
     def __post_init__(self) -> None:
         """Refuse a run of no frames."""
-        if self.frames is not None and self.frames < 1:
-            raise UsageError("--frames", expected="at least 1", found=str(self.frames))
+        require_positive("--frames", self.frames)
 
 
 def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:

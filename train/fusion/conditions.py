@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.calibration import Calibration
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.types import Float64, Modality
+from perception.types import Modality
 
 # What may be lost where two views stay; of one alone there is nothing to learn.
 LOSSES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
 _MOST_STRETCH, _SHIFT = 0.15, 0.45
-_EDGE = 1e-4  # scores are kept so far from 0 and 1, where logits end
 
 
 def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
@@ -29,11 +29,6 @@ def _doubted_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedSc
     modal = {}
     for name, found in scene.modal.items():
         stretch = 1 + _MOST_STRETCH * rng.uniform(-1, 1)
-        logits = stretch * _logits(found.scores) + _SHIFT * rng.standard_normal()
-        modal[name] = replace(found, scores=1 / (1 + np.exp(-logits)))
+        other = Calibration(stretch, stretch, _SHIFT * rng.standard_normal())
+        modal[name] = replace(found, scores=other.probabilities(found.scores))
     return replace(scene, modal=modal)
-
-
-def _logits(scores: Float64) -> Float64:
-    inside = np.clip(scores, _EDGE, 1 - _EDGE)
-    return np.log(inside / (1 - inside))

@@ -50,13 +50,7 @@ class MlpSquares:
         return ((says - self._targets) * self._roots).reshape(-1)
 
     def normal_equations(self, parameters: Float64) -> NormalEquations:
-        """Return the error with its derivatives, summed up over parts of the rows.
-
-        The Jacobian is never made: its rows are outer products of how the residuals go with a layer's
-        neurons and of what goes into the layer. So the curvature between two layers is one product of
-        all pairs of the former, summed over the outputs, with all pairs of the latter; within a layer,
-        of half of them.
-        """
+        """Return the error with its derivatives, summed up over parts of the rows, without the Jacobian."""
         sums = CurvatureSums([self._shapes[f"{name}.weight"] for name in self._layer_names()])
         weights, square = self._named(parameters), 0.0
         for start in range(0, len(self._inputs), _ROWS_AT_ONCE):

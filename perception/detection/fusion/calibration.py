@@ -74,9 +74,10 @@ class Calibrations:
 
     def of(self, looked: Collection[Modality]) -> Calibration:
         """Return the curve of a frame at which these views looked."""
-        if len(looked) > 1:
+        if len(looked) != 1:
             return self.joint
-        return self.alone.get(next(iter(looked), "rgb"), Calibration())
+        (only,) = looked
+        return self.alone.get(only, Calibration())
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:
