@@ -10,7 +10,9 @@ from perception.types import Float32, Float64
 
 _MIN_POINTS = 50  # of a filtered scan; fewer do not pin six degrees of freedom
 _MAX_ITERATIONS = 20
-_STEP_RAD, _STEP_M = 3e-4, 1e-3  # a smaller step ends the alignment: 3e-4 rad is 1 cm at 30 m
+# A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
+# third as small, poses stay as far from the truth, for another quarter of the time).
+_STEP_RAD, _STEP_M = 1e-3, 3e-3
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import CalibrationError, ImageError, PoseError, ScanError
-from perception.types.arrays import Bool, Float32, Float64, UInt8, require_shape
+from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,12 @@ class Frame:
         require_shape(f"{self.source} points_velo", self.points_velo, ("N", 4))
         if len(self.points_velo) == 0:
             raise ScanError(self.source, expected="at least one point", found="an empty scan")
-        finite: Bool = np.asarray(np.isfinite(self.points_velo).all(axis=1))
+        finite = np.isfinite(self.points_velo)
         if not finite.all():
             raise ScanError(
                 self.source,
                 expected="finite coordinates",
-                found=f"{int((~finite).sum())} of {len(finite)} points with NaN or infinity",
+                found=f"{int((~finite).any(axis=1).sum())} of {len(finite)} points with NaN or infinity",
                 advice="drop these points when you record the scan",
             )
         low, high = self.points_velo[:, 3].min(), self.points_velo[:, 3].max()

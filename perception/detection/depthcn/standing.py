@@ -87,7 +87,8 @@ def find_standing(
     feet_px = np.rint(project(image_P_velo, feet)[0][:, 1])
     with np.errstate(invalid="ignore"):
         pixels = np.rint(exact_px)
-        is_seen = (pixels >= 0).all(axis=1) & (pixels < size_px).all(axis=1)
+        u, v = pixels.T
+        is_seen = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     seen = np.flatnonzero(is_seen & (depths_m > _NEAREST_M))
     return Standing(
         rows=candidates[chosen.rows[seen]],

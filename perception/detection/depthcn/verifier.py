@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from importlib.abc import Traversable
 from typing import Self, get_args
 
+import cv2
 import numpy as np
 
 from perception.detection.depthcn.crops import crop_windows
@@ -84,9 +85,10 @@ class Verifier:
 
     def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""
-        channels = np.ascontiguousarray(picture[..., self._channels])
+        planes = cv2.split(picture)
+        wanted = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
         return {
-            "crops": crop_windows(channels, windows_px),
+            "crops": crop_windows(wanted.reshape(*picture.shape[:2], -1), windows_px),
             "windows_px": windows_px.astype(np.float32),
         }
 
