@@ -19,6 +19,22 @@ from perception.types import MODALITIES, Detections, Frame, Modality
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What the detectors make of one frame, None of those that did not look.
+
+    Attributes:
+        sight: of three views, fused.
+        depthcn: of DepthCN.
+    """
+
+    sight: MultimodalSight | None
+    depthcn: Detections | None
+
+
+NOTHING_SEEN = Seen(None, None)
+
+
+@dataclass(frozen=True)
 class DetectionChain:
     """The detectors that look at every frame with a camera.
 
@@ -35,12 +51,14 @@ class DetectionChain:
         """Tell whether there is no detector."""
         return self.multimodal is None and self.depthcn is None
 
-    def make_maps(self, frame: Frame, clock: StageClock) -> DenseMaps:
-        """Make the depth and the reflectance map that all of them look at."""
+    def look(self, frame: Frame, clock: StageClock) -> Seen:
+        """Let all of them look at a frame with a camera."""
+        # They are made once, for all to look at.
         with clock.stage("maps"):
-            return densify(project_frame(frame))
+            dense = densify(project_frame(frame))
+        return Seen(self._detect(frame, dense, clock), self._verify(frame, dense, clock))
 
-    def look(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> MultimodalSight | None:
+    def _detect(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> MultimodalSight | None:
         """Let the detectors of three views look, and fuse what they see."""
         if self.multimodal is None:
             return None
@@ -51,7 +69,7 @@ class DetectionChain:
             parts.extend(sight.spans)
         return sight
 
-    def verify(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
+    def _verify(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
         """Let DepthCN look."""
         if self.depthcn is None:
             return None

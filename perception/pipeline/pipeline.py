@@ -1,8 +1,8 @@
 """One frame through every stage, in real time and in bounded memory.
 
-    obstacles  | registration - ground - static and moving - moving objects -- DepthCN -.
-               |                                                           |            |
-    vehicles   | maps ------ three detectors, fused ------------------------ vehicles --+- Result
+    obstacles  | registration - ground - static and moving - moving objects -.
+               |                                                             |
+    vehicles   | maps - three detectors, fused - DepthCN -------------------- vehicles - Result
 
 Each line is a worker, which takes frame after frame; a stage waits for those that its input is from.
 """
@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterable
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
 from typing import Self
 
 from perception.datmo.detector import SegmentedScan
@@ -21,16 +20,15 @@ from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
 from perception.geometry.threads import keep_opencv_to_one_thread, one_blas_thread
-from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.detection_chain import open_detection
+from perception.pipeline.detection_chain import NOTHING_SEEN, Seen, open_detection
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.pipeline.stream import FramePolicy, ResultStream
-from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker, when_both
+from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Detections, Frame, Result
+from perception.types import Frame, Result
 
 log = logging.getLogger(__name__)
 
@@ -134,59 +132,53 @@ class Pipeline:
 
     def _begin(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         """Give a frame's stages to the workers, each after those that it waits for."""
-        above, below = self._obstacle_worker, self._vehicle_worker
-        over, under = StageClock(above.name, arrival_s), StageClock(below.name, arrival_s)
-        maps = below.submit(self._make_maps, frame, under)
-        followed = above.submit(self._obstacles.step, frame, over)
-        verified = above.submit(self._verify, frame, maps, over)
-        sight = below.submit(self._look, frame, maps, under)
-        seen = below.submit(self._follow_vehicles, followed, sight, under)
-        return when_both(seen, verified, partial(_join, over=over, under=under))
+        over = StageClock(self._obstacle_worker.name, arrival_s)
+        under = StageClock(self._vehicle_worker.name, arrival_s)
+        followed = self._obstacle_worker.submit(self._obstacles.step, frame, over)
+        return self._vehicle_worker.submit(self._find_vehicles, frame, followed, over, under)
 
-    def _make_maps(self, frame: Frame, clock: StageClock) -> DenseMaps | None:
+    def _find_vehicles(
+        self,
+        frame: Frame,
+        followed: "Future[tuple[Result, SegmentedScan]]",
+        over: StageClock,
+        under: StageClock,
+    ) -> Result:
+        """Look through the camera's eyes while obstacles are found; then join what both have seen."""
+        seen = self._look(frame, under)
+        result, scan = followed.result()
+        if scan.is_reset:
+            self._vehicles.end_all()
+        if seen.sight is not None:
+            result = self._add_vehicles(result, seen.sight, under)
+        return replace(
+            result,
+            depthcn=seen.depthcn,
+            timings_s=over.seconds | under.seconds,
+            spans=over.spans + under.spans,
+        )
+
+    def _look(self, frame: Frame, clock: StageClock) -> Seen:
         if self._detection.is_off:
-            return None
+            return NOTHING_SEEN
         try:
             camera_of(frame)
         except CalibrationError as error:
             self._tell_once("no vehicles are detected: %s", error)
-            return None
-        return self._detection.make_maps(frame, clock)
+            return NOTHING_SEEN
+        return self._detection.look(frame, clock)
 
-    def _verify(
-        self, frame: Frame, maps: "Future[DenseMaps | None]", clock: StageClock
-    ) -> Detections | None:
-        dense = maps.result()
-        return None if dense is None else self._detection.verify(frame, dense, clock)
-
-    def _look(
-        self, frame: Frame, maps: "Future[DenseMaps | None]", clock: StageClock
-    ) -> MultimodalSight | None:
-        dense = maps.result()
-        return None if dense is None else self._detection.look(frame, dense, clock)
-
-    def _follow_vehicles(
-        self,
-        followed: "Future[tuple[Result, SegmentedScan]]",
-        sight: "Future[MultimodalSight | None]",
-        clock: StageClock,
-    ) -> Result:
+    def _add_vehicles(self, result: Result, sight: MultimodalSight, clock: StageClock) -> Result:
         """Add the vehicles, which are seen by the detectors and move as the tracks do."""
-        result, scan = followed.result()
-        seen = sight.result()
-        if scan.is_reset:
-            self._vehicles.end_all()
-        if seen is None:
-            return result
         with clock.stage("vehicles"):
-            located = locate(seen.fused, result.frame, result.ground)
+            located = locate(sight.fused, result.frame, result.ground)
             moved = self._vehicles.update(
                 located, result.frame, result.world_SE3_velo, result.tracks
             )
         return replace(
             result,
-            modal=seen.modal,
-            map_pictures=seen.pictures,
+            modal=sight.modal,
+            map_pictures=sight.pictures,
             vehicles=moved.vehicles,
             tracks=moved.tracks,
         )
@@ -195,15 +187,3 @@ class Pipeline:
         if not self._has_told:
             log.warning(words, *facts)
         self._has_told = True
-
-
-def _join(
-    result: Result, depthcn: Detections | None, *, over: StageClock, under: StageClock
-) -> Result:
-    """Add what DepthCN saw, and when every stage of the frame ran."""
-    return replace(
-        result,
-        depthcn=depthcn,
-        timings_s=over.seconds | under.seconds,
-        spans=over.spans + under.spans,
-    )

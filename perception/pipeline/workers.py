@@ -8,8 +8,6 @@ from perception.geometry.threads import one_blas_thread
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
-One = TypeVar("One")
-Other = TypeVar("Other")
 
 
 class Worker(Protocol):
@@ -60,31 +58,14 @@ class CallerWorker:
     ) -> "Future[Made]":
         """Do the task; return what came of it."""
         future: Future[Made] = Future()
-        _settle(future, lambda: _with_one_blas_thread(task, *args, **kwargs))
+        try:
+            future.set_result(_with_one_blas_thread(task, *args, **kwargs))
+        except Exception as error:  # whatever it is, it is for the one who asks for the result
+            future.set_exception(error)
         return future
 
     def close(self) -> None:
         """There is nothing to end."""
-
-
-def when_both(
-    one: "Future[One]", other: "Future[Other]", make: Callable[[One, Other], Made]
-) -> "Future[Made]":
-    """Make something small of what two workers did, by the later of them: no worker waits for it."""
-    made: Future[Made] = Future()
-
-    def settle(_: "Future[Other]") -> None:
-        _settle(made, lambda: make(one.result(), other.result()))
-
-    one.add_done_callback(lambda _: other.add_done_callback(settle))
-    return made
-
-
-def _settle(future: "Future[Made]", task: Callable[[], Made]) -> None:
-    try:
-        future.set_result(task())
-    except Exception as error:  # whatever it is, it is for the one who asks for the result
-        future.set_exception(error)
 
 
 def _with_one_blas_thread(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task

@@ -14,8 +14,8 @@ from perception.detection.detectors.modalities import picture_of
 from perception.errors import ModelError, PoseError, UsageError
 from perception.maps.densify import densify
 from perception.pipeline import Pipeline, PipelineConfig, detection_chain
-from perception.pipeline import pipeline as pipeline_module
 from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import MODALITIES
 
 STAGES = {
@@ -65,7 +65,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
-        *("maps", "fusion", "vehicles")
+        *("maps", "fusion", "DepthCN", "vehicles")
     ]
     workers = {span.worker for span in result.spans}
     assert {"obstacles", "vehicles"} < workers
@@ -75,27 +75,27 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
         assert edges == sorted(edges)
         assert edges[0] >= 0
     assert result.latency_s == max(span.stop_s for span in result.spans)
-    # DepthCN looks at maps that the other worker made.
     times = {span.stage: span for span in result.spans}
-    assert times["DepthCN"].start_s >= times["maps"].stop_s
+    assert times["vehicles"].start_s >= times["moving objects"].stop_s
     for modality in MODALITIES:
         assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
 
 
-def test_vehicles_do_not_wait_for_depthcn(street_frames, everything, monkeypatch):
-    are_located, waited = threading.Event(), []
-    examine, find = DepthCn.examine, pipeline_module.locate
+def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
+    has_looked, waited = threading.Event(), []
+    examine, follow = DepthCn.examine, ObstacleChain.step
 
-    def examine_late(*given):
-        waited.append(are_located.wait(timeout=20))
-        return examine(*given)
+    def examine_and_tell(*given):
+        verified = examine(*given)
+        has_looked.set()
+        return verified
 
-    def locate(*given):
-        are_located.set()
-        return find(*given)
+    def follow_late(*given):
+        waited.append(has_looked.wait(timeout=20))
+        return follow(*given)
 
-    monkeypatch.setattr(DepthCn, "examine", examine_late)
-    monkeypatch.setattr(pipeline_module, "locate", locate)
+    monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
+    monkeypatch.setattr(ObstacleChain, "step", follow_late)
     with Pipeline(config=everything) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]
