@@ -12,7 +12,8 @@ from perception.datmo.elevation import LevelPlane, elevation_grid
 from perception.datmo.grid_rules import THESIS
 from perception.datmo.short_term_map import ShortTermMap
 from perception.datmo.stage import DatmoMethod, datmo_stage
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Float32
 
 _METHODS: dict[str, DatmoMethod] = {
@@ -24,11 +25,12 @@ _METHODS: dict[str, DatmoMethod] = {
 
 def compare_moving_objects(prepared: Prepared) -> Comparison:
     """Detection and tracking by every method, on the same segmented scans."""
-    pipeline = Pipeline(prepared.drive.sensor, PipelineConfig.for_motion("none"))
-    scans = [pipeline.segment(frame)[1] for frame in prepared.frames]
+    config = PipelineConfig.for_motion("none")
+    chain = ObstacleChain(prepared.drive.sensor, config)
+    scans = [chain.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:
-        stage = datmo_stage(method, prepared.drive.sensor, pipeline.config.area)
+        stage = datmo_stage(method, prepared.drive.sensor, config.area)
         return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]

@@ -22,7 +22,8 @@ from perception.cli.results_folder import new_results_folder
 from perception.evaluation.single_object.track import TrueTrack
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import one_blas_thread
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.render.follow_composition import FollowComposition
 from perception.render.follow_scene import FollowScene, FollowTrail
@@ -117,7 +118,7 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
     summary = FollowSummary(drive.name, plan.tracker, start, out)
     last = frame_count(drive, None if plan.frames is None else start.frame + plan.frames)
     pictures = _Pictures(start, last - start.frame)
-    pipeline = Pipeline(drive.sensor, plan.pipeline)
+    chain = ObstacleChain(drive.sensor, plan.pipeline)
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
     shown = bar(frames, drive.name, last - start.frame)
     with ExitStack() as files:
@@ -137,7 +138,7 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         try:
             for frame in shown:
-                result, _ = pipeline.segment(frame)
+                result, _ = chain.segment(frame)
                 moment = moment_of(result, plan.pipeline.body)
                 answer = follower.see(moment)
                 if not summary.frames:

@@ -25,8 +25,8 @@ class PipelineConfig:
         body: the vehicle's own outline; its returns are left out of every stage.
         registration: how scans are registered.
         seed: of the thesis' RANSAC.
-        overlap: whether stages that do not wait for each other run side by side, on two workers; what
-            they find is the same.
+        overlap: whether stages that do not wait for each other run side by side, on two workers and in
+            two processes; what they find is the same.
     """
 
     method: Method = "default"

@@ -1,6 +1,6 @@
 """What needs the scans alone, one after another: registration, ground, static and moving, moving objects."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -10,6 +10,7 @@ from perception.datmo.stage import datmo_stage
 from perception.geometry.grids import LocalArea
 from perception.geometry.mounting import check_mounting
 from perception.geometry.registration import Localizer, PoseOrigin
+from perception.geometry.threads import one_blas_thread
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PlaneGround
 from perception.obstacles.ground_surface import SurfaceGround
@@ -17,7 +18,17 @@ from perception.obstacles.motion import motion_segmenter
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
 from perception.sensor import LidarModel
-from perception.types import Float32, Frame, GroundModel, Method, PointState, Result
+from perception.types import (
+    Float32,
+    Float64,
+    Frame,
+    GroundModel,
+    Method,
+    Obstacles,
+    PointState,
+    Result,
+    Tracks,
+)
 
 
 class GroundEstimator(Protocol):
@@ -26,6 +37,29 @@ class GroundEstimator(Protocol):
     def update(self, window: ScanWindow) -> GroundModel:
         """Return the ground in the newest scan's frame; a window of one scan begins anew."""
         ...
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What the scans tell at one moment.
+
+    Attributes:
+        world_SE3_velo: (4, 4) pose after registration.
+        ground: the ground surface in the LiDAR frame.
+        obstacles: static and moving.
+        tracks: what moves, as objects with an identity.
+        is_reset: whether scans before this one no longer fit to it.
+    """
+
+    world_SE3_velo: Float64
+    ground: GroundModel
+    obstacles: Obstacles
+    tracks: Tracks
+    is_reset: bool
+
+    def result(self, frame: Frame) -> Result:
+        """Return it as what is known of the frame."""
+        return Result(frame, self.world_SE3_velo, self.ground, self.obstacles, self.tracks)
 
 
 class ObstacleChain:
@@ -44,25 +78,42 @@ class ObstacleChain:
         self._motion = motion_segmenter(self._sensor, config.area, config.method)
         self._datmo = datmo_stage(config.datmo, self._sensor, config.area)
 
-    def step(self, frame: Frame, clock: StageClock) -> tuple[Result, SegmentedScan]:
+    def close(self) -> None:
+        """There is nothing to end."""
+
+    def step(self, frame: Frame, clock: StageClock) -> Surroundings:
         """Say where the ground of this frame is, what stands on it, what moves, and where to.
 
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
-        result, scan = self.segment(frame, clock)
-        if self._datmo is None:
-            return result, scan
-        with clock.stage("moving objects"):
-            tracks = self._datmo.update(scan)
-        return replace(result, tracks=tracks), scan
+        obstacles, scan = self._segment(frame, clock)
+        tracks = Tracks.empty()
+        if self._datmo is not None:
+            with clock.stage("moving objects"):
+                tracks = self._datmo.update(scan)
+        return Surroundings(scan.world_SE3_velo, scan.ground, obstacles, tracks, scan.is_reset)
 
-    def segment(self, frame: Frame, clock: StageClock) -> tuple[Result, SegmentedScan]:
-        """Do all that comes before moving objects.
+    def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
+        """Do all that comes before moving objects: for whoever compares ways to find and follow them.
 
         Raises:
             PerceptionError: as for `step`.
         """
+        clock = StageClock()
+        with one_blas_thread():
+            obstacles, scan = self._segment(frame, clock)
+        result = Result(
+            frame,
+            scan.world_SE3_velo,
+            scan.ground,
+            obstacles,
+            timings_s=clock.seconds,
+            spans=clock.spans,
+        )
+        return result, scan
+
+    def _segment(self, frame: Frame, clock: StageClock) -> tuple[Obstacles, SegmentedScan]:
         if not len(self._window):
             check_mounting(frame.points_velo, self._sensor, frame.source)
         with clock.stage("registration"):
@@ -86,8 +137,7 @@ class ObstacleChain:
         )
         point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
         point_states[around] = obstacles.point_states
-        obstacles = replace(obstacles, point_states=point_states)
-        return Result(frame, pose, ground, obstacles), scan
+        return replace(obstacles, point_states=point_states), scan
 
     def _localize(self, frame: Frame, points_velo: Float32) -> tuple[ScanWindow, bool]:
         """Put the frame's scan into the window, with its pose; tell whether poses begin anew."""

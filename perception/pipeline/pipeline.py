@@ -4,7 +4,8 @@
                |                                                             |
     vehicles   | maps - three detectors, fused - DepthCN -------------------- vehicles - Result
 
-Each line is a worker, which takes frame after frame; a stage waits for those that its input is from.
+Each line is a worker, which takes frame after frame; a stage waits for those that its input is from. Where
+both have something to do, that of the obstacles has a process of its own.
 """
 
 import logging
@@ -14,17 +15,17 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import Self
 
-from perception.datmo.detector import SegmentedScan
 from perception.detection.detectors.multimodal import MultimodalSight
 from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
-from perception.geometry.threads import keep_opencv_to_one_thread, one_blas_thread
+from perception.geometry.threads import keep_opencv_to_one_thread
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.detection_chain import NOTHING_SEEN, Seen, open_detection
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.obstacle_chain import ObstacleChain, Surroundings
+from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
@@ -39,7 +40,7 @@ _IN_WORK = 2
 class Pipeline:
     """Follows one drive, a frame at a time: `step` for a robot, `stream` for files and for live use.
 
-    A context manager, which ends its workers.
+    A context manager, which ends its workers and their process.
     """
 
     def __init__(self, sensor: LidarModel = HDL_64E, config: PipelineConfig | None = None) -> None:
@@ -51,11 +52,14 @@ class Pipeline:
 
         Raises:
             ModelError: a network is missing, or is not what it is wanted for.
+            PerceptionError: no process can be started.
         """
         self.sensor = sensor
         self.config = config or PipelineConfig()
-        self._obstacles = ObstacleChain(sensor, self.config)
         self._detection = open_detection(self.config.detection, sensor)
+        # Where nothing works beside them, obstacles need no process of their own.
+        is_beside = self.config.overlap and not self._detection.is_off
+        self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
         self._forget_vehicles()
         if self.config.overlap:
             keep_opencv_to_one_thread()
@@ -71,9 +75,10 @@ class Pipeline:
         self.close()
 
     def close(self) -> None:
-        """End the workers; no frame can be given any more."""
+        """End the workers and their process; no frame can be given any more."""
         self._obstacle_worker.close()
         self._vehicle_worker.close()
+        self._obstacles.close()
 
     def reset(self) -> None:
         """Forget the drive so far, as between frames that do not follow each other."""
@@ -108,17 +113,6 @@ class Pipeline:
         begin = self._begin if is_sequence else self._begin_anew
         return ResultStream(frames, begin, policy, _IN_WORK)
 
-    def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
-        """Do all that comes before moving objects: for whoever compares ways to find and follow them.
-
-        Raises:
-            PerceptionError: as for `step`.
-        """
-        clock = StageClock()
-        with one_blas_thread():
-            result, scan = self._obstacles.segment(frame, clock)
-        return replace(result, timings_s=clock.seconds, spans=clock.spans), scan
-
     def _begin_anew(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         self._forget()
         return self._begin(frame, arrival_s)
@@ -134,21 +128,22 @@ class Pipeline:
         """Give a frame's stages to the workers, each after those that it waits for."""
         over = StageClock(self._obstacle_worker.name, arrival_s)
         under = StageClock(self._vehicle_worker.name, arrival_s)
-        followed = self._obstacle_worker.submit(self._obstacles.step, frame, over)
-        return self._vehicle_worker.submit(self._find_vehicles, frame, followed, over, under)
+        around = self._obstacle_worker.submit(self._obstacles.step, frame, over)
+        return self._vehicle_worker.submit(self._find_vehicles, frame, around, over, under)
 
     def _find_vehicles(
         self,
         frame: Frame,
-        followed: "Future[tuple[Result, SegmentedScan]]",
+        around: "Future[Surroundings]",
         over: StageClock,
         under: StageClock,
     ) -> Result:
         """Look through the camera's eyes while obstacles are found; then join what both have seen."""
         seen = self._look(frame, under)
-        result, scan = followed.result()
-        if scan.is_reset:
+        surroundings = around.result()
+        if surroundings.is_reset:
             self._vehicles.end_all()
+        result = surroundings.result(frame)
         if seen.sight is not None:
             result = self._add_vehicles(result, seen.sight, under)
         return replace(

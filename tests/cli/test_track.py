@@ -20,7 +20,8 @@ from perception.cli.follow_summary import FollowSummary, way_length_m
 from perception.cli.main import main
 from perception.cli.track import FollowPlan, follow_drive
 from perception.errors import PerceptionError, UsageError
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.tracking.single_object.tracker import FollowedObject, FollowState
 from perception.types import Boxes3D
 
@@ -254,7 +255,7 @@ def test_who_stands_and_trembles_goes_nowhere():
 
 def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
-    result, _ = Pipeline(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
+    result, _ = ObstacleChain(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     followed = FollowedObject(FollowState.SEEN, box, np.zeros(2), None)
     rows = FollowedRows(tmp_path / "rows.txt", None, 0, None)

@@ -11,6 +11,7 @@ from perception.datmo.stage import DatmoMethod, datmo_stage
 from perception.errors import PoseError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Frame, Tracks
 
 FRAMES = 24
@@ -29,8 +30,8 @@ def frames(drive: SyntheticDrive) -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
-    pipeline = Pipeline(drive.sensor, PipelineConfig.for_motion("none"))
-    return [pipeline.segment(frame)[1] for frame in frames]
+    chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion("none"))
+    return [chain.segment(frame)[1] for frame in frames]
 
 
 def follow(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:

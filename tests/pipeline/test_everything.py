@@ -15,7 +15,7 @@ from perception.errors import ModelError, PoseError, UsageError
 from perception.maps.densify import densify
 from perception.pipeline import Pipeline, PipelineConfig, detection_chain
 from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.types import MODALITIES
 
 STAGES = {
@@ -83,7 +83,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
     has_looked, waited = threading.Event(), []
-    examine, follow = DepthCn.examine, ObstacleChain.step
+    examine, follow = DepthCn.examine, ObstacleProcess.step
 
     def examine_and_tell(*given):
         verified = examine(*given)
@@ -95,7 +95,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypa
         return follow(*given)
 
     monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
-    monkeypatch.setattr(ObstacleChain, "step", follow_late)
+    monkeypatch.setattr(ObstacleProcess, "step", follow_late)
     with Pipeline(config=everything) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]

@@ -93,8 +93,10 @@ class ThesisVerifier(VehicleVerifier):
 class Verifier(VehicleVerifier):
     """The default: light, with batch norm, and says where in the window the vehicle's box is."""
 
-    # (filters, stride) of the 3 x 3 convolutions, and the units of the full layer.
-    _LAYERS = ((16, 2), (32, 2), (32, 1), (64, 2), (64, 1), (96, 2))
+    # (filters, stride) of the 3 x 3 convolutions, and the units of the full layer. Where filters are many,
+    # convolutions split into places and channels: a third of the time.
+    _WHOLE = ((16, 2), (32, 2))
+    _SEPARABLE = ((48, 1), (64, 2), (96, 1), (128, 2))
     _UNITS = 64
     # Where the box of a car is before anything is learned: the middle of the window's lower half.
     _FIRST_BOX = (0.3, 0.45, 0.7, 0.85)
@@ -103,8 +105,14 @@ class Verifier(VehicleVerifier):
         super().__init__()
         self.around = AroundCandidate()
         blocks, before = [], len(CHANNELS)
-        for filters, stride in self._LAYERS:
+        for filters, stride in self._WHOLE:
             blocks.append(_block(before, filters, stride))
+            before = filters
+        for filters, stride in self._SEPARABLE:
+            blocks += [
+                _block(before, before, stride, groups=before),
+                _block(before, filters, size=1),
+            ]
             before = filters
         self.features = nn.Sequential(*blocks, nn.Flatten())
         self.full = nn.Sequential(
@@ -156,9 +164,11 @@ class AroundCandidate(nn.Module):
         return (pictures * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
 
 
-def _block(before: int, filters: int, stride: int) -> nn.Sequential:
+def _block(
+    before: int, filters: int, stride: int = 1, size: int = 3, groups: int = 1
+) -> nn.Sequential:
     return nn.Sequential(
-        nn.Conv2d(before, filters, 3, stride, padding=1, bias=False),
+        nn.Conv2d(before, filters, size, stride, size // 2, groups=groups, bias=False),
         nn.BatchNorm2d(filters),
         nn.ReLU(),
     )

@@ -10,7 +10,8 @@ from perception.cli.progress import bar
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
 from perception.geometry.threads import one_blas_thread
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Tracks
 
 
@@ -34,12 +35,12 @@ def datmo_steps(
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    pipeline = Pipeline(drive.sensor, config)
+    chain = ObstacleChain(drive.sensor, config)
     stages = {method: datmo_stage(method, drive.sensor, config.area) for method in methods}
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
     for frame in bar(frames, drive.name, count):
-        _, scan = pipeline.segment(frame)
+        _, scan = chain.segment(frame)
         tracks: dict[str, Tracks] = {}
         seconds: dict[str, float] = {}
         for method, stage in stages.items():

@@ -11,7 +11,8 @@ from perception.cli.progress import bar
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
 from perception.geometry.threads import one_blas_thread
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.sensor import LidarModel
 from perception.tracking.single_object.hand_over import moment_of
 from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
@@ -74,13 +75,14 @@ def follow_objects(
     followers = [
         {name: _Follower(make(name, drive.sensor), one) for name in trackers} for one in objects
     ]
-    pipeline = Pipeline(drive.sensor, pipeline_config())
+    config = pipeline_config()
+    chain = ObstacleChain(drive.sensor, config)
     limit = max((one.sequence.last_frame + 1 for one in objects), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
     for frame in bar(frames, drive.name, count):
-        result, _ = pipeline.segment(frame)
-        moment = moment_of(result, pipeline.config.body)
+        result, _ = chain.segment(frame)
+        moment = moment_of(result, config.body)
         with one_blas_thread():
             for by_name in followers:
                 for follower in by_name.values():

@@ -13,7 +13,8 @@ from perception.datmo.grid_detector import GridDetector, MotionGrids
 from perception.datmo.grid_rules import AUTHOR, THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
-from perception.pipeline import Pipeline, PipelineConfig
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.grid_plots import CameraView, MotionGridScene, plot_motion_grids
 from perception.types import Boxes3D, Frame
 
@@ -41,13 +42,11 @@ def study_motion_grid(
     """
     rules = _RULES[preset]
     newest = _existing(drive, frame)
-    detector, pipeline = (
-        GridDetector(drive.sensor, rules),
-        Pipeline(drive.sensor, PipelineConfig.for_motion()),
-    )
+    detector = GridDetector(drive.sensor, rules)
+    chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion())
     first = max(newest - rules.background.scans, 0)
     for seen in progress(drive[index] for index in range(first, newest + 1)):
-        _, scan = pipeline.segment(seen)
+        _, scan = chain.segment(seen)
         found = detector.detect(scan)
     grids = detector.grids
     boxes = boxes_along_axes(found.moving)

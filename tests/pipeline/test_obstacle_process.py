@@ -1,0 +1,99 @@
+"""The obstacle chain beside this process: same answers, its errors here, and nothing left behind."""
+
+import os
+import signal
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.errors import PerceptionError, PoseError
+from perception.pipeline import PipelineConfig, StageClock
+from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.obstacle_process import ObstacleProcess
+from perception.sensor import HDL_64E
+
+CONFIG = PipelineConfig.for_motion()
+STAGES = ["registration", "ground", "static and moving", "moving objects"]
+
+
+@pytest.fixture(scope="module")
+def process():
+    with closing(ObstacleProcess(HDL_64E, CONFIG)) as process:
+        yield process
+
+
+@pytest.fixture
+def fresh(process):
+    process.reset()
+    return process
+
+
+def jumped(frame):
+    pose = frame.world_SE3_velo.copy()
+    pose[0, 3] += 30.0
+    return replace(frame, world_SE3_velo=pose)
+
+
+def test_answers_as_the_chain_does(street_frames, fresh):
+    chain = ObstacleChain(HDL_64E, CONFIG)
+    for frame in street_frames:
+        here, there = chain.step(frame, StageClock()), fresh.step(frame, StageClock())
+        np.testing.assert_array_equal(there.world_SE3_velo, here.world_SE3_velo)
+        np.testing.assert_array_equal(there.obstacles.point_states, here.obstacles.point_states)
+        np.testing.assert_array_equal(there.tracks.ids, here.tracks.ids)
+        assert there.is_reset == here.is_reset
+        places = frame.points_velo[::500]
+        np.testing.assert_array_equal(
+            there.ground.distance_m(places), here.ground.distance_m(places)
+        )
+    assert there.result(frame).frame is frame
+
+
+def test_stages_are_timed_by_the_clock_that_is_given(street_frames, fresh):
+    clock = StageClock("obstacles")
+    fresh.step(street_frames[0], clock)
+    assert [span.stage for span in clock.spans] == STAGES
+    assert {span.worker for span in clock.spans} == {"obstacles"}
+    edges = [edge for span in clock.spans for edge in (span.start_s, span.stop_s)]
+    assert edges[0] >= 0
+    assert edges == sorted(edges)
+
+
+def test_an_error_comes_here_and_the_process_goes_on(street_frames, fresh):
+    fresh.step(street_frames[0], StageClock())
+    with pytest.raises(PoseError, match="jump of"):
+        fresh.step(jumped(street_frames[1]), StageClock())
+    assert not fresh.step(street_frames[1], StageClock()).is_reset
+    fresh.reset()
+    assert fresh.step(jumped(street_frames[1]), StageClock()).is_reset
+
+
+def test_an_interrupt_is_left_to_the_one_that_started_it(street_frames, fresh):
+    os.kill(fresh.process_id, signal.SIGINT)
+    assert fresh.step(street_frames[0], StageClock()).is_reset
+
+
+def test_one_that_has_ended_is_said_to_have(street_frames):
+    process = ObstacleProcess(HDL_64E, CONFIG)
+    process.reset()
+    os.kill(process.process_id, signal.SIGKILL)
+    with pytest.raises(PerceptionError, match="ended with exit code -9; look for its message"):
+        process.step(street_frames[0], StageClock())
+    process.close()
+
+
+def test_closing_ends_it_and_leaves_nothing(street_frames):
+    process = ObstacleProcess(HDL_64E, CONFIG)
+    process.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(process.process_id, 0)
+    with pytest.raises(PerceptionError, match="runs until the pipeline is closed"):
+        process.step(street_frames[0], StageClock())
+
+
+def test_without_a_python_to_start_it_says_what_to_do(monkeypatch, tmp_path):
+    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
+    with pytest.raises(PerceptionError, match="set overlap to false"):
+        ObstacleProcess(HDL_64E, CONFIG)
