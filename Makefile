@@ -40,7 +40,7 @@ weights: $(VENV)/.installed-dev
 	done
 	$(BIN)/trifuse train fusion $(SYNTH)/fusion --out results/weights/fusion
 	cp results/weights/fusion/fusion.onnx $(SHIPPED)/fusion_default.onnx
-	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 3 --out results/weights/depthcn
+	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
 	$(BIN)/trifuse evaluate fusion $(SYNTH)/test

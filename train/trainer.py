@@ -52,7 +52,7 @@ class TrainerPlan:
     nodes: int = 1
     precision: Precision = "32-true"
     seed: int = 0
-    watched: str = "validation/accuracy"
+    watched: str = "validation/balanced"
     patience: int | None = None
     is_trial: bool = False
 

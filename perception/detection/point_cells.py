@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from perception.errors import UsageError
+from perception.geometry.sorting import sorted_keys
 from perception.types import Bool, Float, Float64, Int
 
 # A cell is this much smaller than its diagonal allows: more than rounding can move a point.
@@ -138,17 +139,6 @@ def spread(starts: Int, counts: Int) -> tuple[Int, Int]:
     owner = np.arange(len(counts)).repeat(counts)
     before = counts.cumsum() - counts
     return owner, np.arange(len(owner)) + (starts - before)[owner]
-
-
-def sorted_keys(keys: Int) -> tuple[Int, Int]:
-    """Return (N,) keys in order, and where each stood."""
-    bits = len(keys).bit_length()
-    if int(keys.max()).bit_length() + bits > 62:
-        order = np.argsort(keys, kind="stable")
-        return keys[order], order
-    # Numbers sort several times faster than their indices: let the index be the last digits.
-    packed = np.sort((keys << bits) | np.arange(len(keys)))
-    return packed >> bits, packed & ((1 << bits) - 1)
 
 
 def _find(keys: Int, wanted: Int) -> Int:

@@ -170,7 +170,8 @@ class HeightSurface:
         # Truncation instead of the floor: what it takes for cell 0 beyond the edge is clipped to it.
         i = np.clip(u.astype(np.int32), 0, grid.nodes_x - 2)
         j = np.clip(v.astype(np.int32), 0, grid.nodes_y - 2)
-        a, b, c, d, normal_z = self._cells.astype(dtype)[:, i * (grid.nodes_y - 1) + j]
+        cells = i * (grid.nodes_y - 1) + j
+        a, b, c, d, normal_z = self._cells.astype(dtype).take(cells, axis=1)
         u, v = u - i.astype(dtype), v - j.astype(dtype)
         return np.asarray((points_velo[:, 2] - (a + b * u + (c + d * u) * v)) * normal_z)
 

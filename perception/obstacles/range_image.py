@@ -140,7 +140,7 @@ class RangeImage:
         at = self._raster.pixels(points_velo)
         margin = np.float32(margin_m)
         pixel = (at.rows + 1) * self._framed.shape[1] + at.columns + 1
-        beam = self._framed.ravel()[pixel]
+        beam = self._framed.ravel().take(pixel)
         states = np.where(beam < at.ranges_m - margin, np.uint8(Sight.HIDDEN), np.uint8(0))
         states[self._is_passed(at, margin)] = Sight.FREE
         states[self._ends_near(pixel, at.ranges_m, margin)] = Sight.HIT
@@ -156,7 +156,8 @@ class RangeImage:
     def _is_passed(self, at: Pixels, margin_m: np.float32) -> Bool:
         """Tell where every beam of the block around met something farther."""
         pixel = at.rows * self._raster.columns + at.columns
-        around = self._nearest[self._raster.levels(at.ranges_m), pixel]
+        level = self._raster.levels(at.ranges_m)
+        around = self._nearest.ravel().take(level * self._nearest.shape[1] + pixel)
         return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
 
     def _ends_near(self, pixel: Int, ranges_m: Float32, margin_m: np.float32) -> Bool:
@@ -164,7 +165,7 @@ class RangeImage:
         beams, width = self._framed.ravel(), self._framed.shape[1]
         is_hit = np.zeros(len(pixel), bool)
         for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
-            is_hit |= np.abs(beams[pixel + step] - ranges_m) < margin_m
+            is_hit |= np.abs(beams.take(pixel + step) - ranges_m) < margin_m
         return is_hit
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.errors import UsageError
+from perception.geometry.sorting import sorted_keys
 from perception.types import Bool, Float, Float64, Voxels
 
 Keys = NDArray[np.signedinteger[Any]]
@@ -124,7 +125,7 @@ class KeyGroups:
 
     Attributes:
         counted: the K different keys.
-        first: (K,) index of one of the N for each; the same one each time.
+        first: (K,) index of the first of the N for each.
         group_of: (N,) to which of the K each belongs.
     """
 
@@ -135,8 +136,8 @@ class KeyGroups:
 
 def group_keys(keys: Keys) -> KeyGroups:
     """Group equal keys, and keep the way back from each key to its group."""
-    order: Keys = np.argsort(keys)
-    counted = _count_ordered(keys[order])
+    ordered, order = sorted_keys(keys)
+    counted = _count_ordered(ordered)
     starts = np.cumsum(counted.counts) - counted.counts
     group_of = np.empty(len(keys), np.int64)
     group_of[order] = np.repeat(np.arange(len(counted.keys)), counted.counts)

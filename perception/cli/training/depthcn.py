@@ -36,8 +36,8 @@ def depthcn(  # noqa: PLR0913 - flags of a command
 ) -> None:
     """Train the network that verifies proposals; follow it with: tensorboard --logdir OUT.
 
-    It leaves best.ckpt (of the best accuracy on the validation set), last.ckpt to go on from, config.yaml
-    and figures.json. Write the best one as a model file with: trifuse export OUT/best.ckpt --out depthcn.onnx
+    It leaves best.ckpt (of the best accuracy on the validation set, vehicles and others counting alike),
+    last.ckpt to go on from, config.yaml and figures.json. Write the best one as a model file with: trifuse export OUT/best.ckpt --out depthcn.onnx
 
     Example: trifuse train depthcn synth/train --validation synth/val --out results/depthcn
 

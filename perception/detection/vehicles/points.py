@@ -12,13 +12,14 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import connected_parts
-from perception.detection.point_cells import sorted_keys, spread
+from perception.detection.point_cells import spread
 from perception.detection.vehicles.points_in_boxes import (
     PointRules,
     PointsInBoxes,
     beyond_borders,
     find_points_in_boxes,
 )
+from perception.geometry.sorting import sorted_keys
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
 
 
