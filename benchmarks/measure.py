@@ -4,6 +4,7 @@ import resource
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,10 +91,15 @@ def timing_table(title: str, timings: Sequence[Timing], **columns: Mapping[str, 
 
 
 def resident_mib() -> float:
-    """Return the memory that this process holds now, in MiB (Linux; elsewhere its peak)."""
+    """Return the memory that this process and those that it started hold now, in MiB.
+
+    What they share counts for each of them. Elsewhere than on Linux: the peak of this process alone.
+    """
     try:
-        with open("/proc/self/statm") as statm:  # noqa: PTH123
-            pages = int(statm.read().split()[1])
+        here = Path("/proc/self")
+        started = " ".join(file.read_text() for file in here.glob("task/*/children")).split()
+        statms = [process / "statm" for process in (here, *(Path("/proc", pid) for pid in started))]
+        pages = sum(int(statm.read_text().split()[1]) for statm in statms)
         return pages * resource.getpagesize() / 2**20
     except OSError:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10

@@ -46,11 +46,6 @@ class DetectionChain:
     multimodal: MultimodalDetector | None
     depthcn: DepthCn | None
 
-    @property
-    def is_off(self) -> bool:
-        """Tell whether there is no detector."""
-        return self.multimodal is None and self.depthcn is None
-
     def look(self, frame: Frame, clock: StageClock) -> Seen:
         """Let all of them look at a frame with a camera."""
         # They are made once, for all to look at.
@@ -93,6 +88,11 @@ def open_detection(choice: DetectionChoice, sensor: LidarModel) -> DetectionChai
         multimodal=MultimodalDetector(detectors, _open_fusion(choice)) if detectors else None,
         depthcn=DepthCn(choice.depthcn_model or "default", sensor) if choice.depthcn else None,
     )
+
+
+def is_any_wanted(choice: DetectionChoice) -> bool:
+    """Tell whether a choice asks for any detector."""
+    return choice.depthcn or len(wanted_modalities(choice)) > 0
 
 
 def wanted_modalities(choice: DetectionChoice) -> tuple[Modality, ...]:

@@ -23,7 +23,7 @@ from perception.geometry.threads import keep_opencv_to_one_thread
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.detection_chain import NOTHING_SEEN, Seen, open_detection
+from perception.pipeline.detection_chain import NOTHING_SEEN, Seen, is_any_wanted, open_detection
 from perception.pipeline.obstacle_chain import ObstacleChain, Surroundings
 from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.pipeline.stream import FramePolicy, ResultStream
@@ -44,7 +44,7 @@ class Pipeline:
     """
 
     def __init__(self, sensor: LidarModel = HDL_64E, config: PipelineConfig | None = None) -> None:
-        """Open the networks.
+        """Open the networks, and begin the other process; both are ready for the first frame then.
 
         Args:
             sensor: whose scans will come.
@@ -56,10 +56,12 @@ class Pipeline:
         """
         self.sensor = sensor
         self.config = config or PipelineConfig()
-        self._detection = open_detection(self.config.detection, sensor)
+        self._detects = is_any_wanted(self.config.detection)
         # Where nothing works beside them, obstacles need no process of their own.
-        is_beside = self.config.overlap and not self._detection.is_off
+        is_beside = self.config.overlap and self._detects
         self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
+        self._detection = open_detection(self.config.detection, sensor)
+        self._obstacles.reset()  # a process answers when it is ready for the first frame
         self._forget_vehicles()
         if self.config.overlap:
             keep_opencv_to_one_thread()
@@ -154,7 +156,7 @@ class Pipeline:
         )
 
     def _look(self, frame: Frame, clock: StageClock) -> Seen:
-        if self._detection.is_off:
+        if not self._detects:
             return NOTHING_SEEN
         try:
             camera_of(frame)
