@@ -34,13 +34,21 @@ def seen_objects(
         size: of the input, at whose edges boxes end.
         least_score: what is less sure is left out.
     """
+    places, classes = np.nonzero(scores >= max(least_score, _least_of_best(scores)))
     limits = np.tile([size.width_px, size.height_px], 2)
-    boxes_px = np.clip(np.asarray(boxes_px, np.float64), 0, limits)
-    has_area = np.all(boxes_px[:, 2:] > boxes_px[:, :2], axis=1)
-    places, classes = np.nonzero((scores >= least_score) & has_area[:, None])
-    sureness = np.asarray(scores[places, classes], np.float64)
-    best = np.argsort(-sureness, kind="stable")[:_MOST_ANSWERS]
+    within_px = np.clip(boxes_px[places].astype(np.float64), 0, limits)
+    x1, y1, x2, y2 = within_px.T
+    rows = np.flatnonzero((x2 > x1) & (y2 > y1))
+    sureness = scores[places, classes].astype(np.float64)
+    best = rows[np.argsort(-sureness[rows], kind="stable")[:_MOST_ANSWERS]]
     found = Detections(
-        boxes_px[places[best]], sureness[best], np.array(class_names, np.str_)[classes[best]]
+        within_px[best], sureness[best], np.array(class_names, np.str_)[classes[best]]
     )
     return found[suppress(found, MOST_IOU)[:MOST_OBJECTS]]
+
+
+def _least_of_best(scores: Float) -> float:
+    """Return a score that no more than the best answers are above."""
+    if scores.size <= _MOST_ANSWERS:
+        return 0.0
+    return float(np.partition(scores, -_MOST_ANSWERS, axis=None)[-_MOST_ANSWERS])
