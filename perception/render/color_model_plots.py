@@ -87,7 +87,7 @@ def _draw_region(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]
         ("Ω†", region.outer_px, palette.RING),
     ):
         _draw_outline(axes, outline_px, color, label=name, linewidth=2)
-    axes.legend(loc="upper right", frameon=True)
+    axes.legend(loc="upper right")
     pixels, around = region.is_inside.sum(), region.is_ring.sum()
     axes.set_title(f"object {pixels} px, ring {around} px")
 

@@ -21,7 +21,9 @@ _STYLE: dict[Any, Any] = {
     "axes.titlesize": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "legend.frameon": False,
+    # Words over curves stay words.
+    "legend.framealpha": 0.8,
+    "legend.edgecolor": "none",
     "figure.facecolor": "white",
 }
 

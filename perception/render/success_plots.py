@@ -59,7 +59,7 @@ def plot_success(
         axes.set(xlim=(0, panel.x_last), ylim=(0, 1.02))
         axes.grid(alpha=0.25)
         if panel.curves:
-            axes.legend(fontsize=7.5, frameon=True, framealpha=0.8, edgecolor="none")
+            axes.legend(fontsize=7.5)
         else:
             axes.text(0.5, 0.5, "no frames", ha="center", transform=axes.transAxes, color="grey")
     for axes in grid[len(panels) :]:
