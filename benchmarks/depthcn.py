@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.measure import Contender, take_turns
 from benchmarks.naive_depthcn import detect_one_by_one
-from benchmarks.stages import Comparison, Prepared
+from benchmarks.stages import Comparison, Prepared, add_peer
 from perception.cli.table import Cell
 from perception.cli.vehicle_detector import DetectorChoice
 from perception.detection.depthcn.detector import DepthCn
@@ -17,17 +17,22 @@ def compare_depthcn(prepared: Prepared) -> Comparison:
     """Detect from scan to boxes; the plain form calls the same network for each candidate.
 
     Raises:
-        ModelError: the networks do not ship with this copy.
+        ModelError: the network does not ship with this copy.
     """
     sensor, frames = prepared.drive.sensor, prepared.frames
-    ours, thesis = DepthCn("default", sensor), DepthCn("thesis", sensor)
+    ours = DepthCn("default", sensor)
+
+    def thesis() -> Contender:
+        network = DepthCn("thesis", sensor)
+        return Contender("the thesis' network", lambda i: network.detect(frames[i]))
+
     contenders = [
         Contender("ours", lambda i: ours.detect(frames[i])),
         Contender(
             "each candidate alone", lambda i: detect_one_by_one(ours.verifier, frames[i], sensor)
         ),
-        Contender("the thesis' network", lambda i: thesis.detect(frames[i])),
     ]
+    add_peer(contenders, thesis)
     found: dict[str, list[int]] = defaultdict(list)
 
     def count(name: str, i: int, detections: Any) -> None:  # noqa: ANN401 - of each contender

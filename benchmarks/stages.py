@@ -13,7 +13,7 @@ from benchmarks.naive_voxels import count_voxels_by_unique_rows
 from benchmarks.registration_peers import open3d_point_to_plane, plain_small_gicp
 from data.drive import Drive
 from perception.cli.table import Cell
-from perception.errors import DriveError, MissingDependencyError
+from perception.errors import DriveError, MissingDependencyError, ModelError
 from perception.evaluation.ground import FootErrors, foot_errors, mean_displacement
 from perception.geometry.registration import Localizer
 from perception.geometry.se3 import inverse
@@ -194,5 +194,5 @@ def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None
     """Add a peer, or say why it is left out."""
     try:
         contenders.append(make())
-    except MissingDependencyError as error:
+    except (MissingDependencyError, ModelError) as error:
         log.warning("left out: %s", error)

@@ -56,7 +56,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
         part: one stage, the chain, or all but the detectors, whose networks take a minute to make.
         frames: for each stage.
-        chain_frames: for the whole chain and for the pipeline, driving there and back; 1000 shows that memory stays flat.
+        chain_frames: for the whole chain and for the pipeline, driving back from the end; 1000 shows that memory stays flat.
         detection: which detectors are part of the pipeline.
         json: gets the same figures.
     """
