@@ -108,7 +108,7 @@ def test_results_of_the_pipeline_are_measured_the_same(drive: SyntheticDrive):
     assert report.seconds.tolist() == [0.004] * FRAMES
 
 
-class LevelPipeline:
+class LevelChain:
     def __init__(self, sensor: object, config: object) -> None:
         pass
 
@@ -131,7 +131,7 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 ):
     folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
     answers = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
-    monkeypatch.setattr(datmo_steps, "Pipeline", LevelPipeline)
+    monkeypatch.setattr(datmo_steps, "ObstacleChain", LevelChain)
     monkeypatch.setattr(
         datmo_steps,
         "datmo_stage",
