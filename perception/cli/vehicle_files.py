@@ -8,6 +8,7 @@ NAME is the drive's. Where no detector looks at a drive, there is none of these 
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -73,14 +74,16 @@ def vehicle_line(result: Result, vehicles: Vehicles) -> dict[str, Any]:
     `velo` is the LiDAR frame of the scan; its position is the middle of the box' bottom, its size length,
     width and height. `scores` are those of each detector, `carrier` is the one that said most.
     """
+    owned = vehicles.owners[vehicles.owners >= 0]
+    points = np.bincount(owned, minlength=len(vehicles)).tolist()
     return {
         "frame": result.frame.index,
         "stamp_s": round(result.frame.stamp_s, 6),
-        "vehicles": [_vehicle(result, vehicles, row) for row in range(len(vehicles))],
+        "vehicles": [_vehicle(result, vehicles, row, points[row]) for row in range(len(vehicles))],
     }
 
 
-def _vehicle(result: Result, vehicles: Vehicles, row: int) -> dict[str, Any]:
+def _vehicle(result: Result, vehicles: Vehicles, row: int, points: int) -> dict[str, Any]:
     fused, track = vehicles.fused, int(vehicles.ids[row])
     return {
         "id": track if track >= 0 else None,
@@ -92,7 +95,7 @@ def _vehicle(result: Result, vehicles: Vehicles, row: int) -> dict[str, Any]:
             modality: _rounded(result.modal[modality].scores[part]) if part >= 0 else None
             for modality, part in zip(MODALITIES, fused.parts[row].tolist(), strict=True)
         },
-        "points": int(np.count_nonzero(vehicles.owners == row)),
+        "points": points,
         "distance_m": _rounded(vehicles.distances_m[row]),
         "velocity_m_s": _numbers(vehicles.velocities_m_s[row]),
         "velo": {
@@ -108,4 +111,4 @@ def _numbers(values: Float64) -> list[float | None]:
 
 
 def _rounded(value: float) -> float | None:
-    return round(float(value), 4) if np.isfinite(value) else None
+    return round(float(value), 4) if math.isfinite(value) else None
