@@ -7,7 +7,7 @@ y ^   n3 ---- n4         Heights live at the nodes, numbered along y first. Betw
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -101,22 +101,10 @@ class HeightGrid:
             weights=np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v]),
         )
 
-    @cached_property
+    @property
     def roughness(self) -> Float64:
-        """The matrix of the sum of squared second differences, in LAPACK's upper banded form."""
-        along_x, along_y = sparse.identity(self.nodes_x), sparse.identity(self.nodes_y)
-        differences = sparse.vstack(
-            [
-                sparse.kron(_differences(self.nodes_x, 2), along_y),
-                sparse.kron(along_x, _differences(self.nodes_y, 2)),
-                np.sqrt(2)
-                * sparse.kron(_differences(self.nodes_x, 1), _differences(self.nodes_y, 1)),
-            ]
-        )
-        product = sparse.triu(differences.T @ differences).tocoo()
-        banded = np.zeros((self._bandwidth + 1, self.size))
-        banded[self._bandwidth + product.row - product.col, product.col] = product.data
-        return banded
+        """The matrix of the sum of squared second differences, in LAPACK's upper banded form; not to be changed."""
+        return _roughness(self.nodes_x, self.nodes_y)
 
     @property
     def _bandwidth(self) -> int:
@@ -188,6 +176,24 @@ class HeightSurface:
 
 
 _PRIOR_WEIGHT = 1e-3  # against the 1 of a sample
+
+
+# Beside the grids and not in them, as surfaces are sent from one process to another with every frame.
+@lru_cache(maxsize=16)
+def _roughness(nodes_x: int, nodes_y: int) -> Float64:
+    along_x, along_y = sparse.identity(nodes_x), sparse.identity(nodes_y)
+    differences = sparse.vstack(
+        [
+            sparse.kron(_differences(nodes_x, 2), along_y),
+            sparse.kron(along_x, _differences(nodes_y, 2)),
+            np.sqrt(2) * sparse.kron(_differences(nodes_x, 1), _differences(nodes_y, 1)),
+        ]
+    )
+    product = sparse.triu(differences.T @ differences).tocoo()
+    bandwidth = 2 * nodes_y
+    banded = np.zeros((bandwidth + 1, nodes_x * nodes_y))
+    banded[bandwidth + product.row - product.col, product.col] = product.data
+    return banded
 
 
 def _differences(nodes: int, order: int) -> sparse.spmatrix:
