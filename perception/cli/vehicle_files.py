@@ -12,8 +12,6 @@ import math
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from data.drive import Drive
 from data.frames import file_number
 from data.kitti.tracking_rows import format_result_rows
@@ -74,8 +72,7 @@ def vehicle_line(result: Result, vehicles: Vehicles) -> dict[str, Any]:
     `velo` is the LiDAR frame of the scan; its position is the middle of the box' bottom, its size length,
     width and height. `scores` are those of each detector, `carrier` is the one that said most.
     """
-    owned = vehicles.owners[vehicles.owners >= 0]
-    points = np.bincount(owned, minlength=len(vehicles)).tolist()
+    points = vehicles.point_counts.tolist()
     return {
         "frame": result.frame.index,
         "stamp_s": round(result.frame.stamp_s, 6),

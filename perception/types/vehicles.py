@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from perception.types.arrays import Float64, Int, require_shape
 from perception.types.boxes import Boxes3D
 from perception.types.detections import FusedDetections
@@ -38,3 +40,8 @@ class Vehicles:
     def __len__(self) -> int:
         """Return M."""
         return len(self.fused)
+
+    @property
+    def point_counts(self) -> Int:
+        """(M,) how many points of the scan belong to each."""
+        return np.bincount(self.owners[self.owners >= 0], minlength=len(self))

@@ -60,9 +60,7 @@ class Sights:
     @classmethod
     def of(cls, vehicles: Vehicles, view: View, rules: VehicleRules) -> Self:
         """Put vehicles into the world."""
-        count = len(vehicles)
-        owners = vehicles.owners[vehicles.owners >= 0]
-        points = np.maximum(np.bincount(owners, minlength=count), 1)
+        points = np.maximum(vehicles.point_counts, 1)
         away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
         variances = (
             rules.place_m**2 + (rules.place_per_m * away_m) ** 2 + rules.sparse_m**2 / points
