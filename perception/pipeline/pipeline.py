@@ -12,6 +12,7 @@ import logging
 import time
 from collections.abc import Iterable
 from concurrent.futures import Future
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Self
 
@@ -60,8 +61,11 @@ class Pipeline:
         # Where nothing works beside them, obstacles need no process of their own.
         is_beside = self.config.overlap and self._detects
         self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
-        self._detection = open_detection(self.config.detection, sensor)
-        self._obstacles.reset()  # a process answers when it is ready for the first frame
+        with ExitStack() as on_error:
+            on_error.callback(self._obstacles.close)
+            self._detection = open_detection(self.config.detection, sensor)
+            self._obstacles.reset()  # a process answers when it is ready for the first frame
+            on_error.pop_all()
         self._forget_vehicles()
         if self.config.overlap:
             keep_opencv_to_one_thread()

@@ -195,6 +195,21 @@ def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
         Pipeline(config=PipelineConfig(detection=DetectionChoice(rgb_model=nowhere)))
 
 
+def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
+    ended, close = [], ObstacleProcess.close
+
+    def close_and_tell(process):
+        close(process)
+        ended.append(process.process_id)
+
+    monkeypatch.setattr(ObstacleProcess, "close", close_and_tell)
+    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
+        Pipeline(
+            config=PipelineConfig(detection=DetectionChoice(rgb_model=tmp_path / "nowhere.onnx"))
+        )
+    assert len(ended) == 1
+
+
 def test_a_modality_twice_is_refused():
     with pytest.raises(UsageError, match="each once"):
         DetectionChoice(modalities=(*MODALITIES, "dm"))
