@@ -13,7 +13,7 @@ from perception.types import Detections, Float64, Frame, UInt8
 
 
 def detect_one_by_one(
-    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, most_iou: float = 0.5
+    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, max_iou: float = 0.5
 ) -> Detections:
     """Detect as `DepthCn` does, with a call of the network for each candidate."""
     calibration, size_px = camera_of(frame)
@@ -26,7 +26,7 @@ def detect_one_by_one(
     judged = judge_one_by_one(verifier, picture, windows)
     right, bottom = size_px[0] - 1, size_px[1] - 1
     boxes_px = np.clip(judged.boxes_px, 0, [right, bottom, right, bottom])
-    kept = suppress_by_loop(boxes_px, judged.scores, most_iou)
+    kept = suppress_by_loop(boxes_px, judged.scores, max_iou)
     return Detections(boxes_px[kept], judged.scores[kept], np.full(len(kept), VEHICLE))
 
 
@@ -39,11 +39,11 @@ def judge_one_by_one(verifier: Verifier, picture: UInt8, windows: Float64) -> Ju
     )
 
 
-def suppress_by_loop(boxes_px: Float64, scores: Float64, most_iou: float) -> list[int]:
+def suppress_by_loop(boxes_px: Float64, scores: Float64, max_iou: float) -> list[int]:
     """Return the rows that stay, best first, comparing each with each that stays."""
     kept: list[int] = []
     for row in sorted(range(len(scores)), key=lambda row: -scores[row]):
-        if all(_iou(boxes_px[row], boxes_px[other]) <= most_iou for other in kept):
+        if all(_iou(boxes_px[row], boxes_px[other]) <= max_iou for other in kept):
             kept.append(row)
     return kept
 

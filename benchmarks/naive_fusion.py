@@ -18,7 +18,7 @@ def naive_tri_boxes(scene: DetectedScene, rules: TriBoxRules) -> Int:
     boxes = [(column, row) for column, part in enumerate(parts) for row in range(len(part))]
     iou = {(a, b): _iou(_edges(parts, a), _edges(parts, b)) for a in boxes for b in boxes}
     links = {
-        a: [b for b in boxes if iou[a, b] > rules.least_iou and _type(parts, a) == _type(parts, b)]
+        a: [b for b in boxes if iou[a, b] > rules.min_iou and _type(parts, a) == _type(parts, b)]
         for a in boxes
     }
     rows: set[tuple[int, ...]] = set()
@@ -28,7 +28,7 @@ def naive_tri_boxes(scene: DetectedScene, rules: TriBoxRules) -> Int:
         for column in range(len(MODALITIES)):
             others = [other for other in together if other[0] == column]
             others.sort(key=lambda b: (-iou[box, b], -float(parts[b[0]].scores[b[1]]), b[1]))
-            chosen = [row for _, row in others[: rules.most_partners]] or [-1]
+            chosen = [row for _, row in others[: rules.max_partners]] or [-1]
             choices.append([box[1]] if column == box[0] else chosen)
         rows.update(product(*choices))
     return np.array(sorted(rows), np.int64).reshape(-1, len(MODALITIES))

@@ -135,7 +135,7 @@ def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
 
 
 def _next_of(cell: tuple[int, int], returns: Cells, rules: ColumnRules) -> tuple[int, int] | None:
-    for step in range(1, rules.most_steps + 1):
+    for step in range(1, rules.max_steps + 1):
         for down in (0, -1, 1):
             if (cell[0] + step, cell[1] + down) in returns:
                 return cell[0] + step, cell[1] + down
@@ -155,7 +155,7 @@ def _reach_by_loop(returns: Cells, rules: ColumnRules) -> int:
         rows = sorted(row for c, row in returns if c == column)
         gaps += [below - above for above, below in pairwise(rows) if below - above > 1]
     spacing_px = float(np.median(gaps)) if gaps else 0.0
-    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), rules.most_steps)
+    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), rules.max_steps)
 
 
 def _seen_anchors(anchors: dict[int, complex], rules: ColumnRules) -> dict[int, complex]:

@@ -29,7 +29,7 @@ def boxes_by_loop(
     if not seen:
         return np.zeros((0, 4))
     xy_m = np.array([point[:2] for point, _ in seen])
-    labels = cluster_by_definition(xy_m, rules.radius_m, rules.least_points)
+    labels = cluster_by_definition(xy_m, rules.radius_m, rules.min_points)
     boxes = []
     for number in range(int(labels.max()) + 1):
         pixels = [pixel for (_, pixel), label in zip(seen, labels, strict=True) if label == number]

@@ -91,7 +91,7 @@ def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Co
 def _clustering(
     method: Callable[[Float64, float, int], Int], places_m: list[Float64]
 ) -> Callable[[int], Int]:
-    return lambda i: method(places_m[i], _RULES.radius_m, _RULES.least_points)
+    return lambda i: method(places_m[i], _RULES.radius_m, _RULES.min_points)
 
 
 def _scikit_learn() -> Callable[[Float64, float, int], Int]:
@@ -102,10 +102,10 @@ def _scikit_learn() -> Callable[[Float64, float, int], Int]:
             "scikit-learn", needed_for="the DBSCAN peer", extra="bench", reason=error
         ) from error
 
-    def fit(xy_m: Float64, radius_m: float, least_points: int) -> Int:
+    def fit(xy_m: Float64, radius_m: float, min_points: int) -> Int:
         if len(xy_m) == 0:  # which it refuses
             return np.zeros(0, np.int64)
-        found: Int = DBSCAN(eps=radius_m, min_samples=least_points).fit_predict(xy_m)
+        found: Int = DBSCAN(eps=radius_m, min_samples=min_points).fit_predict(xy_m)
         return found
 
     return fit

@@ -18,7 +18,7 @@ _FASTEST_MPS = 70.0
 _HARDEST_MPS2 = 30.0  # no wheel holds three times the weight
 _FASTEST_TURN_RAD_S = 3.0
 _ORTHONORMAL = 1e-3  # the files print seven digits
-_LEAST_SHARE_IN_VIEW = 0.1  # of the points ahead; KITTI: 0.49 to 0.76, measured
+_MIN_SHARE_IN_VIEW = 0.1  # of the points ahead; KITTI: 0.49 to 0.76, measured
 _AHEAD_M = 5.0
 _BORDER_PX = 2.0
 _FARTHEST_M = 250.0
@@ -134,10 +134,10 @@ def projection_oddities(frame: Frame) -> Iterator[Oddity]:
     if len(ahead) == 0:
         return
     share = float(is_in_view(calibration, ahead, calibration.image_size_px).mean())
-    if share < _LEAST_SHARE_IN_VIEW:
+    if share < _MIN_SHARE_IN_VIEW:
         yield Oddity(
             "LiDAR and camera that do not fit",
-            f"{frame.source}: expected the camera to see at least {_LEAST_SHARE_IN_VIEW:.0%} of "
+            f"{frame.source}: expected the camera to see at least {_MIN_SHARE_IN_VIEW:.0%} of "
             f"the points ahead as {calibration.source} has it, found {share:.1%}.",
         )
 

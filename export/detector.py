@@ -33,7 +33,7 @@ QUANTISATION = Quantisation(
     layers=("Conv", "Relu", "LeakyRelu", "Add", "Resize", "MaxPool", "Concat"), ends="Conv"
 )
 FULL, SHORT = "fp32", "int8"
-_MOST_LOST = 1.0  # points of average precision in percent, moderate, that 8 bits may cost
+_MAX_LOST = 1.0  # points of average precision in percent, moderate, that 8 bits may cost
 _NOISE_ROWS = (1, 2, 3)
 _BLOCK_PX = 8  # divides every size; noise of single pixels is the same wherever a network looks
 _CALIBRATION_FRAMES = 32
@@ -147,7 +147,7 @@ def choose(forms: Mapping[str, Form], short: str | None) -> Choice:
         return Choice(FULL, f"no labels tell what {short} loses: {times}")
     lost = moderate(full) - moderate(other)
     reason = f"{short} loses {lost:.2f} points of average precision, moderate: {times}"
-    return Choice(FULL if lost > _MOST_LOST else short, reason)
+    return Choice(FULL if lost > _MAX_LOST else short, reason)
 
 
 def moderate(form: Form) -> float:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from data.candidates.augmentation import Change, Cover
-from perception.detection.depthcn.crops import LEAST_EDGE_PX, warp, window_maps
+from perception.detection.depthcn.crops import MIN_EDGE_PX, warp, window_maps
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.maps.encoding import decode_depth, encode_depth
 from perception.types import Float, Float64, UInt8
@@ -163,5 +163,5 @@ def shift_lines(crop: UInt8, shifts_px: Float64) -> UInt8:
 def _shares(box_px: Float64, window_px: Float64) -> Float64:
     """Return (4,) a box as shares of a window."""
     corner, size = window_px[:2], window_px[2:] - window_px[:2]
-    shares = (box_px - np.tile(corner, 2)) / np.tile(np.maximum(size, LEAST_EDGE_PX), 2)
+    shares = (box_px - np.tile(corner, 2)) / np.tile(np.maximum(size, MIN_EDGE_PX), 2)
     return np.asarray(shares)

@@ -26,7 +26,7 @@ class GatheringRules:
         window: which part of the picture the network sees of it; it also decides who is a vehicle.
         shaken: how often the box of each labelled vehicle is added beside the proposals.
         shake: how far the edges of such a box move at most, as a share of its size.
-        least_points: returns on a vehicle that is added; with fewer there is little to learn from.
+        min_points: returns on a vehicle that is added; with fewer there is little to learn from.
         on_bad_frame: stop at a frame that cannot be read, or skip it.
         seed: of the shaking.
     """
@@ -34,17 +34,17 @@ class GatheringRules:
     window: WindowKind = "metric"
     shaken: int = 2
     shake: float = 0.1
-    least_points: int = 20
+    min_points: int = 20
     on_bad_frame: OnBadFrame = "stop"
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done, or would move a box off its vehicle."""
-        if self.shaken < 0 or not 0 <= self.shake <= 0.25 or self.least_points < 1:
+        if self.shaken < 0 or not 0 <= self.shake <= 0.25 or self.min_points < 1:
             raise UsageError(
                 "rules of gathering",
-                expected="shaken >= 0, shake from 0 to 0.25, least_points >= 1",
-                found=f"{self.shaken}, {self.shake:g}, {self.least_points}",
+                expected="shaken >= 0, shake from 0 to 0.25, min_points >= 1",
+                found=f"{self.shaken}, {self.shake:g}, {self.min_points}",
             )
 
 
@@ -168,7 +168,7 @@ def _shaken(
     scene: Scene, number: int, rules: GatheringRules, rng: np.random.Generator
 ) -> CandidateSet:
     """Add vehicles that the LiDAR sees whether or not they are proposed, with boxes a little off."""
-    is_seen = (scene.label_types == VEHICLE) & (scene.label_points >= rules.least_points)
+    is_seen = (scene.label_types == VEHICLE) & (scene.label_points >= rules.min_points)
     rows = np.repeat(np.flatnonzero(is_seen & np.isfinite(scene.label_depths_m)), rules.shaken)
     boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
     size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)

@@ -14,10 +14,10 @@ VEHICLE = "Car"
 # As like a car as makes no difference; KITTI's measure does not count them either way.
 _NEIGHBOUR = "Van"
 
-_LEAST_SHARE = 0.5  # of a vehicle's points
-_MOST_SHARE = 0.1  # of what is none: a wall that a car touches, not one half of which is a car
-_LEAST_IOU, _MOST_IOU = 0.5, 0.3  # likewise, where boxes are compared
-_MOST_UNLABELLED = 0.5  # of a proposal's box within a region in which nothing was labelled
+_MIN_SHARE = 0.5  # of a vehicle's points
+_MAX_SHARE = 0.1  # of what is none: a wall that a car touches, not one half of which is a car
+_MIN_IOU, _MAX_IOU = 0.5, 0.3  # likewise, where boxes are compared
+_MAX_UNLABELLED = 0.5  # of a proposal's box within a region in which nothing was labelled
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Matches:
 
 def match_by_points(scene: Scene) -> Matches:
     """Call a vehicle what has at least half of its points in a car's 3D box."""
-    return _match(scene, scene.shares, _LEAST_SHARE, _MOST_SHARE)
+    return _match(scene, scene.shares, _MIN_SHARE, _MAX_SHARE)
 
 
 def match_by_boxes(scene: Scene) -> Matches:
     """Call a vehicle what overlaps a car's 2D box well, as the thesis does."""
-    return _match(scene, iou_px(scene.boxes_px, scene.label_boxes_px), _LEAST_IOU, _MOST_IOU)
+    return _match(scene, iou_px(scene.boxes_px, scene.label_boxes_px), _MIN_IOU, _MAX_IOU)
 
 
 # What the thesis' network sees is the proposal's box, of which nothing but its box can be asked.
@@ -60,5 +60,5 @@ def _match(scene: Scene, closeness: Float64, least: float, most: float) -> Match
     labels[is_vehicle] = of_car[is_vehicle].argmax(axis=1) if is_vehicle.any() else -1
     near_either = np.maximum(closest, of_neighbour.max(axis=1, initial=0.0)) > most
     unlabelled = intersection_over_area_px(scene.boxes_px, scene.dont_care_px)
-    in_region = unlabelled.max(axis=1, initial=0.0) > _MOST_UNLABELLED
+    in_region = unlabelled.max(axis=1, initial=0.0) > _MAX_UNLABELLED
     return Matches(labels, np.asarray((near_either | in_region) & ~is_vehicle))

@@ -17,7 +17,7 @@ from perception.types import Float64
 
 EARTH_RADIUS_M = 6378137.0
 _FIELDS = 30
-_MOST_LATITUDE_DEG = 89.0  # Mercator's projection ends short of the poles
+_MAX_LATITUDE_DEG = 89.0  # Mercator's projection ends short of the poles
 _STATUS = "4 10 4 4 0"  # navigation state, satellites, position, velocity and orientation mode
 
 
@@ -136,10 +136,10 @@ def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
             expected=f"an INS packet of {_FIELDS} finite numbers",
             found=f"{int(np.isfinite(numbers).sum())}",
         )
-    if abs(numbers[0]) > _MOST_LATITUDE_DEG or abs(numbers[1]) > 180:
+    if abs(numbers[0]) > _MAX_LATITUDE_DEG or abs(numbers[1]) > 180:
         raise PoseError(
             source,
-            expected=f"a latitude within {_MOST_LATITUDE_DEG:g} and a longitude within 180 degrees",
+            expected=f"a latitude within {_MAX_LATITUDE_DEG:g} and a longitude within 180 degrees",
             found=f"{numbers[0]:g} and {numbers[1]:g}",
         )
     latitude_deg, longitude_deg, altitude_m, roll_rad, pitch_rad, yaw_rad = numbers[:6].tolist()

@@ -11,7 +11,7 @@ _NO_LEVEL, _NO_SIZE, _NO_PLACE, _NO_ANGLE = -1.0, -1.0, -1000.0, -10.0
 
 
 def to_vehicle_rows(
-    frame: int, vehicles: Vehicles, calibration: Calibration, least_score: float = 0.0
+    frame: int, vehicles: Vehicles, calibration: Calibration, min_score: float = 0.0
 ) -> TrackingRows:
     """Return a row for each vehicle that has an id; of one without a 3D box, the box in the image alone.
 
@@ -19,10 +19,10 @@ def to_vehicle_rows(
         frame: its number.
         vehicles: of the frame.
         calibration: of the camera.
-        least_score: of a row.
+        min_score: of a row.
     """
     rows = _all_rows(frame, vehicles, calibration)
-    return rows[(rows.ids >= 0) & (rows.scores >= least_score)]
+    return rows[(rows.ids >= 0) & (rows.scores >= min_score)]
 
 
 def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:

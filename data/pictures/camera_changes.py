@@ -18,7 +18,7 @@ from perception.types import UInt8
 _LUMA = np.array([0.299, 0.587, 0.114])
 _GREY_AXIS = np.ones(3) / np.sqrt(3)
 _WORST_JPEG, _BEST_JPEG = 25, 90
-_LEAST_BLUR_PX = 0.3  # less changes nothing
+_MIN_BLUR_PX = 0.3  # less changes nothing
 _LIGHT_CELLS = (3, 6)  # rows and columns of the lattice by which brightness changes over an image
 
 
@@ -118,7 +118,7 @@ def _filtered(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator
     blur_px, lot = strengths.blur_px * rng.random(), rng.random()
     if lot < 0.5 and strengths.filtering > 0:
         return np.asarray(cv2.filter2D(image, -1, kernel), np.uint8)
-    if lot >= 0.5 and blur_px > _LEAST_BLUR_PX:
+    if lot >= 0.5 and blur_px > _MIN_BLUR_PX:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8)
     return image
 

@@ -15,7 +15,7 @@ from data.strengths import Strengths
 from perception.geometry.box_overlap_px import area_px, intersection_over_area_px
 from perception.types import Float64, Modality, UInt8
 
-_MOST_PATCHES = 3
+_MAX_PATCHES = 3
 _PATCH_SHARES = (0.04, 0.3)  # of the picture's height; a patch is up to twice as wide as high
 _GREY_SPREAD = 40.0
 _AROUND = (60, 190)  # values around an image that has become smaller
@@ -135,7 +135,7 @@ def place_labels(
     if placement.patches_px is not None:
         hidden = intersection_over_area_px(within, placement.patches_px).sum(axis=1)
         visible *= 1 - np.minimum(hidden, 1)
-    is_low = within[:, 3] - within[:, 1] < labels.least_height_px
+    is_low = within[:, 3] - within[:, 1] < labels.min_height_px
     is_unseen = is_low | (visible < 1 - LEARNED.max_truncation)
     placed = replace(
         labels, boxes_px=within.astype(np.float32), is_ignored=labels.is_ignored | is_unseen
@@ -144,7 +144,7 @@ def place_labels(
 
 
 def _draw_patches(size_px: tuple[int, int], rng: np.random.Generator) -> Float64:
-    count = int(rng.integers(1, _MOST_PATCHES + 1))
+    count = int(rng.integers(1, _MAX_PATCHES + 1))
     height = size_px[1] * rng.uniform(*_PATCH_SHARES, count)
     sizes = np.column_stack([height * rng.uniform(0.3, 2.0, count), height])
     first = rng.uniform(0, 1, (count, 2)) * (np.array(size_px) - sizes)

@@ -28,13 +28,13 @@ class PictureLabels:
         boxes_px: (L, 4) x1 y1 x2 y2 in pixels of the network's input, within it.
         classes: (L,) indices into the class names; 0 where none is meant.
         is_ignored: (L,) areas in which a detection is neither right nor wrong.
-        least_height_px: lower objects show too little to be learned.
+        min_height_px: lower objects show too little to be learned.
     """
 
     boxes_px: Float32
     classes: Int
     is_ignored: Bool
-    least_height_px: float = 0.0
+    min_height_px: float = 0.0
 
     def __len__(self) -> int:
         """Return L."""
@@ -43,7 +43,7 @@ class PictureLabels:
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the labels of a mask, of indices, or of a slice."""
         kept = self.boxes_px[rows], self.classes[rows], self.is_ignored[rows]
-        return type(self)(*kept, self.least_height_px)
+        return type(self)(*kept, self.min_height_px)
 
 
 def picture_labels(
@@ -70,7 +70,7 @@ def picture_labels(
         boxes_px=(boxes_px * scale).astype(np.float32),
         classes=np.concatenate([numbers[rows], np.zeros(regions, np.int64)]),
         is_ignored=np.concatenate([is_ignored, np.ones(regions, bool)]),
-        least_height_px=LEARNED.min_height_px * float(scale[1]),
+        min_height_px=LEARNED.min_height_px * float(scale[1]),
     )
 
 

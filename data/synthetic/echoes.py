@@ -32,7 +32,7 @@ class EchoModel:
         lost_glossy: the same of paint and panes, whose coat scatters little back.
         full_power: share of the sensor's range up to which it evens out the echo of a surface face on; of
             a slanting one it falls short sooner.
-        least_echo: weaker ones are reported as 0.
+        min_echo: weaker ones are reported as 0.
         grazing: strength of an echo from a surface seen edge on, over that face on.
         glossy_grazing: the same of glossy paint and panes.
         mirror: share of the shots that black gloss turns away when seen edge on.
@@ -49,7 +49,7 @@ class EchoModel:
     lost_signal: float = 0.035
     lost_glossy: float = 0.5
     full_power: float = 0.25
-    least_echo: float = 0.10
+    min_echo: float = 0.10
     grazing: float = 0.45
     glossy_grazing: float = 0.2
     mirror: float = 0.6
@@ -99,7 +99,7 @@ class EchoModel:
         # A retroreflector's echo fills the receiver, whatever its angle, until it is far away.
         bright = np.minimum(shots.albedo, shots.albedo * self.retro * strength)
         echo = np.where(np.isin(slots, _RETRO), bright, echo)
-        reported = np.where(echo < self.least_echo, 0, np.minimum(echo, 0.99))
+        reported = np.where(echo < self.min_echo, 0, np.minimum(echo, 0.99))
         return np.round(reported, 2).astype(np.float32)
 
     def _focus_m(self, sensor: LidarModel) -> Float32:

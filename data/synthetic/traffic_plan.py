@@ -19,7 +19,7 @@ from perception.types import Float64
 _EGO_LENGTH_M = 4.6
 _LONG_M = 6.5
 _HEAVY_IN_YARDS = 0.07
-_LEAST_GAP_M = 3.0  # between bumpers at the start
+_MIN_GAP_M = 3.0  # between bumpers at the start
 
 
 class TrafficPlan:
@@ -281,7 +281,7 @@ class TrafficPlan:
 
 def _apart(place_m: Float64, length_m: Float64, fixed: int) -> Float64:
     """Move the vehicles of a lane apart where they would touch, but for one that stays."""
-    least = (length_m[:-1] + length_m[1:]) / 2 + _LEAST_GAP_M
+    least = (length_m[:-1] + length_m[1:]) / 2 + _MIN_GAP_M
     if (-np.diff(place_m) >= least).all():
         return place_m
     behind = np.concatenate([[0.0], np.cumsum(np.maximum(-np.diff(place_m), least))])

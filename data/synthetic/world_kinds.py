@@ -27,7 +27,7 @@ def draw_config(rng: np.random.Generator) -> WorldConfig:
 
 def town_street(rng: np.random.Generator) -> WorldConfig:
     """Draw a street of houses and gardens: narrower, greener, busier, steeper."""
-    road = _curved(rng, least_radius_m=110, slope=0.05)
+    road = _curved(rng, min_radius_m=110, slope=0.05)
     road = replace(
         road,
         lane_m=_between(rng, 3.3, 4.0),
@@ -77,7 +77,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     """Draw a wide road of several lanes with guard rails, heavy traffic, and green beside it."""
     lanes = int(rng.choice([1, 2, 2]))
     road = replace(
-        _on_uneven_land(rng, _curved(rng, least_radius_m=250, slope=0.03), height_m=2.5),
+        _on_uneven_land(rng, _curved(rng, min_radius_m=250, slope=0.03), height_m=2.5),
         lane_m=_between(rng, 3.5, 4.2),
         lanes=lanes,
         parking_m=0.0,
@@ -121,7 +121,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
     """Draw an open place: islands with signals and signs, groups of poles, bus stops, yards of vehicles."""
     lanes = int(rng.choice([1, 2]))
     road = replace(
-        _curved(rng, least_radius_m=150, slope=0.02),
+        _curved(rng, min_radius_m=150, slope=0.02),
         lane_m=_between(rng, 4.2, 4.9) if lanes == 1 else _between(rng, 3.9, 4.3),
         lanes=lanes,
         parking_m=0.0,
@@ -166,7 +166,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
 def country_road(rng: np.random.Generator) -> WorldConfig:
     """Draw a road without kerbs between slopes and ditches, grass, bushes and woods."""
     road = replace(
-        _on_uneven_land(rng, _curved(rng, least_radius_m=120, slope=0.06), height_m=4.0),
+        _on_uneven_land(rng, _curved(rng, min_radius_m=120, slope=0.06), height_m=4.0),
         lane_m=_between(rng, 3.1, 3.7),
         parking_m=0.0,
         kerb_m=0.0,
@@ -215,9 +215,9 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
     return float(rng.uniform(low, high))
 
 
-def _curved(rng: np.random.Generator, least_radius_m: float, slope: float) -> RoadShape:
+def _curved(rng: np.random.Generator, min_radius_m: float, slope: float) -> RoadShape:
     return RoadShape(
-        curvature_1_m=_between(rng, 0, 1 / least_radius_m),
+        curvature_1_m=_between(rng, 0, 1 / min_radius_m),
         curve_length_m=_between(rng, 150, 260),
         slope=_between(rng, 0, slope),
         bank=_between(rng, 0, 0.025),

@@ -39,7 +39,7 @@ def detect(  # noqa: PLR0913 - flags of a command
     method: Method = "default",
     model: Path | None = None,
     rules: ProposalRules | None = None,
-    least_score: float = DetectionRules.least_score,
+    min_score: float = DetectionRules.min_score,
     shown_score: float = 0.5,
     video: bool = True,
     on_bad_frame: OnBadFrame = "stop",
@@ -57,12 +57,12 @@ def detect(  # noqa: PLR0913 - flags of a command
         method: default, or thesis for its own network, of which --model has to name a file.
         model: a network that you trained and exported; goes before method.
         rules: how proposals are found; --rules.radius_m 0.6 for one of them.
-        least_score: of what is written, low, since the measure draws the whole curve.
+        min_score: of what is written, low, since the measure draws the whole curve.
         shown_score: of what is drawn.
         video: whether to draw: a video of a sequence, a picture of each frame of others.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
     """
-    choice = DetectorChoice(method, model, rules, least_score)
+    choice = DetectorChoice(method, model, rules, min_score)
     plan = DetectPlan(choice, frames, shown_score, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
     detector = choice.open(opened.sensor)

@@ -69,5 +69,5 @@ class DetectSummary:
             "stages_ms": stage_document(self.seconds),
             "proposals": sum(self.proposals),
             "detections": sum(self.detections),
-            "shown": {"least_score": self.shown_score, "detections": sum(self.shown)},
+            "shown": {"min_score": self.shown_score, "detections": sum(self.shown)},
         }

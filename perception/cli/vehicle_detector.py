@@ -92,13 +92,13 @@ class DetectorChoice:
         method: default, or thesis, of which model has to name a file.
         model: file of another network, or None.
         rules: how proposals are found; else as the network's method does.
-        least_score: of a detection.
+        min_score: of a detection.
     """
 
     method: Method = "default"
     model: Path | None = None
     rules: ProposalRules | None = None
-    least_score: float = DetectionRules.least_score
+    min_score: float = DetectionRules.min_score
 
     def open(self, sensor: LidarModel) -> VehicleDetector:
         """Open the network.
@@ -111,7 +111,7 @@ class DetectorChoice:
             self.model or self.method,
             sensor,
             proposal_rules=self.rules,
-            detection_rules=DetectionRules(least_score=self.least_score),
+            detection_rules=DetectionRules(min_score=self.min_score),
         )
         return TimedDepthCn(detector)
 

@@ -24,14 +24,14 @@ class CutRules:
         side_gap_m: across the line of sight: more than between a walker's legs, less than between two
             walkers side by side.
         depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
-        most_depth_gap_m: along the line of sight, at most: less than from one car to the next.
+        max_depth_gap_m: along the line of sight, at most: less than from one car to the next.
         rise: slope of the flattest surface that is bridged between two beams.
     """
 
     cell_m: float = 0.15
     side_gap_m: float = 0.4
     depth_gap_m: float = 0.6
-    most_depth_gap_m: float = 1.5
+    max_depth_gap_m: float = 1.5
     rise: float = 1 / 3
 
 
@@ -48,7 +48,7 @@ def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -
     cell_of, places_m = _cells(points_velo, rules.cell_m)
     ranges_m = np.hypot(*places_m.T)
     depth_gaps_m = np.clip(
-        ranges_m * elevation_step_rad / rules.rise, rules.depth_gap_m, rules.most_depth_gap_m
+        ranges_m * elevation_step_rad / rules.rise, rules.depth_gap_m, rules.max_depth_gap_m
     )
     reach_m = float(depth_gaps_m.max())
     pairs = cKDTree(places_m).query_pairs(reach_m, output_type="ndarray")

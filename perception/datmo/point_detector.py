@@ -17,7 +17,7 @@ class ThingRules:
     """Which things of a scan are worth telling of.
 
     Attributes:
-        least_points: fewer are no thing.
+        min_points: fewer are no thing.
         standing_least_points: of a thing that stands, of which there are many and most do not matter.
         standing_cell_m: edge of the cells in which standing points are joined.
         standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
@@ -28,7 +28,7 @@ class ThingRules:
             beams that are so close nothing comes to light by chance.
     """
 
-    least_points: int = 3
+    min_points: int = 3
     standing_least_points: int = 5
     standing_cell_m: float = 0.2
     standing_length_m: float = 12.0
@@ -64,7 +64,7 @@ class PointDetector:
             thing_of = _without_attached(thing_of, touches, rules.attached_share)
             stands = cells.things(rules.standing_least_points, rules.standing_length_m)
         return DetectedObjects(
-            moving=_on_ground(_outline(moving, thing_of, rules.least_points), scan.ground),
+            moving=_on_ground(_outline(moving, thing_of, rules.min_points), scan.ground),
             standing=_on_ground(stands, scan.ground),
         )
 
@@ -80,11 +80,11 @@ class PointDetector:
         return np.asarray((high_m - low_m) / gap_m, np.float64)
 
 
-def _without_attached(thing_of: Int, touches: Bool, most_share: float) -> Int:
+def _without_attached(thing_of: Int, touches: Bool, max_share: float) -> Int:
     """Return the things' numbers, -1 where more than a share of a thing touches what stands."""
     if len(thing_of) == 0:
         return thing_of
-    is_attached = np.bincount(thing_of, touches) > most_share * np.bincount(thing_of)
+    is_attached = np.bincount(thing_of, touches) > max_share * np.bincount(thing_of)
     return np.where(is_attached[thing_of], -1, thing_of)
 
 
@@ -93,10 +93,10 @@ def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
     return np.asarray(scan.points_velo.take(rows, axis=0)[:, :3])
 
 
-def _outline(points_velo: Float32, thing_of: Int, least_points: int) -> Footprints:
+def _outline(points_velo: Float32, thing_of: Int, min_points: int) -> Footprints:
     """Outline the things of enough points; -1 is none."""
     counts = np.bincount(thing_of + 1)[1:]
-    kept = counts >= least_points
+    kept = counts >= min_points
     number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[thing_of]
     rows = np.flatnonzero(number >= 0)
     return footprints_of(points_velo[rows], number[rows], int(kept.sum()))

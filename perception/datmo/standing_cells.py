@@ -52,13 +52,13 @@ class StandingCells:
             points=counts[rows],
         )
 
-    def things(self, least_points: int, length_m: float) -> Footprints:
+    def things(self, min_points: int, length_m: float) -> Footprints:
         """Outline the things up to a length; cells with a common corner are one thing."""
         count, labels, stats, _ = cv2.connectedComponentsWithStats(self.picture, connectivity=8)
         thing_of = np.asarray(labels.ravel()[self.rows], np.int64)
         longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
         points = np.bincount(thing_of, self.points, count)
-        kept = (longest * self.cell_m <= length_m) & (points >= least_points)
+        kept = (longest * self.cell_m <= length_m) & (points >= min_points)
         kept[0] = False  # the space between
         number = np.cumsum(kept) - 1
         chosen = np.flatnonzero(kept[thing_of])

@@ -18,7 +18,7 @@ from perception.errors import UsageError
 from perception.types import Bool, Float, Int
 
 # So many comparisons of points are made outright; for more a tree is worth its making.
-_MOST_COMPARISONS = 100_000
+_MAX_COMPARISONS = 100_000
 
 
 @dataclass(frozen=True)
@@ -36,25 +36,25 @@ class _Cores:
     neighbours: Int
 
 
-def cluster(xy_m: Float, radius_m: float, least_points: int) -> Int:
+def cluster(xy_m: Float, radius_m: float, min_points: int) -> Int:
     """Return (N,) the cluster of each (N, 2) point, from 0, or -1 for noise.
 
     Args:
         xy_m: places.
         radius_m: points no farther apart are neighbours.
-        least_points: within the radius, the point itself among them, make a core.
+        min_points: within the radius, the point itself among them, make a core.
 
     Raises:
         UsageError: a radius or number that is not above zero; places that are not finite.
     """
-    if not (radius_m > 0 and least_points > 0):
-        found = f"{radius_m:g} m, {least_points}"
+    if not (radius_m > 0 and min_points > 0):
+        found = f"{radius_m:g} m, {min_points}"
         raise UsageError("clustering", expected="radius and least points above zero", found=found)
     if len(xy_m) == 0:
         return np.zeros(0, np.int64)
     cells = PointCells.of(xy_m, radius_m)
     pairs = CellPairs.of(cells, radius_m)
-    cores = _find_cores(cells, pairs, radius_m, least_points)
+    cores = _find_cores(cells, pairs, radius_m, min_points)
     part = _join(cells, pairs, cores.is_core, radius_m)
     number = _number(cells, cores.is_core, part)
     labels = np.empty(len(xy_m), np.int64)
@@ -128,7 +128,7 @@ def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) 
     counts = np.bincount(pair_of_other, minlength=len(pairs.first))
     starts = counts.cumsum() - counts
     touches: Bool = np.zeros(len(pairs.first), bool)
-    if counts[pair_of_one].sum() > _MOST_COMPARISONS:
+    if counts[pair_of_one].sum() > _MAX_COMPARISONS:
         # A third axis holds the pairs apart, so that one tree serves all.
         planes_m = (4 * radius_m * pair for pair in (pair_of_one, pair_of_other))
         one_m, other_m = (

@@ -14,7 +14,7 @@ from perception.types import Bool, Float, Float64, Int
 
 # A cell is this much smaller than its diagonal allows: more than rounding can move a point.
 _SLACK = 1e-6
-_MOST_CELLS = 2**30  # along an axis: with more, rounding would outgrow the slack
+_MAX_CELLS = 2**30  # along an axis: with more, rounding would outgrow the slack
 _LARGEST_TABLE = 2**23
 
 
@@ -55,7 +55,7 @@ class PointCells:
         low_x, low_y = x_m.min(), y_m.min()
         per_m = np.sqrt(2) * (1 + _SLACK) / radius_m
         extent = (x_m.max() - low_x + y_m.max() - low_y) * per_m
-        if not extent < _MOST_CELLS:
+        if not extent < _MAX_CELLS:
             raise UsageError(
                 "points to cluster",
                 expected="finite coordinates, and a radius that their extent does not dwarf",

@@ -8,7 +8,7 @@ from perception.types import Bool, Detections, Int
 _ANY_SCORE = -1.0
 
 
-def suppress(detections: Detections, most_iou: float) -> Int:
+def suppress(detections: Detections, max_iou: float) -> Int:
     """Return the rows that stay, best first: none overlaps a better one of its class that stays."""
     corner_px = detections.boxes_px[:, :2]
     size_px = detections.boxes_px[:, 2:] - corner_px
@@ -22,7 +22,7 @@ def suppress(detections: Detections, most_iou: float) -> Int:
             detections.scores[rows].tolist(),
             classes.tolist(),
             _ANY_SCORE,
-            most_iou,
+            max_iou,
         )
         stays[rows] = False
         stays[rows[kept]] = True

@@ -39,7 +39,7 @@ def location_errors(
     true_px: Float64,
     true_boxes: Boxes3D,
     points_velo: Float,
-    least_iou: float = 0.5,
+    min_iou: float = 0.5,
 ) -> LocationErrors:
     """Measure the vehicles of one frame that are detected where the image shows a true one.
 
@@ -48,10 +48,10 @@ def location_errors(
         true_px: (T, 4) true boxes in the image.
         true_boxes: (T) the same in the scan.
         points_velo: (N, 3+) the scan.
-        least_iou: of a pair, in the image.
+        min_iou: of a pair, in the image.
     """
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
-    pairs = assign_optimally(1.0 - iou, iou >= least_iou)
+    pairs = assign_optimally(1.0 - iou, iou >= min_iou)
     true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
     apart_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
     turn_rad = found.yaw_rad - true.yaw_rad

@@ -23,7 +23,7 @@ _FIT_ROUNDS = 10
 _SEEN_SUPPORT = 0.15
 _SURE_SUPPORT = 0.2
 _HEIGHT_TOLERANCE_M = 0.5
-_LEAST_CELLS = 8
+_MIN_CELLS = 8
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def _bounding_plane(points: Float, up: int, sign: int) -> _Plane:
     xy = points[near][:, across].astype(np.float64)
     z = sign * points[near, up].astype(np.float64)
     lowest = _lowest_of_cells(xy, z)
-    if len(lowest) < _LEAST_CELLS:
+    if len(lowest) < _MIN_CELLS:
         return _Plane(0.0, 0.0)
     plane = _fit_plane(xy[lowest], z[lowest])
     distances_m = np.abs(xy @ plane[:2] + plane[2] - z)

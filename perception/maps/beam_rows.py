@@ -37,7 +37,7 @@ class ColumnRules:
     reach: float = 0.25
 
     @property
-    def most_steps(self) -> int:
+    def max_steps(self) -> int:
         """Columns from a return to the next of its beam, at most."""
         return max(1, self.longest_gap_px // self.squeeze_px)
 
@@ -63,7 +63,7 @@ class Grid:
         """Lay it over the image of at least one return."""
         width, height = sparse.size_px
         top = int(sparse.pixels[:, 1].min())
-        return cls(-(-width // rules.squeeze_px), height - top + 1, top, rules.most_steps)
+        return cls(-(-width // rules.squeeze_px), height - top + 1, top, rules.max_steps)
 
     def cells_of(self, sparse: SparseMaps, rules: ColumnRules) -> Int:
         """Return the (N,) cell of each return, counted from the left margin on."""
@@ -123,7 +123,7 @@ def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
     at[grid.rows - 1 :: grid.rows] = -1
     following, steps = np.asarray(at[cells + grid.rows], np.intp), np.ones(len(cells), np.intp)
     unlinked = np.flatnonzero(following < 0)
-    for step in range(2, rules.most_steps + 1):
+    for step in range(2, rules.max_steps + 1):
         found = at[cells[unlinked] + step * grid.rows]
         following[unlinked], steps[unlinked] = found, step
         unlinked = unlinked[found < 0]

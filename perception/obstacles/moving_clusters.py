@@ -20,10 +20,10 @@ class MotionRules:
 
     Attributes:
         cell_m: edge of the columns that are joined over the ground plane; legs of one walker stay one.
-        least_voxels: voxels that must have come; fewer may be glass that returns only now and then.
-        least_voxels_again: as many are enough next to what moved in the scan before.
+        min_voxels: voxels that must have come; fewer may be glass that returns only now and then.
+        min_voxels_again: as many are enough next to what moved in the scan before.
         again_reach_m: how near; 5 m/s at 10 Hz. What is faster shows more voxels.
-        least_share: of a thing's voxels that must have come; the rest was out of sight before.
+        min_share: of a thing's voxels that must have come; the rest was out of sight before.
         stopped_share: of a thing's voxels in sight that were met already by the youngest scan asked,
             from which on it stands again.
         stop_age_s: a younger scan cannot tell standing from walking.
@@ -33,10 +33,10 @@ class MotionRules:
     """
 
     cell_m: float = 0.25
-    least_voxels: int = 10
-    least_voxels_again: int = 4
+    min_voxels: int = 10
+    min_voxels_again: int = 4
     again_reach_m: float = 0.5
-    least_share: float = 0.1
+    min_share: float = 0.1
     stopped_share: float = 0.95
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
@@ -98,11 +98,11 @@ def moving_voxels(
     was_near = np.zeros(len(thing), bool)
     was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, rules.again_reach_m)
     goes_on = tally(was_near) > 0
-    least = np.where(goes_on, rules.least_voxels_again, rules.least_voxels * patience)
+    least = np.where(goes_on, rules.min_voxels_again, rules.min_voxels * patience)
     moves = (
         (came >= least)
         & (came > tally(votes.stood) * patience)
-        & (came >= rules.least_share * tally(np.ones(len(thing), bool)))
+        & (came >= rules.min_share * tally(np.ones(len(thing), bool)))
     )
     if history.ages_s[0] >= rules.stop_age_s:
         hit = tally(history.was_hit[0])

@@ -9,7 +9,7 @@ from perception.render.detections import draw_boxes
 from perception.render.follow_figures import draw_tag
 from perception.types import Bool, Detections, Float64, UInt8
 
-_LEAST_WIDTH_PX = 960
+_MIN_WIDTH_PX = 960
 _TEXT_PX = 11
 
 
@@ -28,7 +28,7 @@ def draw_mistakes(
         detections: sure enough to count.
         iou: from which on an object is found.
     """
-    scale = max(1, -(-_LEAST_WIDTH_PX // picture.shape[1]))
+    scale = max(1, -(-_MIN_WIDTH_PX // picture.shape[1]))
     canvas = np.repeat(np.repeat(picture, scale, axis=0), scale, axis=1)
     if canvas.shape[2] == 1:
         canvas = np.asarray(cv2.cvtColor(canvas, cv2.COLOR_GRAY2RGB), np.uint8)

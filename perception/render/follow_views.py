@@ -21,9 +21,9 @@ from perception.tracking.single_object.tracker import FollowState
 from perception.types import Calibration, Float64, UInt8
 
 _SURROUND_M = 9.0  # shown around object and vehicle from above
-_LEAST_SPAN_M = 36.0
+_MIN_SPAN_M = 36.0
 _CLOSE_UP = 1.7  # height of the close-up over that of the object
-_LEAST_CLOSE_UP_PX = 56.0
+_MIN_CLOSE_UP_PX = 56.0
 _FIELD_OF_VIEW_RAD = np.radians(82)
 
 
@@ -78,7 +78,7 @@ class FollowViews:
             return None
         middle_px, span_px = (outline_px[:2] + outline_px[2:]) / 2, outline_px[2:] - outline_px[:2]
         aspect = size_px[0] / size_px[1]
-        high_px = max(_CLOSE_UP * float(max(span_px[1], span_px[0] / aspect)), _LEAST_CLOSE_UP_PX)
+        high_px = max(_CLOSE_UP * float(max(span_px[1], span_px[0] / aspect)), _MIN_CLOSE_UP_PX)
         # As large as the image at most, and within it.
         high_px = min(high_px, limits_px[1], limits_px[0] / aspect)
         half_px = np.array([high_px * aspect, high_px]) / 2
@@ -142,9 +142,7 @@ class FollowViews:
         if box is not None:
             shown_m = np.concatenate([shown_m, corners(box)[0, :, :2]])
         low_m, high_m = shown_m.min(axis=0) - _SURROUND_M, shown_m.max(axis=0) + _SURROUND_M
-        span_m = np.maximum(
-            high_m - low_m, _LEAST_SPAN_M * np.array([1.0, size_px[0] / size_px[1]])
-        )
+        span_m = np.maximum(high_m - low_m, _MIN_SPAN_M * np.array([1.0, size_px[0] / size_px[1]]))
         scale = float(min(size_px[1] / span_m[0], size_px[0] / span_m[1]))
         middle_m = (low_m + high_m) / 2
         vehicle_px = (

@@ -8,7 +8,7 @@ from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalR
 from perception.render.success_plots import SuccessPanel, plot_success
 from perception.types import Float64
 
-_MOST_PROPOSALS = 200  # beyond which no curve is drawn
+_MAX_PROPOSALS = 200  # beyond which no curve is drawn
 
 
 def plot_recall_by_count(path: Path, title: str, recalls: Mapping[str, ProposalRecall]) -> None:
@@ -19,7 +19,7 @@ def plot_recall_by_count(path: Path, title: str, recalls: Mapping[str, ProposalR
         title: of the figure.
         recalls: by the name of the setting.
     """
-    most = max(1, *(min(recall.most_in_a_frame, _MOST_PROPOSALS) for recall in recalls.values()))
+    most = max(1, *(min(recall.most_in_a_frame, _MAX_PROPOSALS) for recall in recalls.values()))
     one = next(iter(recalls.values())).difficulties
     panels = [
         SuccessPanel(

@@ -108,8 +108,8 @@ class BoxTracker:
         measured = measure_all(tracks, things, sensor_m, self._rules)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks, self._rules.size) + self._rules.standing_margin_m
-        least_m = self._rules.standing_share * tracks.recent_sizes_m[:, 0]
-        fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= least_m[:, None])
+        min_m = self._rules.standing_share * tracks.recent_sizes_m[:, 0]
+        fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
         stood = tracks.moved_s < tracks.seen_s
         may = fits.all(axis=2) & (stood[:, None] | is_new)
         pairs = assign_optimally(costs, may & (costs <= self._rules.motion.gate))

@@ -24,13 +24,13 @@ def lie_within(places_m: Float64, centers_m: Float64, sizes_m: Float64, yaw_rad:
     return np.asarray((away_m <= sizes_m[:, None] / 2).all(axis=2))
 
 
-def join_fragments(things: Footprints, is_within: Bool, most_share: float) -> Footprints:
+def join_fragments(things: Footprints, is_within: Bool, max_share: float) -> Footprints:
     """Join the small things that lie within one box to the largest one there.
 
     Args:
         things: F.
         is_within: (T, F) which things lie within which boxes; the first box has them.
-        most_share: of the points of the largest; what has more stays a thing of its own.
+        max_share: of the points of the largest; what has more stays a thing of its own.
     """
     if len(things) < 2 or not is_within.any():
         return things
@@ -38,7 +38,7 @@ def join_fragments(things: Footprints, is_within: Bool, most_share: float) -> Fo
     box_of = np.where(is_within.any(axis=0), is_within.argmax(axis=0), own)
     largest = np.zeros(int(box_of.max()) + 1, np.int64)
     np.maximum.at(largest, box_of, things.points)
-    is_large = things.points > most_share * largest[box_of]
+    is_large = things.points > max_share * largest[box_of]
     is_largest = things.points == largest[box_of]
     _, whole_of = np.unique(np.where(is_large & ~is_largest, own, box_of), return_inverse=True)
     return things if int(whole_of.max()) + 1 == len(things) else _joined(things, whole_of)

@@ -19,9 +19,9 @@ class HeadingRules:
 
     Attributes:
         turn_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
-        least_speed_m_s: slower, the velocity's direction is mostly noise.
+        min_speed_m_s: slower, the velocity's direction is mostly noise.
         sign_speed_m_s: faster, the velocity tells front from rear though it does not tell the heading.
-        most_deviation_rad: of a velocity's direction that is still worth hearing.
+        max_deviation_rad: of a velocity's direction that is still worth hearing.
         way_deviation_rad: of a heading from the direction of a well-known velocity.
         shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
         shape_length_m: the longer side of an outline that has a direction.
@@ -32,9 +32,9 @@ class HeadingRules:
     """
 
     turn_rad_s: float = 0.4
-    least_speed_m_s: float = 0.7
+    min_speed_m_s: float = 0.7
     sign_speed_m_s: float = 0.3
-    most_deviation_rad: float = 0.5
+    max_deviation_rad: float = 0.5
     way_deviation_rad: float = 0.06
     shape_deviation_rad: float = 0.2
     shape_length_m: float = 1.5
@@ -88,8 +88,8 @@ def follow_way(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Hea
     variance = tracks.yaw_variance + (rules.turn_rad_s * elapsed_s) ** 2
     way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     way_variance = _way_variance(tracks, way_rad)
-    is_heard = (tracks.speeds_m_s >= rules.least_speed_m_s) & (
-        way_variance <= rules.most_deviation_rad**2
+    is_heard = (tracks.speeds_m_s >= rules.min_speed_m_s) & (
+        way_variance <= rules.max_deviation_rad**2
     )
     off_rad = wrap(way_rad - tracks.yaw_rad)
     is_backwards = (np.abs(off_rad) > np.pi / 2) & _may_reverse(tracks, rules)

@@ -28,7 +28,7 @@ class MotionModel:
         sampling: share of a thing's size by which an end may be missed between two of its points.
         slack_share: of the part of a thing that is missing, by which its centre may be off: evenly spread
             over the missing length, it would be 1 / sqrt(12) = 0.29.
-        most_swing_rad: deviation of a heading that only the shape tells.
+        max_swing_rad: deviation of a heading that only the shape tells.
         gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
     """
 
@@ -39,7 +39,7 @@ class MotionModel:
     side_noise_m: float = 0.06
     sampling: float = 0.5
     slack_share: float = 0.3
-    most_swing_rad: float = 0.3
+    max_swing_rad: float = 0.3
     gate: float = 9.21
 
 

@@ -181,7 +181,7 @@ class PointTracker:
     def _begin(self, moving: Footprints, world_SE3_velo: Float64) -> _Followed:
         """Return each detection as the track that it would begin, still without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
-        least_m, greatest_m = moving.extents_m(np.zeros(count))
+        min_m, greatest_m = moving.extents_m(np.zeros(count))
         covariance = self.rules.initial_variance * np.eye(4)
         return _Followed(
             ids=np.full(count, -1),
@@ -190,7 +190,7 @@ class PointTracker:
                 np.tile(covariance, (count, 1, 1)),
             ),
             low_world_m=moved.low_m,
-            size_m=np.column_stack([greatest_m - least_m, moving.high_m - moving.low_m]),
+            size_m=np.column_stack([greatest_m - min_m, moving.high_m - moving.low_m]),
             is_confirmed=np.zeros(count, bool),
             is_seen=np.ones(count, bool),
         )

@@ -21,8 +21,8 @@ class SizeRules:
         length_per_width: of vehicles; 2.4 for the mean car and 2.7 for the mean van of KITTI's labels.
         prior_length_m: range of the lengths that a width suggests, a small car to a van.
         prior_width_m: of a vehicle whose side alone was seen; 1.6 to 1.9 m in KITTI's labels.
-        least_length_m: of anything that moves on its own.
-        least_width_m: of anything that moves on its own.
+        min_length_m: of anything that moves on its own.
+        min_width_m: of anything that moves on its own.
         growth: share of the way to a larger size that one sight makes.
         shrinkage: share of the way to a smaller one.
         largest_m: length and width of a city bus: what is larger is several things.
@@ -36,8 +36,8 @@ class SizeRules:
     length_per_width: float = 2.4
     prior_length_m: tuple[float, float] = (3.6, 5.2)
     prior_width_m: float = 1.7
-    least_length_m: float = 0.8
-    least_width_m: float = 0.6
+    min_length_m: float = 0.8
+    min_width_m: float = 0.6
     growth: float = 0.25
     shrinkage: float = 0.03
     largest_m: tuple[float, float] = (12.0, 3.0)
@@ -45,7 +45,7 @@ class SizeRules:
 
 def likely_sizes_m(tracks: TrackTable, rules: SizeRules) -> Float64:
     """Return (T, 2) length and width: as seen where seen whole, else at least what is common."""
-    least = np.array([rules.least_length_m, rules.least_width_m])
+    least = np.array([rules.min_length_m, rules.min_width_m])
     length_m, width_m = np.maximum(tracks.sizes_m, least).T
     is_known = tracks.complete_seen >= rules.complete_sights
     common_m = np.clip(rules.length_per_width * width_m, *rules.prior_length_m)

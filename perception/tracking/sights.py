@@ -51,7 +51,7 @@ def _measure(tracks: TrackTable, seen: Reaches, points: Int, rules: BoxTrackerRu
     sizes_m = likely_sizes_m(tracks, rules.size)
     centers = place_centers(seen, sizes_m, rules.size.complete_angle_rad)
     # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
-    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.most_swing_rad**2))
+    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.max_swing_rad**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
     doubts = motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m)

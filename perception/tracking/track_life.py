@@ -19,7 +19,7 @@ class LifeRules:
         confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
             second scan may miss it.
         travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
-        least_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
+        min_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
             and there in a hedge gets nowhere.
         coasting_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
         telling_s: how long a track that was seen often is told of unseen.
@@ -35,7 +35,7 @@ class LifeRules:
     plain_points: int = 50
     confirming_s: float = 0.25
     travel_m: float = 0.15
-    least_speed_m_s: float = 0.5
+    min_speed_m_s: float = 0.5
     coasting_s: float = 1.2
     telling_s: float = 0.3
     telling_sights: int = 5
@@ -51,8 +51,8 @@ def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.begun_world_m, axis=1)
     travels = (
         (travelled_m >= rules.travel_m)
-        & (travelled_m >= rules.least_speed_m_s * age_s)
-        & (tracks.speeds_m_s >= rules.least_speed_m_s)
+        & (travelled_m >= rules.min_speed_m_s * age_s)
+        & (tracks.speeds_m_s >= rules.min_speed_m_s)
     )
     is_plain = tracks.points >= rules.plain_points
     needed = np.where(is_plain, rules.confirming_sights, rules.doubtful_sights)

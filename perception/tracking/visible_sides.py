@@ -35,7 +35,7 @@ class Reaches:
         """(T, F, 2) seen length and width."""
         return self.high_m - self.low_m
 
-    def is_complete(self, least_angle_rad: float) -> Bool:
+    def is_complete(self, min_angle_rad: float) -> Bool:
         """Tell along which axes (T, F, 2) both ends are seen, on a face that is not too slanted.
 
         Length is seen on the left or right face, width on the front or the rear.
@@ -43,7 +43,7 @@ class Reaches:
         sensor_m = self.sensor_m[:, None]
         beside_m = np.maximum(self.low_m - sensor_m, sensor_m - self.high_m)
         far_m = np.maximum(np.abs(self.low_m - sensor_m), np.abs(self.high_m - sensor_m))
-        return np.asarray(beside_m[..., ::-1] > np.tan(least_angle_rad) * far_m)
+        return np.asarray(beside_m[..., ::-1] > np.tan(min_angle_rad) * far_m)
 
 
 def reaches(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Reaches:
@@ -84,16 +84,16 @@ class Centers:
     slack_m: Float64
 
 
-def place_centers(seen: Reaches, sizes_m: Float64, least_angle_rad: float) -> Centers:
+def place_centers(seen: Reaches, sizes_m: Float64, min_angle_rad: float) -> Centers:
     """Place each box by the one end that faces the sensor or, where both ends are seen, between them.
 
     Args:
         seen: outlines along headings.
         sizes_m: (T, 2) remembered length and width.
-        least_angle_rad: of a face that shows its far end.
+        min_angle_rad: of a face that shows its far end.
     """
     half_m, sensor_m = sizes_m[:, None] / 2, seen.sensor_m[:, None]
-    is_complete = seen.is_complete(least_angle_rad)
+    is_complete = seen.is_complete(min_angle_rad)
     from_low = ~is_complete & (sensor_m < seen.low_m)
     from_high = ~is_complete & (sensor_m > seen.high_m)
     middle_m = (seen.low_m + seen.high_m) / 2

@@ -70,7 +70,7 @@ def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, t
     assert config["network"]["training_data"] == "nothing at all"
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["frames"], summary["proposals"], summary["detections"]) == (2, 4, 6)
-    assert summary["shown"] == {"least_score": 0.85, "detections": 2}
+    assert summary["shown"] == {"min_score": 0.85, "detections": 2}
     assert summary["stages_ms"]["all stages"]["median"] == 3.0
 
 

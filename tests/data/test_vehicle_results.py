@@ -85,4 +85,4 @@ def test_only_followed_vehicles_are_rows_of_the_tracking_benchmark(vehicles, tmp
 
 
 def test_unlikely_vehicles_can_be_left_out(vehicles):
-    assert len(to_vehicle_rows(3, vehicles, CALIBRATION, least_score=0.9)) == 0
+    assert len(to_vehicle_rows(3, vehicles, CALIBRATION, min_score=0.9)) == 0

@@ -38,26 +38,26 @@ SHAPES = (uniform, blobs, lattice, duplicates, lines)
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("count", [1, 2, 3, 30, 250])
-@pytest.mark.parametrize("least_points", [1, 2, 5, 12])
-def test_labels_are_those_of_the_definition(shape, count, least_points):
+@pytest.mark.parametrize("min_points", [1, 2, 5, 12])
+def test_labels_are_those_of_the_definition(shape, count, min_points):
     generator = np.random.default_rng(count)
     for _ in range(3):
         xy_m = shape(generator, count)
-        expected = cluster_by_definition(xy_m, 0.5, least_points)
-        assert cluster(xy_m, 0.5, least_points).tolist() == expected.tolist()
+        expected = cluster_by_definition(xy_m, 0.5, min_points)
+        assert cluster(xy_m, 0.5, min_points).tolist() == expected.tolist()
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("count", [40, 600])
-@pytest.mark.parametrize("least_points", [2, 5, 20])
-def test_labels_are_those_of_scikit_learn(shape, count, least_points):
+@pytest.mark.parametrize("min_points", [2, 5, 20])
+def test_labels_are_those_of_scikit_learn(shape, count, min_points):
     dbscan = pytest.importorskip("sklearn.cluster").DBSCAN
-    xy_m = shape(np.random.default_rng(count + least_points), count)
-    expected = dbscan(eps=0.5, min_samples=least_points).fit_predict(xy_m)
-    assert cluster(xy_m, 0.5, least_points).tolist() == expected.tolist()
+    xy_m = shape(np.random.default_rng(count + min_points), count)
+    expected = dbscan(eps=0.5, min_samples=min_points).fit_predict(xy_m)
+    assert cluster(xy_m, 0.5, min_points).tolist() == expected.tolist()
 
 
-@pytest.mark.parametrize("constant", ["_MOST_COMPARISONS", "_LARGEST_TABLE"])
+@pytest.mark.parametrize("constant", ["_MAX_COMPARISONS", "_LARGEST_TABLE"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_labels_do_not_depend_on_how_they_are_found(monkeypatch, shape, constant):
     module = clustering if hasattr(clustering, constant) else point_cells
@@ -102,10 +102,10 @@ def test_no_points_are_no_clusters():
     assert cluster(np.zeros((0, 2)), 0.5, 5).shape == (0,)
 
 
-@pytest.mark.parametrize(("radius_m", "least_points"), [(0, 5), (-1, 5), (np.nan, 5), (0.5, 0)])
-def test_rules_that_cannot_work_are_refused(radius_m, least_points):
+@pytest.mark.parametrize(("radius_m", "min_points"), [(0, 5), (-1, 5), (np.nan, 5), (0.5, 0)])
+def test_rules_that_cannot_work_are_refused(radius_m, min_points):
     with pytest.raises(UsageError, match="above zero"):
-        cluster(np.zeros((3, 2)), radius_m, least_points)
+        cluster(np.zeros((3, 2)), radius_m, min_points)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30])

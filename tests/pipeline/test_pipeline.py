@@ -32,11 +32,11 @@ def iou(said, true):
 
 # Of sixteen beams few points are left in the area, and those at the foot of things weigh more.
 @pytest.mark.parametrize(
-    ("sensor", "least_iou"),
+    ("sensor", "min_iou"),
     [(HDL_64E, 0.95), (HDL_32E, 0.95), (VLP_16, 0.90)],
     ids=lambda value: getattr(value, "name", ""),
 )
-def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, least_iou):
+def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, min_iou):
     drive = SyntheticDrive(FRAMES, sensor=sensor, images=False)
     pipeline = Pipeline(sensor, LIDAR_ALONE)
     results = [pipeline.step(frame) for frame in drive]
@@ -44,7 +44,7 @@ def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, l
     states = results[-1].obstacles.point_states
     inside = states != PointState.OUTSIDE
     on_ground = np.isin(truth.classes, GROUND_CLASSES)
-    assert iou((states == PointState.GROUND)[inside], on_ground[inside]) > least_iou
+    assert iou((states == PointState.GROUND)[inside], on_ground[inside]) > min_iou
     assert iou((states == PointState.MOVING)[inside], truth.is_moving[inside]) > 0.5
 
 

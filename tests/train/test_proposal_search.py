@@ -136,7 +136,7 @@ def test_a_file_that_ends_in_its_first_row_begins_anew(plan, tmp_path):
 def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
     ledger = tmp_path / "counts.jsonl"
     search(plan, ledger)
-    more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.least_points, (0.05, 0.5, 0.6))
+    more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.min_points, (0.05, 0.5, 0.6))
     wider = SearchPlan(plan.survey, more, "thesis", chunk_frames=3)
     assert search(wider, ledger) == search(wider, tmp_path / "fresh.jsonl")
 
@@ -258,7 +258,7 @@ def test_without_a_frame_that_can_be_read_there_is_no_best(frames, tmp_path):
 
 @pytest.mark.parametrize(
     "values",
-    [{"cell_m": ()}, {"cell_m": (0.5, 0.5)}, {"radius_m": (0.0,)}, {"least_points": (0,)}],
+    [{"cell_m": ()}, {"cell_m": (0.5, 0.5)}, {"radius_m": (0.0,)}, {"min_points": (0,)}],
 )
 def test_values_that_cannot_work_are_refused(values):
     with pytest.raises(UsageError):

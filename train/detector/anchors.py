@@ -10,7 +10,7 @@ import numpy as np
 from perception.errors import LabelError
 from perception.types import Float64, Int
 
-_MOST_ROUNDS = 300
+_MAX_ROUNDS = 300
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def fit_anchors(sizes_px: Float64, count: int, rng: np.random.Generator) -> Anch
     _require_sizes(sizes_px, count)
     anchors = _first_anchors(sizes_px, count, rng)
     nearest = _nearest(sizes_px, anchors)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         anchors = _means(sizes_px, anchors, nearest)
         before, nearest = nearest, _nearest(sizes_px, anchors)
         if np.array_equal(before, nearest):

@@ -15,7 +15,7 @@ from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
 _SHOWN_PICTURES = 6
-_LEAST_SCORE = 0.3  # below, they only hide the picture
+_MIN_SCORE = 0.3  # below, they only hide the picture
 _SMALLEST_WIDTH_PX = 1200  # smaller pictures are shown larger
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
 _TEXT_PX = 10
@@ -78,7 +78,7 @@ def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
     is_ignored = batch["is_ignored"][place].cpu().numpy().astype(bool)
     draw_boxes(canvas, boxes_px[has_area & is_ignored], _IGNORED)
     draw_boxes(canvas, boxes_px[has_area & ~is_ignored], _LABEL)
-    sure = found[found.scores >= _LEAST_SCORE]
+    sure = found[found.scores >= _MIN_SCORE]
     draw_boxes(canvas, times * sure.boxes_px, _FOUND)
     for box_px, score in zip(times * sure.boxes_px, sure.scores.tolist(), strict=True):
         draw_tag(canvas, f"{score:.2f}", box_px, _FOUND, _TEXT_PX)

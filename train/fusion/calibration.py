@@ -7,7 +7,7 @@ from perception.detection.fusion.calibration import Calibration, score_logs
 from perception.evaluation.detection.reliability import Rightness
 from perception.types import Float64
 
-_LEAST_SLOPE = 1e-3  # so that the order of the scores is kept
+_MIN_SLOPE = 1e-3  # so that the order of the scores is kept
 
 
 def fit_calibration(found: Rightness) -> Calibration:
@@ -26,7 +26,7 @@ def fit_calibration(found: Rightness) -> Calibration:
         value = float(np.mean(np.logaddexp(0, logits) - right * logits))
         return value, columns.T @ (1 / (1 + np.exp(-logits)) - right) / len(right)
 
-    bounds = [(_LEAST_SLOPE, None), (_LEAST_SLOPE, None), (None, None)]
+    bounds = [(_MIN_SLOPE, None), (_MIN_SLOPE, None), (None, None)]
     fitted = minimize(loss, [1.0, 1.0, 0.0], jac=True, method="L-BFGS-B", bounds=bounds)
     a, b, c = (float(value) for value in fitted.x)
     return Calibration(a, b, c)

@@ -16,7 +16,7 @@ from perception.types import Modality
 # What may be lost where two views stay; of one alone there is nothing to learn.
 LOSSES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
-_MOST_STRETCH, _SHIFT = 0.15, 0.45
+_MAX_STRETCH, _SHIFT = 0.15, 0.45
 
 
 def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
@@ -28,7 +28,7 @@ def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
 def _doubted_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
     modal = {}
     for name, found in scene.modal.items():
-        stretch = 1 + _MOST_STRETCH * rng.uniform(-1, 1)
+        stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)
         other = Calibration(stretch, stretch, _SHIFT * rng.standard_normal())
         modal[name] = replace(found, scores=other.probabilities(found.scores))
     return replace(scene, modal=modal)

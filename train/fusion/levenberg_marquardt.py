@@ -53,16 +53,16 @@ class Damping:
         fall: factor after a step that helped.
         rise: factor after one that did not.
         most: no step helps beyond this.
-        least_gradient: below which the place is as low as it gets.
-        most_steps: that are taken.
+        min_gradient: below which the place is as low as it gets.
+        max_steps: that are taken.
     """
 
     first: float = 1e-3
     fall: float = 0.1
     rise: float = 10.0
     most: float = 1e10
-    least_gradient: float = 1e-7
-    most_steps: int = 1000
+    min_gradient: float = 1e-7
+    max_steps: int = 1000
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,11 @@ def descend(
         first: number of the start.
     """
     mu, parameters = damping.first, np.asarray(start, np.float64)
-    for number in range(first, damping.most_steps + 1):
+    for number in range(first, damping.max_steps + 1):
         here = problem.normal_equations(parameters)
         length = float(np.linalg.norm(here.gradient))
         yield Step(number, parameters, here.mean_square, length, mu)
-        if number == damping.most_steps or length < damping.least_gradient:
+        if number == damping.max_steps or length < damping.min_gradient:
             return
         while mu <= damping.most:
             tried = _tried(parameters, here, mu)

@@ -113,7 +113,7 @@ def _by_whole_steps(
         begun = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
         _write(out / BEST, content(begun.best.parameters, begun.best.step))
     first = 0 if begun is None else begun.last.number
-    with SummaryWriter(str(out)) as writer, step_bar(plan.damping.most_steps, first) as bar:
+    with SummaryWriter(str(out)) as writer, step_bar(plan.damping.max_steps, first) as bar:
         best = lowest(sets, plan, keep, begun)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 

@@ -108,7 +108,7 @@ def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
         part.method,
     )
     for rules in part.rules:
-        labels_of_points = cut(standing, rules.radius_m, rules.least_points, part.method)
+        labels_of_points = cut(standing, rules.radius_m, rules.min_points, part.method)
         found = box(standing, labels_of_points)
         reached = count_reached(objects_px, found.boxes_px, part.overlaps)
         yield Count(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))

@@ -15,13 +15,13 @@ class SearchGrid:
     Attributes:
         cell_m: edges of a cell of the ground removal.
         least_variance_m2: of the heights in a cell that is not ground.
-        least_points: within the radius of a core of a cluster.
+        min_points: within the radius of a core of a cluster.
         radius_m: of DBSCAN's neighbourhood.
     """
 
     cell_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.7)
     least_variance_m2: tuple[float, ...] = (0.0025, 0.005, 0.01, 0.02, 0.04)
-    least_points: tuple[int, ...] = (1, 3, 5, 10)
+    min_points: tuple[int, ...] = (1, 3, 5, 10)
     radius_m: tuple[float, ...] = (0.2, 0.3, 0.4, 0.5, 0.7)
 
     def __post_init__(self) -> None:
@@ -47,5 +47,5 @@ class SearchGrid:
         for cell_m, variance_m2 in product(self.cell_m, self.least_variance_m2):
             yield [
                 ProposalRules(cell_m, variance_m2, points, radius_m)
-                for points, radius_m in product(self.least_points, self.radius_m)
+                for points, radius_m in product(self.min_points, self.radius_m)
             ]

@@ -31,7 +31,7 @@ from perception.geometry.box_overlap_ground import iou_ground
 from perception.maps.projection import camera_of
 
 # KITTI's moderate: visible or partly hidden, hardly cut off.
-_MOST_OCCLUSION, _MOST_TRUNCATION = 1, 0.3
+_MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
 _SAME_PLACE_IOU = 0.15
 _PROTOCOL = {
     "tracking": "KITTI tracking benchmark, class car, boxes in the image; rows of vehicles that have an id",
@@ -51,7 +51,7 @@ def vehicles(  # noqa: PLR0913 - flags of a command
     *,
     sequence: str | None = None,
     detector: VehicleSource = "fused",
-    least_score: float = 0.5,
+    min_score: float = 0.5,
     noise: float = LabelNoise.noise,
     missing: float = LabelNoise.missing,
     seed: int = 0,
@@ -67,7 +67,7 @@ def vehicles(  # noqa: PLR0913 - flags of a command
         root: sequences in KITTI's tracking layout, or a synthetic drive in it.
         sequence: which one, where there are several.
         detector: fused, the pipeline's own; depthcn; or labels, made noisy, to see what location and tracking add.
-        least_score: of a detection that counts.
+        min_score: of a detection that counts.
         noise: of the sides of labels, as a share of the box's size.
         missing: share of labels that are not detected.
         seed: of both.
@@ -79,10 +79,10 @@ def vehicles(  # noqa: PLR0913 - flags of a command
     label_noise = LabelNoise(noise, missing, seed)
     labels = _label_rows(drive)
     seen = vehicle_frames(drive, detector, label_noise, limit=frames, on_bad_frame=on_bad_frame)
-    report = measure_vehicles(drive, labels, seen, least_score)
+    report = measure_vehicles(drive, labels, seen, min_score)
     print(
         f"{drive.name}: {report.frames} of {len(drive)} frames, detector {detector}, scores from "
-        f"{least_score:g}\n\n{vehicle_tables(report)}"
+        f"{min_score:g}\n\n{vehicle_tables(report)}"
     )
     if json is not None:
         data = DataUsed(
@@ -93,13 +93,13 @@ def vehicles(  # noqa: PLR0913 - flags of a command
             first_frames=len(drive) if frames is None else frames,
             frames_evaluated=report.frames,
         )
-        choices = {"detector": detector, "least_score": least_score, "label_noise": label_noise}
+        choices = {"detector": detector, "min_score": min_score, "label_noise": label_noise}
         figures = Figures("vehicles", {**_PROTOCOL}, vehicle_results(report))
         write_evaluation(json, data, choices, figures)
 
 
 def measure_vehicles(
-    drive: Drive, labels: TrackingRows, seen: Iterable[VehicleFrame], least_score: float
+    drive: Drive, labels: TrackingRows, seen: Iterable[VehicleFrame], min_score: float
 ) -> VehiclesReport:
     """Measure frame after frame.
 
@@ -110,9 +110,9 @@ def measure_vehicles(
     for one in seen:
         frame, found = one.frame, one.followed.vehicles
         calibration, _ = camera_of(frame)
-        answers.append(to_vehicle_rows(frame.index, found, calibration, least_score))
+        answers.append(to_vehicle_rows(frame.index, found, calibration, min_score))
         true = drive.labels(frame.index)
-        is_plain = (true.occlusion <= _MOST_OCCLUSION) & (true.truncation <= _MOST_TRUNCATION)
+        is_plain = (true.occlusion <= _MAX_OCCLUSION) & (true.truncation <= _MAX_TRUNCATION)
         true = true[is_plain & (true.types == "Car")]
         errors.append(location_errors(found, true.boxes_px, true.boxes_velo, frame.points_velo))
         numbers.append(frame.index)

@@ -15,7 +15,7 @@ _LOWEST_M, _HIGHEST_M = 0.3, 2.0
 _LEVEL_M = 0.1
 # A pole fills half a metre across, and nothing else stands within a metre and a half.
 _INNER_CELLS, _OUTER_CELLS = 5, 15
-_LEAST_LEVELS, _LEAST_POINTS, _LEAST_SHARE = 12, 60, 0.8
+_MIN_LEVELS, _MIN_POINTS, _MIN_SHARE = 12, 60, 0.8
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     inner = cv2.boxFilter(columns.points, -1, (_INNER_CELLS,) * 2, normalize=False)
     outer = cv2.boxFilter(columns.points, -1, (_OUTER_CELLS,) * 2, normalize=False)
     is_seen = columns.scans >= int(cloud.age.max()) + 1
-    is_pole = is_seen & (columns.levels >= _LEAST_LEVELS) & (inner >= _LEAST_POINTS)
-    is_pole &= inner >= _LEAST_SHARE * outer
+    is_pole = is_seen & (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
+    is_pole &= inner >= _MIN_SHARE * outer
     is_pole &= _is_whole(is_pole.shape)
     if not is_pole.any():
         raise DriveError(

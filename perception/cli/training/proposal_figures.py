@@ -98,7 +98,7 @@ def _rule_cells(rules: ProposalRules) -> list[Cell]:
     return [
         f"{rules.cell_m:g}",
         f"{rules.least_variance_m2:g}",
-        rules.least_points,
+        rules.min_points,
         f"{rules.radius_m:g}",
     ]
 

@@ -14,7 +14,7 @@ from perception.errors import PerceptionError
 from perception.types import Float, Float64, UInt8
 
 # A window narrower than this is taken as this wide: a cluster of one column of points has no width.
-LEAST_EDGE_PX = 1.0
+MIN_EDGE_PX = 1.0
 
 
 def crop_windows(picture: UInt8, windows_px: Float) -> UInt8:
@@ -42,7 +42,7 @@ def window_maps(windows_px: Float) -> Float64:
     if not np.isfinite(windows_px).all():
         raise PerceptionError("windows_px", expected="finite windows", found="NaN or infinity")
     corner = np.asarray(windows_px[:, :2], np.float64)
-    size = np.maximum(windows_px[:, 2:] - corner, LEAST_EDGE_PX)
+    size = np.maximum(windows_px[:, 2:] - corner, MIN_EDGE_PX)
     scale = size / (CROP_WIDTH_PX, CROP_HEIGHT_PX)
     maps = np.zeros((len(windows_px), 3, 3))
     maps[:, 0, 0], maps[:, 1, 1], maps[:, 2, 2] = scale[:, 0], scale[:, 1], 1.0

@@ -26,20 +26,20 @@ class DetectionRules:
     """Which of the candidates that the network has judged are detections.
 
     Attributes:
-        least_score: low, since the measure draws the whole curve; pictures show fewer.
-        most_iou: with a better detection (6.2.4).
+        min_score: low, since the measure draws the whole curve; pictures show fewer.
+        max_iou: with a better detection (6.2.4).
     """
 
-    least_score: float = 0.01
-    most_iou: float = 0.5
+    min_score: float = 0.01
+    max_iou: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
-        if not (0 <= self.least_score <= 1 and 0 < self.most_iou <= 1):
+        if not (0 <= self.min_score <= 1 and 0 < self.max_iou <= 1):
             raise UsageError(
                 "rules of the detections",
                 expected="a score and an overlap from 0 to 1",
-                found=f"{self.least_score:g} and {self.most_iou:g}",
+                found=f"{self.min_score:g} and {self.max_iou:g}",
             )
 
 
@@ -146,9 +146,9 @@ class DepthCn:
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
         """Return the rows that are likely, show in the image, and are the best of their place."""
         shows = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(shows & (scores >= self._detection_rules.least_score))
+        rows = np.flatnonzero(shows & (scores >= self._detection_rules.min_score))
         likely = _vehicles(boxes_px[rows], scores[rows])
-        return np.asarray(rows[suppress(likely, self._detection_rules.most_iou)])
+        return np.asarray(rows[suppress(likely, self._detection_rules.max_iou)])
 
 
 def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:

@@ -12,7 +12,7 @@ ProposalOrder = Literal["size", "points"]
 # What a camera sees of a car: its height, and from the end of a small one to the side of a large one.
 _CAR_HEIGHT_M = 1.5
 _CAR_WIDTHS_M = (1.5, 4.5)
-_LEAST_M = 1e-3  # of a box without extent
+_MIN_M = 1e-3  # of a box without extent
 
 
 def order_scores(order: ProposalOrder, proposals: Proposals, focal_px: float) -> Float64:
@@ -30,7 +30,7 @@ def order_scores(order: ProposalOrder, proposals: Proposals, focal_px: float) ->
         return counts.astype(np.float64)
     sizes_px = proposals.boxes_px[:, 2:] - proposals.boxes_px[:, :2]
     sizes_m = sizes_px * (proposals.depths_m / focal_px)[:, None]
-    width, height = np.log(np.maximum(sizes_m, _LEAST_M)).T
+    width, height = np.log(np.maximum(sizes_m, _MIN_M)).T
     narrowest, widest = np.log(_CAR_WIDTHS_M)
     too_wide_or_narrow = np.abs(width - np.clip(width, narrowest, widest))
     return np.asarray(-np.abs(height - np.log(_CAR_HEIGHT_M)) - too_wide_or_narrow)

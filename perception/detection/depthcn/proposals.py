@@ -36,22 +36,22 @@ class ProposalRules:
         cell_m: edge of a cell of the ground removal, the thesis' upsilon.
         least_variance_m2: a cell whose heights vary less is ground, delta. By the default, a point is that
             stays within three such deviations of the lowest one around.
-        least_points: within the radius make a point a core of a cluster, eta.
+        min_points: within the radius make a point a core of a cluster, eta.
         radius_m: of DBSCAN's neighbourhood, epsilon; at the vehicle, where it grows with the range.
     """
 
     cell_m: float = 0.5
     least_variance_m2: float = 0.01
-    least_points: int = 5
+    min_points: int = 5
     radius_m: float = 0.3
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
         fits = self.cell_m >= _SMALLEST_CELL_M and self.least_variance_m2 >= 0
-        if not (fits and self.radius_m > 0 and self.least_points > 0):
+        if not (fits and self.radius_m > 0 and self.min_points > 0):
             found = (
                 f"{self.cell_m:g} m, {self.least_variance_m2:g} m2, "
-                f"{self.radius_m:g} m, {self.least_points}"
+                f"{self.radius_m:g} m, {self.min_points}"
             )
             raise UsageError(
                 "rules of the proposals",
@@ -105,25 +105,25 @@ def propose(
     standing = find_standing(
         points_velo, calibration, size_px, rules.cell_m, rules.least_variance_m2, method
     )
-    return box(standing, cut(standing, rules.radius_m, rules.least_points, method))
+    return box(standing, cut(standing, rules.radius_m, rules.min_points, method))
 
 
-def cut(standing: Standing, radius_m: float, least_points: int, method: Method = "default") -> Int:
+def cut(standing: Standing, radius_m: float, min_points: int, method: Method = "default") -> Int:
     """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
 
     Args:
         standing: what stands on the ground.
         radius_m: of DBSCAN's neighbourhood.
-        least_points: within it.
+        min_points: within it.
         method: default or thesis.
     """
     if method == "thesis":
-        return cluster(standing.xy_m, radius_m, least_points)
+        return cluster(standing.xy_m, radius_m, min_points)
     xy_m = _evened(standing.xy_m, radius_m)
-    labels = cluster(xy_m, radius_m, least_points)
+    labels = cluster(xy_m, radius_m, min_points)
     # Clusters of a smaller radius lie within those of a larger one: one call splits all.
     long = np.flatnonzero(_is_long(standing.xy_m, labels))
-    parts = cluster(xy_m[long], _SPLIT * radius_m, least_points)
+    parts = cluster(xy_m[long], _SPLIT * radius_m, min_points)
     labels[long] = np.where(parts >= 0, parts + labels.max(initial=-1) + 1, -1)
     return _numbered_anew(labels)
 

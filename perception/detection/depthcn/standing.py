@@ -19,7 +19,7 @@ from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 _FARTHEST_M = 80.0  # as in the maps, ahead and to each side
 _NEAREST_M = 0.5  # what is nearer is the vehicle itself
 _THESIS_NEAREST_M = 5.0  # the author's code
-_LEAST_DENSITY = np.finfo(np.float64).eps  # the author's code
+_MIN_DENSITY = np.finfo(np.float64).eps  # the author's code
 _DEVIATIONS = 3.0  # over the lowest point around, of what passes for ground
 _HIGHEST_M = 2.0  # over the ground: the roofs of cars
 _REACH_M = 1.5  # under a car, some ground is seen from one side or the other
@@ -117,8 +117,8 @@ def _over_the_lowest(points: Float32, cell_m: float, least_variance_m2: float) -
     cells = HeightCells.of(points, cell_m)
     ground_m = cells.lowest_m(_REACH_M)
     over_m = cells.z_m - ground_m
-    least_m = _DEVIATIONS * np.sqrt(least_variance_m2)
-    rows = np.flatnonzero((over_m >= least_m) & (over_m <= _HIGHEST_M))
+    min_m = _DEVIATIONS * np.sqrt(least_variance_m2)
+    rows = np.flatnonzero((over_m >= min_m) & (over_m <= _HIGHEST_M))
     return _Chosen(rows, ground_m[rows])
 
 
@@ -140,7 +140,7 @@ def _is_typical(points: Float32) -> Bool:
         return np.ones(len(points), bool)  # flat or lined up: there is no density
     log_density = -((offsets / deviations) ** 2).sum(axis=1) / 2
     log_density -= np.log((2 * np.pi) ** 1.5 * deviations.prod())
-    return np.asarray(log_density > np.log(_LEAST_DENSITY))
+    return np.asarray(log_density > np.log(_MIN_DENSITY))
 
 
 _AREAS: Mapping[Method, Callable[[Float32, Float64, tuple[int, int]], Int]] = {

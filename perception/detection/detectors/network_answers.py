@@ -8,12 +8,12 @@ from perception.detection.detectors.input_size import InputSize
 from perception.detection.suppression import suppress
 from perception.types import Detections, Float
 
-LEAST_SCORE = 0.01
-MOST_IOU = 0.5  # of two detections of one class (6.2.4)
+MIN_SCORE = 0.01
+MAX_IOU = 0.5  # of two detections of one class (6.2.4)
 # The best are compared with each other, and the best of these are kept. Measured with the three networks
 # that ship: average precision stays within 0.3 points of keeping all of some 450, in a third of the time.
-_MOST_ANSWERS = 300
-MOST_OBJECTS = 64
+_MAX_ANSWERS = 300
+MAX_OBJECTS = 64
 
 
 def seen_objects(
@@ -21,7 +21,7 @@ def seen_objects(
     scores: Float,
     class_names: Sequence[str],
     size: InputSize,
-    least_score: float = LEAST_SCORE,
+    min_score: float = MIN_SCORE,
 ) -> Detections:
     """Return the objects of one picture, best first and 64 at most, in pixels of the network's input.
 
@@ -32,23 +32,23 @@ def seen_objects(
         scores: (K, classes) of them.
         class_names: in the order of the scores.
         size: of the input, at whose edges boxes end.
-        least_score: what is less sure is left out.
+        min_score: what is less sure is left out.
     """
-    places, classes = np.nonzero(scores >= max(least_score, _least_of_best(scores)))
+    places, classes = np.nonzero(scores >= max(min_score, _least_of_best(scores)))
     limits = np.tile([size.width_px, size.height_px], 2)
     within_px = np.clip(boxes_px[places].astype(np.float64), 0, limits)
     x1, y1, x2, y2 = within_px.T
     rows = np.flatnonzero((x2 > x1) & (y2 > y1))
     sureness = scores[places, classes].astype(np.float64)
-    best = rows[np.argsort(-sureness[rows], kind="stable")[:_MOST_ANSWERS]]
+    best = rows[np.argsort(-sureness[rows], kind="stable")[:_MAX_ANSWERS]]
     found = Detections(
         within_px[best], sureness[best], np.array(class_names, np.str_)[classes[best]]
     )
-    return found[suppress(found, MOST_IOU)[:MOST_OBJECTS]]
+    return found[suppress(found, MAX_IOU)[:MAX_OBJECTS]]
 
 
 def _least_of_best(scores: Float) -> float:
     """Return a score that no more than the best answers are above."""
-    if scores.size <= _MOST_ANSWERS:
+    if scores.size <= _MAX_ANSWERS:
         return 0.0
-    return float(np.partition(scores, -_MOST_ANSWERS, axis=None)[-_MOST_ANSWERS])
+    return float(np.partition(scores, -_MAX_ANSWERS, axis=None)[-_MAX_ANSWERS])

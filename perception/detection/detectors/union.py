@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.detection.detectors.network_answers import MOST_IOU
+from perception.detection.detectors.network_answers import MAX_IOU
 from perception.detection.suppression import suppress
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.densify import DenseMaps
@@ -41,7 +41,7 @@ class Union:
             np.concatenate([found.scores for found in by_column]),
             np.concatenate([found.types for found in by_column]),
         )
-        kept = suppress(together, MOST_IOU)
+        kept = suppress(together, MAX_IOU)
         best = together[kept]
         parts = np.stack([_nearest_rows(best, found) for found in by_column], axis=1)
         columns = np.repeat(np.arange(len(MODALITIES)), counts)
@@ -54,4 +54,4 @@ def _nearest_rows(best: Detections, found: Detections) -> Int:
         return np.full(len(best), -1)
     overlap = iou_px(best.boxes_px, found.boxes_px) * (best.types[:, None] == found.types)
     nearest = overlap.argmax(axis=1)
-    return np.where(overlap.max(axis=1) > MOST_IOU, nearest, -1)
+    return np.where(overlap.max(axis=1) > MAX_IOU, nearest, -1)

@@ -40,10 +40,10 @@ CONTRACT = ModelContract(
 RULES: Mapping[Variant, TriBoxRules] = {
     "scores": TriBoxRules(),
     "features": TriBoxRules(),
-    "default": TriBoxRules(least_iou=0.3, by_set=False, most_partners=1),
+    "default": TriBoxRules(min_iou=0.3, by_set=False, max_partners=1),
 }
-MOST_IOU = 0.5  # of two detections that both stay (6.2.4)
-_LEAST_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
+MAX_IOU = 0.5  # of two detections that both stay (6.2.4)
+_MIN_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Fusion:
 
     def join(self, scene: DetectedScene, rescored: Rescored) -> FusedDetections:
         """Keep the best box of each neighbourhood, with what it was made of."""
-        kept = suppress(rescored.detections, MOST_IOU)
+        kept = suppress(rescored.detections, MAX_IOU)
         rows = rescored.best[kept]
         parts = rescored.tri_boxes[rows]
         detections = rescored.detections[kept]
@@ -188,8 +188,8 @@ def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> 
     """
     ours_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
     overlaps = paired_iou_px(ours_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
-    counts = is_own | (is_seen & (overlaps > MOST_IOU))
-    weights = np.where(counts, np.maximum(1 - ious, _LEAST_ERROR) ** -2, 0.0)
+    counts = is_own | (is_seen & (overlaps > MAX_IOU))
+    weights = np.where(counts, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.asarray((weights[..., None] * others_px).sum(axis=1))
 

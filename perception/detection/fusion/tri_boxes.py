@@ -23,24 +23,24 @@ class TriBoxRules:
     """Which boxes are combined.
 
     Attributes:
-        least_iou: boxes that overlap by more may show the same object.
+        min_iou: boxes that overlap by more may show the same object.
         by_set: combine all boxes of a set that is connected by overlaps, as the thesis does; else only
             those that overlap each other.
-        most_partners: of each other modality a box is combined with, those that it overlaps most. Within
+        max_partners: of each other modality a box is combined with, those that it overlaps most. Within
             this bound, all combinations of a set are made.
     """
 
-    least_iou: float = 0.0
+    min_iou: float = 0.0
     by_set: bool = True
-    most_partners: int = 4
+    max_partners: int = 4
 
     def __post_init__(self) -> None:
         """Refuse what leaves nothing to combine."""
-        if not (0 <= self.least_iou < 1 and self.most_partners >= 1):
+        if not (0 <= self.min_iou < 1 and self.max_partners >= 1):
             raise UsageError(
                 "rules of tri-boxes",
                 expected="an overlap from 0 to below 1 and at least 1 partner",
-                found=f"{self.least_iou:g} and {self.most_partners}",
+                found=f"{self.min_iou:g} and {self.max_partners}",
             )
 
 
@@ -54,10 +54,10 @@ def tri_boxes(scene: DetectedScene, rules: TriBoxRules = TriBoxRules()) -> Int:
         return np.zeros((0, len(MODALITIES)), np.int64)
     boxes_px, types = merged.detections.boxes_px, merged.detections.types
     iou = iou_px(boxes_px, boxes_px)
-    is_same = (iou > rules.least_iou) & (types[:, None] == types)
+    is_same = (iou > rules.min_iou) & (types[:, None] == types)
     if rules.by_set:
         is_same = _in_one_set(is_same)
-    partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), rules.most_partners)
+    partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), rules.max_partners)
     # Every choice of one of the K of each modality, for every box: (M, K, K, K).
     first, second, third = (partners[:, column] for column in range(len(MODALITIES)))
     is_row: Bool = (

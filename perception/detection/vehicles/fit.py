@@ -20,7 +20,7 @@ class FitRules:
     """What is believed of vehicles, and of what is measured of them.
 
     Attributes:
-        least_points: of a vehicle that is given a box.
+        min_points: of a vehicle that is given a box.
         samples: points of each vehicle that are looked at.
         trimmed: share of them at either end that does not tell where the end is.
         directions: in a quarter of a turn, looked at first.
@@ -39,7 +39,7 @@ class FitRules:
         middle: cost of one that goes on to both sides of what is seen.
     """
 
-    least_points: int = 3
+    min_points: int = 3
     samples: int = 64
     trimmed: float = 0.02
     directions: int = 18

@@ -28,14 +28,14 @@ class LocateRules:
     Attributes:
         points: what tells the points of a vehicle.
         fit: what tells its box.
-        least_score: of a detection that is looked for in the scan. Others are left open: a detector that
+        min_score: of a detection that is looked for in the scan. Others are left open: a detector that
             tells of everything says a hundred times a frame what is not there, and the time of each would
             be taken from what may be.
     """
 
     points: PointRules = field(default_factory=PointRules)
     fit: FitRules = field(default_factory=FitRules)
-    least_score: float = 0.1
+    min_score: float = 0.1
 
 
 def locate(
@@ -60,7 +60,7 @@ def locate(
     """
     rules, camera, count = rules or LocateRules(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
-    likely = np.flatnonzero(fused.detections.scores >= rules.least_score)
+    likely = np.flatnonzero(fused.detections.scores >= rules.min_score)
     found = find_points(frame.points_velo, boxes_px[likely], camera, ground, rules.points)
     found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)
@@ -89,7 +89,7 @@ def _boxes(
     bottom_m, size_m = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     yaw_rad = np.full(count, np.nan)
     counts = np.bincount(found.owners, minlength=count)
-    shown = np.flatnonzero(counts >= rules.least_points)
+    shown = np.flatnonzero(counts >= rules.min_points)
     if len(shown):
         order, owners = _of_vehicles(found.owners, shown, count)
         xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))

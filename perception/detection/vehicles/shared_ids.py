@@ -24,11 +24,11 @@ class SharingRules:
     """When a vehicle and a moving object are one.
 
     Attributes:
-        least_iou: on the ground.
+        min_iou: on the ground.
         scans: for so many in a row where both have an id; and so many apart until they are two again.
     """
 
-    least_iou: float = 0.15
+    min_iou: float = 0.15
     scans: int = 3
 
 
@@ -77,7 +77,7 @@ class SharedIds:
 
     def _partners(self, overlap: Float64) -> dict[int, int]:
         """Return the row of the moving object that each vehicle shares its place with."""
-        pairs = assign_optimally(1.0 - overlap, overlap >= self._rules.least_iou)
+        pairs = assign_optimally(1.0 - overlap, overlap >= self._rules.min_iou)
         return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
 
     def _with_new(

@@ -16,16 +16,16 @@ class VehicleRules:
 
     Attributes:
         motion: how vehicles move over the ground.
-        least_score: of a detection that may continue a track.
+        min_score: of a detection that may continue a track.
         beginning_score: of one that may begin a track.
         sure_score: of one that chooses its track before the others.
         confirming_evidence: sum of scores from which on a track is believed; one sight is never enough.
         confirming_s: how long a track lives unseen before it is believed.
         coasting_s: how long afterwards.
-        least_iou: in the image, of a detection and the track that it continues.
+        min_iou: in the image, of a detection and the track that it continues.
         side_share: standard deviation of the sides of a box in the image from where they are expected, as a
             share of its width and height.
-        least_size_px: of boxes that are smaller, sides are no better known than of such.
+        min_size_px: of boxes that are smaller, sides are no better known than of such.
         most_apart: squared distance of four sides and a place on the ground, in standard deviations, from
             which on a detection continues no track; of true pairs 1 in 20,000 is farther (chi-squared, 6
             degrees).
@@ -42,15 +42,15 @@ class VehicleRules:
     """
 
     motion: MotionModel = field(default_factory=MotionModel)
-    least_score: float = 0.1
+    min_score: float = 0.1
     beginning_score: float = 0.3
     sure_score: float = 0.5
     confirming_evidence: float = 1.2
     confirming_s: float = 0.25
     coasting_s: float = 1.5
-    least_iou: float = 0.1
+    min_iou: float = 0.1
     side_share: float = 0.12
-    least_size_px: float = 4.0
+    min_size_px: float = 4.0
     most_apart: float = 30.0
     place_m: float = 0.2
     place_per_m: float = 0.01

@@ -107,7 +107,7 @@ class VehicleTracker:
         rules = self._rules
         self._row_of = np.full(len(sights), -1)
         sure = sights.scores >= rules.sure_score
-        doubtful = ~sure & (sights.scores >= rules.least_score)
+        doubtful = ~sure & (sights.scores >= rules.min_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
@@ -132,7 +132,7 @@ class VehicleTracker:
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, sights.boxes_px, rules)
-        return assign_worthwhile(in_image + on_ground, iou >= rules.least_iou, rules.most_apart)
+        return assign_worthwhile(in_image + on_ground, iou >= rules.min_iou, rules.most_apart)
 
     def _give_ids(self, view: View, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""
@@ -159,7 +159,7 @@ def _side_distances(expected_px: Float64, seen_px: Float64, rules: VehicleRules)
 
     Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
     """
-    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], rules.least_size_px)
+    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], rules.min_size_px)
     deviations_px = rules.side_share * np.tile(sizes_px, 2)[:, None]
     off = (seen_px - expected_px[:, None]) / deviations_px
     return np.asarray((off**2).sum(axis=2))

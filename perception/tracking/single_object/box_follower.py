@@ -51,10 +51,10 @@ class FollowRules:
         thin_m: points are gathered by cells of this edge.
         look_around_m: how far around the box is looked at, least and most.
         known_weight: of a point where something else stood a moment ago.
-        least_reward: of the points at the best pose, each worth up to 1, to be seen.
-        least_contrast: of what speaks for it, against what speaks against it.
+        min_reward: of the points at the best pose, each worth up to 1, to be seen.
+        min_contrast: of what speaks for it, against what speaks against it.
         gate: squared deviations from what is expected; 99 % of true ones are closer (chi-squared, 3).
-        least_share: of the reward that the object used to have at this distance.
+        min_share: of the reward that the object used to have at this distance.
         return_share: the same of an object that was hidden.
         return_top_m: by so much the top of an object that returns may differ from what it was, besides
             what the beams miss.
@@ -70,10 +70,10 @@ class FollowRules:
     thin_m: float = 0.1
     look_around_m: tuple[float, float] = (3.0, 6.0)
     known_weight: float = 0.1
-    least_reward: float = 1.2
-    least_contrast: float = 0.5
+    min_reward: float = 1.2
+    min_contrast: float = 0.5
     gate: float = 11.3
-    least_share: float = 0.1
+    min_share: float = 0.1
     return_share: float = 0.25
     return_top_m: float = 0.25
     lost_after_s: float = 3.0
@@ -172,10 +172,8 @@ class BoxFollower:
         priors = self._priors(before, expected)
         belief = search(expected.shape, sight, priors, usual_reward, rules.search)
         support = expected.support(sight, belief.pose)
-        share = rules.return_share if before.is_hidden else rules.least_share
-        least = max(
-            rules.least_reward, rules.least_contrast * support.penalty, share * usual_reward
-        )
+        share = rules.return_share if before.is_hidden else rules.min_share
+        least = max(rules.min_reward, rules.min_contrast * support.penalty, share * usual_reward)
         fits = (
             support.reward >= least
             and min(squared_distance(belief, prior) for prior in priors) <= rules.gate

@@ -30,7 +30,7 @@ class CentroidTrackerRules:
     Attributes:
         ground: the thesis' plane that pitches, or the ground of the obstacle stage.
         pitch: of the former.
-        least_height_m: what is lower over the ground is ground.
+        min_height_m: what is lower over the ground is ground.
         headroom_m: what is higher over the ground than the box by more is not the object.
         gate: length and width of the gate around the expected place, in those of the box.
         lost_after_s: an object unseen for longer is lost, and waited for where it was expected.
@@ -39,7 +39,7 @@ class CentroidTrackerRules:
 
     ground: Literal["pitch", "stage"] = "pitch"
     pitch: PitchRules = field(default_factory=PitchRules)
-    least_height_m: float = 0.20  # d_min, Table 7.5
+    min_height_m: float = 0.20  # d_min, Table 7.5
     headroom_m: float = 0.5  # ours; the author's local grid ends 2 m up, for all objects
     gate: float = 2.0  # author's code: the best gate of App. A reaches one box to each side
     lost_after_s: float = 1.0  # ours
@@ -209,7 +209,7 @@ class CentroidTracker:
         gate = window.scaled(rules.gate)
         # From the middle of the gate to beyond its corners, by as much as a window may leave it.
         reach_m = float(np.hypot(*gate.size_m) + np.hypot(*window.size_m)) / 2
-        heights_m = (rules.least_height_m, float(model.size_m[2]) + rules.headroom_m)
+        heights_m = (rules.min_height_m, float(model.size_m[2]) + rules.headroom_m)
         ground = self._ground(moment, elapsed_s)
         around = obstacles_near(moment, ground, model.place_m, reach_m, heights_m)
         return View(moment, around, window, gate, elapsed_s)

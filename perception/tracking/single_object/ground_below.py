@@ -9,7 +9,7 @@ from perception.tracking.single_object.tracker import Moment
 from perception.types import Float64, GroundModel
 
 _CELL_M = 0.5  # the lowest point of each cell may be ground
-_LEAST_CELLS = 4
+_MIN_CELLS = 4
 _AROUND_M = 2.5  # beyond the object
 _BAND_M = 0.4  # around what is expected
 _TRUST_M = 0.2  # between the stage and the points around the object
@@ -97,4 +97,4 @@ def _lowest_m(points: Float64, expected_m: float) -> float | None:
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
     low_m = np.minimum.reduceat(points[order, 2], starts)
     low_m = low_m[np.abs(low_m - expected_m) < _BAND_M]
-    return float(np.median(low_m)) if len(low_m) >= _LEAST_CELLS else None
+    return float(np.median(low_m)) if len(low_m) >= _MIN_CELLS else None

@@ -13,15 +13,15 @@ class FreezeRules:
 
     Attributes:
         slow_m_s: what is slower moves less in one scan than its points do.
-        most_turn_rad: a slow object that turns more keeps its heading.
+        max_turn_rad: a slow object that turns more keeps its heading.
     """
 
     slow_m_s: float
-    most_turn_rad: float
+    max_turn_rad: float
 
 
-_WALKERS_AND_CYCLISTS = FreezeRules(slow_m_s=0.5, most_turn_rad=0.4)
-_VEHICLES = FreezeRules(slow_m_s=4.0, most_turn_rad=0.15)
+_WALKERS_AND_CYCLISTS = FreezeRules(slow_m_s=0.5, max_turn_rad=0.4)
+_VEHICLES = FreezeRules(slow_m_s=4.0, max_turn_rad=0.15)
 _VEHICLE_VOLUME_M3 = 4.0
 
 
@@ -40,4 +40,4 @@ def heading_of_way(
     yaw_rad = float(np.arctan2(way_m[1], way_m[0]))
     turn_rad = abs(np.angle(np.exp(1j * (yaw_rad - last_yaw_rad))))
     is_slow = length_m < rules.slow_m_s * elapsed_s
-    return last_yaw_rad if is_slow and turn_rad > rules.most_turn_rad else yaw_rad
+    return last_yaw_rad if is_slow and turn_rad > rules.max_turn_rad else yaw_rad

@@ -85,7 +85,7 @@ class Wheels:
         first_turn_rad_s: of the same.
         axle_m: from the rear axle to the middle.
         may_reverse: whether it may move against its heading.
-        least_speed_m_s: what goes backwards faster, but cannot, faces the wrong way.
+        min_speed_m_s: what goes backwards faster, but cannot, faces the wrong way.
     """
 
     acceleration_m_s2: float
@@ -97,7 +97,7 @@ class Wheels:
     first_turn_rad_s: float
     axle_m: float
     may_reverse: bool
-    least_speed_m_s: float = 0.4
+    min_speed_m_s: float = 0.4
 
     def begin(self, pose: Float64, deviations: Float64) -> MovingState:
         """Begin with any speed."""
@@ -147,7 +147,7 @@ class Wheels:
 
     def settle(self, state: MovingState) -> MovingState:
         """Turn around what cannot go backwards but does."""
-        if self.may_reverse or state.mean[3] > -self.least_speed_m_s:
+        if self.may_reverse or state.mean[3] > -self.min_speed_m_s:
             return state
         flip = np.diag([1.0, 1.0, 1.0, -1.0, 1.0])
         turned = flip @ state.mean + np.array([0.0, 0.0, np.pi, 0.0, 0.0])
@@ -173,7 +173,7 @@ class Feet:
         standing_turn_rad_s: while it stands.
         first_speed_m_s: along x and along y, of a walker of which one box is known.
         way_rad: of the heading from the way.
-        least_speed_m_s: slower, the way tells no heading.
+        min_speed_m_s: slower, the way tells no heading.
     """
 
     acceleration_m_s2: float = 1.5
@@ -181,7 +181,7 @@ class Feet:
     standing_turn_rad_s: float = 0.1
     first_speed_m_s: float = 1.2
     way_rad: float = 0.3
-    least_speed_m_s: float = 0.4
+    min_speed_m_s: float = 0.4
 
     def begin(self, pose: Float64, deviations: Float64) -> MovingState:
         """Begin with any velocity."""
@@ -199,7 +199,7 @@ class Feet:
             self.acceleration_m_s2**2 * _SCAN_S * walk
         )
         speed_m_s = float(np.hypot(*state.mean[3:]))
-        is_walking = speed_m_s > self.least_speed_m_s
+        is_walking = speed_m_s > self.min_speed_m_s
         turn_rad_s = self.turn_rad_s if is_walking else self.standing_turn_rad_s
         noise[2, 2] = turn_rad_s**2 * elapsed_s
         return MovingState(
@@ -209,7 +209,7 @@ class Feet:
     def settle(self, state: MovingState) -> MovingState:
         """Turn the heading to the way, as far as that is known better."""
         speed_m_s = float(np.hypot(*state.mean[3:]))
-        if speed_m_s < self.least_speed_m_s:
+        if speed_m_s < self.min_speed_m_s:
             return state
         across = np.array([-state.mean[4], state.mean[3]]) / speed_m_s
         spread = float(across @ state.covariance[3:, 3:] @ across) / speed_m_s**2

@@ -22,7 +22,7 @@ OPENCV_TRACKERS = {
 }
 # MIL learns from windows beside the object and refuses an image without room for them; on fewer pixels it
 # never returns.
-_LEAST_SIDE_PX, _ROOM_PX = 8, 16
+_MIN_SIDE_PX, _ROOM_PX = 8, 16
 
 
 def missing_opencv_trackers() -> frozenset[str]:
@@ -81,7 +81,7 @@ def _workable_window(box_px: Float64, image: UInt8) -> tuple[int, int, int, int]
     """Return column, row, width and height of a window like a rectangle, neither tiny nor all the image."""
     size_px = np.array(image.shape[1::-1])
     side_px = np.rint(box_px[2:] - box_px[:2])
-    side_px = np.minimum(np.maximum(side_px, _LEAST_SIDE_PX), size_px - _ROOM_PX)
+    side_px = np.minimum(np.maximum(side_px, _MIN_SIDE_PX), size_px - _ROOM_PX)
     low_px = np.clip((box_px[:2] + box_px[2:] - side_px) / 2, 0, size_px - side_px)
     column, row, width, height = np.rint(np.concatenate([low_px, side_px])).astype(int).tolist()
     return column, row, width, height

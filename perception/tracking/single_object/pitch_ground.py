@@ -12,7 +12,7 @@ from perception.types import Float, Float64
 _BIN_RAD = np.radians(0.01)
 _STEEPEST_RAD = np.radians(12.0)
 # Height of a peak, and over its surroundings, in that of the highest (author's code).
-_LEAST_PEAK = 0.25
+_MIN_PEAK = 0.25
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def most_frequent(angles_rad: Float, within_rad: tuple[float, float]) -> float |
     histogram = np.bincount(rows, minlength=bins).astype(np.float64)
     width_bins = max(bandwidth(angles_rad) / _BIN_RAD, 1.0)
     density = gaussian_filter1d(histogram, width_bins, mode="constant")
-    least = _LEAST_PEAK * density.max()
+    least = _MIN_PEAK * density.max()
     peaks, _ = find_peaks(density, height=least, prominence=least)
     middles_rad = (peaks + 0.5) * _BIN_RAD - _STEEPEST_RAD
     within = (middles_rad >= within_rad[0]) & (middles_rad <= within_rad[1])

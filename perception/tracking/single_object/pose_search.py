@@ -29,15 +29,15 @@ class SearchRules:
         first_spacing_rad: the same around.
         later_steps: of the lattices after it.
         reach: of the first lattice in standard deviations of what is expected.
-        most_reach_m: of the first lattice.
-        least_reach_m: of the first lattice along and across.
-        least_reach_rad: around.
+        max_reach_m: of the first lattice.
+        min_reach_m: of the first lattice along and across.
+        min_reach_rad: around.
         finest_m: lattices need not reach less far.
         finest_rad: the same of angles.
         informative_points: so many points say all; more say the same again.
         sharpness: what one such point says.
         surplus: what e times as many points as usual say.
-        most_points: of one lattice; more are thinned evenly.
+        max_points: of one lattice; more are thinned evenly.
         possible: poses whose score is this far below the best may still be it.
         floor_m: standard deviation of a pose that fits perfectly.
         floor_rad: of its yaw.
@@ -48,15 +48,15 @@ class SearchRules:
     first_spacing_rad: float = 0.07
     later_steps: tuple[tuple[int, int, int], ...] = ((9, 9, 7), (7, 7, 7))
     reach: float = 2.5
-    most_reach_m: float = 6.0
-    least_reach_m: float = 0.25
-    least_reach_rad: float = 0.06
+    max_reach_m: float = 6.0
+    min_reach_m: float = 0.25
+    min_reach_rad: float = 0.06
     finest_m: float = 0.04
     finest_rad: float = 0.01
     informative_points: float = 15.0
     sharpness: float = 3.0
     surplus: float = 3.0
-    most_points: int = 250
+    max_points: int = 250
     possible: float = 6.0
     floor_m: float = 0.03
     floor_rad: float = 0.015
@@ -119,7 +119,7 @@ def search(
     for steps in (*rules.later_steps, None):
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.rules.cell_m)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
-        near = sight.near(lattice.pose[:2], reach_m, rules.most_points)
+        near = sight.near(lattice.pose[:2], reach_m, rules.max_points)
         judged = _judge(shape, smooth, near, lattice)
         kept = usual_reward * shape.kept_by(smooth, table)
         score = _gains(judged.rewards, kept, rules) + _log_prior(judged.poses, priors)
@@ -164,8 +164,8 @@ def support_at(shape: ObjectShape, sight: Sight, pose: Float64) -> Support:
 
 
 def _first_lattice(prior: PoseBelief, shape: ObjectShape, rules: SearchRules) -> _Lattice:
-    least = np.array([rules.least_reach_m, rules.least_reach_m, rules.least_reach_rad])
-    most = np.array([rules.most_reach_m, rules.most_reach_m, np.pi / 2])
+    least = np.array([rules.min_reach_m, rules.min_reach_m, rules.min_reach_rad])
+    most = np.array([rules.max_reach_m, rules.max_reach_m, np.pi / 2])
     spread = _spread(prior.pose[2], prior.covariance)
     reach = np.clip(rules.reach * spread, least, most)
     length_m, width_m = np.clip(rules.first_spacing * shape.size_m[:2], 0.1, 0.3)

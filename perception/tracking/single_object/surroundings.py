@@ -29,20 +29,20 @@ class Surroundings:
         scans: newest first.
         recent: how far back what was seen beside the object counts.
         kept: how many scans are kept to see what stays.
-        least_hidden: so many scans tell what stays.
+        min_hidden: so many scans tell what stays.
         staying: in this share of them.
     """
 
     scans: tuple[_Others, ...] = ()
     recent: int = 4
     kept: int = 10
-    least_hidden: int = 6
+    min_hidden: int = 6
     staying: float = 0.7
 
     def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "Surroundings":
         """Return the surroundings after one more scan."""
         scans = (_Others(points_xy_m, is_hidden), *self.scans)[: self.kept]
-        return Surroundings(scans, self.recent, self.kept, self.least_hidden, self.staying)
+        return Surroundings(scans, self.recent, self.kept, self.min_hidden, self.staying)
 
     def hold(self, points_xy_m: Float64) -> Bool:
         """Tell which (N, 2) points lie where something else stood."""
@@ -54,7 +54,7 @@ class Surroundings:
         beside = [scan for scan in self.scans[: self.recent] if not scan.is_hidden]
         holds = _count(beside, low_m, shape)[own[:, 0], own[:, 1]] > 0
         hidden = [scan for scan in self.scans if scan.is_hidden]
-        if len(hidden) >= self.least_hidden:
+        if len(hidden) >= self.min_hidden:
             stays = _count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
             holds |= stays >= self.staying * len(hidden)
         return np.asarray(holds)

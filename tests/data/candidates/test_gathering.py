@@ -59,7 +59,7 @@ def test_the_same_seed_gathers_the_same(street: LabelledFrames):
 
 
 def test_a_vehicle_with_few_returns_is_not_added(street: LabelledFrames):
-    found = gather(street, GatheringRules(least_points=100_000))
+    found = gather(street, GatheringRules(min_points=100_000))
     assert not found.is_shaken.any()
 
 

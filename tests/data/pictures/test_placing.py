@@ -26,13 +26,13 @@ def picture_of(box: tuple[int, ...], channels: int = 1) -> np.ndarray:
     return picture
 
 
-def labels_of(*boxes: tuple[float, ...], least_height_px: float = 4.0) -> PictureLabels:
+def labels_of(*boxes: tuple[float, ...], min_height_px: float = 4.0) -> PictureLabels:
     count = len(boxes)
     return PictureLabels(
         np.array(boxes, np.float32).reshape(-1, 4),
         np.arange(count),
         np.zeros(count, bool),
-        least_height_px,
+        min_height_px,
     )
 
 
@@ -89,7 +89,7 @@ def test_what_leaves_the_picture_is_cut_ignored_or_gone():
 
 def test_what_has_become_too_small_is_ignored():
     boxes = (10, 10, 40, 18), (10, 10, 40, 19)
-    labels = labels_of(*boxes, least_height_px=9)
+    labels = labels_of(*boxes, min_height_px=9)
     assert place_labels(labels, Placement(), SIZE_PX).is_ignored.tolist() == [True, False]
     larger = Placement((1.5, 1.5), zoom=1.5)
     assert place_labels(labels, larger, SIZE_PX).is_ignored.tolist() == [False, False]

@@ -36,7 +36,7 @@ def test_boxes_are_in_pixels_of_the_input_and_within_it():
     np.testing.assert_allclose(found.boxes_px, [[50, 25, 80, 45], [0, 30, 25, 96]])
     assert found.boxes_px.dtype == np.float32
     assert found.is_ignored.tolist() == [False, False]
-    assert found.least_height_px == 8  # 16 in the original
+    assert found.min_height_px == 8  # 16 in the original
 
 
 @pytest.mark.parametrize(

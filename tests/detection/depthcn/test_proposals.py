@@ -117,7 +117,7 @@ def test_steps_can_be_called_apart():
         standing = find_standing(
             scan, CALIBRATION, SIZE, rules.cell_m, rules.least_variance_m2, method
         )
-        labels = cut(standing, rules.radius_m, rules.least_points, method)
+        labels = cut(standing, rules.radius_m, rules.min_points, method)
         apart, whole = box(standing, labels), propose(scan, CALIBRATION, SIZE, rules, method)
         assert apart.boxes_px.tolist() == whole.boxes_px.tolist()
         assert apart.clusters.tolist() == whole.clusters.tolist()
@@ -170,7 +170,7 @@ def test_an_image_of_one_pixel_has_boxes_of_that_pixel(method):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"cell_m": 0.01}, {"radius_m": 0}, {"least_points": 0}, {"least_variance_m2": -1}]
+    "wrong", [{"cell_m": 0.01}, {"radius_m": 0}, {"min_points": 0}, {"least_variance_m2": -1}]
 )
 def test_rules_that_cannot_work_are_refused(wrong):
     with pytest.raises(UsageError, match="rules of the proposals"):

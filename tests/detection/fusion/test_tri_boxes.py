@@ -12,9 +12,9 @@ from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
 
 RULES_TO_TRY = [
     TriBoxRules(),
-    TriBoxRules(most_partners=2),
-    TriBoxRules(least_iou=0.3, by_set=False, most_partners=1),
-    TriBoxRules(least_iou=0.1, by_set=False, most_partners=3),
+    TriBoxRules(max_partners=2),
+    TriBoxRules(min_iou=0.3, by_set=False, max_partners=1),
+    TriBoxRules(min_iou=0.1, by_set=False, max_partners=3),
 ]
 
 
@@ -70,14 +70,14 @@ def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
     scene = clumped_scene(0, clumps=2, most=40)
     boxes = len(scene.merged.detections)
     rows = tri_boxes(scene, rules)
-    assert len(rows) <= boxes * rules.most_partners**2
+    assert len(rows) <= boxes * rules.max_partners**2
     assert len(rows) < np.prod([len(found) for found in scene.modal.values()])
     for column, found in enumerate(scene.modal.values()):
         assert set(range(len(found))) <= set(rows[:, column].tolist())
-    best = naive_tri_boxes(scene, TriBoxRules(rules.least_iou, rules.by_set, 1))
+    best = naive_tri_boxes(scene, TriBoxRules(rules.min_iou, rules.by_set, 1))
     assert set(map(tuple, best.tolist())) <= set(map(tuple, rows.tolist()))
 
 
 def test_rules_that_combine_nothing_are_refused():
     with pytest.raises(UsageError, match="at least 1 partner, found 0 and 0"):
-        TriBoxRules(most_partners=0)
+        TriBoxRules(max_partners=0)

@@ -134,7 +134,7 @@ def test_what_is_hardly_believed_is_not_looked_for():
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
     assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
     assert set(found.owners.tolist()) == {-1, 1}
-    all_of_them = LocateRules(least_score=0.0)
+    all_of_them = LocateRules(min_score=0.0)
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
     assert np.isfinite(found.boxes.yaw_rad).all()
 

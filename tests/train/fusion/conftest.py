@@ -22,7 +22,7 @@ def fitted(tmp_path_factory):
         fusion_rows(simulated_frames(50, 1), "default"),
         fusion_rows(simulated_frames(25, 2), "default"),
     )
-    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(most_steps=20))
+    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(max_steps=20))
     found = fit_fusion(sets, plan, out, TrainerPlan())
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportOrder(found.checkpoint)).models["fp32"])

@@ -34,9 +34,9 @@ def plan_of(**changes) -> FusionPlan:
 
 @pytest.mark.parametrize("optimiser", ["lm", "adamw"])
 def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
-    plan = plan_of(optimiser=optimiser, damping=Damping(most_steps=8), batch=20)
+    plan = plan_of(optimiser=optimiser, damping=Damping(max_steps=8), batch=20)
     fitted = fit_fusion(SETS, plan, tmp_path, TrainerPlan(epochs=8, watched=WATCHED))
-    first = lowest(SETS, plan_of(damping=Damping(most_steps=0)))
+    first = lowest(SETS, plan_of(damping=Damping(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
     _, facts = load_fusion(fitted.checkpoint)
     assert facts["hidden"] == "4"
@@ -70,7 +70,7 @@ def killed(monkeypatch, plan, at):
 @pytest.mark.parametrize("optimiser", ["lm", "adamw"])
 def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optimiser):
     # Of lm steps, and of adamw batches of which there are four an epoch.
-    plan = plan_of(optimiser=optimiser, damping=Damping(most_steps=9), batch=20)
+    plan = plan_of(optimiser=optimiser, damping=Damping(max_steps=9), batch=20)
     trainer = TrainerPlan(epochs=3, watched=WATCHED)
     whole = fit_fusion(SETS, plan, tmp_path / "whole", trainer)
     out = tmp_path / "killed"
@@ -89,7 +89,7 @@ def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optim
 
 
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
-    plan = plan_of(damping=Damping(most_steps=1))
+    plan = plan_of(damping=Damping(max_steps=1))
     fit_fusion(SETS, plan, tmp_path, TrainerPlan())
     last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
     wider = FusionPlan(MlpForm("scores", (5,)))
@@ -109,14 +109,14 @@ def test_it_ends_when_what_was_kept_back_gets_no_better():
 
 
 def test_the_same_seed_finds_the_same_place():
-    first, second = (lowest(SETS, plan_of(damping=Damping(most_steps=5))) for _ in range(2))
+    first, second = (lowest(SETS, plan_of(damping=Damping(max_steps=5))) for _ in range(2))
     np.testing.assert_array_equal(first.parameters, second.parameters)
 
 
 def test_a_sweep_fits_every_size():
     sizes = hidden_sizes([2, 3], [2, 3, 4])
     assert sizes == [(2,), (3,), (3, 2), (4, 2), (4, 3)]
-    swept = sweep(SETS, plan_of(damping=Damping(most_steps=3)), sizes[1:3])
+    swept = sweep(SETS, plan_of(damping=Damping(max_steps=3)), sizes[1:3])
     assert [one.hidden for one in swept] == [(3,), (3, 2)]
     assert all(0 < one.validation < 0.1 for one in swept)
 
@@ -146,7 +146,7 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
 
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
-    plan = plan_of(damping=Damping(most_steps=1))
+    plan = plan_of(damping=Damping(max_steps=1))
     checkpoint = fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint
     model = export_fusion(ExportOrder(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"

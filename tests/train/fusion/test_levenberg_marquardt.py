@@ -79,7 +79,7 @@ def test_parameters_of_no_effect_do_no_harm():
 
 
 def test_it_stops_where_it_is_told():
-    steps = list(descend(rosenbrock(), np.array([-1.2, 1.0]), Damping(most_steps=3)))
+    steps = list(descend(rosenbrock(), np.array([-1.2, 1.0]), Damping(max_steps=3)))
     assert len(steps) == 4
     # A start from which no step leads down.
     flat = Problem(lambda p: np.array([1.0 + p[0] ** 2]), lambda p: np.array([[1.0]]))
