@@ -25,8 +25,8 @@ def compare_average_precision() -> Comparison:
     sets = [random_boxes(_FRAMES, np.random.default_rng(seed)) for seed in range(_SETS)]
 
     def ours(i: int) -> Float64:
-        figures = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
-        return np.array([curve.precision for curve in figures.classes[0].curves.values()])
+        metrics = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
+        return np.array([curve.precision for curve in metrics.classes[0].curves.values()])
 
     def plain(i: int) -> Float64:
         curves = (naive_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)

@@ -12,7 +12,7 @@ from perception.types import Frame
 
 
 @dataclass(frozen=True)
-class ChainFigures:
+class ChainMetrics:
     """What one run of the chain took.
 
     Attributes:
@@ -45,7 +45,7 @@ def there_and_back(
         yield replace(drive[index], index=number, stamp_s=number * turn_s)
 
 
-def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainFigures:
+def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainMetrics:
     """Run the chain over so many frames of a drive."""
     pipeline = Pipeline(drive.sensor, config)
     times: list[dict[str, float]] = []
@@ -56,7 +56,7 @@ def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainFig
             memory_start = resident_mib()
     measured = times[min(config.previous_scans, frames - 1) :]
     total = np.array([sum(stages.values()) for stages in measured])
-    return ChainFigures(
+    return ChainMetrics(
         frames=len(measured),
         frames_per_s=float(1 / total.mean()),
         median_ms=1e3 * float(np.median(total)),

@@ -39,12 +39,12 @@ def compare_depthcn(prepared: Prepared) -> Comparison:
         found[name].append(len(detections))
 
     timings = take_turns(contenders, len(frames), count)
-    figures: dict[str, dict[str, Cell]] = {
+    metrics: dict[str, dict[str, Cell]] = {
         "detections": {name: f"{np.mean(counts):.1f}" for name, counts in found.items()}
     }
     for stage, milliseconds in _parts_ms(prepared).items():
-        figures[f"{stage} ms"] = {"ours": f"{milliseconds:.1f}"}
-    return Comparison("DepthCN, from scan to boxes", timings, figures)
+        metrics[f"{stage} ms"] = {"ours": f"{milliseconds:.1f}"}
+    return Comparison("DepthCN, from scan to boxes", timings, metrics)
 
 
 def _parts_ms(prepared: Prepared) -> dict[str, float]:

@@ -55,12 +55,12 @@ def compare_maps(prepared: Prepared) -> Comparison:
         return Contender(name, run)
 
     timings = take_turns([contender(*item) for item in _CONTENDERS.items()], len(sparse))
-    figures: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
+    metrics: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
     for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
-        figures["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
-        figures["within %"][name] = f"{100 * errors.is_close.mean():.2f}"
-        figures["reflectance MAE"][name] = f"{errors.reflectance.mean():.4f}"
-    return Comparison("depth and reflectance map", timings, figures)
+        metrics["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
+        metrics["within %"][name] = f"{100 * errors.is_close.mean():.2f}"
+        metrics["reflectance MAE"][name] = f"{errors.reflectance.mean():.4f}"
+    return Comparison("depth and reflectance map", timings, metrics)
 
 
 def held_out_errors(scans: list[SparseMaps], generator: np.random.Generator) -> dict[str, HeldOut]:

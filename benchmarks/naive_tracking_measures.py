@@ -34,8 +34,8 @@ def hota(sequence: TrackedSequence) -> Hota:
                 fit = shared / (lengths[truth] + track_lengths[track] - shared)
                 weights[row, column] = fit * frame.similarity[row, column]
         matches += _matches(frame, weights)
-    figures = [_hota_at(alpha, matches, lengths, track_lengths) for alpha in ALPHAS - _ROUNDING]
-    return Hota(*(np.array(column) for column in zip(*figures, strict=True)))
+    metrics = [_hota_at(alpha, matches, lengths, track_lengths) for alpha in ALPHAS - _ROUNDING]
+    return Hota(*(np.array(column) for column in zip(*metrics, strict=True)))
 
 
 def _hota_at(

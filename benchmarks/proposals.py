@@ -60,7 +60,7 @@ def compare_proposals(prepared: Prepared) -> Comparison:
     timings = take_turns(
         contenders, len(views), lambda name, _, boxes: boxes_px[name].append(boxes)
     )
-    figures: dict[str, dict[str, Cell]] = {
+    metrics: dict[str, dict[str, Cell]] = {
         "boxes": {
             name: f"{np.mean([len(b) for b in found]):.1f}" for name, found in boxes_px.items()
         }
@@ -68,10 +68,10 @@ def compare_proposals(prepared: Prepared) -> Comparison:
     if prepared.drive.has_labels:
         cars_px = [_cars_px(prepared.drive.labels(i)) for i in range(len(views))]
         for overlap in _OVERLAPS:
-            figures[f"cars % at IoU {overlap:g}"] = {
+            metrics[f"cars % at IoU {overlap:g}"] = {
                 name: _reached(cars_px, found, overlap) for name, found in boxes_px.items()
             }
-    return Comparison("proposals", timings, figures)
+    return Comparison("proposals", timings, metrics)
 
 
 def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Comparison:

@@ -39,11 +39,11 @@ class Comparison:
 
     stage: str
     timings: list[Timing]
-    figures: dict[str, dict[str, Cell]]
+    metrics: dict[str, dict[str, Cell]]
 
     def table(self) -> str:
         """Return it as text."""
-        return timing_table(self.stage, self.timings, **self.figures)
+        return timing_table(self.stage, self.timings, **self.metrics)
 
 
 @dataclass(frozen=True)

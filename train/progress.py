@@ -89,10 +89,10 @@ def step_bar(most: int, first: int = 0) -> "tqdm[NoReturn]":
     return tqdm(total=most, initial=first, desc="train", unit="step", dynamic_ncols=True)
 
 
-def _line(figures: dict[str, Any], stage: str) -> str:
+def _line(metrics: dict[str, Any], stage: str) -> str:
     shown = [
         f"{name} {float(figures[f'{stage}/{name}']):.4f}"
         for name in _SHOWN
-        if f"{stage}/{name}" in figures
+        if f"{stage}/{name}" in metrics
     ]
     return f"{stage} {' '.join(shown)}" if shown else ""

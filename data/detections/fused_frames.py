@@ -64,8 +64,8 @@ def precision_curves(
     truth: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass = CAR
 ) -> dict[str, PrecisionCurve]:
     """Return KITTI's curves by difficulty; none where nothing was detected."""
-    figures = kitti_average_precision(truth, detections, frames, (of_class,))
-    return figures.classes[0].curves
+    metrics = kitti_average_precision(truth, detections, frames, (of_class,))
+    return metrics.classes[0].curves
 
 
 def judged(

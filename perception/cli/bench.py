@@ -22,7 +22,7 @@ from perception.pipeline.detection_choice import DetectionChoice
 from perception.sensor import HDL_64E, sensor_named
 
 if TYPE_CHECKING:
-    from benchmarks.chain import ChainFigures
+    from benchmarks.chain import ChainMetrics
 
 log = logging.getLogger(__name__)
 
@@ -78,15 +78,15 @@ def bench(  # noqa: PLR0913 - flags of a command
         document["pipeline"] = ways
     if part in ("all", "chain"):
         thesis = PipelineConfig.for_motion("thesis")
-        figures = {
+        metrics = {
             "default": chain.measure_chain(opened, chain_frames, config),
             # The thesis' form is some thirty times slower: a tenth of the frames shows it.
             "thesis": chain.measure_chain(
                 opened, max(chain_frames // 10, 10), replace(thesis, method="thesis")
             ),
         }
-        print(f"{_chain_table(figures)}\n", flush=True)
-        document["chain"] = figures
+        print(f"{_chain_table(metrics)}\n", flush=True)
+        document["chain"] = metrics
     comparisons = {**parts.COMPARISONS, **parts.BY_NAME}
     chosen = (
         list(parts.COMPARISONS) if part == "all" else [name for name in comparisons if name == part]
@@ -121,9 +121,9 @@ def _benchmarks() -> tuple[ModuleType, ...]:
     return chain, pipeline, stages, parts
 
 
-def _chain_table(figures: dict[str, "ChainFigures"]) -> str:
+def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:
     """Return speed, worst frames and memory of the whole chain, ours and the thesis'."""
-    ours = figures["default"]
+    ours = metrics["default"]
     rows = [
         [
             method,
@@ -135,7 +135,7 @@ def _chain_table(figures: dict[str, "ChainFigures"]) -> str:
             ", ".join(f"{name} {ms:.1f}" for name, ms in f.stages_ms.items()),
             f"{f.memory_start_mib:.0f} to {f.memory_end_mib:.0f}",
         ]
-        for method, f in figures.items()
+        for method, f in metrics.items()
     ]
     header = ("", "frames", "frames/s", "median ms", "99 % ms", "ours = 1", "stages ms", "MiB")
     return format_table("whole chain (the thesis reports 0.3 frames/s)", header, rows)

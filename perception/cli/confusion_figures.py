@@ -16,7 +16,7 @@ def confusion_table(title: str, counts: Mapping[str, Confusion]) -> str:
     return format_table(title, ("", "precision", "recall", "F1", "IoU", "true points"), rows)
 
 
-def with_ratios(counts: Confusion) -> dict[str, float]:
+def confusion_metrics(counts: Confusion) -> dict[str, float]:
     """Return the counts and the ratios made of them."""
     return {
         **asdict(counts),

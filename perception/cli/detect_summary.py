@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.cli.stage_times import STAGE_HEADER, median_frame_s, stage_document, stage_rows
+from perception.cli.stage_times import STAGE_HEADER, median_frame_s, stage_metrics, stage_rows
 from perception.cli.table import format_table
 from perception.cli.vehicle_detector import Sighting
 
@@ -66,7 +66,7 @@ class DetectSummary:
             "drive": self.drive,
             "frames": len(self.detections),
             "elapsed_s": round(self.elapsed_s, 3),
-            "stages_ms": stage_document(self.seconds),
+            "stages_ms": stage_metrics(self.seconds),
             "proposals": sum(self.proposals),
             "detections": sum(self.detections),
             "shown": {"min_score": self.shown_score, "detections": sum(self.shown)},

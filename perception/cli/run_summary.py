@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from data.drive import PointTruth
-from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.confusion_figures import confusion_metrics, confusion_table
 from perception.cli.stage_times import STAGE_HEADER, StageTimes
 from perception.cli.table import format_table
 from perception.evaluation.confusion import Confusion
@@ -120,9 +120,9 @@ class RunSummary:
             "elapsed_s": round(self.elapsed_s, 3),
             "stages_ms": self.times.to_json(),
             "points_against_truth": {
-                "ground": with_ratios(self.ground),
-                "static": with_ratios(self.motion.static),
-                "moving": with_ratios(self.motion.moving),
+                "ground": confusion_metrics(self.ground),
+                "static": confusion_metrics(self.motion.static),
+                "moving": confusion_metrics(self.motion.moving),
             }
             if self.ground.true_positives
             else None,

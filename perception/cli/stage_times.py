@@ -26,7 +26,7 @@ def stage_rows(seconds: Mapping[str, Sequence[float]]) -> list[list[str]]:
     ]
 
 
-def stage_document(seconds: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float]]:
+def stage_metrics(seconds: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float]]:
     """Return the same figures by stage; none of no frames."""
     return {
         name: {"median": float(median), "p99": float(p99), "share_percent": float(share)}
@@ -72,7 +72,7 @@ class StageTimes:
         if not self.spans:
             return {}
         median, p99 = map(float, _median_and_p99(self.frames_s))
-        return stage_document(self.seconds) | {_FRAME: {"median": median, "p99": p99}}
+        return stage_metrics(self.seconds) | {_FRAME: {"median": median, "p99": p99}}
 
     def typical(self) -> tuple[StageSpan, ...]:
         """Return when the stages ran in the frame that takes as long as most, among those with all stages."""

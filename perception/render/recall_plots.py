@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallFigures
+from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
 from perception.render.success_plots import SuccessPanel, plot_success
 from perception.types import Float64
 
@@ -23,17 +23,17 @@ def plot_recall_by_count(path: Path, title: str, recalls: Mapping[str, ProposalR
     one = next(iter(recalls.values())).difficulties
     panels = [
         SuccessPanel(
-            title=f"{name}: {figures.objects} objects, IoU {iou:g}",
+            title=f"{name}: {metrics.objects} objects, IoU {iou:g}",
             x_name="proposals looked at in a frame",
             x_last=most,
             y_name="recall",
             curves=_curves(
-                recalls, name, partial(RecallFigures.recall_by_count, iou=iou, most=most)
+                recalls, name, partial(RecallMetrics.recall_by_count, iou=iou, most=most)
             ),
             values=_values(recalls, name, iou),
         )
         for iou in next(iter(one.values())).ranks
-        for name, figures in one.items()
+        for name, metrics in one.items()
     ]
     plot_success(path, title, panels, columns=len(one))
 
@@ -50,17 +50,17 @@ def plot_recall_by_iou(path: Path, title: str, recalls: Mapping[str, ProposalRec
     iou = next(iter(next(iter(one.values())).ranks))
     panels = [
         SuccessPanel(
-            title=f"{name}: {figures.objects} objects",
+            title=f"{name}: {metrics.objects} objects",
             x_name="IoU of the best proposal, at least",
             x_last=float(IOU_STEPS[-1]),
             y_name="recall",
-            curves=_curves(recalls, name, RecallFigures.recall_by_iou),
+            curves=_curves(recalls, name, RecallMetrics.recall_by_iou),
             values={
                 setting: f"{value} at IoU {iou:g}"
                 for setting, value in _values(recalls, name, iou).items()
             },
         )
-        for name, figures in one.items()
+        for name, metrics in one.items()
     ]
     plot_success(path, title, panels, columns=len(one))
 
@@ -68,12 +68,12 @@ def plot_recall_by_iou(path: Path, title: str, recalls: Mapping[str, ProposalRec
 def _curves(
     recalls: Mapping[str, ProposalRecall],
     difficulty: str,
-    curve_of: Callable[[RecallFigures], Float64],
+    curve_of: Callable[[RecallMetrics], Float64],
 ) -> dict[str, Float64]:
     """Return a curve a setting; none where there are no objects."""
-    figures = {name: recall.difficulties[difficulty] for name, recall in recalls.items()}
+    metrics = {name: recall.difficulties[difficulty] for name, recall in recalls.items()}
     return {
-        name: curve_of(of_setting) for name, of_setting in figures.items() if of_setting.objects
+        name: curve_of(of_setting) for name, of_setting in metrics.items() if of_setting.objects
     }
 
 

@@ -12,7 +12,7 @@ from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import drive_results
 from perception.cli.documents import to_plain
-from perception.cli.evaluations.document import DataUsed, Figures, write_evaluation
+from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
 from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
 from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
@@ -95,8 +95,8 @@ def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
     assert report.points is None
     assert report.total.mde_m == pytest.approx(np.mean(by_hand), abs=1e-9)
     objects = report.total.objects
-    assert sum(figure.objects for figure in report.by_range().values()) == objects
-    assert sum(figure.objects for figure in report.by_slice().values()) == objects
+    assert sum(metric.objects for metric in report.by_range().values()) == objects
+    assert sum(metric.objects for metric in report.by_slice().values()) == objects
     assert set(ground_results(report)) == {"mde", "mde_by_range", "mde_by_slice"}
     assert f"{report.total.mde_m:.4f}" in ground_tables(report)
 
@@ -167,13 +167,13 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
     drive = WithTruth(sequence_0000)
     ground = measure_ground(drive, [result_of(frame, states)], AREA)
     assert ground.total is None
-    figures = ground_results(ground)
-    assert figures["points"]["recall"] == 0.5
-    assert figures["points_by_range"]["0 to 5 m"]["recall"] == 1
+    metrics = ground_results(ground)
+    assert metrics["points"]["recall"] == 0.5
+    assert metrics["points_by_range"]["0 to 5 m"]["recall"] == 1
     obstacles = measure_obstacles(drive, [result_of(frame, states)], AREA, ObstacleProtocol())
-    figures = obstacle_results(obstacles)
-    assert figures["points_moving"]["recall"] == 0.5
-    assert figures["points_static"]["false_positives"] == 2
+    metrics = obstacle_results(obstacles)
+    assert metrics["points_moving"]["recall"] == 0.5
+    assert metrics["points_static"]["false_positives"] == 2
     assert "Points called moving" in obstacle_tables(obstacles)
 
 
@@ -229,5 +229,5 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path.write_text("old")
     data = DataUsed(tmp_path, "0000", "HDL-64E", 1, 1, 1)
     with pytest.raises(TypeError):
-        write_evaluation(path, data, None, Figures("ground", {}, {"unwritable": object()}))
+        write_evaluation(path, data, None, Evaluation("ground", {}, {"unwritable": object()}))
     assert path.read_text() == "old"

@@ -58,16 +58,16 @@ def test_table_picture_and_document_say_the_same(folders, tmp_path: Path, capsys
     assert document["protocol"]["values"]["resampling"] == {"choices": 20, "seed": 0}
     assert document["results"]["Cyclist"] == {"iou": 0.5, "difficulties": None}
     for difficulty in ("easy", "moderate", "hard"):
-        figures = document["results"]["Car"]["difficulties"][difficulty]
-        assert (figures["truths"], figures["matches"]) == (50, 45)
-        assert len(figures["precision"]) == 41
-        interval = figures["ap_r40_interval_percent"]
+        metrics = document["results"]["Car"]["difficulties"][difficulty]
+        assert (metrics["truths"], metrics["matches"]) == (50, 45)
+        assert len(metrics["precision"]) == 41
+        interval = metrics["ap_r40_interval_percent"]
         row = cells(printed, f"Car {difficulty}")
         assert row[:3] == ["0.7", "50", "45"]
-        assert row[8] == f"{figures['ap_r40_percent']:.2f}"
+        assert row[8] == f"{metrics['ap_r40_percent']:.2f}"
         assert row[9:12] == [f"{interval['low']:.2f}", "to", f"{interval['high']:.2f}"]
-        assert row[12] == f"{figures['aos_r40_percent']:.2f}"
-        assert figures["aos_r40_percent"] == pytest.approx(figures["ap_r40_percent"])
+        assert row[12] == f"{metrics['aos_r40_percent']:.2f}"
+        assert metrics["aos_r40_percent"] == pytest.approx(metrics["ap_r40_percent"])
     assert {path.name for path in picture.parent.iterdir()} == {"precision.png", "figures.json"}
 
 

@@ -47,8 +47,8 @@ def test_every_figure_is_that_of_the_benchmarks_tool(oracle, tmp_path, capsys, t
     assert document["protocol"]["values"]["alphas"] == expected["alphas"]
     assert list(document["results"]) == [*expected["sequences"], "COMBINED"]
     for sequence, by_class in expected["trackers"][tracker].items():
-        for name, figures in by_class.items():
-            assert_same(document["results"][sequence][name], figures)
+        for name, metrics in by_class.items():
+            assert_same(document["results"][sequence][name], metrics)
     printed = capsys.readouterr().out
     assert "6 of 6 labelled sequences, 1862 frames" in printed
     for name in ("car", "pedestrian"):

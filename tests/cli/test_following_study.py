@@ -95,11 +95,11 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
     assert cv2.imread(str(picture)).std() > 5
     document = json.loads(picture.with_suffix(".json").read_text())
     assert list(document["results"]) == ["plain", "pose"]
-    for figures in document["results"].values():
-        assert list(figures) == ["default", "3d-kf"]
-        assert figures["default"]["scores"]["frames"] == 5
-        assert figures["default"]["scores"]["center_m"] < 0.5
-        assert figures["default"]["hidden_frames"] == 0
+    for metrics in document["results"].values():
+        assert list(metrics) == ["default", "3d-kf"]
+        assert metrics["default"]["scores"]["frames"] == 5
+        assert metrics["default"]["scores"]["center_m"] < 0.5
+        assert metrics["default"]["hidden_frames"] == 0
     rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines() if line.strip()]
     assert ["pose", "3d-kf"] in rows
 

@@ -15,7 +15,7 @@ from perception.cli.studies.detector_variants import (
     Judging,
     TrainingConditions,
     Variant,
-    VariantFigures,
+    VariantMetrics,
     study_variants,
 )
 from perception.cli.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
@@ -79,8 +79,8 @@ def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
 def test_other_drives_are_measured_without_training_again(car_frames, trainings, tmp_path):
     study_variants([BASE], TrainingConditions(), judging_on(car_frames), tmp_path / "out")
     both = judging_on(car_frames, car_frames / "training")
-    figures = study_variants([BASE], TrainingConditions(), both, tmp_path / "out")
-    assert list(figures["base"].drives) == [str(car_frames), str(car_frames / "training")]
+    metrics = study_variants([BASE], TrainingConditions(), both, tmp_path / "out")
+    assert list(metrics["base"].drives) == [str(car_frames), str(car_frames / "training")]
     assert len(trainings) == 1
 
 
@@ -136,25 +136,25 @@ def test_shares_are_trained_for_as_many_steps():
         share_variants(BASE, (2.0,))
 
 
-def figures_of(ap, interval=None):
+def metrics_of(ap, interval=None):
     found = {"ap_r40_percent": ap, "precision": [1.0] * 41}
     if interval is not None:
         found["ap_r40_interval_percent"] = {"low": interval[0], "high": interval[1]}
     levels = {name: {"detections": found} for name in ("easy", "moderate")}
     levels["hard"] = {"detections": None}
     drives = {"val": {"data": "synthetic", "frames": 9, "iou": {"0.7": levels}}}
-    return VariantFigures(2, 5, 1.5, 20.25, drives)
+    return VariantMetrics(2, 5, 1.5, 20.25, drives)
 
 
 def test_tables_stand_beside_the_thesis():
-    figures = {"sparse": figures_of(20.0, (15, 25)), "ours": figures_of(60.0)}
-    table = precision_tables("Maps", figures, 0.7, THESIS_B2)
+    metrics = {"sparse": metrics_of(20.0, (15, 25)), "ours": metrics_of(60.0)}
+    table = precision_tables("Maps", metrics, 0.7, THESIS_B2)
     lines = [" ".join(line.split()) for line in table.splitlines()]
     assert lines[0] == "Maps: AP R40 % on val, IoU over 0.7"
     sparse = "20.00 (15.0 to 25.0) 20.00 (15.0 to 25.0) 0.00 23.45 17.57 15.57"
     assert lines[3] == f"sparse synthetic 5 2 {sparse}"
     assert lines[4] == "ours synthetic 5 2 60.00 60.00 0.00 - - -"
-    times = times_table("Times", figures, (34, 15)).splitlines()
+    times = times_table("Times", metrics, (34, 15)).splitlines()
     assert times[3].split() == ["sparse", "1.5", "20.2"]
     assert times[-1].split() == ["thesis", "34", "15"]
 

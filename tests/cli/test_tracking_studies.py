@@ -11,27 +11,27 @@ from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
 from perception.cli.studies.output import publish
 from perception.cli.studies.tracking_figures import (
     METHODS,
-    TrackingFigures,
+    StudyTrackingMetrics,
     by_measure,
     total,
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
-from perception.evaluation.multi_object.tracking_scores import score_tracks
+from perception.evaluation.multi_object.tracking_scores import evaluate_tracks
 from perception.sensor import HDL_32E, VLP_16
 
 NAMES = ["HOTA [%]", "MOTA [%]", "IDF1 [%]", "false tracks a minute"]
 
 
-def figures(found: int, missed: int, false_tracks: int) -> TrackingFigures:
+def metrics(found: int, missed: int, false_tracks: int) -> StudyTrackingMetrics:
     """Return what comes of one object, perfectly tracked in some frames and missed in others."""
     hit = TrackedFrame(np.array([1]), np.array([7]), np.ones((1, 1)))
     miss = TrackedFrame(np.array([1]), np.zeros(0, np.int64), np.zeros((1, 0)))
-    scores = score_tracks([hit] * found + [miss] * missed)
-    return TrackingFigures(scores, false_tracks, duration_s=0.1 * (found + missed))
+    scores = evaluate_tracks([hit] * found + [miss] * missed)
+    return StudyTrackingMetrics(scores, false_tracks, duration_s=0.1 * (found + missed))
 
 
 def test_drives_are_measured_as_one():
-    together = total([{"thesis": figures(10, 0, 1)}, {"thesis": figures(5, 5, 0)}])["thesis"]
+    together = total([{"thesis": metrics(10, 0, 1)}, {"thesis": metrics(5, 5, 0)}])["thesis"]
     assert together.duration_s == pytest.approx(2)
     measures = together.measures()
     assert list(measures) == NAMES
@@ -41,7 +41,7 @@ def test_drives_are_measured_as_one():
 
 
 def test_measures_go_case_by_case():
-    cases = [{method: figures(n, 10 - n, 0) for method in METHODS} for n in (10, 5)]
+    cases = [{method: metrics(n, 10 - n, 0) for method in METHODS} for n in (10, 5)]
     np.testing.assert_allclose(by_measure(cases)["MOTA [%]"]["author"], [100, 50])
 
 
@@ -77,7 +77,7 @@ def test_sensors(tmp_path, monkeypatch):
         sensors,
         "measure_methods",
         lambda drive: dict.fromkeys(
-            METHODS, figures(n := found[drive[0].name][drive[1]], 10 - n, 1)
+            METHODS, metrics(n := found[drive[0].name][drive[1]], 10 - n, 1)
         ),
     )
     picture = tmp_path / "sensors.png"

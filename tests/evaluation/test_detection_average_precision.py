@@ -44,8 +44,8 @@ def box(x: float, width: float = 100, height: float = 50) -> list[float]:
 
 
 def easy(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> PrecisionCurve:
-    figures = kitti_average_precision(truths, detections, frames, CAR)
-    return figures.classes[0].curves["easy"]
+    metrics = kitti_average_precision(truths, detections, frames, CAR)
+    return metrics.classes[0].curves["easy"]
 
 
 def test_two_cars_of_which_one_is_found_first_and_a_ghost_between():

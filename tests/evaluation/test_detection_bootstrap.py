@@ -45,10 +45,10 @@ def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
     widths = []
     for frames in (60, 600):
         tallies = noisy_tallies(frames)
-        figure = tallies.figures().classes[0].curves["moderate"].ap(points)
+        metric = tallies.metrics().classes[0].curves["moderate"].ap(points)
         samples = resample_precision(tallies, 100, np.random.default_rng(0))[0]["moderate"]
         interval = samples.interval(points)
-        assert interval.low < figure < interval.high
+        assert interval.low < metric < interval.high
         narrow = samples.interval(points, confidence=0.5)
         assert interval.low < narrow.low < narrow.high < interval.high
         widths.append(interval.high - interval.low)

@@ -70,12 +70,12 @@ def assert_same(curve: PrecisionCurve, naive: NaiveCurve) -> None:
 def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
     truths, detections = crowded_frames(seed)
     classes = [of_class.at_iou(iou) for of_class in KITTI_CLASSES]
-    figures = kitti_average_precision(truths, detections, FRAMES, classes)
-    for of_class in figures.classes:
+    metrics = kitti_average_precision(truths, detections, FRAMES, classes)
+    for of_class in metrics.classes:
         for difficulty in DIFFICULTIES:
             naive = naive_curve(truths, detections, FRAMES, of_class.of_class, difficulty)
             assert_same(of_class.curves[difficulty.name], naive)
-    assert figures.classes[0].curves["hard"].matches > 5 or iou > 0.8
+    assert metrics.classes[0].curves["hard"].matches > 5 or iou > 0.8
 
 
 def test_frames_that_weigh_double_are_frames_that_are_there_twice():
@@ -88,7 +88,7 @@ def test_frames_that_weigh_double_are_frames_that_are_there_twice():
         take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
     )
     assert naive.matches > 10
-    assert_same(tallies.figures(weights).classes[0].curves["hard"], naive)
+    assert_same(tallies.metrics(weights).classes[0].curves["hard"], naive)
 
 
 def take_frames(rows, frames):

@@ -74,10 +74,10 @@ def assert_same_figures(labels: Path, boxes: Path, expected: dict[str, Any], fol
     write_frames(folder / "results", frames, boxes / "detections.txt", row)
     found = read_detection_set(folder / "results", folder / "labels", frames)
 
-    figures = kitti_average_precision(found.truths, found.detections, len(frames))
+    metrics = kitti_average_precision(found.truths, found.detections, len(frames))
 
-    assert figures.frames == len(frames)
-    for of_class in figures.classes:
+    assert metrics.frames == len(frames)
+    for of_class in metrics.classes:
         of_tool = expected[of_class.of_class.name.lower()]
         assert list(of_class.curves) == list(of_tool or {})
         for difficulty, curve in of_class.curves.items():

@@ -24,7 +24,7 @@ from perception.evaluation.multi_object.moving_scene import (
     must_be_tracked,
     points_above_feet,
 )
-from perception.evaluation.multi_object.tracking_scores import TrackingScores, score_tracks
+from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.evaluation.objects import LabelledObjects, Motion
 from perception.types import Boxes3D, Calibration, Tracks
 
@@ -69,12 +69,12 @@ def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
     return LabelledView(CAMERA, (100, 100), np.array(dont_care_px, float).reshape(-1, 4))
 
 
-def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> TrackingScores:
+def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
     judged = [
         likeness_frames(scene, tracks, judge(scene, tracks, RULE), RULE) for scene, tracks in frames
     ]
-    by_overlap = score_tracks([frame.by_overlap for frame in judged])
-    by_distance = score_tracks([frame.by_distance for frame in judged])
+    by_overlap = evaluate_tracks([frame.by_overlap for frame in judged])
+    by_distance = evaluate_tracks([frame.by_distance for frame in judged])
     assert by_overlap.clear.false_positives >= by_distance.clear.false_positives
     return by_distance
 

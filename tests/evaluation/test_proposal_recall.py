@@ -53,31 +53,31 @@ def test_objects_are_counted_by_difficulty_and_reached_by_overlap():
     recall = proposal_recall(LABELLED, FOUND, 2, "Car")
     assert (recall.frames, recall.proposals, recall.most_in_a_frame) == (2, 5, 3)
     assert recall.proposals_a_frame == 2.5
-    figures = recall.difficulties
-    assert {name: one.objects for name, one in figures.items()} == {
+    metrics = recall.difficulties
+    assert {name: one.objects for name, one in metrics.items()} == {
         "easy": 1,
         "moderate": 2,
         "hard": 2,
         "all": 3,
     }
-    assert (figures["all"].found(0.7), figures["all"].found(0.5)) == (2, 3)
-    assert figures["all"].recall(0.7) == pytest.approx(2 / 3)
-    assert figures["hard"].recall(0.7) == 1.0
+    assert (metrics["all"].found(0.7), metrics["all"].found(0.5)) == (2, 3)
+    assert metrics["all"].recall(0.7) == pytest.approx(2 / 3)
+    assert metrics["hard"].recall(0.7) == 1.0
 
 
 def test_the_highest_scores_of_each_frame_come_first():
-    figures = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
+    metrics = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
     # Frame 0: far, low, tall; frame 1: half of tall.
-    np.testing.assert_array_equal(figures.ranks[0.5], [2, 1, 0])
-    np.testing.assert_array_equal(figures.ranks[0.7], [2, 1, -1])
-    np.testing.assert_allclose(figures.recall_by_count(0.5, 4), np.array([0, 1, 2, 3, 3]) / 3)
-    np.testing.assert_allclose(figures.recall_by_count(0.7, 2), np.array([0, 0, 1]) / 3)
+    np.testing.assert_array_equal(metrics.ranks[0.5], [2, 1, 0])
+    np.testing.assert_array_equal(metrics.ranks[0.7], [2, 1, -1])
+    np.testing.assert_allclose(metrics.recall_by_count(0.5, 4), np.array([0, 1, 2, 3, 3]) / 3)
+    np.testing.assert_allclose(metrics.recall_by_count(0.7, 2), np.array([0, 0, 1]) / 3)
 
 
 def test_recall_falls_with_the_overlap_that_is_asked():
-    figures = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
-    np.testing.assert_allclose(figures.best_iou, [1, 1, 0.6])
-    curve = figures.recall_by_iou()
+    metrics = proposal_recall(LABELLED, FOUND, 2, "Car").difficulties["all"]
+    np.testing.assert_allclose(metrics.best_iou, [1, 1, 0.6])
+    curve = metrics.recall_by_iou()
     assert len(curve) == len(IOU_STEPS) == 101
     np.testing.assert_allclose(curve[[0, 50, 61, 100]], [1, 1, 2 / 3, 2 / 3])
 
@@ -102,18 +102,18 @@ def test_counting_one_frame_agrees_with_measuring_all():
 def test_without_proposals_nothing_is_reached():
     recall = proposal_recall(LABELLED, proposals([]), 2, "Car")
     assert (recall.proposals, recall.most_in_a_frame) == (0, 0)
-    figures = recall.difficulties["all"]
-    assert figures.recall(0.5) == 0
-    np.testing.assert_array_equal(figures.recall_by_count(0.5, 3), np.zeros(4))
-    np.testing.assert_array_equal(figures.recall_by_iou(), np.zeros(101))
+    metrics = recall.difficulties["all"]
+    assert metrics.recall(0.5) == 0
+    np.testing.assert_array_equal(metrics.recall_by_count(0.5, 3), np.zeros(4))
+    np.testing.assert_array_equal(metrics.recall_by_iou(), np.zeros(101))
 
 
 def test_of_no_objects_there_is_no_share():
-    figures = proposal_recall(LABELLED, FOUND, 2, "Cyclist").difficulties["all"]
-    assert figures.objects == 0
-    assert np.isnan(figures.recall(0.7))
-    assert np.isnan(figures.recall_by_count(0.7, 5)).all()
-    assert np.isnan(figures.recall_by_iou()).all()
+    metrics = proposal_recall(LABELLED, FOUND, 2, "Cyclist").difficulties["all"]
+    assert metrics.objects == 0
+    assert np.isnan(metrics.recall(0.7))
+    assert np.isnan(metrics.recall_by_count(0.7, 5)).all()
+    assert np.isnan(metrics.recall_by_iou()).all()
 
 
 @pytest.mark.parametrize("iou", [0.0, 1.2, float("nan")])

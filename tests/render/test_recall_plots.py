@@ -2,14 +2,14 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.evaluation.detection.proposal_recall import ProposalRecall, RecallFigures
+from perception.evaluation.detection.proposal_recall import ProposalRecall, RecallMetrics
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
 
 
 def recall(reached: int) -> ProposalRecall:
     ranks = np.array([*range(reached), *[-1] * (8 - reached)])
-    some = RecallFigures(8, {0.7: ranks, 0.5: ranks}, np.where(ranks < 0, 0.2, 0.8))
-    none = RecallFigures(0, {0.7: ranks[:0], 0.5: ranks[:0]}, np.zeros(0))
+    some = RecallMetrics(8, {0.7: ranks, 0.5: ranks}, np.where(ranks < 0, 0.2, 0.8))
+    none = RecallMetrics(0, {0.7: ranks[:0], 0.5: ranks[:0]}, np.zeros(0))
     return ProposalRecall(2, 20, 12, {"easy": some, "hard": none})
 
 
@@ -27,6 +27,6 @@ def test_a_panel_a_difficulty_and_one_without_objects_stays_empty(tmp_path, plot
 
 
 def test_settings_without_any_proposal_are_drawn_too(tmp_path):
-    nothing = ProposalRecall(1, 0, 0, {"all": RecallFigures(2, {0.7: np.full(2, -1)}, np.zeros(2))})
+    nothing = ProposalRecall(1, 0, 0, {"all": RecallMetrics(2, {0.7: np.full(2, -1)}, np.zeros(2))})
     plot_recall_by_count(tmp_path / "none.png", "", {"best": nothing})
     assert cv2.imread(str(tmp_path / "none.png")) is not None

@@ -49,8 +49,8 @@ def test_nothing_seen_is_an_average_precision_of_zero():
     samples, boxes = ToySamples(3, 0), ValidationBoxes(NAMES)
     boxes.update([detections()], torch.tensor([1]), process=0)
     found = boxes.gathered(SIZE, np.array([[384, 256]] * 3))
-    figures = mean_precision(measure(samples.truth(), found, 3, NAMES))
-    assert set(figures.values()) == {0.0}
+    metrics = mean_precision(measure(samples.truth(), found, 3, NAMES))
+    assert set(metrics.values()) == {0.0}
 
 
 def perfect_but_shifted(samples, shift_px):
@@ -66,9 +66,9 @@ def perfect_but_shifted(samples, shift_px):
 def test_boxes_somewhat_off_are_right_at_half_the_overlap_only():
     samples = ToySamples(11, 0)  # 44 cars, enough for all 41 points of recall
     assert set(mean_precision(perfect_but_shifted(samples, 0)).values()) == {100.0}
-    figures = mean_precision(perfect_but_shifted(samples, 5))
-    assert figures["moderate"] < 10
-    assert figures["moderate_50"] == 100
+    metrics = mean_precision(perfect_but_shifted(samples, 5))
+    assert metrics["moderate"] < 10
+    assert metrics["moderate_50"] == 100
     assert SCALE * samples.label_sizes_px()[:, 1].min() > 40
 
 

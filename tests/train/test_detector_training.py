@@ -66,8 +66,8 @@ def test_a_batch_is_learned_by_heart(tmp_path):
     trained = train(
         tmp_path, 3, plan, ToyPictures(11, repeats=40)
     )  # 44 labels: 41 points of recall
-    figures = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
-    assert trained.precision == {"Car 0.7": figures, "Car 0.5": figures}
+    metrics = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
+    assert trained.precision == {"Car 0.7": metrics, "Car 0.5": metrics}
     assert trained.counts["validation_labels"] == 44
     losses = EventAccumulator(str(tmp_path)).Reload().Scalars("train/loss")
     assert losses[-1].value < 0.1 * losses[0].value < 1
@@ -167,9 +167,9 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
     events = EventAccumulator(str(tmp_path)).Reload()
     tags = set(events.Tags()["scalars"])
     terms = ("loss", "box_loss", "objects_loss", "no_objects_loss", "classes_loss", "prior_loss")
-    figures = [f"{level}{mark}" for level in ("easy", "moderate", "hard") for mark in ("", "_50")]
+    metrics = [f"{level}{mark}" for level in ("easy", "moderate", "hard") for mark in ("", "_50")]
     assert {f"{stage}/{name}" for stage in ("train", "validation") for name in terms} <= tags
-    assert {f"validation/{name}" for name in figures} <= tags
+    assert {f"validation/{name}" for name in metrics} <= tags
     assert any(name.startswith("lr-") for name in tags)
     assert len(events.Scalars("validation/moderate")) == 2
     assert {"validation/pictures", "validation/curves"} <= set(events.Tags()["images"])

@@ -16,9 +16,9 @@ def test_recall_of_all_labels_is_what_the_search_counted(tmp_path):
     settings = [Setting(count.rules, "thesis") for count in table]
     recalls = measure_recall(plan, settings, "points")
     for count, recall in zip(table, recalls, strict=True):
-        figures = recall.difficulties["all"]
-        assert figures.objects == count.objects == 6
-        assert (figures.found(0.7), figures.found(0.5)) == count.reached
+        metrics = recall.difficulties["all"]
+        assert metrics.objects == count.objects == 6
+        assert (metrics.found(0.7), metrics.found(0.5)) == count.reached
         assert recall.proposals == count.proposals
         assert recall.frames == 3
 

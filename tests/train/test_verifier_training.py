@@ -16,7 +16,7 @@ from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
 from train.schedules import stepped, warm_cosine
 from train.trainer import TrainerPlan, checkpoint_to_resume, fit, make_trainer
-from train.verifier.figures import VerifierFigures
+from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
 from train.verifier.pictures import JudgedCrops, VerifierPictures, draw_judged
 from train.verifier.training import PLANS, VerifierTraining
@@ -128,9 +128,9 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
     trainer = make_trainer(tmp_path, plan_of(2), [VerifierPictures(lambda: grids)])
     fit(trainer, module_of(), ToyCandidates())
     events = EventAccumulator(str(tmp_path)).Reload()
-    figures = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
+    metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
     losses = ("loss", "class_loss", "box_loss")
-    promised = {f"{stage}/{n}" for stage in ("train", "validation") for n in (*figures, *losses)}
+    promised = {f"{stage}/{n}" for stage in ("train", "validation") for n in (*metrics, *losses)}
     assert promised <= set(events.Tags()["scalars"])
     assert any(name.startswith("lr-") for name in events.Tags()["scalars"])
     assert len(events.Scalars("validation/accuracy")) == 2
@@ -211,16 +211,16 @@ def test_right_boxes_cost_nothing_and_none_neither():
 
 
 def test_figures_by_hand():
-    figures = VerifierFigures()
+    metrics = VerifierMetrics()
     box = [0.0, 0.0, 1.0, 1.0]
     nothing = [float("nan")] * 4
-    figures.update(
+    metrics.update(
         torch.tensor([2.0, -1.0, 3.0, -2.0, -5.0]),
         torch.tensor([box, [0.0, 0.0, 0.5, 1.0], box, box, box]),
         torch.tensor([True, True, False, False, False]),
         torch.tensor([box, box, nothing, nothing, nothing]),
     )
-    found = {name: value.item() for name, value in figures.compute().items()}
+    found = {name: value.item() for name, value in metrics.compute().items()}
     assert found == pytest.approx(
         {
             "accuracy": 3 / 5,
@@ -234,10 +234,10 @@ def test_figures_by_hand():
 
 
 def test_figures_of_nothing_are_zero():
-    figures = VerifierFigures()
+    metrics = VerifierMetrics()
     none = torch.zeros(0)
-    figures.update(none, torch.zeros(0, 4), none.bool(), torch.zeros(0, 4))
-    assert all(value == 0 for value in figures.compute().values())
+    metrics.update(none, torch.zeros(0, 4), none.bool(), torch.zeros(0, 4))
+    assert all(value == 0 for value in metrics.compute().values())
 
 
 def test_the_drawn_box_lies_where_it_is_said():

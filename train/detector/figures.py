@@ -9,8 +9,8 @@ from torchmetrics import Metric
 
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.average_precision import (
-    ClassFigures,
-    DetectionFigures,
+    ClassMetrics,
+    DetectionMetrics,
     kitti_average_precision,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
@@ -82,17 +82,17 @@ class ValidationBoxes(Metric):
 
 def measure(
     truths: TrueBoxes, found: DetectedBoxes, frames: int, class_names: Sequence[str]
-) -> DetectionFigures:
+) -> DetectionMetrics:
     """Measure every class at the overlap that KITTI asks for, then every class at a half."""
     classes = [kitti_class(name) for name in class_names]
     both = [*classes, *(one.at_iou(LOOSE_IOU) for one in classes)]
     return kitti_average_precision(truths, found, frames, both)
 
 
-def mean_precision(figures: DetectionFigures) -> dict[str, float]:
+def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:
     """Return average precision in percent over the classes: `easy` .. and `easy_50` .. at an IoU of a half."""
-    half = len(figures.classes) // 2
-    parts = {"": figures.classes[:half], "_50": figures.classes[half:]}
+    half = len(metrics.classes) // 2
+    parts = {"": metrics.classes[:half], "_50": metrics.classes[half:]}
     return {
         f"{one.name}{mark}": float(np.mean([precision(of, one.name) for of in classes]))
         for mark, classes in parts.items()
@@ -100,17 +100,17 @@ def mean_precision(figures: DetectionFigures) -> dict[str, float]:
     }
 
 
-def precision_table(figures: DetectionFigures) -> dict[str, dict[str, float]]:
+def precision_table(metrics: DetectionMetrics) -> dict[str, dict[str, float]]:
     """Return average precision in percent by class and overlap, such as `Car 0.7`, and by difficulty."""
     return {
         f"{of.of_class.name} {of.of_class.iou:g}": {
             one.name: precision(of, one.name) for one in DIFFICULTIES
         }
-        for of in figures.classes
+        for of in metrics.classes
     }
 
 
-def precision(figures: ClassFigures, difficulty: str) -> float:
+def precision(metrics: ClassMetrics, difficulty: str) -> float:
     """Return the average precision in percent, 0 where nothing was detected."""
-    curve = figures.curves.get(difficulty)
+    curve = metrics.curves.get(difficulty)
     return curve.ap() if curve else 0.0

@@ -6,7 +6,7 @@ import numpy as np
 from lightning.pytorch import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 
-from perception.evaluation.detection.average_precision import DetectionFigures
+from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.render import palette
 from perception.render.detections import draw_boxes
 from perception.render.follow_figures import draw_tag
@@ -85,7 +85,7 @@ def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
     return canvas
 
 
-def curve_panels(judged: DetectionFigures) -> list[PrecisionPanel]:
+def curve_panels(judged: DetectionMetrics) -> list[PrecisionPanel]:
     """Return a panel for every class and overlap, with a curve a difficulty."""
     return [
         PrecisionPanel(

@@ -13,7 +13,7 @@ from torch.optim.lr_scheduler import LambdaLR
 from data.pictures.module import PictureData
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_answers import seen_objects
-from perception.evaluation.detection.average_precision import DetectionFigures
+from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections
 from train.detector.anchors import fit_anchors
@@ -70,7 +70,7 @@ class DetectorTraining(LightningModule):
         # Measured on a CPU with bfloat16, half the time of rows of channels.
         self.network = network.to(memory_format=torch.channels_last)
         self.sizes = scaled_sizes(plan.form.size, *plan.scales)
-        self.judged: DetectionFigures | None = None
+        self.judged: DetectionMetrics | None = None
         """What came of the last validation."""
         self._truth: TrueBoxes | None = None
         self.boxes = ValidationBoxes(plan.form.class_names)
@@ -126,8 +126,8 @@ class DetectorTraining(LightningModule):
         found = self.boxes.gathered(form.size, sizes_px)
         self.boxes.reset()
         self.judged = measure(self._truth, found, len(samples), form.class_names)
-        figures = mean_precision(self.judged)
-        self.log_dict({f"validation/{name}": ap for name, ap in figures.items()}, sync_dist=True)
+        metrics = mean_precision(self.judged)
+        self.log_dict({f"validation/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Note what the weights came to in the last validation."""

@@ -94,13 +94,13 @@ def _by_whole_steps(
 
     def keep(descent: Descent, validation: float) -> None:
         last, best = descent.last, descent.best
-        figures = {
+        metrics = {
             "train/mse": last.mean_square,
             "validation/mse": validation,
             "train/gradient": last.gradient,
             "train/damping": last.damping,
         }
-        for name, value in figures.items():
+        for name, value in metrics.items():
             writer.add_scalar(name, value, last.number)
         if best.step == last.number:
             _write(out / BEST, content(best.parameters, best.step))

@@ -7,7 +7,7 @@ from torchmetrics import Metric
 from train.box_overlap import paired_iou
 
 
-class VerifierFigures(Metric):
+class VerifierMetrics(Metric):
     """Counts over the batches of an epoch, summed over all processes.
 
     accuracy     share of the candidates that are called what they are

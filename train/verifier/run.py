@@ -14,14 +14,14 @@ from data.candidates.module import CandidateData
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
 from train.trainer import BEST, TrainerPlan, fit, make_trainer
-from train.verifier.figures import VerifierFigures
+from train.verifier.figures import VerifierMetrics
 from train.verifier.pictures import VerifierPictures
 from train.verifier.training import VerifierPlan, VerifierTraining
 
 _SHOWN_SAMPLES = 8
 _JUDGED_AT_ONCE = 256
 
-Figures = dict[str, float]
+MetricValues = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class TrainedVerifier:
     checkpoint: Path
     epoch: int
     counts: dict[str, int]
-    training: Figures
-    validation: Figures
+    training: MetricValues
+    validation: MetricValues
 
 
 def train_verifier(
@@ -69,15 +69,15 @@ def train_verifier(
     return _judge_best(data, out / BEST)
 
 
-def judge(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> Figures:
+def judge(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> MetricValues:
     """Return the figures of a network over samples as they are."""
-    figures = VerifierFigures()
+    metrics = VerifierMetrics()
     loader = DataLoader(samples, _JUDGED_AT_ONCE, num_workers=workers)
     with torch.inference_mode():
         for batch in loader:
             logits, shares = network.heads(batch["crops"])
-            figures.update(logits, shares, batch["is_vehicle"], batch["box_share"])
-    return {name: float(value) for name, value in figures.compute().items()}
+            metrics.update(logits, shares, batch["is_vehicle"], batch["box_share"])
+    return {name: float(value) for name, value in metrics.compute().items()}
 
 
 def _judge_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:

@@ -14,7 +14,7 @@ from torch.optim.lr_scheduler import LambdaLR
 from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
 from train.schedules import stepped, warm_cosine
-from train.verifier.figures import VerifierFigures
+from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
 
 Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, box_share
@@ -62,7 +62,7 @@ class VerifierTraining(LightningModule):
         self.save_hyperparameters({"model": MODEL} | asdict(plan))
         self.plan = plan
         self.network = make_verifier(plan.method)
-        self.training_figures, self.validation_figures = VerifierFigures(), VerifierFigures()
+        self.training_metrics, self.validation_metrics = VerifierMetrics(), VerifierMetrics()
 
     def on_fit_start(self) -> None:
         """Tell the thesis' network what to subtract: the mean of what it will be trained on."""
@@ -80,23 +80,23 @@ class VerifierTraining(LightningModule):
         """Return the loss of a batch."""
         logits, shares = self.network.heads(batch["crops"])
         loss = self._loss("train", batch, logits, shares)
-        self._count(self.training_figures, batch, logits, shares)
+        self._count(self.training_metrics, batch, logits, shares)
         return loss
 
     def on_train_epoch_end(self) -> None:
         """Log the figures over the epoch, measured while it learned."""
-        self._log_figures("train", self.training_figures)
+        self._log_metrics("train", self.training_metrics)
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, Tensor]:
         """Judge a batch; return logits and shares for whoever draws them."""
         logits, shares = self.network.heads(batch["crops"])
         self._loss("validation", batch, logits, shares)
-        self._count(self.validation_figures, batch, logits, shares)
+        self._count(self.validation_metrics, batch, logits, shares)
         return {"logits": logits, "shares": shares}
 
     def on_validation_epoch_end(self) -> None:
         """Log the figures over the validation set."""
-        self._log_figures("validation", self.validation_figures)
+        self._log_metrics("validation", self.validation_metrics)
 
     def _loss(self, stage: str, batch: Batch, logits: Tensor, shares: Tensor) -> Tensor:
         is_vehicle = batch["is_vehicle"]
@@ -118,14 +118,14 @@ class VerifierTraining(LightningModule):
         return loss
 
     def _count(
-        self, figures: VerifierFigures, batch: Batch, logits: Tensor, shares: Tensor
+        self, metrics: VerifierMetrics, batch: Batch, logits: Tensor, shares: Tensor
     ) -> None:
-        figures.update(logits.detach(), shares.detach(), batch["is_vehicle"], batch["box_share"])
+        metrics.update(logits.detach(), shares.detach(), batch["is_vehicle"], batch["box_share"])
 
-    def _log_figures(self, stage: str, figures: VerifierFigures) -> None:
-        found = figures.compute()  # over all processes already
+    def _log_metrics(self, stage: str, metrics: VerifierMetrics) -> None:
+        found = metrics.compute()  # over all processes already
         self.log_dict({f"{stage}/{name}": value for name, value in found.items()}, sync_dist=True)
-        figures.reset()
+        metrics.reset()
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
         """Return the descent and its rate, which changes with every step."""

@@ -89,7 +89,7 @@ class ClassPrecision:
 
     def curve(self, iou: float, difficulty: str) -> PrecisionCurve | None:
         """Return the curve, or None where nothing was detected."""
-        return self.reports[iou].figures.classes[0].curves.get(difficulty)
+        return self.reports[iou].metrics.classes[0].curves.get(difficulty)
 
     def ap(self, iou: float, difficulty: str) -> float:
         """Return the average precision in percent, 0 where nothing was detected; NaN of no object."""

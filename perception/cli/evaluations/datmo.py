@@ -8,7 +8,7 @@ from data.frames import OnBadFrame
 from perception.cli.evaluations.datmo_figures import datmo_results, datmo_tables
 from perception.cli.evaluations.datmo_report import PROTOCOL_WORDS, DatmoProtocol, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
-from perception.cli.evaluations.document import Figures
+from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_measured
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
@@ -55,7 +55,7 @@ def datmo(  # noqa: PLR0913 - flags of a command
     print(f"{run.describe(evaluated)}, judged: {view}\n\n{datmo_tables(reports)}")
     if json is not None:
         words = {**PROTOCOL_WORDS, "values": protocol}
-        run.write(json, evaluated, Figures("datmo", words, datmo_results(reports)))
+        run.write(json, evaluated, Evaluation("datmo", words, datmo_results(reports)))
 
 
 def _methods_named(words: str) -> tuple[DatmoMethod, ...]:

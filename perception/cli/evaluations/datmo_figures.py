@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from perception.cli.evaluations.datmo_report import DatmoReport
-from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
+from perception.cli.evaluations.tracking_figures import mot_results, mot_table
 from perception.cli.table import Cell, format_table
 from perception.evaluation.multi_object.followed import ObjectSummary
 
@@ -53,15 +53,15 @@ def _score_tables(reports: Mapping[str, DatmoReport]) -> list[str]:
     tight, loose = protocol.overlap_threshold, protocol.loose_overlap_threshold
     where = "on the ground plane; CLEAR and identity"
     return [
-        tracking_table(
+        mot_table(
             f"By distance of the centres {where} within {within_m:g} m; ratios in percent",
             {method: report.by_distance for method, report in reports.items()},
         ),
-        tracking_table(
+        mot_table(
             f"By overlap {where} at IoU {tight:g}; ratios in percent",
             {method: report.by_overlap for method, report in reports.items()},
         ),
-        tracking_table(
+        mot_table(
             f"By overlap {where} at IoU {loose:g}; ratios in percent",
             {method: report.by_loose_overlap for method, report in reports.items()},
         ),
@@ -134,9 +134,9 @@ def _results(report: DatmoReport) -> dict[str, Any]:
     return {
         "frames": report.frames,
         "duration_s": report.duration_s,
-        "by_distance": tracking_figures(report.by_distance),
-        "by_overlap": tracking_figures(report.by_overlap),
-        "by_loose_overlap": tracking_figures(report.by_loose_overlap),
+        "by_distance": mot_results(report.by_distance),
+        "by_overlap": mot_results(report.by_overlap),
+        "by_loose_overlap": mot_results(report.by_loose_overlap),
         "errors": report.errors,
         "lost_objects": report.lost_objects,
         "false_tracks": report.false_tracks,

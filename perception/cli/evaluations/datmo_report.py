@@ -24,7 +24,7 @@ from perception.evaluation.multi_object.followed import (
 )
 from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
 from perception.evaluation.multi_object.moving_scene import MovingObjectRule, MovingScene
-from perception.evaluation.multi_object.tracking_scores import TrackingScores, score_tracks
+from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.types import Float64, Frame, Result, Tracks
 
 PROTOCOL_WORDS = {
@@ -125,9 +125,9 @@ class DatmoReport:
     protocol: DatmoProtocol
     frames: int
     duration_s: float
-    by_distance: TrackingScores
-    by_overlap: TrackingScores
-    by_loose_overlap: TrackingScores
+    by_distance: MotMetrics
+    by_overlap: MotMetrics
+    by_loose_overlap: MotMetrics
     errors: TrackErrors
     objects: Sequence[ObjectSummary]
     types: Mapping[int, str]
@@ -224,9 +224,9 @@ class _Judge:
             protocol=protocol,
             frames=len(self._judged),
             duration_s=duration_s,
-            by_distance=score_tracks(by_distance, protocol.distance_threshold),
-            by_overlap=score_tracks(by_overlap, protocol.overlap_threshold),
-            by_loose_overlap=score_tracks(by_overlap, protocol.loose_overlap_threshold),
+            by_distance=evaluate_tracks(by_distance, protocol.distance_threshold),
+            by_overlap=evaluate_tracks(by_overlap, protocol.overlap_threshold),
+            by_loose_overlap=evaluate_tracks(by_overlap, protocol.loose_overlap_threshold),
             errors=track_errors(followed),
             objects=summarise_objects(followed),
             types=truth.types(),

@@ -5,13 +5,13 @@ from typing import Any
 
 from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision, MeasureRules
 from perception.cli.evaluations.depthcn_figures import (
-    DriveFigures,
+    DepthCnMetrics,
     depthcn_panels,
     depthcn_results,
     depthcn_table,
 )
 from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
 from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.cli.vehicle_detector import DetectorChoice
@@ -71,13 +71,13 @@ def depthcn(
         configuration = {"detector": choice, "network": facts}
         words = {**PROTOCOL_WORDS, **_OWN_WORDS}
         values = {"difficulties": DIFFICULTIES, **vars(measuring)}
-        figures = Figures("depthcn", {**words, "values": values}, depthcn_results(measured))
+        metrics = Evaluation("depthcn", {**words, "values": values}, depthcn_results(measured))
         split = f"the network was trained on: {facts.get('training_data', 'not known')}"
-        write_evaluation(json, [one.found.data for one in measured], configuration, figures, split)
+        write_evaluation(json, [one.found.data for one in measured], configuration, metrics, split)
 
 
-def measure_cars(found: FoundCars, rules: MeasureRules) -> DriveFigures:
+def measure_cars(found: FoundCars, rules: MeasureRules) -> DepthCnMetrics:
     """Measure detections at every overlap, and what their proposals reach."""
     frames = found.data.frames_evaluated
     recall = proposal_recall(found.boxes.truths, found.proposals, frames, VEHICLE, rules.overlaps)
-    return DriveFigures(found, ClassPrecision.of(found.boxes, _CAR, rules), recall)
+    return DepthCnMetrics(found, ClassPrecision.of(found.boxes, _CAR, rules), recall)

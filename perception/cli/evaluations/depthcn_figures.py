@@ -24,7 +24,7 @@ _REACHED = 5  # the column of what proposals reach, behind that of the objects
 
 
 @dataclass(frozen=True)
-class DriveFigures:
+class DepthCnMetrics:
     """What the detector is worth on one drive.
 
     Attributes:
@@ -49,8 +49,8 @@ class DriveFigures:
         ms = 1e3 * self.found.seconds
         at_ious = self.precision.to_json()
         for iou in self.precision.reports:
-            for difficulty, figures in at_ious[f"{iou:g}"].items():
-                figures["proposals_reach"] = self.recall.difficulties[difficulty].recall(iou)
+            for difficulty, metrics in at_ious[f"{iou:g}"].items():
+                metrics["proposals_reach"] = self.recall.difficulties[difficulty].recall(iou)
         return {
             "data": self.found.data.kind,
             "frames": self.recall.frames,
@@ -66,7 +66,7 @@ class DriveFigures:
                 yield percent(reached.found(iou), reached.objects)
 
 
-def depthcn_table(measured: Sequence[DriveFigures]) -> str:
+def depthcn_table(measured: Sequence[DepthCnMetrics]) -> str:
     """Return a row for each drive, IoU and difficulty, the thesis' row, and what one has to know."""
     header = precision_header(measured[0].precision, "data", "frames")
     header.insert(_REACHED, "proposals reach")
@@ -84,7 +84,7 @@ def depthcn_table(measured: Sequence[DriveFigures]) -> str:
     return "\n".join([table, *_notes(measured)])
 
 
-def _notes(measured: Sequence[DriveFigures]) -> Iterator[str]:
+def _notes(measured: Sequence[DepthCnMetrics]) -> Iterator[str]:
     yield (
         "The thesis' figure is of the test set of KITTI's server, whose labels are not public, over 11 "
         "points: beside these, not comparable with them."
@@ -98,7 +98,7 @@ def _notes(measured: Sequence[DriveFigures]) -> Iterator[str]:
         )
 
 
-def depthcn_results(measured: Sequence[DriveFigures]) -> dict[str, Any]:
+def depthcn_results(measured: Sequence[DepthCnMetrics]) -> dict[str, Any]:
     """Return all figures by drive, and the thesis'."""
     thesis = {"ap_r11_percent": {"easy": THESIS_EASY_PERCENT}, "frames": THESIS_FRAMES}
     return {
@@ -107,7 +107,7 @@ def depthcn_results(measured: Sequence[DriveFigures]) -> dict[str, Any]:
     }
 
 
-def depthcn_panels(measured: Sequence[DriveFigures]) -> list[PrecisionPanel]:
+def depthcn_panels(measured: Sequence[DepthCnMetrics]) -> list[PrecisionPanel]:
     """Return what is drawn: one panel for each drive and IoU."""
     return [
         panel

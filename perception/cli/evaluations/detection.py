@@ -15,7 +15,7 @@ from perception.cli.evaluations.detection_figures import (
     detection_results,
     detection_table,
 )
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.progress import bar, frame_bar
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import match_detections
@@ -99,8 +99,8 @@ def detection(  # noqa: PLR0913 - flags of a command
             frames_without_result=found.without_result,
             detections=len(found.detections),
         )
-        figures = Figures("detection", _protocol(chosen, resampling), detection_results(report))
-        write_evaluation(json, data, None, figures, _SPLIT)
+        metrics = Evaluation("detection", _protocol(chosen, resampling), detection_results(report))
+        write_evaluation(json, data, None, metrics, _SPLIT)
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def measure_detections(
         generator = np.random.default_rng(resampling.seed)
         shown = partial(bar, words="bootstrap", unit="choice", delay_s=2)
         samples = resample_precision(tallies, resampling.choices, generator, shown)
-    return DetectionReport(tallies.figures(), samples, averaged)
+    return DetectionReport(tallies.metrics(), samples, averaged)
 
 
 def _protocol(classes: tuple[DetectionClass, ...], resampling: Resampling) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from perception.cli.table import Cell, format_table
-from perception.evaluation.detection.average_precision import ClassFigures, DetectionFigures
+from perception.evaluation.detection.average_precision import ClassMetrics, DetectionMetrics
 from perception.evaluation.detection.bootstrap import PrecisionSamples
 from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
 from perception.evaluation.detection.protocol import RECALL_STEPS
@@ -24,16 +24,16 @@ class DetectionReport:
         averaged: over how many recall points, one average after the other.
     """
 
-    figures: DetectionFigures
+    metrics: DetectionMetrics
     samples: tuple[dict[str, PrecisionSamples], ...]
     averaged: tuple[RecallPoints, ...]
 
-    def rows(self) -> Iterator[tuple[ClassFigures, str, PrecisionSamples | None]]:
+    def rows(self) -> Iterator[tuple[ClassMetrics, str, PrecisionSamples | None]]:
         """Yield each class at each difficulty that has figures."""
-        samples = self.samples or ({},) * len(self.figures.classes)
-        for figures, of_class in zip(self.figures.classes, samples, strict=True):
-            for difficulty in figures.curves:
-                yield figures, difficulty, of_class.get(difficulty)
+        samples = self.samples or ({},) * len(self.metrics.classes)
+        for metrics, of_class in zip(self.metrics.classes, samples, strict=True):
+            for difficulty in metrics.curves:
+                yield metrics, difficulty, of_class.get(difficulty)
 
 
 def detection_table(report: DetectionReport) -> str:
@@ -41,12 +41,12 @@ def detection_table(report: DetectionReport) -> str:
     averages = [name for points in report.averaged for name in _columns(report, points)]
     header = ("", "IoU", "truths", "found", *averages)
     rows: list[list[Cell]] = []
-    for figures, difficulty, samples in report.rows():
-        curve = figures.curves[difficulty]
-        name = f"{figures.of_class.name} {difficulty}"
-        cells: list[Cell] = [name, f"{figures.of_class.iou:g}", curve.truths, curve.matches]
+    for metrics, difficulty, samples in report.rows():
+        curve = metrics.curves[difficulty]
+        name = f"{metrics.of_class.name} {difficulty}"
+        cells: list[Cell] = [name, f"{metrics.of_class.iou:g}", curve.truths, curve.matches]
         rows.append([*cells, *_averages(report, curve, samples)])
-    title = f"Average precision of boxes in the image [%], {report.figures.frames} frames"
+    title = f"Average precision of boxes in the image [%], {report.metrics.frames} frames"
     return "\n".join([format_table(title, header, rows), *_notes(report)])
 
 
@@ -55,7 +55,7 @@ def _columns(report: DetectionReport, points: RecallPoints) -> Iterator[str]:
     if report.samples:
         yield f"{100 * CONFIDENCE:g} % interval"
     if any(
-        figures.curves[difficulty].aos() is not None for figures, difficulty, _ in report.rows()
+        metrics.curves[difficulty].aos() is not None for metrics, difficulty, _ in report.rows()
     ):
         yield f"AOS R{points}"
 
@@ -76,11 +76,11 @@ def _averages(
 def _notes(report: DetectionReport) -> list[str]:
     """Say what a figure does not say by itself."""
     notes = [
-        f"{figures.of_class.name}: nothing detected, so it has no figures."
-        for figures in report.figures.classes
-        if not figures.curves
+        f"{metrics.of_class.name}: nothing detected, so it has no figures."
+        for metrics in report.metrics.classes
+        if not metrics.curves
     ]
-    truths = [figures.curves[difficulty].truths for figures, difficulty, _ in report.rows()]
+    truths = [metrics.curves[difficulty].truths for metrics, difficulty, _ in report.rows()]
     if 0 in truths:
         notes.append(
             "Where there are no truths, 0 is what the protocol says, not what was measured."
@@ -96,23 +96,23 @@ def _notes(report: DetectionReport) -> list[str]:
 def detection_results(report: DetectionReport) -> dict[str, Any]:
     """Return the figures for programs: by class, then by difficulty; null where nothing was detected."""
     results: dict[str, Any] = {
-        figures.of_class.name: {"iou": figures.of_class.iou, "difficulties": None}
-        for figures in report.figures.classes
+        metrics.of_class.name: {"iou": metrics.of_class.iou, "difficulties": None}
+        for metrics in report.metrics.classes
     }
-    for figures, difficulty, samples in report.rows():
-        of_class = results[figures.of_class.name]
+    for metrics, difficulty, samples in report.rows():
+        of_class = results[metrics.of_class.name]
         of_class["difficulties"] = of_class["difficulties"] or {}
-        of_class["difficulties"][difficulty] = _curve_results(report, figures, difficulty, samples)
+        of_class["difficulties"][difficulty] = _curve_results(report, metrics, difficulty, samples)
     return results
 
 
 def _curve_results(
     report: DetectionReport,
-    figures: ClassFigures,
+    metrics: ClassMetrics,
     difficulty: str,
     samples: PrecisionSamples | None,
 ) -> dict[str, Any]:
-    curve = figures.curves[difficulty]
+    curve = metrics.curves[difficulty]
     results: dict[str, Any] = {}
     for points in report.averaged:
         results[f"ap_r{points}_percent"] = curve.ap(points)
@@ -127,12 +127,12 @@ def detection_panels(report: DetectionReport) -> list[PrecisionPanel]:
     points = report.averaged[-1]
     return [
         PrecisionPanel(
-            title=f"{figures.of_class.name}, IoU over {figures.of_class.iou:g}",
+            title=f"{metrics.of_class.name}, IoU over {metrics.of_class.iou:g}",
             curves={
                 f"{name}: {curve.ap(points):.1f} % of {curve.truths}": curve.precision
-                for name, curve in figures.curves.items()
+                for name, curve in metrics.curves.items()
             },
             legend_title=f"average precision R{points}",
         )
-        for figures in report.figures.classes
+        for metrics in report.metrics.classes
     ]

@@ -12,7 +12,7 @@ from perception.cli.evaluations.detector_figures import (
 )
 from perception.cli.evaluations.detector_pictures import draw_worst
 from perception.cli.evaluations.detector_steps import classes_of, measure_detector, open_detector
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
 from perception.cli.evaluations.measure_flags import MeasureFlags
 from perception.errors import UsageError
@@ -68,9 +68,9 @@ def detector(  # noqa: PLR0913 - flags of a command
     if json is not None:
         facts = dict(network.facts)
         values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
-        figures = Figures(
+        metrics = Evaluation(
             "detector", {**PROTOCOL_WORDS, "values": values}, detector_results(measured)
         )
         split = f"the network was trained on: {facts.get('training_data', 'not known')}"
         configuration = {"model": network.model.name, "network": facts}
-        write_evaluation(json, [one.seen.data for one in measured], configuration, figures, split)
+        write_evaluation(json, [one.seen.data for one in measured], configuration, metrics, split)

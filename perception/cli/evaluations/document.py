@@ -30,7 +30,7 @@ class DataUsed:
 
 
 @dataclasses.dataclass(frozen=True)
-class Figures:
+class Evaluation:
     """What was measured, and how.
 
     Attributes:
@@ -48,7 +48,7 @@ _NO_SPLIT = "none: no frame was trained on, and none left out between the first 
 
 
 def write_evaluation(
-    path: Path, data: object, configuration: object, figures: Figures, split: str = _NO_SPLIT
+    path: Path, data: object, configuration: object, evaluation: Evaluation, split: str = _NO_SPLIT
 ) -> None:
     """Write the figures, and all that one needs to get them again.
 
@@ -60,12 +60,12 @@ def write_evaluation(
         split: in words, what was trained on and what left out.
     """
     document = {
-        "measure": figures.measure,
+        "measure": evaluation.measure,
         "program": f"trifuse {__version__}",
         "data": data,
         "split": split,
-        "protocol": figures.protocol,
+        "protocol": evaluation.protocol,
         "configuration": configuration,
-        "results": figures.results,
+        "results": evaluation.results,
     }
     write_json(path, document)

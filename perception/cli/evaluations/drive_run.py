@@ -8,7 +8,7 @@ from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.drive_results import drive_results
-from perception.cli.evaluations.document import DataUsed, Figures, write_evaluation
+from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
 from perception.cli.flags import require_positive
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
@@ -44,7 +44,7 @@ class DriveRun:
             f"{self.drive.sensor.name}, method {self.config.method}"
         )
 
-    def write(self, path: Path, evaluated: int, figures: Figures) -> None:
+    def write(self, path: Path, evaluated: int, evaluation: Evaluation) -> None:
         """Write the figures and all that one needs to get them again."""
         data = DataUsed(
             root=self.drive.root.resolve(),
@@ -54,7 +54,7 @@ class DriveRun:
             first_frames=frame_count(self.drive, self.limit),
             frames_evaluated=evaluated,
         )
-        write_evaluation(path, data, self.config, figures)
+        write_evaluation(path, data, self.config, evaluation)
 
 
 def open_measured(

@@ -9,7 +9,7 @@ from data.array_store import ArrayStore
 from data.detections.gathering import MarkedLooker, detected_scene
 from data.drive import Drive
 from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MeasureRules
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
@@ -97,13 +97,13 @@ def _write(
     """Write all figures with what they rest on."""
     values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
     words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
-    figures = Figures("fusion", words, {one.data.name: fusion_results(one) for one in measured})
+    metrics = Evaluation("fusion", words, {one.data.name: fusion_results(one) for one in measured})
     split = "; ".join(
         f"{name} was trained on: {of_one.get('training_data', 'not known')}"
         for name, of_one in configuration["networks"].items()
     )
     data = [one.data for one in measured]
-    write_evaluation(path, data, configuration, figures, split)
+    write_evaluation(path, data, configuration, metrics, split)
 
 
 @dataclass(frozen=True)

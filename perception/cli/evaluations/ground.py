@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from data.frames import OnBadFrame
-from perception.cli.evaluations.document import Figures
+from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_measured
 from perception.cli.evaluations.ground_report import (
     PROTOCOL,
@@ -45,5 +45,5 @@ def ground(  # noqa: PLR0913 - flags of a command
     report = measure_ground(run.drive, run.results(), run.config.area)
     print(f"{run.describe(report.frames)}\n\n{ground_tables(report)}")
     if json is not None:
-        figures = Figures("ground", PROTOCOL, ground_results(report))
+        figures = Evaluation("ground", PROTOCOL, ground_results(report))
         run.write(json, report.frames, figures)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from data.drive import Drive
-from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.confusion_figures import confusion_metrics, confusion_table
 from perception.cli.table import Cell, format_table
 from perception.evaluation.confusion import Confusion
 from perception.evaluation.ground import (
@@ -79,8 +79,8 @@ class GroundReport:
         if self.feet is None:
             return {}
         positions_m = self.feet.feet_m[:, 0] if along_x else self.feet.ranges_m
-        figures = displacement_by_interval(self.feet, positions_m, edges_m)
-        return dict(zip(interval_names(edges_m), figures, strict=True))
+        metrics = displacement_by_interval(self.feet, positions_m, edges_m)
+        return dict(zip(interval_names(edges_m), metrics, strict=True))
 
 
 def measure_ground(drive: Drive, results: Iterable[Result], area: LocalArea) -> GroundReport:
@@ -132,12 +132,12 @@ def ground_tables(report: GroundReport) -> str:
     return "\n\n".join(tables)
 
 
-def _displacement_table(title: str, figures: dict[str, Displacement]) -> str:
+def _displacement_table(title: str, metrics: dict[str, Displacement]) -> str:
     rows: list[list[Cell]] = [
-        [name, f"{figure.mde_m:.4f}", f"{figure.bias_m:+.4f}", figure.frames, figure.objects]
-        if figure.objects
+        [name, f"{metric.mde_m:.4f}", f"{metric.bias_m:+.4f}", metric.frames, metric.objects]
+        if metric.objects
         else [name, None, None, 0, 0]
-        for name, figure in figures.items()
+        for name, metric in metrics.items()
     ]
     return format_table(title, ("", "mDE [m]", "bias [m]", "frames", "objects"), rows)
 
@@ -150,7 +150,7 @@ def ground_results(report: GroundReport) -> dict[str, Any]:
         results["mde_by_range"] = report.by_range()
         results["mde_by_slice"] = report.by_slice()
     if report.points is not None:
-        results["points"] = with_ratios(sum(report.points, Confusion()))
+        results["points"] = confusion_metrics(sum(report.points, Confusion()))
         by_range = report.points_by_range()
-        results["points_by_range"] = {name: with_ratios(by_range[name]) for name in by_range}
+        results["points_by_range"] = {name: confusion_metrics(by_range[name]) for name in by_range}
     return results

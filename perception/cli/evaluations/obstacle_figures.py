@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from perception.cli.confusion_figures import confusion_table, with_ratios
+from perception.cli.confusion_figures import confusion_metrics, confusion_table
 from perception.cli.evaluations.obstacle_report import ObstacleReport
 from perception.cli.table import Cell, format_table, percent
 from perception.evaluation.false_clusters import is_false
@@ -137,6 +137,6 @@ def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
         results["shadow_voxels"] = int(report.shadows.voxels.sum())
         results["shadows_per_frame"] = float(report.shadows.clusters.mean())
     if report.points is not None:
-        results["points_moving"] = with_ratios(report.points.moving)
-        results["points_static"] = with_ratios(report.points.static)
+        results["points_moving"] = confusion_metrics(report.points.moving)
+        results["points_static"] = confusion_metrics(report.points.static)
     return results

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from data.frames import OnBadFrame
-from perception.cli.evaluations.document import Figures
+from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_measured
 from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import (
@@ -56,4 +56,4 @@ def obstacles(  # noqa: PLR0913 - flags of a command
     print(f"{run.describe(report.frames)}\n\n{obstacle_tables(report)}")
     if json is not None:
         words = {**PROTOCOL_WORDS, "values": protocol}
-        run.write(json, report.frames, Figures("obstacles", words, obstacle_results(report)))
+        run.write(json, report.frames, Evaluation("obstacles", words, obstacle_results(report)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.frames import OnBadFrame
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.otd_figures import absent_lines, otd_results, otd_tables
 from perception.cli.evaluations.otd_objects import (
     ObjectRequest,
@@ -66,9 +66,9 @@ def otd(  # noqa: PLR0913 - flags of a command
             print(path)
     if json is not None:
         words = {**PROTOCOL_WORDS, "values": report.protocol}
-        figures = Figures("otd", words, otd_results(report, found.absent))
+        evaluation = Evaluation("otd", words, otd_results(report, found.absent))
         used = {"trackers": chosen, "pipeline": pipeline_config()}
-        write_evaluation(json, _data_used(request, found), used, figures)
+        write_evaluation(json, _data_used(request, found), used, evaluation)
 
 
 def measure_otd(

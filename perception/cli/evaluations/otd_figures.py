@@ -14,7 +14,7 @@ from perception.evaluation.single_object.scores import FollowScores
 
 _TOGETHER = "together"
 _PRINTED = "thesis H-Fus"
-_Figure = Callable[[FollowScores], Cell]
+_Metric = Callable[[FollowScores], Cell]
 
 
 def otd_tables(report: OtdReport) -> str:
@@ -77,7 +77,7 @@ class _Comparison:
     """
 
     title: str
-    figure: _Figure
+    metric: _Metric
     printed: str | None = None
 
 
@@ -124,13 +124,13 @@ def _comparisons(rule: FollowRule) -> list[_Comparison]:
 
 def _side_by_side(report: OtdReport, comparison: _Comparison) -> str:
     """Return one figure with a row a sequence and a column a tracker, as Tables 7.6 and 7.7 have it."""
-    figure, key = comparison.figure, comparison.printed
+    metric, key = comparison.metric, comparison.printed
     rows: list[list[Cell]] = [
-        [one.sequence.name, *(_cell(one.scores.get(name), figure) for name in report.trackers)]
+        [one.sequence.name, *(_cell(one.scores.get(name), metric) for name in report.trackers)]
         for one in report.objects
     ]
     if len(rows) > 1:
-        together = (_cell(report.scores_of(name), figure) for name in report.trackers)
+        together = (_cell(report.scores_of(name), metric) for name in report.trackers)
         rows.append([_TOGETHER, *together])
     header = ["", *report.trackers]
     if key is not None and any(key in one.sequence.stated for one in report.objects):
@@ -145,7 +145,7 @@ def _challenge_tables(report: OtdReport) -> list[str]:
     if len(report.objects) < 2 or not groups:
         return []
     header = ["", *(f"{one} ({len(report.objects_with(one))})" for one in groups)]
-    figures: dict[str, _Figure] = {
+    metrics: dict[str, _Metric] = {
         "Overlap success by challenge, all frames of its sequences, in percent": (
             lambda s: _percent(s.overlap_success)
         ),
@@ -156,15 +156,15 @@ def _challenge_tables(report: OtdReport) -> list[str]:
             title,
             header,
             [
-                [name, *(_cell(report.scores_of(name, one), figure) for one in groups)]
+                [name, *(_cell(report.scores_of(name, one), metric) for one in groups)]
                 for name in report.trackers
             ],
         )
-        for title, figure in figures.items()
+        for title, metric in metrics.items()
     ]
 
 
-_DETAILS: dict[str, _Figure] = {
+_DETAILS: dict[str, _Metric] = {
     "frames": lambda s: s.frames,
     "E3D m": lambda s: s.center_m,
     "E2D px": lambda s: _digits(s.center_px, 1),
@@ -191,18 +191,18 @@ def _detail_table(report: OtdReport, tracker: str) -> str:
         together = report.scores_of(tracker)
         if together is not None:
             together = dataclasses.replace(together, lost_from=None)
-        rows.append([_TOGETHER, *(_cell(together, figure) for figure in _DETAILS.values())])
+        rows.append([_TOGETHER, *(_cell(together, metric) for metric in _DETAILS.values())])
     title = f"{tracker}: velocity error, states as it says, frames off the object, time"
     return format_table(title, ("", *_DETAILS), rows)
 
 
 def _detail_row(one: ObjectReport, tracker: str) -> list[Cell]:
     scores = one.scores.get(tracker)
-    return [one.sequence.name, *(_cell(scores, figure) for figure in _DETAILS.values())]
+    return [one.sequence.name, *(_cell(scores, metric) for metric in _DETAILS.values())]
 
 
-def _cell(scores: FollowScores | None, figure: _Figure) -> Cell:
-    return None if scores is None else figure(scores)
+def _cell(scores: FollowScores | None, metric: _Metric) -> Cell:
+    return None if scores is None else metric(scores)
 
 
 def _percent(share: float) -> str | None:

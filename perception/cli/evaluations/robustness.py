@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision
-from perception.cli.evaluations.document import Figures, write_evaluation
+from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
     LabelledDrive,
@@ -103,8 +103,8 @@ def robustness(  # noqa: PLR0913 - flags of a command
             **asdict(measuring),
         }
         words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
-        figures = Figures("robustness", words, robustness_results(disturbances, measured))
-        write_evaluation(json, seen.data, {"models": files}, figures)
+        metrics = Evaluation("robustness", words, robustness_results(disturbances, measured))
+        write_evaluation(json, seen.data, {"models": files}, metrics)
 
 
 def robustness_tables(

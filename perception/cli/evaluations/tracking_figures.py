@@ -7,32 +7,32 @@ from perception.cli.table import Cell, format_table
 from perception.evaluation.multi_object.clear import Clear
 from perception.evaluation.multi_object.hota import Hota
 from perception.evaluation.multi_object.identity import Identity
-from perception.evaluation.multi_object.tracking_scores import TrackingScores
+from perception.evaluation.multi_object.tracking_scores import MotMetrics
 
 _PERCENT = ("HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1")
 _COUNTS = ("TP", "FP", "FN", "IDSW", "Frag", "MT", "PT", "ML")
 
 
-def tracking_table(title: str, scores: Mapping[str, TrackingScores]) -> str:
+def mot_table(title: str, scores: Mapping[str, MotMetrics]) -> str:
     """Return one row for each name: ratios in percent, then counts."""
     rows: list[list[Cell]] = []
     for name, score in scores.items():
-        figures = tracking_figures(score)
-        ratios = [100.0 * figures[column] for column in _PERCENT]
-        rows.append([name, *ratios, *(figures[column] for column in _COUNTS)])
+        metrics = mot_results(score)
+        ratios = [100.0 * metrics[column] for column in _PERCENT]
+        rows.append([name, *ratios, *(metrics[column] for column in _COUNTS)])
     return format_table(title, ("", *_PERCENT, *_COUNTS), rows)
 
 
-def tracking_figures(scores: TrackingScores) -> dict[str, Any]:
+def mot_results(scores: MotMetrics) -> dict[str, Any]:
     """Return all figures: ratios from 0 to 1, and counts."""
     return {
-        **hota_figures(scores.hota),
-        **clear_figures(scores.clear),
-        **identity_figures(scores.identity),
+        **hota_results(scores.hota),
+        **clear_results(scores.clear),
+        **identity_results(scores.identity),
     }
 
 
-def hota_figures(hota: Hota) -> dict[str, Any]:
+def hota_results(hota: Hota) -> dict[str, Any]:
     """Return the means over all thresholds, and the figures at each."""
     return {
         "HOTA": hota.hota,
@@ -57,7 +57,7 @@ def hota_figures(hota: Hota) -> dict[str, Any]:
     }
 
 
-def clear_figures(clear: Clear) -> dict[str, Any]:
+def clear_results(clear: Clear) -> dict[str, Any]:
     """Return the CLEAR ratios and counts."""
     return {
         "MOTA": clear.mota,
@@ -75,7 +75,7 @@ def clear_figures(clear: Clear) -> dict[str, Any]:
     }
 
 
-def identity_figures(identity: Identity) -> dict[str, Any]:
+def identity_results(identity: Identity) -> dict[str, Any]:
     """Return the identity ratios and counts."""
     return {
         "IDF1": identity.idf1,

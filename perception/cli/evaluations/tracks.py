@@ -11,8 +11,8 @@ from data.kitti.tracker_files import (
     pair_with_labels,
     sequences_in,
 )
-from perception.cli.evaluations.document import Figures, write_evaluation
-from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
+from perception.cli.evaluations.document import Evaluation, write_evaluation
+from perception.cli.evaluations.tracking_figures import mot_results, mot_table
 from perception.cli.progress import bar
 from perception.errors import UsageError
 from perception.evaluation.multi_object.hota import ALPHAS
@@ -22,7 +22,7 @@ from perception.evaluation.multi_object.kitti_protocol import (
     KittiRules,
     kitti_frames,
 )
-from perception.evaluation.multi_object.tracking_scores import TrackingScores, score_tracks
+from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 
 _COMBINED = "COMBINED"
 _SPLIT = "the sequences named under data; what the tracker was trained on is not known here"
@@ -73,8 +73,8 @@ def tracks(
         data = TracksUsed(
             results.resolve(), folder.resolve(), seqmap and seqmap.resolve(), report.frame_counts
         )
-        figures = Figures("tracks", _protocol(report), tracks_results(report))
-        write_evaluation(json, data, {"classes": chosen}, figures, _SPLIT)
+        evaluation = Evaluation("tracks", _protocol(report), tracks_results(report))
+        write_evaluation(json, data, {"classes": chosen}, evaluation, _SPLIT)
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,13 @@ class TracksReport:
     """
 
     frame_counts: dict[str, int]
-    by_class: dict[str, dict[str, TrackingScores]]
+    by_class: dict[str, dict[str, MotMetrics]]
     rules: KittiRules
     threshold: float
 
-    def combined(self, class_name: str) -> TrackingScores:
+    def combined(self, class_name: str) -> MotMetrics:
         """Return the scores of all sequences together."""
-        return sum(self.by_class[class_name].values(), TrackingScores())
+        return sum(self.by_class[class_name].values(), MotMetrics())
 
 
 def measure_tracks(
@@ -126,20 +126,20 @@ def measure_tracks(
         LabelError: a file cannot be used.
     """
     rules, frame_counts = rules or KittiRules(), {}
-    by_class: dict[str, dict[str, TrackingScores]] = {name: {} for name in classes}
+    by_class: dict[str, dict[str, MotMetrics]] = {name: {} for name in classes}
     for files in bar(sequences, "tracks", unit="sequence", delay_s=2):
         rows = files.read()
         frame_counts[files.name] = rows.frame_count
         for name in classes:
             frames = kitti_frames(rows.labels, rows.results, name, rows.frame_count, rules)
-            by_class[name][files.name] = score_tracks(frames, rules.min_iou)
+            by_class[name][files.name] = evaluate_tracks(frames, rules.min_iou)
     return TracksReport(frame_counts, by_class, rules, rules.min_iou)
 
 
 def tracks_tables(report: TracksReport) -> str:
     """Return a table for each class."""
     return "\n\n".join(
-        tracking_table(
+        mot_table(
             f"{name}: KITTI 2D boxes, CLEAR and identity at IoU {report.threshold:g}; ratios in percent",
             {**by_sequence, _COMBINED: report.combined(name)},
         )
@@ -151,12 +151,12 @@ def tracks_results(report: TracksReport) -> dict[str, dict[str, Any]]:
     """Return the figures for programs: by sequence and COMBINED, then by class."""
     results: dict[str, dict[str, Any]] = {
         sequence: {
-            name: tracking_figures(by_sequence[sequence])
+            name: mot_results(by_sequence[sequence])
             for name, by_sequence in report.by_class.items()
         }
         for sequence in report.frame_counts
     }
-    results[_COMBINED] = {name: tracking_figures(report.combined(name)) for name in report.by_class}
+    results[_COMBINED] = {name: mot_results(report.combined(name)) for name in report.by_class}
     return results
 
 

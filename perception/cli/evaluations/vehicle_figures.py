@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.evaluations.tracking_figures import tracking_figures, tracking_table
+from perception.cli.evaluations.tracking_figures import mot_results, mot_table
 from perception.cli.table import Cell, format_table
 from perception.evaluation.located_vehicles import LocationErrors
-from perception.evaluation.multi_object.tracking_scores import TrackingScores
+from perception.evaluation.multi_object.tracking_scores import MotMetrics
 from perception.types import Float64
 
 _BANDS_M = ((0.0, 25.0), (25.0, 50.0), (50.0, np.inf))
@@ -34,7 +34,7 @@ class VehiclesReport:
     """
 
     frames: int
-    scores: TrackingScores
+    scores: MotMetrics
     errors: LocationErrors
     met: int
     agreed: int
@@ -58,7 +58,7 @@ def vehicle_tables(report: VehiclesReport) -> str:
     )
     return "\n\n".join(
         [
-            tracking_table("car: KITTI 2D boxes, ratios in percent", {"vehicles": report.scores}),
+            mot_table("car: KITTI 2D boxes, ratios in percent", {"vehicles": report.scores}),
             format_table("detected cars on the road: metres and degrees", header, rows),
             f"moving objects at the place of a vehicle: {report.met}, of its id: {report.agreed}",
         ]
@@ -68,7 +68,7 @@ def vehicle_tables(report: VehiclesReport) -> str:
 def vehicle_results(report: VehiclesReport) -> dict[str, Any]:
     """Return the figures for programs."""
     return {
-        "tracking": tracking_figures(report.scores),
+        "tracking": mot_results(report.scores),
         "location": [
             {"from_m": low, "to_m": high if np.isfinite(high) else None, **band}
             for (low, high), band in zip(_BANDS_M, _bands(report.errors), strict=True)

@@ -10,7 +10,7 @@ from data.frames import OnBadFrame
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking_rows import TrackingRows, read_label_rows
 from data.kitti.vehicle_results import to_vehicle_rows
-from perception.cli.evaluations.document import DataUsed, Figures, write_evaluation
+from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
 from perception.cli.evaluations.drive_run import open_measured
 from perception.cli.evaluations.vehicle_figures import (
     VehiclesReport,
@@ -26,7 +26,7 @@ from perception.cli.evaluations.vehicle_runs import (
 from perception.errors import DriveError
 from perception.evaluation.located_vehicles import LocationErrors, location_errors
 from perception.evaluation.multi_object.kitti_protocol import KittiRules, kitti_frames
-from perception.evaluation.multi_object.tracking_scores import score_tracks
+from perception.evaluation.multi_object.tracking_scores import evaluate_tracks
 from perception.geometry.box_overlap_ground import iou_ground
 from perception.maps.projection import camera_of
 
@@ -94,8 +94,8 @@ def vehicles(  # noqa: PLR0913 - flags of a command
             frames_evaluated=report.frames,
         )
         choices = {"detector": detector, "min_score": min_score, "label_noise": label_noise}
-        figures = Figures("vehicles", {**_PROTOCOL}, vehicle_results(report))
-        write_evaluation(json, data, choices, figures)
+        evaluation = Evaluation("vehicles", {**_PROTOCOL}, vehicle_results(report))
+        write_evaluation(json, data, choices, evaluation)
 
 
 def measure_vehicles(
@@ -125,7 +125,7 @@ def measure_vehicles(
     met, agreed = np.sum(meetings, axis=0).tolist()
     return VehiclesReport(
         len(answers),
-        score_tracks(sequence, rules.min_iou),
+        evaluate_tracks(sequence, rules.min_iou),
         LocationErrors.concatenate(errors),
         met,
         agreed,

@@ -46,7 +46,7 @@ def study_augmentation(data: VerifierData, picture: Path, plan: AugmentationPlan
     _plot(picture, plan, trained)
     return Study(
         name="augmentation",
-        figure="Table 7.8",
+        repeats="Table 7.8",
         table=_table(plan, trained),
         numbers={_FOLDERS[key]: asdict(one) for key, one in trained.items()},
         conditions={"data": data, "plan": plan, "thesis_percent": _by_folder(THESIS_PERCENT)},
@@ -72,7 +72,7 @@ def _train(
 def _table(plan: AugmentationPlan, trained: "dict[bool, TrainedVerifier]") -> str:
     rows: list[list[Cell]] = []
     for is_augmented, one in trained.items():
-        ours = [100 * figures["accuracy"] for figures in (one.training, one.validation)]
+        ours = [100 * metrics["accuracy"] for metrics in (one.training, one.validation)]
         balanced = 100 * one.validation["balanced"]
         cells = [*ours, balanced, *THESIS_PERCENT[is_augmented]]
         rows.append([_NAMES[is_augmented], one.epoch, *(f"{cell:.2f}" for cell in cells)])

@@ -52,7 +52,7 @@ def study_dense_cloud(
     heading = f"{title}, at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m"
     return Study(
         name="dense-cloud",
-        figure="Fig. 5.2",
+        repeats="Fig. 5.2",
         table=format_table(heading, ("", "points", "scans apart [cm]"), rows),
         numbers={"disagreement_m": disagreement_m, "place_m": place_m},
         conditions={

@@ -34,13 +34,13 @@ def study_detector_losses(
     variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and print average precision at every overlap."""
-    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
     overlaps = judging.rules.overlaps
-    plot_variant_curves(picture, "Losses", figures, overlaps[0])
+    plot_variant_curves(picture, "Losses", metrics, overlaps[0])
     return Study(
         name="detector-losses",
-        figure="none: the thesis trains as published",
-        table="\n\n".join(precision_tables("Losses", figures, iou) for iou in overlaps),
-        numbers=figures,
+        repeats="none: the thesis trains as published",
+        table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in overlaps),
+        numbers=metrics,
         conditions={"variants": variants, "training": conditions, "judging": judging},
     )

@@ -86,7 +86,7 @@ class Judging:
 
 
 @dataclass(frozen=True)
-class VariantFigures:
+class VariantMetrics:
     """What came of a variant.
 
     Attributes:
@@ -119,19 +119,19 @@ class VariantFigures:
 
 def study_variants(
     variants: Sequence[Variant], conditions: TrainingConditions, judging: Judging, out: Path
-) -> dict[str, VariantFigures]:
+) -> dict[str, VariantMetrics]:
     """Train and measure all variants, in their order; those that are done are not done again.
 
     Raises:
         UsageError: the folder holds variants of other settings.
         PerceptionError: a drive cannot be read or used.
     """
-    figures = {}
+    metrics = {}
     for variant in variants:
         folder = out / variant.name.replace(" ", "-").replace("/", "-")
         trained = _trained(variant, conditions, folder)
-        figures[variant.name] = _judged(trained, judging, folder)
-    return figures
+        metrics[variant.name] = _judged(trained, judging, folder)
+    return metrics
 
 
 def _trained(variant: Variant, conditions: TrainingConditions, folder: Path) -> Mapping[str, Any]:
@@ -176,23 +176,23 @@ def _train(variant: Variant, conditions: TrainingConditions, folder: Path) -> "T
     return trained
 
 
-def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> VariantFigures:
+def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> VariantMetrics:
     """Measure, or read what was measured on the same drives by the same rules."""
     asked = to_plain(asdict(judging))
     known = _read(folder / "figures.json")
     if known is not None and known["judging"] == asked:
-        return VariantFigures(**known["figures"])
+        return VariantMetrics(**known["figures"])
     measured = _measure(_model_file(folder), judging)
     first = measured[0]
-    figures = VariantFigures(
+    metrics = VariantMetrics(
         epoch=trained["epoch"],
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
         network_ms=first.median_ms(first.modality),
         drives=to_plain({one.seen.data.name: _of_drive(one) for one in measured}),
     )
-    write_json(folder / "figures.json", {"judging": asked, "figures": figures})
-    return figures
+    write_json(folder / "figures.json", {"judging": asked, "figures": metrics})
+    return metrics
 
 
 def _measure(model: Path, judging: Judging) -> list[MeasuredDetector]:

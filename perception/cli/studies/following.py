@@ -49,7 +49,7 @@ class FollowingPlan:
 
 
 @dataclass(frozen=True)
-class FollowingFigures:
+class SingleObjectStudyMetrics:
     """How one tracker did in one scene.
 
     Attributes:
@@ -73,7 +73,7 @@ class _Scene:
     scenario: Scenario
     truth: TrueTrack
     errors: Mapping[str, FollowErrors]
-    figures: Mapping[str, FollowingFigures]
+    metrics: Mapping[str, SingleObjectStudyMetrics]
 
     @property
     def is_hidden(self) -> Bool:
@@ -96,9 +96,9 @@ def study_following(picture: Path, plan: FollowingPlan) -> Study:
     plot_following(picture, title, [scene.panel() for scene in scenes])
     return Study(
         name="following",
-        figure="the challenges of Table 3.2 and A.1, on scenes with exact truth",
+        repeats="the challenges of Table 3.2 and A.1, on scenes with exact truth",
         table=_table(plan, scenes),
-        numbers={scene.scenario.name: dict(scene.figures) for scene in scenes},
+        numbers={scene.scenario.name: dict(scene.metrics) for scene in scenes},
         conditions={"plan": plan, "found_again_overlap": _FOUND_OVERLAP},
     )
 
@@ -114,14 +114,18 @@ def _measure(scenario: Scenario, plan: FollowingPlan) -> _Scene:
         name: follow_errors(truth, following.track, drive.calibration)
         for name, following in followings.items()
     }
-    figures = {name: _figures(truth, errors[name], followings[name]) for name in followings}
-    return _Scene(scenario, truth, errors, figures)
+    metrics = {name: _metrics(truth, errors[name], followings[name]) for name in followings}
+    return _Scene(scenario, truth, errors, metrics)
 
 
-def _figures(truth: TrueTrack, errors: FollowErrors, following: Following) -> FollowingFigures:
+def _metrics(
+    truth: TrueTrack, errors: FollowErrors, following: Following
+) -> SingleObjectStudyMetrics:
     hidden_frames = int(np.isnan(truth.boxes_px[:, 0]).sum())
     found_again_s = found_again(truth, errors)
-    return FollowingFigures(score_errors(errors), hidden_frames, found_again_s, following.refusal)
+    return SingleObjectStudyMetrics(
+        score_errors(errors), hidden_frames, found_again_s, following.refusal
+    )
 
 
 def found_again(truth: TrueTrack, errors: FollowErrors) -> float:
@@ -149,9 +153,9 @@ def _at(times_s: Float64, truth: TrueTrack, errors: FollowErrors) -> Float64:
 
 def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
     rows: list[list[Cell]] = [
-        [scene.scenario.name, name, *_cells(figures)]
+        [scene.scenario.name, name, *_cells(metrics)]
         for scene in scenes
-        for name, figures in scene.figures.items()
+        for name, metrics in scene.metrics.items()
     ]
     frames = len(scenes[0].truth)
     title = (
@@ -161,11 +165,11 @@ def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
     return format_table(title, _COLUMNS, rows)
 
 
-def _cells(figures: FollowingFigures) -> list[Cell]:
-    if figures.refusal is not None:
+def _cells(metrics: SingleObjectStudyMetrics) -> list[Cell]:
+    if metrics.refusal is not None:
         return [None] * (len(_COLUMNS) - 2)
-    scores = figures.scores
-    again_s = figures.found_again_s
+    scores = metrics.scores
+    again_s = metrics.found_again_s
     return [
         _digits(scores.center_m, 2),
         _digits(scores.center_px, 1),

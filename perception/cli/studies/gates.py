@@ -29,7 +29,7 @@ def study_gates(
     plot_gates(picture, title, cloud, area)
     return Study(
         name="gates",
-        figure="Figs 5.4, 5.5",
+        repeats="Figs 5.4, 5.5",
         table=_table(title, cloud, area),
         numbers={"planes": ground.planes, "steps": plane_steps(ground.planes)},
         conditions={

@@ -46,12 +46,12 @@ def study_ground_error(
 ) -> Study:
     """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
     errors = measure_ground_errors(drive, plan, progress)
-    figures = {pair: mean_displacement(rows) for pair, rows in errors.items()}
+    metrics = {pair: mean_displacement(rows) for pair, rows in errors.items()}
     mde_m = np.array(
-        [[figures[m, eta].mde_m for eta in plan.steps_per_slice] for m in plan.previous_scans]
+        [[metrics[m, eta].mde_m for eta in plan.steps_per_slice] for m in plan.previous_scans]
     )
-    any_figure = next(iter(figures.values()))
-    title = f"Ground error of the thesis' method, {drive.name}, {any_figure.frames} frames"
+    any_metrics = next(iter(metrics.values()))
+    title = f"Ground error of the thesis' method, {drive.name}, {any_metrics.frames} frames"
     grid = Grid(
         row_name="merged scans before the newest, m",
         rows=plan.previous_scans,
@@ -64,12 +64,12 @@ def study_ground_error(
     plot_grid(picture, title, grid, is_low_good=True)
     return Study(
         name="ground-error",
-        figure="Fig. 7.1",
+        repeats="Fig. 7.1",
         table=_table(title, plan, mde_m),
         numbers={
             "mde_m": mde_m,
-            "frames": any_figure.frames,
-            "objects": any_figure.objects,
+            "frames": any_metrics.frames,
+            "objects": any_metrics.objects,
         },
         conditions={"drive": drive.name, "plan": plan, "area": LocalArea()},
     )

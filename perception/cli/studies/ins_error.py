@@ -10,7 +10,7 @@ from data.synthetic.remembered_drive import RememberedDrive
 from perception.cli.studies.output import Study
 from perception.cli.studies.tracking_figures import (
     METHODS,
-    TrackingFigures,
+    StudyTrackingMetrics,
     by_measure,
     drives_named,
     measure_methods,
@@ -47,16 +47,16 @@ class InsErrorPlan:
         return list(dict.fromkeys([*by_position, *by_angle]))
 
 
-Figures = dict[InsNoise, dict[str, TrackingFigures]]
+MetricsByNoise = dict[InsNoise, dict[str, StudyTrackingMetrics]]
 
 
 def study_ins_error(picture: Path, plan: InsErrorPlan) -> Study:
     """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
-    figures = _measure(plan)
+    metrics = _measure(plan)
     drives = drives_named(plan.seeds, plan.frames)
     title = f"Tracks of moving objects over the error of the INS, {plan.sensor.name}, {drives}"
-    positions = [figures[InsNoise(position_m, 0.0)] for position_m in plan.positions_m]
-    angles = [figures[InsNoise(0.0, angle_deg)] for angle_deg in plan.angles_deg]
+    positions = [metrics[InsNoise(position_m, 0.0)] for position_m in plan.positions_m]
+    angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in plan.angles_deg]
     plot_conditions(
         picture,
         title,
@@ -67,15 +67,17 @@ def study_ins_error(picture: Path, plan: InsErrorPlan) -> Study:
     )
     return Study(
         name="ins-error",
-        figure="7.1.1, tolerance to localization error",
-        table=_table(title, figures),
-        numbers=_numbers(figures),
+        repeats="7.1.1, tolerance to localization error",
+        table=_table(title, metrics),
+        numbers=_numbers(metrics),
         conditions={"plan": plan, "protocol": study_protocol()},
     )
 
 
-def _measure(plan: InsErrorPlan) -> Figures:
-    parts: dict[InsNoise, list[dict[str, TrackingFigures]]] = {case: [] for case in plan.cases()}
+def _measure(plan: InsErrorPlan) -> MetricsByNoise:
+    parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {
+        case: [] for case in plan.cases()
+    }
     for seed in plan.seeds:
         drive = RememberedDrive(
             plan.frames, seed=seed, sensor=plan.sensor, noise=InsNoise(0.0, 0.0)
@@ -85,22 +87,22 @@ def _measure(plan: InsErrorPlan) -> Figures:
     return {noise: total(drives) for noise, drives in parts.items()}
 
 
-def _table(title: str, figures: Figures) -> str:
-    names = list(TrackingFigures().measures())
+def _table(title: str, metrics: MetricsByNoise) -> str:
+    names = list(StudyTrackingMetrics().measures())
     rows: list[list[Cell]] = [
         [
             f"{noise.position_m:g} m, {noise.angle_deg:g}°",
             method,
             *(f"{value:.1f}" for value in methods[method].measures().values()),
         ]
-        for noise, methods in figures.items()
+        for noise, methods in metrics.items()
         for method in METHODS
     ]
     return format_table(title, ("INS error", "method", *names), rows)
 
 
-def _numbers(figures: Figures) -> list[dict[str, Any]]:
+def _numbers(metrics: MetricsByNoise) -> list[dict[str, Any]]:
     return [
         {"ins": noise, "methods": {m: f.measures() for m, f in methods.items()}}
-        for noise, methods in figures.items()
+        for noise, methods in metrics.items()
     ]

@@ -31,7 +31,7 @@ def study_masks(
     rows: list[list[Cell]] = [[name, cells, points] for name, (cells, points) in counts.items()]
     return Study(
         name="masks",
-        figure="Fig. 5.6",
+        repeats="Fig. 5.6",
         table=format_table(title, ("", "columns", "points in them"), rows),
         numbers={name: {"columns": c, "points": p} for name, (c, p) in counts.items()},
         conditions={

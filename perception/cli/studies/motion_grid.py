@@ -58,7 +58,7 @@ def study_motion_grid(
     rows: list[list[Cell]] = [[name, count] for name, count in counts.items()]
     return Study(
         name="motion-grid",
-        figure="Fig. 5.10",
+        repeats="Fig. 5.10",
         table=format_table(title, ("", "cells"), rows) + "\n\n" + _list(found.moving, boxes),
         numbers={"cells": counts, "things": _things(found.moving, boxes)},
         conditions={"drive": drive.name, "frame": newest, "preset": preset, "rules": rules},

@@ -24,7 +24,7 @@ class Study:
     """
 
     name: str
-    figure: str
+    repeats: str
     table: str
     numbers: Any
     conditions: dict[str, Any]
@@ -34,7 +34,7 @@ def publish(study: Study, picture: Path) -> None:
     """Write the numbers beside the picture, and print the table and where both are."""
     document = {
         "study": study.name,
-        "repeats": study.figure,
+        "repeats": study.repeats,
         "program": f"trifuse {__version__}",
         "conditions": study.conditions,
         "results": study.numbers,

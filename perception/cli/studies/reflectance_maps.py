@@ -62,28 +62,28 @@ def study_reflectance_maps(
     variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and print Tables B.1, B.2 and B.3."""
-    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
-    plot_variant_curves(picture, "Detectors of the reflectance map", figures, _IOU)
+    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    plot_variant_curves(picture, "Detectors of the reflectance map", metrics, _IOU)
     tables = [
         precision_tables(
             "Sparse, dense and wide (Table B.2)",
-            {name: figures[name] for name in (*THESIS_B2, OURS)},
+            {name: metrics[name] for name in (*THESIS_B2, OURS)},
             _IOU,
             THESIS_B2,
         ),
         precision_tables(
             "Interpolations (Table B.3)",
-            {name: figures[name] for name in (*THESIS_B3, OURS)},
+            {name: metrics[name] for name in (*THESIS_B3, OURS)},
             _IOU,
             THESIS_B3,
         ),
-        times_table("Time of a frame (Table B.1; the thesis' on a GPU)", figures, THESIS_B1_MS),
+        times_table("Time of a frame (Table B.1; the thesis' on a GPU)", metrics, THESIS_B1_MS),
     ]
     return Study(
         name="reflectance-maps",
-        figure="Tables B.1, B.2 and B.3",
+        repeats="Tables B.1, B.2 and B.3",
         table="\n\n".join(tables),
-        numbers=figures,
+        numbers=metrics,
         conditions={
             "variants": variants,
             "training": conditions,

@@ -8,7 +8,7 @@ from data.synthetic.drive import SyntheticDrive
 from perception.cli.studies.output import Study
 from perception.cli.studies.tracking_figures import (
     METHODS,
-    TrackingFigures,
+    StudyTrackingMetrics,
     by_measure,
     drives_named,
     measure_methods,
@@ -37,7 +37,7 @@ class SensorsPlan:
 
 def study_sensors(picture: Path, plan: SensorsPlan) -> Study:
     """Measure all methods on the same streets seen by one LiDAR after another, and draw bars."""
-    figures = {
+    metrics = {
         sensor.name: total(
             [
                 measure_methods(SyntheticDrive(plan.frames, seed=s, sensor=sensor, images=False))
@@ -47,23 +47,23 @@ def study_sensors(picture: Path, plan: SensorsPlan) -> Study:
         for sensor in plan.sensors
     }
     title = f"Tracks of moving objects by LiDAR, {drives_named(plan.seeds, plan.frames)}"
-    plot_groups(picture, title, list(figures), by_measure(list(figures.values())))
+    plot_groups(picture, title, list(metrics), by_measure(list(metrics.values())))
     return Study(
         name="sensors",
-        figure="none: the thesis has one sensor",
-        table=_table(title, figures),
+        repeats="none: the thesis has one sensor",
+        table=_table(title, metrics),
         numbers={
             sensor: {method: found.measures() for method, found in methods.items()}
-            for sensor, methods in figures.items()
+            for sensor, methods in metrics.items()
         },
         conditions={"plan": plan, "protocol": study_protocol()},
     )
 
 
-def _table(title: str, figures: dict[str, dict[str, TrackingFigures]]) -> str:
+def _table(title: str, metrics: dict[str, dict[str, StudyTrackingMetrics]]) -> str:
     rows: list[list[Cell]] = [
         [sensor, method, *(f"{value:.1f}" for value in methods[method].measures().values())]
-        for sensor, methods in figures.items()
+        for sensor, methods in metrics.items()
         for method in METHODS
     ]
-    return format_table(title, ("LiDAR", "method", *TrackingFigures().measures()), rows)
+    return format_table(title, ("LiDAR", "method", *StudyTrackingMetrics().measures()), rows)

@@ -45,19 +45,19 @@ def study_sim_to_real(
     variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and draw average precision over the number of frames learned from."""
-    figures = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
     overlaps = judging.rules.overlaps
-    of_shares = {name: one for name, one in figures.items() if name != UNCHANGED}
+    of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
     modality = variants[0].detector.modality
     plot_over_frames(
         picture, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
     )
     return Study(
         name="sim-to-real",
-        figure="none: the thesis trains on KITTI",
+        repeats="none: the thesis trains on KITTI",
         table="\n\n".join(
-            precision_tables("Shares of the training frames", figures, iou) for iou in overlaps
+            precision_tables("Shares of the training frames", metrics, iou) for iou in overlaps
         ),
-        numbers=figures,
+        numbers=metrics,
         conditions={"variants": variants, "training": conditions, "judging": judging},
     )

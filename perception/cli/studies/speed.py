@@ -57,7 +57,7 @@ def study_speed(drive: Drive, picture: Path, plan: SpeedPlan, progress: Progress
     plot_curves(picture, title, curves, ("merged scans before the newest, m", "frames/s"))
     return Study(
         name="speed",
-        figure="Fig. 7.3",
+        repeats="Fig. 7.3",
         table=_table(title, plan, thesis, default),
         numbers={"thesis_frames_per_s": thesis, "default_frames_per_s": default},
         conditions={"drive": drive.name, "plan": plan, "timing": "stages alone, reading left out"},

@@ -40,7 +40,7 @@ def study_stages(drive: Drive, picture: Path, *, frames: int, progress: Progress
     rows = [*published, *_rows("thesis", thesis), *_rows("default", default)]
     return Study(
         name="stages",
-        figure="Table 7.3",
+        repeats="Table 7.3",
         table=format_table(title, ("stage", "mean [ms]", "share [%]"), rows),
         numbers={"published_percent": _PUBLISHED, "thesis_s": thesis, "default_s": default},
         conditions={"drive": drive.name, "frames": frames, "case": case},

@@ -11,7 +11,7 @@ from data.drive import Drive
 from perception.cli.evaluations.datmo_report import DatmoProtocol, DatmoReport, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.datmo.stage import DatmoMethod
-from perception.evaluation.multi_object.tracking_scores import TrackingScores
+from perception.evaluation.multi_object.tracking_scores import MotMetrics
 from perception.pipeline import PipelineConfig
 from perception.types import Float64
 
@@ -19,7 +19,7 @@ METHODS: tuple[DatmoMethod, ...] = ("thesis", "author", "default")
 
 
 @dataclass(frozen=True)
-class TrackingFigures:
+class StudyTrackingMetrics:
     """What the tracks of one method are worth, over any number of drives.
 
     Attributes:
@@ -28,20 +28,20 @@ class TrackingFigures:
         duration_s: of all drives.
     """
 
-    scores: TrackingScores = field(default_factory=TrackingScores)
+    scores: MotMetrics = field(default_factory=MotMetrics)
     false_tracks: int = 0
     duration_s: float = 0.0
 
-    def __add__(self, other: "TrackingFigures") -> "TrackingFigures":
+    def __add__(self, other: "StudyTrackingMetrics") -> "StudyTrackingMetrics":
         """Return the figures of both, as of one longer drive."""
-        return TrackingFigures(
+        return StudyTrackingMetrics(
             self.scores + other.scores,
             self.false_tracks + other.false_tracks,
             self.duration_s + other.duration_s,
         )
 
     @classmethod
-    def of(cls, report: DatmoReport) -> "TrackingFigures":
+    def of(cls, report: DatmoReport) -> "StudyTrackingMetrics":
         """Take them out of an evaluation."""
         return cls(report.by_distance, len(report.false_tracks.ids), report.duration_s)
 
@@ -66,26 +66,26 @@ def study_protocol() -> DatmoProtocol:
     return DatmoProtocol(view="all")
 
 
-def measure_methods(drive: Drive) -> dict[str, TrackingFigures]:
+def measure_methods(drive: Drive) -> dict[str, StudyTrackingMetrics]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
     steps = datmo_steps(
         drive, PipelineConfig.for_motion(), METHODS, limit=None, on_bad_frame="stop"
     )
     reports = compare_datmo(drive, steps, METHODS, study_protocol())
-    return {method: TrackingFigures.of(report) for method, report in reports.items()}
+    return {method: StudyTrackingMetrics.of(report) for method, report in reports.items()}
 
 
-def total(parts: Sequence[Mapping[str, TrackingFigures]]) -> dict[str, TrackingFigures]:
+def total(parts: Sequence[Mapping[str, StudyTrackingMetrics]]) -> dict[str, StudyTrackingMetrics]:
     """Return each method's figures over several drives."""
     return {method: reduce(add, (part[method] for part in parts)) for method in parts[0]}
 
 
 def by_measure(
-    cases: Sequence[Mapping[str, TrackingFigures]],
+    cases: Sequence[Mapping[str, StudyTrackingMetrics]],
 ) -> dict[str, dict[str, Float64]]:
     """Return for each measure the (K,) values of each method over K cases."""
-    shown = [{method: figures.measures() for method, figures in case.items()} for case in cases]
-    names = TrackingFigures().measures()
+    shown = [{method: metrics.measures() for method, metrics in case.items()} for case in cases]
+    names = StudyTrackingMetrics().measures()
     return {
         name: {m: np.array([case[m][name] for case in shown], np.float64) for m in METHODS}
         for name in names

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.cli.studies.detector_variants import VariantFigures
+from perception.cli.studies.detector_variants import VariantMetrics
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.level_plots import LevelPanel, plot_levels
@@ -18,7 +18,7 @@ _SHOWN_LEVEL = "moderate"
 
 def precision_tables(
     title: str,
-    figures: Mapping[str, VariantFigures],
+    metrics: Mapping[str, VariantMetrics],
     iou: float,
     thesis: Mapping[str, Percent] | None = None,
 ) -> str:
@@ -39,32 +39,32 @@ def precision_tables(
                     *(_precision_cell(one, drive, iou, level) for level in LEVELS),
                     *(_thesis_cells(known, name) if known else ()),
                 ]
-                for name, one in figures.items()
+                for name, one in metrics.items()
             ],
         )
-        for drive in _drives(figures)
+        for drive in _drives(metrics)
     )
 
 
 def times_table(
-    title: str, figures: Mapping[str, VariantFigures], thesis_ms: tuple[float, float]
+    title: str, metrics: Mapping[str, VariantMetrics], thesis_ms: tuple[float, float]
 ) -> str:
     """Return what pictures and networks take, beside what they took in the thesis."""
     rows: list[list[Cell]] = [
-        [name, f"{one.maps_ms:.1f}", f"{one.network_ms:.1f}"] for name, one in figures.items()
+        [name, f"{one.maps_ms:.1f}", f"{one.network_ms:.1f}"] for name, one in metrics.items()
     ]
     rows.append(["thesis", *(f"{ms:g}" for ms in thesis_ms)])
     return format_table(title, ("", "map ms", "network ms"), rows)
 
 
 def plot_variant_curves(
-    picture: Path, title: str, figures: Mapping[str, VariantFigures], iou: float
+    picture: Path, title: str, metrics: Mapping[str, VariantMetrics], iou: float
 ) -> None:
     """Draw the precision-recall curves of all variants, a panel for each drive."""
     panels = []
-    for drive in _drives(figures):
+    for drive in _drives(metrics):
         curves = {}
-        for name, one in figures.items():
+        for name, one in metrics.items():
             found = one.detections(drive, iou, _SHOWN_LEVEL)
             if found is not None:
                 curves[f"{name}: {one.ap(drive, iou, _SHOWN_LEVEL):.1f} %"] = np.array(
@@ -77,10 +77,10 @@ def plot_variant_curves(
 
 
 def plot_over_frames(
-    picture: Path, title: str, figures: Mapping[str, VariantFigures], ious: Sequence[float]
+    picture: Path, title: str, metrics: Mapping[str, VariantMetrics], ious: Sequence[float]
 ) -> None:
     """Draw average precision over the number of frames that were learned from, a panel for each drive."""
-    in_order = sorted(figures.values(), key=lambda one: one.training_frames)
+    in_order = sorted(metrics.values(), key=lambda one: one.training_frames)
     panels = [
         LevelPanel(
             f"frames learned; on {drive} ({in_order[0].drives[drive]['data']})",
@@ -91,16 +91,16 @@ def plot_over_frames(
                 for level in LEVELS
             },
         )
-        for drive in _drives(figures)
+        for drive in _drives(metrics)
     ]
     plot_levels(picture, title, "AP R40 %", panels)
 
 
-def _drives(figures: Mapping[str, VariantFigures]) -> list[str]:
-    return list(next(iter(figures.values())).drives)
+def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:
+    return list(next(iter(metrics.values())).drives)
 
 
-def _precision_cell(one: VariantFigures, drive: str, iou: float, level: str) -> Cell:
+def _precision_cell(one: VariantMetrics, drive: str, iou: float, level: str) -> Cell:
     found = one.detections(drive, iou, level) or {}
     interval = found.get("ap_r40_interval_percent") or {"low": None}
     words = f"{one.ap(drive, iou, level):.2f}"

@@ -68,10 +68,10 @@ def depthcn(  # noqa: PLR0913 - flags of a command
     if trained is None:
         return
     write_json(out / "figures.json", trained)
-    print(f"{figures_table(method, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
+    print(f"{metrics_table(method, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
 
 
-def figures_table(method: Method, trained: "TrainedVerifier") -> str:
+def metrics_table(method: Method, trained: "TrainedVerifier") -> str:
     """Return the figures of both parts as a table."""
     counts = trained.counts
     rows: list[list[Cell]] = [
@@ -79,9 +79,9 @@ def figures_table(method: Method, trained: "TrainedVerifier") -> str:
             part,
             counts[f"{part}_candidates"],
             counts[f"{part}_vehicles"],
-            *(f"{100 * figures[name]:.2f}" for name in _COLUMNS),
+            *(f"{100 * metrics[name]:.2f}" for name in _COLUMNS),
         ]
-        for part, figures in (("training", trained.training), ("validation", trained.validation))
+        for part, metrics in (("training", trained.training), ("validation", trained.validation))
     ]
     title = f"DepthCN, {method}, epoch {trained.epoch}: accuracies, recall and IoU in percent"
     header = (

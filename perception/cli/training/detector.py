@@ -143,10 +143,10 @@ def detector(  # noqa: PLR0913 - flags of a command
     if trained is None:
         return
     write_json(out / "figures.json", trained)
-    print(f"{figures_table(choice, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
+    print(f"{metrics_table(choice, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
 
 
-def figures_table(choice: DetectorChoice, trained: "TrainedDetector") -> str:
+def metrics_table(choice: DetectorChoice, trained: "TrainedDetector") -> str:
     """Return average precision of the best epoch as a table."""
     frames = trained.counts["validation_frames"]
     rows: list[list[Cell]] = [

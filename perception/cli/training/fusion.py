@@ -106,11 +106,11 @@ def fusion(  # noqa: PLR0913 - flags of a command
     }
     write_json(out / "figures.json", document)
     print(
-        f"{figures_table(trained, len(frames), curves)}\n\n{trained.file}\n{out / 'figures.json'}"
+        f"{metrics_table(trained, len(frames), curves)}\n\n{trained.file}\n{out / 'figures.json'}"
     )
 
 
-def figures_table(
+def metrics_table(
     trained: TrainedFusion, frames: int, curves: Mapping[str, Mapping[str, PrecisionCurve]]
 ) -> str:
     """Return average precision of each modality and of the fusion as a table."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from perception.cli.table import Cell, format_table, percent
 from perception.detection.depthcn.proposals import ProposalRules
-from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallFigures
+from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
 from train.proposal_search.counting import Count
 from train.proposal_search.recall import Setting
 
@@ -33,17 +33,17 @@ def best_table(table: Sequence[Count], overlaps: Sequence[float]) -> str:
 
 def recall_table(recalls: Mapping[str, ProposalRecall]) -> str:
     """Return what each setting reaches, a row a difficulty."""
-    overlaps = list(_any_figures(recalls).ranks)
+    overlaps = list(_any_difficulty(recalls).ranks)
     header = ("", "objects", *(f"recall at IoU {iou:g}" for iou in overlaps), "proposals a frame")
     rows: list[list[Cell]] = [
         [
             f"{name}, {difficulty}",
-            figures.objects,
-            *(percent(figures.found(iou), figures.objects) for iou in overlaps),
+            metrics.objects,
+            *(percent(metrics.found(iou), metrics.objects) for iou in overlaps),
             f"{recall.proposals_a_frame:.1f}",
         ]
         for name, recall in recalls.items()
-        for difficulty, figures in recall.difficulties.items()
+        for difficulty, metrics in recall.difficulties.items()
     ]
     return format_table("Objects that some proposal reaches", header, rows)
 
@@ -74,23 +74,23 @@ def recall_document(
             "proposals": recall.proposals,
             "difficulties": {
                 difficulty: {
-                    "objects": figures.objects,
-                    "found": {f"{iou:g}": figures.found(iou) for iou in figures.ranks},
+                    "objects": metrics.objects,
+                    "found": {f"{iou:g}": metrics.found(iou) for iou in metrics.ranks},
                     "recall_by_proposals_a_frame": {
-                        f"{iou:g}": figures.recall_by_count(iou, recall.most_in_a_frame)
-                        for iou in figures.ranks
+                        f"{iou:g}": metrics.recall_by_count(iou, recall.most_in_a_frame)
+                        for iou in metrics.ranks
                     },
                     "iou": IOU_STEPS,
-                    "recall_by_iou": figures.recall_by_iou(),
+                    "recall_by_iou": metrics.recall_by_iou(),
                 }
-                for difficulty, figures in recall.difficulties.items()
+                for difficulty, metrics in recall.difficulties.items()
             },
         }
         for name, recall in recalls.items()
     }
 
 
-def _any_figures(recalls: Mapping[str, ProposalRecall]) -> RecallFigures:
+def _any_difficulty(recalls: Mapping[str, ProposalRecall]) -> RecallMetrics:
     return next(iter(next(iter(recalls.values())).difficulties.values()))
 
 

@@ -17,7 +17,7 @@ from perception.types import Int
 
 
 @dataclass(frozen=True)
-class ClassFigures:
+class ClassMetrics:
     """One class.
 
     Attributes:
@@ -30,7 +30,7 @@ class ClassFigures:
 
 
 @dataclass(frozen=True)
-class DetectionFigures:
+class DetectionMetrics:
     """All classes.
 
     Attributes:
@@ -39,7 +39,7 @@ class DetectionFigures:
     """
 
     frames: int
-    classes: tuple[ClassFigures, ...]
+    classes: tuple[ClassMetrics, ...]
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,12 @@ class DetectionTallies:
     classes: tuple[DetectionClass, ...]
     tallies: tuple[dict[str, Tally], ...]
 
-    def figures(self, frame_weights: Int | None = None) -> DetectionFigures:
+    def metrics(self, frame_weights: Int | None = None) -> DetectionMetrics:
         """Return the figures of all frames, or of a choice in which each is so often."""
-        return DetectionFigures(
+        return DetectionMetrics(
             frames=self.frames,
             classes=tuple(
-                ClassFigures(
+                ClassMetrics(
                     of_class,
                     {
                         name: draw_curve(
@@ -111,7 +111,7 @@ def kitti_average_precision(
     frames: int,
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
-) -> DetectionFigures:
+) -> DetectionMetrics:
     """Measure detections as KITTI's object benchmark does.
 
     A class of which nothing was detected has no figures, as with the official tool; a class that was
@@ -127,4 +127,4 @@ def kitti_average_precision(
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    return match_detections(truths, detections, frames, classes, difficulties).figures()
+    return match_detections(truths, detections, frames, classes, difficulties).metrics()

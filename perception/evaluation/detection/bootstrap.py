@@ -72,12 +72,12 @@ def resample_precision(
             expected="at least one choice of at least one frame",
             found=f"{resamples} choices of {tallies.frames} frames",
         )
-    figures = []
+    metrics = []
     for _ in progress(range(resamples)):
         drawn = generator.integers(tallies.frames, size=tallies.frames)
-        figures.append(tallies.figures(np.bincount(drawn, minlength=tallies.frames)))
+        metrics.append(tallies.metrics(np.bincount(drawn, minlength=tallies.frames)))
     return tuple(
-        {name: _samples([one.classes[k].curves[name] for one in figures]) for name in of_class}
+        {name: _samples([one.classes[k].curves[name] for one in metrics]) for name in of_class}
         for k, of_class in enumerate(tallies.tallies)
     )
 

@@ -24,7 +24,7 @@ IOU_STEPS = np.linspace(0, 1, 101)
 
 
 @dataclass(frozen=True)
-class RecallFigures:
+class RecallMetrics:
     """Objects of one difficulty.
 
     Attributes:
@@ -72,7 +72,7 @@ class ProposalRecall:
     frames: int
     proposals: int
     most_in_a_frame: int
-    difficulties: dict[str, RecallFigures]
+    difficulties: dict[str, RecallMetrics]
 
     @property
     def proposals_a_frame(self) -> float:
@@ -114,7 +114,7 @@ def proposal_recall(
         proposals=len(proposals),
         most_in_a_frame=int(np.bincount(proposals.frames).max(initial=0)),
         difficulties={
-            name: RecallFigures(
+            name: RecallMetrics(
                 objects=int(valid.sum()),
                 ranks={iou: of_iou[valid] for iou, of_iou in ranks.items()},
                 best_iou=best_iou[valid],

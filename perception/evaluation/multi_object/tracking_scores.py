@@ -9,7 +9,7 @@ from perception.evaluation.multi_object.sequence import TrackedSequence
 
 
 @dataclass(frozen=True)
-class TrackingScores:
+class MotMetrics:
     """What tracks are worth; add them up over sequences.
 
     Attributes:
@@ -22,18 +22,18 @@ class TrackingScores:
     clear: Clear = field(default_factory=Clear)
     identity: Identity = field(default_factory=Identity)
 
-    def __add__(self, other: "TrackingScores") -> "TrackingScores":
+    def __add__(self, other: "MotMetrics") -> "MotMetrics":
         """Return the scores of both, as of one longer sequence."""
-        return TrackingScores(
+        return MotMetrics(
             self.hota + other.hota, self.clear + other.clear, self.identity + other.identity
         )
 
 
-def score_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> TrackingScores:
+def evaluate_tracks(sequence: TrackedSequence, threshold: float = 0.5) -> MotMetrics:
     """Measure one sequence.
 
     Args:
         sequence: frames in order.
         threshold: of similarity, for CLEAR and identity.
     """
-    return TrackingScores(hota(sequence), clear(sequence, threshold), identity(sequence, threshold))
+    return MotMetrics(hota(sequence), clear(sequence, threshold), identity(sequence, threshold))
