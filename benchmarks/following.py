@@ -10,8 +10,8 @@ from benchmarks.naive_color_filters import time_color_filters
 from benchmarks.stages import Comparison, Prepared
 from perception.errors import DriveError, PerceptionError
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.tracking.single_object.hand_over import moment_of
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.hand_over import tracker_input_of
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D
 
@@ -20,17 +20,21 @@ log = logging.getLogger(__name__)
 _COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
 
 
-def compare_following(prepared: Prepared) -> Comparison:
+def compare_single_object_trackers(prepared: Prepared) -> Comparison:
     """Let every tracker follow the object that stays longest of those labelled in the first frame."""
     config = PipelineConfig.for_motion("none")
     pipeline = Pipeline(prepared.drive.sensor, config)
-    moments = [moment_of(pipeline.step(frame), config.body) for frame in prepared.frames]
+    tracker_inputs = [
+        tracker_input_of(pipeline.step(frame), config.body) for frame in prepared.frames
+    ]
     track_id, box_velo = _longest(prepared)
 
     def contender(name: str) -> Contender:
         tracker = single_object_tracker(name, prepared.drive.sensor)
-        tracker.start(moments[0], box_velo)  # one in the image alone refuses where there is none
-        return Contender(name, _following(tracker.start, tracker.follow, moments, box_velo))
+        tracker.start(
+            tracker_inputs[0], box_velo
+        )  # one in the image alone refuses where there is none
+        return Contender(name, _tracking(tracker.start, tracker.update, tracker_inputs, box_velo))
 
     contenders: list[Contender] = []
     for name in TRACKERS:
@@ -38,7 +42,7 @@ def compare_following(prepared: Prepared) -> Comparison:
             contenders.append(contender(name))
         except PerceptionError as error:
             log.warning("left out: %s", error)
-    timings = take_turns(contenders, len(moments))
+    timings = take_turns(contenders, len(tracker_inputs))
     return Comparison(f"following one object, track {track_id}", timings, {})
 
 
@@ -48,13 +52,13 @@ def compare_color_filters(_: Prepared) -> Comparison:
     return Comparison(title, time_color_filters(_COLORS_IN_USE), {})
 
 
-def _following(
-    start: Callable[[Moment, Boxes3D], object],
-    follow: Callable[[Moment], object],
-    moments: list[Moment],
+def _tracking(
+    start: Callable[[TrackerInput, Boxes3D], object],
+    update: Callable[[TrackerInput], object],
+    tracker_inputs: list[TrackerInput],
     box_velo: Boxes3D,
 ) -> Callable[[int], object]:
-    return lambda i: follow(moments[i]) if i else start(moments[0], box_velo)
+    return lambda i: update(tracker_inputs[i]) if i else start(tracker_inputs[0], box_velo)
 
 
 def _longest(prepared: Prepared) -> tuple[int, Boxes3D]:

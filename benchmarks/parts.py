@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from benchmarks.average_precision import compare_average_precision
 from benchmarks.depthcn import compare_depthcn
-from benchmarks.following import compare_color_filters, compare_following
+from benchmarks.following import compare_color_filters, compare_single_object_trackers
 from benchmarks.maps import compare_maps
 from benchmarks.moving_objects import (
     compare_filters,
@@ -30,7 +30,7 @@ COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
     "objects": compare_moving_objects,
     "map": compare_short_term_maps,
     "filters": compare_filters,
-    "following": compare_following,
+    "following": compare_single_object_trackers,
     "colors": compare_color_filters,
     "maps": compare_maps,
     "clusters": compare_clusters,

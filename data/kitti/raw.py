@@ -131,17 +131,19 @@ class StampFile:
 def _clock(path: Path, scans: NumberedFiles, sensor: LidarModel) -> Clock:
     if not path.is_file():
         return SteadyClock(sensor.rate_hz, scans.numbers[0])
-    moments = np.array([_moment(line) for line in path.read_text().splitlines()], "datetime64[ns]")
+    timestamps = np.array(
+        [_parse_timestamp(line) for line in path.read_text().splitlines()], "datetime64[ns]"
+    )
     # A row a frame; or, where frames are missing, a row for each of those that are there.
-    is_row_a_scan = len(moments) == len(scans)
+    is_row_a_scan = len(timestamps) == len(scans)
     rows = enumerate(scans.paths) if is_row_a_scan else ((n, n) for n in scans.numbers)
     row_of_number = {number: row for row, number in rows}
-    known = moments[~np.isnat(moments)]
+    known = timestamps[~np.isnat(timestamps)]
     origin = known[0] if len(known) else np.datetime64("1970-01-01", "ns")
-    return StampFile(path, (moments - origin) / np.timedelta64(1, "s"), row_of_number)
+    return StampFile(path, (timestamps - origin) / np.timedelta64(1, "s"), row_of_number)
 
 
-def _moment(line: str) -> np.datetime64:
+def _parse_timestamp(line: str) -> np.datetime64:
     try:
         return np.datetime64(line.strip() or "NaT", "ns")
     except ValueError:

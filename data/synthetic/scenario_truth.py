@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from data.synthetic.scenarios import FOLLOWED_ID, ScenarioDrive
+from data.synthetic.scenarios import TARGET_ID, ScenarioDrive
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D, Float64
 
@@ -19,7 +19,7 @@ def true_track(drive: ScenarioDrive) -> TrueTrack:
     boxes_px, occlusion = np.full((len(drive), 4), np.nan), np.full(len(drive), _HIDDEN)
     for index in frames:
         seen = drive.labels(index)
-        row = np.flatnonzero(seen.track_ids == FOLLOWED_ID)
+        row = np.flatnonzero(seen.track_ids == TARGET_ID)
         if len(row):
             boxes_px[index], occlusion[index] = seen.boxes_px[row[0]], seen.occlusion[row[0]]
     return TrueTrack(
@@ -38,11 +38,11 @@ def true_track(drive: ScenarioDrive) -> TrueTrack:
 
 def _exact_box(drive: ScenarioDrive, index: int) -> Boxes3D:
     labels = drive.labels_around(index)
-    return labels.boxes_velo[labels.track_ids == FOLLOWED_ID]
+    return labels.boxes_velo[labels.track_ids == TARGET_ID]
 
 
 def _velocity_m_s(drive: ScenarioDrive, index: int) -> Float64:
     """Return (2,) along x and y of the LiDAR frame."""
-    world_m_s = drive.world.actors[FOLLOWED_ID].velocity_m_s(drive.world.road, drive.stamp_s(index))
+    world_m_s = drive.world.actors[TARGET_ID].velocity_m_s(drive.world.road, drive.stamp_s(index))
     # A row vector: times the world's axes in the LiDAR frame.
     return np.asarray((world_m_s @ drive.true_world_SE3_velo(index)[:3, :3])[:2])

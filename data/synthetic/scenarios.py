@@ -34,7 +34,7 @@ from perception.types import Float64
 
 Kind = Literal["Car", "Cyclist", "Pedestrian"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
-FOLLOWED_ID = 0  # track id of the object that is followed
+TARGET_ID = 0  # track id of the object that is followed
 _OCCLUDER_ID = 1
 
 _PACE_M_S: dict[Kind, float] = {"Car": 6.0, "Cyclist": 4.5, "Pedestrian": 1.5}
@@ -100,7 +100,7 @@ def all_scenarios(kind: Kind, duration_s: float = 6.0) -> list[Scenario]:
 
 
 class ScenarioDrive(SyntheticDrive):
-    """A drive through a scenario, along a flat, wide street; the object is track `FOLLOWED_ID`."""
+    """A drive through a scenario, along a flat, wide street; the object is track `TARGET_ID`."""
 
     def __init__(
         self,
@@ -163,15 +163,15 @@ def _build_world(scenario: Scenario, rng: np.random.Generator) -> World:
     style = TownStyle(houses=0.5, greenery=0.3, furniture=0.5, parking=0.0)
     config = WorldConfig(road=shape, town=style)
     times_s = np.arange(-_MARGIN_S, scenario.duration_s + _MARGIN_S, _STEP_S)
-    followed = _object_way(scenario, times_s)
-    ego = _ego_way(scenario, followed)
-    stretch = (float(ego.s_m.min()) - 60, float(followed.s_m.max()) + 80)
+    target = _object_way(scenario, times_s)
+    ego = _ego_way(scenario, target)
+    stretch = (float(ego.s_m.min()) - 60, float(target.s_m.max()) + 80)
     road = Road(shape, start_m=stretch[0] - 60, end_m=stretch[1] + 60)
     body = _body(scenario.kind, rng)
     looks = cast_of.draw_looks(body, rng)
-    actors = [Actor(FOLLOWED_ID, body, looks, followed, is_steered=True)]
+    actors = [Actor(TARGET_ID, body, looks, target, is_steered=True)]
     if scenario.has(Difficulty.OCCLUSION):
-        actors.append(_occluder(scenario, followed, ego, rng))
+        actors.append(_occluder(scenario, target, ego, rng))
     parts = town.furnish(road, stretch, style, [], rng)
     return assemble(config, road, parts, actors, ego, rng)
 
@@ -205,21 +205,21 @@ def _object_way(scenario: Scenario, times_s: Float64) -> Path:
     return Path(times_s, s_m - s_m[start], _OBJECT_LANE_M + l_m - l_m[start])
 
 
-def _ego_way(scenario: Scenario, followed: Path) -> Path:
+def _ego_way(scenario: Scenario, target: Path) -> Path:
     """Follow the object at an even pace."""
-    evened_m = gaussian_filter1d(followed.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
+    evened_m = gaussian_filter1d(target.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
     gap_m = np.full_like(evened_m, _GAP_M)
     if scenario.has(Difficulty.DISTANCE):
-        share = followed.times_s / scenario.duration_s
+        share = target.times_s / scenario.duration_s
         gap_m = _FARTHEST_M + (_NEAREST_M - _FARTHEST_M) * _ramp(share, 0.0, 1.0)
-    return Path(followed.times_s, evened_m - gap_m, np.full_like(gap_m, _EGO_LANE_M))
+    return Path(target.times_s, evened_m - gap_m, np.full_like(gap_m, _EGO_LANE_M))
 
 
-def _occluder(scenario: Scenario, followed: Path, ego: Path, rng: np.random.Generator) -> Actor:
+def _occluder(scenario: Scenario, target: Path, ego: Path, rng: np.random.Generator) -> Actor:
     """Let a van overtake, so that it stands in the line of sight at a third of the drive."""
-    gap_m = followed.s_m - ego.s_m
-    crossing_m = ego.s_m + gap_m * (_VAN_LANE_M - ego.l_m) / (followed.l_m - ego.l_m)
-    ahead_m = _OVERTAKES * gap_m * (followed.times_s - 0.36 * scenario.duration_s)
-    way = Path(followed.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
+    gap_m = target.s_m - ego.s_m
+    crossing_m = ego.s_m + gap_m * (_VAN_LANE_M - ego.l_m) / (target.l_m - ego.l_m)
+    ahead_m = _OVERTAKES * gap_m * (target.times_s - 0.36 * scenario.duration_s)
+    way = Path(target.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
     van = _vehicle("Van", BodyStyle.PANEL_VAN, rng)
     return Actor(_OCCLUDER_ID, van, cast_of.draw_looks(van, rng), way)

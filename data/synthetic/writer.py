@@ -245,19 +245,19 @@ def format_poses(poses: Float64) -> str:
 def _write_stamps(drive: SyntheticDrive, folder: Path) -> None:
     """Write when each turn began, faced forward and ended, and when camera and INS measured."""
     half_turn = 0.5 / drive.sensor.rate_hz
-    moments = {
+    shifts_s = {
         "velodyne_points/timestamps_start.txt": -half_turn,
         "velodyne_points/timestamps.txt": 0.0,
         "velodyne_points/timestamps_end.txt": half_turn,
         "oxts/timestamps.txt": 0.0,
     }
     if drive.has_images:
-        moments["image_02/timestamps.txt"] = 0.0
-    for name, shift_s in moments.items():
+        shifts_s["image_02/timestamps.txt"] = 0.0
+    for name, shift_s in shifts_s.items():
         stamps = [drive.stamp_s(index) + shift_s for index in range(len(drive))]
         write_whole(folder / name, "".join(f"{_clock(stamp)}\n" for stamp in stamps).encode())
 
 
 def _clock(stamp_s: float) -> str:
-    moment = _NOON + timedelta(seconds=stamp_s)
-    return f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond * 1000:09d}"
+    time = _NOON + timedelta(seconds=stamp_s)
+    return f"{time:%Y-%m-%d %H:%M:%S}.{time.microsecond * 1000:09d}"

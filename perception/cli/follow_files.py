@@ -16,14 +16,14 @@ import numpy as np
 from data.kitti.track_results import to_tracking_rows
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from perception.cli.track_files import track_line
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Calibration, Result, Tracks
 
 # What a result row says of a place that is not known.
 _NO_ANGLE_RAD, _NO_PLACE_M, _UNKNOWN = -10.0, -1000.0, -1.0
 
 
-class FollowedFile:
+class TrajectoryFile:
     """Writes a line of JSON a frame."""
 
     def __init__(self, path: Path) -> None:
@@ -35,12 +35,12 @@ class FollowedFile:
         """Close it."""
         self._lines.close()
 
-    def write(self, result: Result, followed: FollowedObject) -> None:
+    def write(self, result: Result, tracked: TrackedObject) -> None:
         """Write one frame."""
-        self._lines.write(json.dumps(followed_line(result, followed)) + "\n")
+        self._lines.write(json.dumps(trajectory_line(result, tracked)) + "\n")
 
 
-class FollowedRows:
+class TrajectoryRows:
     """Writes KITTI's result rows."""
 
     def __init__(
@@ -65,31 +65,31 @@ class FollowedRows:
         if self._rows is not None:
             self._rows.close()
 
-    def write(self, result: Result, followed: FollowedObject) -> None:
+    def write(self, result: Result, tracked: TrackedObject) -> None:
         """Write the row of one frame, or none where the image does not show the object."""
         camera = self._camera
         if self._rows is None or camera is None or camera.image_size_px is None:
             return
-        if followed.state is FollowState.LOST:
+        if tracked.state is TrackStatus.LOST:
             return
-        tracks = as_tracks(followed, self._object_id)
+        tracks = as_tracks(tracked, self._object_id)
         rows = to_tracking_rows(result.frame.index, tracks, camera, camera.image_size_px)
-        if followed.box_velo is None and followed.box_px is not None:
-            rows = _image_row(result.frame.index, followed, self._object_id)
+        if tracked.box_velo is None and tracked.box_px is not None:
+            rows = _image_row(result.frame.index, tracked, self._object_id)
         if self._kind is not None:
             rows = replace(rows, types=np.full(len(rows.frames), self._kind))
         self._rows.write(format_result_rows(rows))
 
 
-def followed_line(result: Result, followed: FollowedObject) -> dict[str, Any]:
+def trajectory_line(result: Result, tracked: TrackedObject) -> dict[str, Any]:
     """Return what one line says; positions are the middle of the box' bottom."""
-    line = track_line(replace(result, tracks=as_tracks(followed, 0)))
+    line = track_line(replace(result, tracks=as_tracks(tracked, 0)))
     told = line["tracks"][0] if line["tracks"] else dict.fromkeys(_TOLD)
-    box_px = followed.box_px
+    box_px = tracked.box_px
     return {
         "frame": line["frame"],
         "stamp_s": line["stamp_s"],
-        "state": str(followed.state),
+        "state": str(tracked.state),
         **{name: told[name] for name in _TOLD},
         "box_px": None if box_px is None else [round(float(x), 2) for x in box_px],
     }
@@ -98,22 +98,22 @@ def followed_line(result: Result, followed: FollowedObject) -> dict[str, Any]:
 _TOLD = ("size_m", "speed_m_s", "velo", "world")
 
 
-def as_tracks(followed: FollowedObject, object_id: int) -> Tracks:
+def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
     """Return the object as the only track of a frame; none without a box in space."""
-    if followed.box_velo is None:
+    if tracked.box_velo is None:
         return Tracks.empty()
     return Tracks(
         ids=np.array([object_id]),
-        boxes=followed.box_velo,
-        velocities_m_s=followed.velocity_m_s[None],
-        is_seen=np.array([followed.state is FollowState.SEEN]),
+        boxes=tracked.box_velo,
+        velocities_m_s=tracked.velocity_m_s[None],
+        is_seen=np.array([tracked.state is TrackStatus.SEEN]),
     )
 
 
-def _image_row(frame: int, followed: FollowedObject, object_id: int) -> TrackingRows:
+def _image_row(frame: int, tracked: TrackedObject, object_id: int) -> TrackingRows:
     """Return the row of an object of which only its rectangle in the image is known."""
     unknown = np.full(1, _UNKNOWN)
-    assert followed.box_px is not None
+    assert tracked.box_px is not None
     return TrackingRows(
         frames=np.array([frame]),
         ids=np.array([object_id]),
@@ -121,9 +121,9 @@ def _image_row(frame: int, followed: FollowedObject, object_id: int) -> Tracking
         truncation=unknown,
         occlusion=unknown,
         alphas_rad=np.full(1, _NO_ANGLE_RAD),
-        boxes_px=followed.box_px[None],
+        boxes_px=tracked.box_px[None],
         sizes_hwl_m=np.full((1, 3), _UNKNOWN),
         bottoms_cam_m=np.full((1, 3), _NO_PLACE_M),
         headings_rad=np.full(1, _NO_ANGLE_RAD),
-        scores=np.full(1, 1.0 if followed.state is FollowState.SEEN else 0.5),
+        scores=np.full(1, 1.0 if tracked.state is TrackStatus.SEEN else 0.5),
     )

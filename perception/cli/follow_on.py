@@ -10,11 +10,11 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from perception.cli.follow_files import FollowedFile
+from perception.cli.follow_files import TrajectoryFile
 from perception.geometry.threads import one_blas_thread
-from perception.render.follow_figures import FollowFigure
-from perception.render.follow_scene import FollowTrail
-from perception.tracking.single_object.hand_over import HandOver
+from perception.render.follow_figures import TrackedObjectFigure
+from perception.render.follow_scene import TrackedObjectTrail
+from perception.tracking.single_object.hand_over import TrackHandover
 from perception.types import Result
 
 log = logging.getLogger(__name__)
@@ -24,10 +24,10 @@ STAGE = "one object"
 _DRAWN_PLACES = 40
 
 
-class Following(AbstractContextManager["Following"], Protocol):
+class ObjectTracking(AbstractContextManager["Following"], Protocol):
     """What a run asks of whoever follows an object beside it."""
 
-    figure: FollowFigure | None
+    figure: TrackedObjectFigure | None
 
     def see(self, result: Result) -> Result:
         """Take in one frame; return it with the time that this took."""
@@ -38,10 +38,10 @@ class Following(AbstractContextManager["Following"], Protocol):
         ...
 
 
-class NobodyFollowed:
+class NoObjectTracking:
     """Follows nothing, where nothing is to be followed."""
 
-    figure: FollowFigure | None = None
+    figure: TrackedObjectFigure | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -57,23 +57,23 @@ class NobodyFollowed:
         return result
 
 
-class FollowOn:
+class HandoverTracking:
     """Follows one track on from its first frame, and writes where it is; a context manager.
 
     Attributes:
         figure: of the last frame, or None while there is nothing to draw.
     """
 
-    def __init__(self, path: Path, hand_over: HandOver) -> None:
+    def __init__(self, path: Path, handover: TrackHandover) -> None:
         """Open the file.
 
         Args:
             path: gets a line a frame from the first that has the track.
-            hand_over: that waits for it.
+            handover: that waits for it.
         """
-        self.figure: FollowFigure | None = None
-        self._hand_over, self._trail = hand_over, FollowTrail()
-        self._file = FollowedFile(path)
+        self.figure: TrackedObjectFigure | None = None
+        self._handover, self._trail = handover, TrackedObjectTrail()
+        self._file = TrajectoryFile(path)
 
     def __enter__(self) -> Self:
         return self
@@ -86,36 +86,36 @@ class FollowOn:
     ) -> None:
         """Close the file; say so where the object never came."""
         self._file.close()
-        if error is None and not self._hand_over.has_begun:
+        if error is None and not self._handover.has_started:
             log.warning(
                 "--follow %d: no frame had a track or a located vehicle of this id; tracks.jsonl and "
                 "vehicles.jsonl hold the ids that there were",
-                self._hand_over.track_id,
+                self._handover.track_id,
             )
 
     def see(self, result: Result) -> Result:
         """Follow the object in one frame, write where it is, and make its figure."""
         start_s = time.perf_counter()
         with one_blas_thread():
-            followed = self._hand_over.update(result)
+            tracked = self._handover.update(result)
         seconds = time.perf_counter() - start_s
-        if followed is not None:
-            self._file.write(result, followed)
-            self._trail.add(result, followed)
+        if tracked is not None:
+            self._file.write(result, tracked)
+            self._trail.add(result, tracked)
             way_velo = self._trail.way_velo(result)[-_DRAWN_PLACES:]
-            name = str(self._hand_over.track_id)
-            self.figure = FollowFigure.of(followed, way_velo, name)
+            name = str(self._handover.track_id)
+            self.figure = TrackedObjectFigure.of(tracked, way_velo, name)
         return replace(result, timings_s={**result.timings_s, STAGE: seconds})
 
     def shown(self, result: Result) -> Result:
         """Return the frame without the pipeline's own track or vehicle of what is drawn as followed."""
         if self.figure is None:
             return result
-        followed_id, vehicles = self._hand_over.track_id, result.vehicles
+        tracked_id, vehicles = self._handover.track_id, result.vehicles
         if vehicles is not None:
             # Its box in the image stays: there the tracker draws none.
-            others = np.where(vehicles.ids == followed_id, np.nan, 1.0)
+            others = np.where(vehicles.ids == tracked_id, np.nan, 1.0)
             bottom_m = vehicles.boxes.bottom_m * others[:, None]
             vehicles = replace(vehicles, boxes=replace(vehicles.boxes, bottom_m=bottom_m))
-        tracks = result.tracks[result.tracks.ids != followed_id]
+        tracks = result.tracks[result.tracks.ids != tracked_id]
         return replace(result, tracks=tracks, vehicles=vehicles)

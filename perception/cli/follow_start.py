@@ -17,7 +17,7 @@ _BOX_NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")
 
 
 @dataclass(frozen=True)
-class FollowStart:
+class TrackStart:
     """What a tracker of one object is told.
 
     Attributes:
@@ -41,7 +41,7 @@ class FollowStart:
 
 
 @dataclass(frozen=True)
-class StartRequest:
+class TrackStartConfig:
     """How a user names the object.
 
     Attributes:
@@ -65,7 +65,7 @@ class StartRequest:
             raise UsageError("--start-frame", expected="0 or more", found=str(self.frame))
 
 
-def find_start(drive: KittiSequence | ObjectFrames, request: StartRequest) -> FollowStart:
+def find_start(drive: KittiSequence | ObjectFrames, request: TrackStartConfig) -> TrackStart:
     """Find the object in a drive.
 
     Raises:
@@ -85,12 +85,12 @@ def find_start(drive: KittiSequence | ObjectFrames, request: StartRequest) -> Fo
             found=str(request.frame),
         )
     if request.box is not None:
-        return FollowStart(request.frame or 0, parse_box(request.box))
+        return TrackStart(request.frame or 0, parse_box(request.box))
     assert request.track_id is not None
     return _labelled_start(DriveObjects.of(drive), request.track_id, request.frame)
 
 
-def _labelled_start(labelled: DriveObjects, track_id: int, frame: int | None) -> FollowStart:
+def _labelled_start(labelled: DriveObjects, track_id: int, frame: int | None) -> TrackStart:
     tracks = {one.track_id: one for one in labelled.sequences(min_frames=1)}
     if track_id not in tracks:
         there = ", ".join(f"{number} ({one.kind})" for number, one in tracks.items())
@@ -102,7 +102,7 @@ def _labelled_start(labelled: DriveObjects, track_id: int, frame: int | None) ->
     named = tracks[track_id]
     truth = labelled.track(named)
     row = 0 if frame is None else _row_of(truth, frame, named)
-    return FollowStart(
+    return TrackStart(
         frame=int(truth.frames[row]),
         box_velo=truth.boxes_velo[row : row + 1],
         object_id=track_id,

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.follow_start import FollowStart
+from perception.cli.follow_start import TrackStart
 from perception.cli.table import format_table, percent
-from perception.evaluation.single_object.errors import follow_errors
-from perception.evaluation.single_object.scores import FollowScores, score_errors
-from perception.evaluation.single_object.track import FollowedTrack
+from perception.evaluation.single_object.errors import single_object_errors
+from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
+from perception.evaluation.single_object.track import PredictedTrack
 from perception.geometry.boxes import transform_boxes
 from perception.render.follow_scene import KM_H
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Calibration, Float64, Result
 
 # A way is measured from one place to the next that is this far off: nearer ones are noise.
@@ -21,7 +21,7 @@ _STEP_M = 0.5
 
 
 @dataclass
-class FollowSummary:
+class TrackSummary:
     """What a tracker answered, frame by frame.
 
     Attributes:
@@ -39,29 +39,29 @@ class FollowSummary:
 
     drive: str
     tracker: str
-    start: FollowStart
+    start: TrackStart
     out: Path
     points_at_start: int = 0
     frames: list[int] = field(default_factory=list)
-    answers: list[FollowedObject] = field(default_factory=list)
+    answers: list[TrackedObject] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     stamps_s: list[float] = field(default_factory=list)
     places_world: list[Float64] = field(default_factory=list)
 
-    def add(self, result: Result, followed: FollowedObject, seconds: float) -> None:
+    def add(self, result: Result, tracked: TrackedObject, seconds: float) -> None:
         """Count one frame."""
         self.frames.append(result.frame.index)
-        self.answers.append(followed)
+        self.answers.append(tracked)
         self.seconds.append(seconds)
         self.stamps_s.append(result.frame.stamp_s)
-        if followed.box_velo is not None and followed.state is not FollowState.LOST:
-            box_world = transform_boxes(result.world_SE3_velo, followed.box_velo)
+        if tracked.box_velo is not None and tracked.state is not TrackStatus.LOST:
+            box_world = transform_boxes(result.world_SE3_velo, tracked.box_velo)
             self.places_world.append(box_world.bottom_m[0])
 
     @property
-    def counts(self) -> dict[FollowState, int]:
+    def counts(self) -> dict[TrackStatus, int]:
         """Frames in each state."""
-        return {state: sum(one.state is state for one in self.answers) for state in FollowState}
+        return {state: sum(one.state is state for one in self.answers) for state in TrackStatus}
 
     @property
     def speeds_km_h(self) -> Float64:
@@ -70,7 +70,7 @@ class FollowSummary:
             [
                 KM_H * float(np.hypot(*one.velocity_m_s))
                 for one in self.answers
-                if one.box_velo is not None and one.state is not FollowState.LOST
+                if one.box_velo is not None and one.state is not TrackStatus.LOST
             ]
         )
 
@@ -79,12 +79,12 @@ class FollowSummary:
         """Length of the object's way over the ground."""
         return way_length_m(np.array(self.places_world).reshape(-1, 3))
 
-    def scores(self, camera: Calibration | None) -> FollowScores | None:
+    def scores(self, camera: Calibration | None) -> SingleObjectMetrics | None:
         """Compare with the labels; None where there are none."""
         if self.start.truth is None or not self.frames:
             return None
-        followed = FollowedTrack.of_answers(self.frames, self.answers, self.seconds)
-        return score_errors(follow_errors(self.start.truth, followed, camera))
+        tracked = PredictedTrack.of_answers(self.frames, self.answers, self.seconds)
+        return single_object_metrics(single_object_errors(self.start.truth, tracked, camera))
 
     def table(self, camera: Calibration | None) -> str:
         """Return what is printed at the end."""
@@ -149,7 +149,7 @@ def way_length_m(places_m: Float64) -> float:
     return length_m
 
 
-def _score_words(scores: FollowScores | None) -> list[str]:
+def _score_words(scores: SingleObjectMetrics | None) -> list[str]:
     if scores is None:
         return []
     errors = [

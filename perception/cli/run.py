@@ -12,7 +12,7 @@ from data.open_drive import open_drive
 from perception.cli.documents import write_configuration
 from perception.cli.drive_results import drive_results
 from perception.cli.flags import require_positive
-from perception.cli.follow_on import Following, FollowOn, NobodyFollowed
+from perception.cli.follow_on import HandoverTracking, NoObjectTracking, ObjectTracking
 from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.run_pictures import NoPictures, Pictures, RunPictures
 from perception.cli.run_summary import RunSummary
@@ -21,7 +21,7 @@ from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_chain import wanted_modalities
 from perception.render.composition import Composition
 from perception.render.timeline import plot_timeline
-from perception.tracking.single_object.hand_over import HandOver
+from perception.tracking.single_object.hand_over import TrackHandover
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 
 log = logging.getLogger(__name__)
@@ -100,10 +100,10 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
         folder = files.enter_context(ResultsFolder(out, drive, area))
         write_configuration(out, drive, plan=plan)
         pictures = files.enter_context(_pictures(drive, out, plan))
-        following = files.enter_context(_following(drive, out, plan))
+        object_tracking = files.enter_context(_object_tracking(drive, out, plan))
         try:
-            for result in map(following.see, results):
-                pictures.add(result, following)
+            for result in map(object_tracking.see, results):
+                pictures.add(result, object_tracking)
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
         except PerceptionError:
@@ -128,10 +128,10 @@ def _pictures(drive: Drive, out: Path, plan: RunPlan) -> Pictures:
     return RunPictures(out, drive, composition, frame_count(drive, plan.frames))
 
 
-def _following(drive: Drive, out: Path, plan: RunPlan) -> Following:
+def _object_tracking(drive: Drive, out: Path, plan: RunPlan) -> ObjectTracking:
     """Return who follows the object of a plan, or nobody."""
     if plan.follow is None:
-        return NobodyFollowed()
+        return NoObjectTracking()
     tracker = single_object_tracker(TRACKERS[0], drive.sensor)
-    hand_over = HandOver(plan.follow, tracker, plan.pipeline.body)
-    return FollowOn(out / "followed.jsonl", hand_over)
+    handover = TrackHandover(plan.follow, tracker, plan.pipeline.body)
+    return HandoverTracking(out / "followed.jsonl", handover)

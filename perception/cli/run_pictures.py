@@ -9,11 +9,11 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from data.drive import Drive
-from perception.cli.follow_on import Following
+from perception.cli.follow_on import ObjectTracking
 from perception.cli.picture_file import write_jpeg
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
-from perception.render.follow_figures import FollowFigure
+from perception.render.follow_figures import TrackedObjectFigure
 from perception.render.trails import Trails
 from perception.render.video import VideoFile
 from perception.types import Result
@@ -25,7 +25,7 @@ _IN_LINE = 2
 class Pictures(AbstractContextManager["Pictures"], Protocol):
     """What a run asks of whoever draws."""
 
-    def add(self, result: Result, following: Following) -> None:
+    def add(self, result: Result, object_tracking: ObjectTracking) -> None:
         """Take the next frame, and the object that is followed by itself."""
         ...
 
@@ -38,7 +38,7 @@ class NoPictures:
 
     def __exit__(self, *error: object) -> None: ...
 
-    def add(self, result: Result, following: Following) -> None:
+    def add(self, result: Result, object_tracking: ObjectTracking) -> None:
         """Drop the frame."""
 
 
@@ -48,7 +48,7 @@ class _Scene:
 
     result: Result
     shown: Result
-    followed: FollowFigure | None
+    tracked: TrackedObjectFigure | None
 
 
 class RunPictures:
@@ -89,16 +89,16 @@ class RunPictures:
             self._painter.close()
             self._video.close(is_complete=is_complete)
 
-    def add(self, result: Result, following: Following) -> None:
+    def add(self, result: Result, object_tracking: ObjectTracking) -> None:
         """Let a frame be drawn; wait where too many are in line."""
         while len(self._in_line) >= _IN_LINE:
             self._in_line.popleft().result()
-        scene = _Scene(result, following.shown(result), following.figure)
+        scene = _Scene(result, object_tracking.shown(result), object_tracking.figure)
         self._in_line.append(self._painter.submit(self._draw, scene))
 
     def _draw(self, scene: _Scene) -> None:
         self._trails.add(scene.result)
-        picture = self._composition.draw(scene.shown, self._trails, scene.followed)
+        picture = self._composition.draw(scene.shown, self._trails, scene.tracked)
         self._video.add(picture)
         if self._count == self._middle:
             write_jpeg(self._out / "picture.jpg", picture, quality=88)

@@ -14,9 +14,9 @@ from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
 from perception.cli.documents import write_configuration, write_json
 from perception.cli.flags import require_positive
-from perception.cli.follow_files import FollowedFile, FollowedRows
-from perception.cli.follow_start import FollowStart, StartRequest, find_start
-from perception.cli.follow_summary import FollowSummary
+from perception.cli.follow_files import TrajectoryFile, TrajectoryRows
+from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start
+from perception.cli.follow_summary import TrackSummary
 from perception.cli.progress import bar
 from perception.cli.results_folder import new_results_folder
 from perception.evaluation.single_object.track import TrueTrack
@@ -25,21 +25,25 @@ from perception.geometry.threads import one_blas_thread
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
-from perception.render.follow_composition import FollowComposition
-from perception.render.follow_scene import FollowScene, FollowTrail
+from perception.render.follow_composition import TrackedObjectComposition
+from perception.render.follow_scene import TrackedObjectScene, TrackedObjectTrail
 from perception.render.video import PictureSink, video_or_none
 from perception.sensor import LidarModel
 from perception.tracking.single_object.color_model import color_ratios
 from perception.tracking.single_object.fusion_tracker import FusionTracker
-from perception.tracking.single_object.hand_over import moment_of
+from perception.tracking.single_object.hand_over import tracker_input_of
 from perception.tracking.single_object.image_region import ImageRegion
-from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.tracking.single_object.tracker import (
+    SingleObjectTracker,
+    TrackedObject,
+    TrackerInput,
+)
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D, Result
 
 log = logging.getLogger(__name__)
 
-TrackerMaker = Callable[[str, LidarModel], SingleObjectTracker]
+TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
 
 
 def track(  # noqa: PLR0913 - flags of a command
@@ -75,16 +79,16 @@ def track(  # noqa: PLR0913 - flags of a command
         video: whether to draw the video.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
     """
-    request = StartRequest(track_id, box, start_frame)
-    plan = FollowPlan(tracker, frames, video, on_bad_frame)
+    request = TrackStartConfig(track_id, box, start_frame)
+    plan = TrackConfig(tracker, frames, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
     start = find_start(opened, request)
-    summary = follow_drive(opened, start, out or new_results_folder(Path("results")), plan)
+    summary = track_object(opened, start, out or new_results_folder(Path("results")), plan)
     print(summary.table(opened.calibration))
 
 
 @dataclass(frozen=True)
-class FollowPlan:
+class TrackConfig:
     """How an object is followed.
 
     Attributes:
@@ -101,31 +105,33 @@ class FollowPlan:
     video: bool = True
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
-    make: TrackerMaker = single_object_tracker
+    make: TrackerFactory = single_object_tracker
 
     def __post_init__(self) -> None:
         """Refuse to follow through no frames."""
         require_positive("--frames", self.frames)
 
 
-def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) -> FollowSummary:
+def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) -> TrackSummary:
     """Follow one object and write what becomes of it, whole at every moment.
 
     Raises:
         PerceptionError: the tracker cannot begin, or a frame cannot be used; what was done before it stays.
     """
-    follower = _Follower(plan.make(plan.tracker, drive.sensor), start)
-    summary = FollowSummary(drive.name, plan.tracker, start, out)
+    timed_tracker = _TimedTracker(plan.make(plan.tracker, drive.sensor), start)
+    summary = TrackSummary(drive.name, plan.tracker, start, out)
     last = frame_count(drive, None if plan.frames is None else start.frame + plan.frames)
     pictures = _Pictures(start, last - start.frame)
     chain = ObstacleChain(drive.sensor, plan.pipeline)
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
     shown = bar(frames, drive.name, last - start.frame)
     with ExitStack() as files:
-        lines = files.enter_context(closing(FollowedFile(out / "trajectory.jsonl")))
+        lines = files.enter_context(closing(TrajectoryFile(out / "trajectory.jsonl")))
         rows = files.enter_context(
             closing(
-                FollowedRows(out / "trajectory.txt", drive.calibration, start.object_id, start.kind)
+                TrajectoryRows(
+                    out / "trajectory.txt", drive.calibration, start.object_id, start.kind
+                )
             )
         )
         write_configuration(
@@ -139,31 +145,31 @@ def follow_drive(drive: Drive, start: FollowStart, out: Path, plan: FollowPlan) 
         try:
             for frame in shown:
                 result, _ = chain.segment(frame)
-                moment = moment_of(result, plan.pipeline.body)
-                answer = follower.see(moment)
+                tracker_input = tracker_input_of(result, plan.pipeline.body)
+                answer = timed_tracker.see(tracker_input)
                 if not summary.frames:
-                    summary.points_at_start = _points_in(start.box_velo, moment)
-                lines.write(result, answer.followed)
-                rows.write(result, answer.followed)
-                summary.add(result, answer.followed, answer.seconds)
+                    summary.points_at_start = _points_in(start.box_velo, tracker_input)
+                lines.write(result, answer.tracked)
+                rows.write(result, answer.tracked)
+                summary.add(result, answer.tracked, answer.seconds)
                 if plan.video:
                     pictures.add(video, result, answer)
                 if len(summary.frames) == 1 + (last - start.frame) // 2:
-                    _draw_colors(out / "color-model.png", start, result, follower.tracker)
+                    _draw_colors(out / "color-model.png", start, result, timed_tracker.tracker)
         finally:
             write_json(out / "summary.json", summary.to_json(drive.calibration))
     return summary
 
 
-def _points_in(box_velo: Boxes3D, moment: Moment) -> int:
-    count = int(np.count_nonzero(points_inside(box_velo, moment.points_velo)))
+def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:
+    count = int(np.count_nonzero(points_inside(box_velo, tracker_input.points_velo)))
     if not count:
         log.warning("no point of the scan lies in the first box; the tracker goes on from it alone")
     return count
 
 
 def _draw_colors(
-    path: Path, start: FollowStart, result: Result, tracker: SingleObjectTracker
+    path: Path, start: TrackStart, result: Result, tracker: SingleObjectTracker
 ) -> None:
     """Draw what a tracker that looks at colours knows of them (Fig. 5.16); nothing of another."""
     path.unlink(missing_ok=True)
@@ -183,28 +189,28 @@ def _draw_colors(
 class _Answer:
     """What a tracker says of one frame, how long it took, and where it looks in the image."""
 
-    followed: FollowedObject
+    tracked: TrackedObject
     seconds: float
     region: ImageRegion | None
 
 
-class _Follower:
+class _TimedTracker:
     """A tracker with a clock."""
 
-    def __init__(self, tracker: SingleObjectTracker, start: FollowStart) -> None:
+    def __init__(self, tracker: SingleObjectTracker, start: TrackStart) -> None:
         self.tracker, self._start = tracker, start
         self._has_begun = False
 
-    def see(self, moment: Moment) -> _Answer:
+    def see(self, tracker_input: TrackerInput) -> _Answer:
         """Begin, or go on."""
         start_s = time.perf_counter()
         with one_blas_thread():
             if self._has_begun:
-                followed = self.tracker.follow(moment)
+                tracked = self.tracker.update(tracker_input)
             else:
-                followed = self.tracker.start(moment, self._start.box_velo)
+                tracked = self.tracker.start(tracker_input, self._start.box_velo)
         self._has_begun = True
-        return _Answer(followed, time.perf_counter() - start_s, region_of_tracker(self.tracker))
+        return _Answer(tracked, time.perf_counter() - start_s, region_of_tracker(self.tracker))
 
 
 def region_of_tracker(tracker: SingleObjectTracker) -> ImageRegion | None:
@@ -215,16 +221,16 @@ def region_of_tracker(tracker: SingleObjectTracker) -> ImageRegion | None:
 class _Pictures:
     """Draws the video, remembering where the object was."""
 
-    def __init__(self, start: FollowStart, frame_count: int) -> None:
-        self._trail, self._truth = FollowTrail(), start.truth
-        self._composition = FollowComposition(frame_count=frame_count, name=start.name)
+    def __init__(self, start: TrackStart, frame_count: int) -> None:
+        self._trail, self._truth = TrackedObjectTrail(), start.truth
+        self._composition = TrackedObjectComposition(frame_count=frame_count, name=start.name)
 
     def add(self, video: PictureSink, result: Result, answer: _Answer) -> None:
         """Draw one frame."""
-        self._trail.add(result, answer.followed)
-        scene = FollowScene(
+        self._trail.add(result, answer.tracked)
+        scene = TrackedObjectScene(
             result=result,
-            followed=answer.followed,
+            tracked=answer.tracked,
             way_velo=self._trail.way_velo(result),
             ego_way_velo=self._trail.ego_way_velo(result),
             speeds_km_h=self._trail.speeds_km_h,

@@ -53,8 +53,8 @@ class VehicleFiles:
             self._lines = (self._out / "vehicles.jsonl").open("w", buffering=1)
         self._lines.write(json.dumps(vehicle_line(result, vehicles)) + "\n")
         if self._drive.is_sequence:
-            followed = to_vehicle_rows(result.frame.index, vehicles, calibration)
-            self._write_tracks(format_result_rows(followed))
+            tracked = to_vehicle_rows(result.frame.index, vehicles, calibration)
+            self._write_tracks(format_result_rows(tracked))
 
     def _write_tracks(self, rows: str) -> None:
         if self._rows is None:

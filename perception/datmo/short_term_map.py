@@ -68,7 +68,7 @@ class ShortTermMap:
 
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
         """Take in a scan's grid and return the (X, Y) map around the vehicle (Algorithm 4)."""
-        self._follow(world_SE3_velo)
+        self._move_with_vehicle(world_SE3_velo)
         low = np.floor(self._plane_T_cells @ (*np.array(self._cells.shape) / 2, 1))[:2]
         low = low.astype(np.int64) - self._half_cells
         self._history.move_to(low)
@@ -80,7 +80,7 @@ class ShortTermMap:
             self._observe(elevation, window_T_cells)
         return background_m
 
-    def _follow(self, world_SE3_velo: Float64) -> None:
+    def _move_with_vehicle(self, world_SE3_velo: Float64) -> None:
         """Add the vehicle's last motion, as it is in the vehicle's own plane, whatever the slope."""
         if self._world_SE3_before is not None:
             before_SE3_velo = inverse(self._world_SE3_before) @ world_SE3_velo

@@ -123,7 +123,9 @@ def _draw_climb(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice])
         red, green, blue = (int(light * channel) for channel in palette.INSIDE)
         _draw_outline(axes, region.hull_px, (red, green, blue), linewidth=2)
     centers_px = np.array([region.center_px for region in scene.regions])
-    axes.plot(*centers_px.T, color=rgb(palette.FOLLOWED), marker="o", markersize=4, linewidth=1.2)
+    axes.plot(
+        *centers_px.T, color=rgb(palette.TRACKED_OBJECT), marker="o", markersize=4, linewidth=1.2
+    )
     way_px = np.hypot(*(centers_px[-1] - centers_px[0]))
     axes.set_title(f"{len(scene.regions) - 1} shifts, {way_px:.1f} px in all")
     return shown

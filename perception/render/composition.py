@@ -9,7 +9,7 @@ from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
-from perception.render.follow_figures import FollowFigure
+from perception.render.follow_figures import TrackedObjectFigure
 from perception.render.footer import draw_footer
 from perception.render.map_panels import map_panels
 from perception.render.overlay import draw_overlay
@@ -41,7 +41,7 @@ _DETECTED: tuple[LegendEntry, ...] = (
     ("in depth", (palette.MODALITIES["dm"],)),
     ("in reflectance", (palette.MODALITIES["rm"],)),
 )
-_FOLLOWED: LegendEntry = ("followed", (palette.FOLLOWED,))
+_TRACKED_OBJECT: LegendEntry = ("followed", (palette.TRACKED_OBJECT,))
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Composition:
         self,
         result: Result,
         trails: Trails | None = None,
-        followed: FollowFigure | None = None,
+        tracked: TrackedObjectFigure | None = None,
     ) -> UInt8:
         """Return the (height, width, 3) picture of one frame.
 
@@ -82,7 +82,7 @@ class Composition:
             followed: one object drawn over all others, or None.
         """
         width, height = self.size_px
-        scene = self._scene(result, trails, followed)
+        scene = self._scene(result, trails, tracked)
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
         body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
         # Left: what the camera sees, and below it the same in 3D; without a camera, 3D alone.
@@ -99,22 +99,22 @@ class Composition:
         # Below: what the colours mean, and where the time went.
         is_tracking = trails is not None or len(result.tracks) > 0
         legend = [list(_LEGEND if is_tracking else _LEGEND[:-1])]
-        if followed is not None:
-            legend[0].append(_FOLLOWED)
+        if tracked is not None:
+            legend[0].append(_TRACKED_OBJECT)
         if scene.vehicles is not None:
             legend.append(list(_DETECTED))
         draw_footer(canvas[body_px:], result, legend, self.turn_s)
         return canvas
 
     def _scene(
-        self, result: Result, trails: Trails | None, followed: FollowFigure | None
+        self, result: Result, trails: Trails | None, tracked: TrackedObjectFigure | None
     ) -> "_Scene":
         here = result.tracks.boxes.bottom_m[:, None]
         paths_velo = list(here) if trails is None else trails.paths_velo(result)
         surface = sample_surface(result.ground, self.area)
         figures = track_figures(result.tracks, paths_velo)
         style = TrackStyle.of_height(self.size_px[1])
-        return _Scene(result, surface, figures, style, followed, VehicleFigures.of(result))
+        return _Scene(result, surface, figures, style, tracked, VehicleFigures.of(result))
 
     def _place_maps(self, canvas: UInt8, result: Result, corner_px: tuple[int, int]) -> None:
         """Put the maps into the corners of the view from behind in which it shows the least."""
@@ -155,7 +155,7 @@ class _Scene:
     surface: Surface
     figures: TrackFigures
     style: TrackStyle
-    followed: FollowFigure | None
+    tracked: TrackedObjectFigure | None
     vehicles: VehicleFigures | None
 
     def draw_tracks(self, panel: UInt8, image_P_velo: Float64) -> None:
@@ -163,7 +163,7 @@ class _Scene:
         draw_tracks(panel, image_P_velo, self.figures, self.style)
         if self.vehicles is not None:
             self.vehicles.draw_in_space(panel, image_P_velo, self.style)
-        self._draw_followed(panel, image_P_velo)
+        self._draw_tracked(panel, image_P_velo)
 
     def draw_on_image(self, fitted: FittedImage, image_P_velo: Float64) -> None:
         """Draw tracks and vehicles over the camera's image, whose own boxes name the vehicles."""
@@ -174,12 +174,12 @@ class _Scene:
         draw_tracks(picture, projection, self.figures, self.style, self.vehicles.ids)
         self.vehicles.draw_in_space(picture, projection, self.style)
         self.vehicles.draw_on_image(picture, fitted.resizing, self.style)
-        self._draw_followed(picture, projection)
+        self._draw_tracked(picture, projection)
 
-    def _draw_followed(self, panel: UInt8, image_P_velo: Float64) -> None:
-        if self.followed is not None:
+    def _draw_tracked(self, panel: UInt8, image_P_velo: Float64) -> None:
+        if self.tracked is not None:
             bold = replace(self.style, line_px=self.style.line_px + 1)
-            self.followed.draw(panel, image_P_velo, bold)
+            self.tracked.draw(panel, image_P_velo, bold)
 
 
 def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:

@@ -39,7 +39,7 @@ def draw_mistakes(
     draw_boxes(canvas, scale * others_px, palette.FAINT_TEXT)
     draw_boxes(canvas, scale * objects_px[is_found], palette.TEXT)
     draw_boxes(canvas, scale * objects_px[~is_found], palette.STATIC, width_px=3)
-    for rows, color in ((~is_wrong, palette.MOVING), (is_wrong, palette.FOLLOWED)):
+    for rows, color in ((~is_wrong, palette.MOVING), (is_wrong, palette.TRACKED_OBJECT)):
         shown = detections[rows]
         draw_boxes(canvas, scale * shown.boxes_px, color, width_px=2)
         for box_px, score in zip(scale * shown.boxes_px, shown.scores.tolist(), strict=True):

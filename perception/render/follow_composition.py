@@ -7,10 +7,10 @@ import numpy as np
 from perception.geometry.angles import wrap
 from perception.render import palette
 from perception.render.canvas import blank_canvas
-from perception.render.follow_scene import KM_H, FollowScene
-from perception.render.follow_views import FollowViews
+from perception.render.follow_scene import KM_H, TrackedObjectScene
+from perception.render.follow_views import TrackedObjectViews
 from perception.render.panels import LegendEntry, draw_legend, place_panel
-from perception.render.speed_chart import STATE_COLORS, draw_speed_chart
+from perception.render.speed_chart import STATUS_COLORS, draw_speed_chart
 from perception.render.text import Align, draw_text, text_width_px
 from perception.render.tracks import TrackStyle
 from perception.types import Boxes3D, UInt8
@@ -24,7 +24,7 @@ _GUTTER_PX = 4
 
 
 @dataclass(frozen=True)
-class FollowComposition:
+class TrackedObjectComposition:
     """How scenes become pictures of one fixed size.
 
     Attributes:
@@ -37,10 +37,10 @@ class FollowComposition:
     frame_count: int = 1
     name: str = "object"
 
-    def draw(self, scene: FollowScene) -> UInt8:
+    def draw(self, scene: TrackedObjectScene) -> UInt8:
         """Return the (height, width, 3) picture of one moment."""
         width, height = self.size_px
-        view = FollowViews(scene, TrackStyle.of_height(height))
+        view = TrackedObjectViews(scene, TrackStyle.of_height(height))
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
         body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
         right_px = left_px + _GUTTER_PX
@@ -56,7 +56,7 @@ class FollowComposition:
         self._draw_footer(canvas[body_px:], scene)
         return canvas
 
-    def _draw_footer(self, canvas: UInt8, scene: FollowScene) -> None:
+    def _draw_footer(self, canvas: UInt8, scene: TrackedObjectScene) -> None:
         height, width = canvas.shape[:2]
         text_px = max(round(0.125 * height), 7)
         for row, legend in enumerate(_legends(scene)):
@@ -69,9 +69,9 @@ class FollowComposition:
         _write_state(canvas, scene, text_px)
 
 
-def _legends(scene: FollowScene) -> list[list[LegendEntry]]:
+def _legends(scene: TrackedObjectScene) -> list[list[LegendEntry]]:
     entries: list[LegendEntry] = [
-        ("object and its way", (palette.FOLLOWED,)),
+        ("object and its way", (palette.TRACKED_OBJECT,)),
         ("way of the vehicle", (palette.EGO_WAY,)),
     ]
     further: list[LegendEntry] = []
@@ -85,23 +85,23 @@ def _legends(scene: FollowScene) -> list[list[LegendEntry]]:
 def _write_chart_words(chart: UInt8, text_px: int, left_px: float) -> None:
     """Say under the chart what it shows, each state in its colour."""
     words = [("km/h over the drive, object", palette.FAINT_TEXT)]
-    words += [(str(state), color) for state, color in STATE_COLORS.items()]
+    words += [(str(state), color) for state, color in STATUS_COLORS.items()]
     baseline = chart.shape[0] - 0.45 * text_px
     for said, color in words:
         draw_text(chart, said, (left_px, baseline), color=color, height_px=text_px)
         left_px += text_width_px(said, text_px) + text_px
 
 
-def _write_state(canvas: UInt8, scene: FollowScene, text_px: int) -> None:
+def _write_state(canvas: UInt8, scene: TrackedObjectScene, text_px: int) -> None:
     """Write state, speed and distance, how far off the label is, and the time."""
     height, width = canvas.shape[:2]
-    followed, frame = scene.followed, scene.result.frame
-    lines = [(str(followed.state), STATE_COLORS[followed.state])]
-    box = followed.box_velo
+    tracked, frame = scene.tracked, scene.result.frame
+    lines = [(str(tracked.state), STATUS_COLORS[tracked.state])]
+    box = tracked.box_velo
     if box is not None:
-        speed_km_h = KM_H * float(np.hypot(*followed.velocity_m_s))
+        speed_km_h = KM_H * float(np.hypot(*tracked.velocity_m_s))
         far_m = float(np.hypot(*box.bottom_m[0, :2]))
-        lines[0] = (f"{followed.state}, {speed_km_h:.1f} km/h, {far_m:.1f} m away", lines[0][1])
+        lines[0] = (f"{tracked.state}, {speed_km_h:.1f} km/h, {far_m:.1f} m away", lines[0][1])
     if box is not None and scene.truth is not None:
         lines.append((_off_the_label(box, scene.truth), palette.TRUTH))
     time_s, spent_ms = frame.stamp_s, 1e3 * scene.seconds

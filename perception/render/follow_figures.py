@@ -13,7 +13,7 @@ from perception.render.strokes import draw_seam, draw_strokes, fixed_point, proj
 from perception.render.text import draw_text, text_width_px
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracks import TrackStyle, draw_track_figures
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Float64, Tracks, UInt8
 
 _REGION_OPACITY = 0.30
@@ -22,7 +22,7 @@ _GAP_PX = 6
 
 
 @dataclass(frozen=True)
-class FollowFigure:
+class TrackedObjectFigure:
     """What is drawn of a followed object that has a box.
 
     Attributes:
@@ -36,7 +36,7 @@ class FollowFigure:
     color: Color
 
     @classmethod
-    def of(cls, followed: FollowedObject, way_velo: Float64 | None, name: str = "") -> Self | None:
+    def of(cls, tracked: TrackedObject, way_velo: Float64 | None, name: str = "") -> Self | None:
         """Make the figure of an object; None of one without a box.
 
         Args:
@@ -44,19 +44,21 @@ class FollowFigure:
             way_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
             name: what it is called among other tracks, whose labels its words are then like.
         """
-        if followed.box_velo is None:
+        if tracked.box_velo is None:
             return None
-        is_lost = followed.state is FollowState.LOST
+        is_lost = tracked.state is TrackStatus.LOST
         is_still = is_lost or way_velo is None
         track = Tracks(
             ids=np.zeros(1, np.int64),
-            boxes=followed.box_velo,
-            velocities_m_s=np.zeros((1, 2)) if is_still else followed.velocity_m_s[None],
-            is_seen=np.array([followed.state is FollowState.SEEN]),
+            boxes=tracked.box_velo,
+            velocities_m_s=np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
+            is_seen=np.array([tracked.state is TrackStatus.SEEN]),
         )
         figures = track_figures(track, [np.zeros((0, 3)) if way_velo is None else way_velo])
         return cls(
-            figures, _words(followed, name), palette.FAINT_TEXT if is_lost else palette.FOLLOWED
+            figures,
+            _words(tracked, name),
+            palette.FAINT_TEXT if is_lost else palette.TRACKED_OBJECT,
         )
 
     def draw(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:
@@ -65,14 +67,14 @@ class FollowFigure:
         draw_tag(canvas, self.words, outline_px, self.color, style.text_px)
 
 
-def _words(followed: FollowedObject, name: str) -> str:
-    speed_m_s = float(np.hypot(*followed.velocity_m_s))
+def _words(tracked: TrackedObject, name: str) -> str:
+    speed_m_s = float(np.hypot(*tracked.velocity_m_s))
     speed = f"{speed_m_s:.1f} m/s" if name else f"{KM_H * speed_m_s:.1f} km/h"
     said = {
-        FollowState.SEEN: speed,
-        FollowState.PREDICTED: f"predicted {speed}",
-        FollowState.LOST: "lost",
-    }[followed.state]
+        TrackStatus.SEEN: speed,
+        TrackStatus.PREDICTED: f"predicted {speed}",
+        TrackStatus.LOST: "lost",
+    }[tracked.state]
     return f"{name}  {said}".strip()
 
 

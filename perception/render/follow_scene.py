@@ -7,14 +7,14 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.tracking.single_object.image_region import ImageRegion
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Float64, Result
 
 KM_H = 3.6  # metres a second
 
 
 @dataclass(frozen=True)
-class FollowScene:
+class TrackedObjectScene:
     """What is known of one object at one moment, in the LiDAR frame of the scan.
 
     Attributes:
@@ -30,18 +30,18 @@ class FollowScene:
     """
 
     result: Result
-    followed: FollowedObject
+    tracked: TrackedObject
     way_velo: Float64
     ego_way_velo: Float64
     speeds_km_h: Sequence[float]
-    states: Sequence[FollowState]
+    states: Sequence[TrackStatus]
     seconds: float
     region: ImageRegion | None = None
     truth: Boxes3D | None = None
 
 
 @dataclass
-class FollowTrail:
+class TrackedObjectTrail:
     """Remembers, in the world, where a followed object and the vehicle were.
 
     Attributes:
@@ -50,19 +50,19 @@ class FollowTrail:
     """
 
     speeds_km_h: list[float] = field(default_factory=list)
-    states: list[FollowState] = field(default_factory=list)
+    states: list[TrackStatus] = field(default_factory=list)
     _way_world: list[Float64] = field(default_factory=list)
     _ego_way_world: list[Float64] = field(default_factory=list)
 
-    def add(self, result: Result, followed: FollowedObject) -> None:
+    def add(self, result: Result, tracked: TrackedObject) -> None:
         """Remember one frame more."""
         world_SE3_velo = result.world_SE3_velo
         under = [0.0, 0.0, float(result.ground.height_m(np.zeros((1, 2)))[0])]
         self._ego_way_world.append(_moved(world_SE3_velo, np.array([under]))[0])
-        self.states.append(followed.state)
-        box = followed.box_velo
-        has_place = box is not None and followed.state is not FollowState.LOST
-        speed_m_s = float(np.hypot(*followed.velocity_m_s))
+        self.states.append(tracked.state)
+        box = tracked.box_velo
+        has_place = box is not None and tracked.state is not TrackStatus.LOST
+        speed_m_s = float(np.hypot(*tracked.velocity_m_s))
         self.speeds_km_h.append(KM_H * speed_m_s if has_place else float("nan"))
         if box is not None and has_place:
             self._way_world.append(_moved(world_SE3_velo, box.bottom_m)[0])

@@ -8,16 +8,16 @@ from perception.geometry.segments import outlines_px, project_segments
 from perception.render import palette
 from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_vehicle
 from perception.render.canvas import blank_canvas
-from perception.render.follow_figures import FollowFigure, draw_region, draw_way
-from perception.render.follow_scene import FollowScene
+from perception.render.follow_figures import TrackedObjectFigure, draw_region, draw_way
+from perception.render.follow_scene import TrackedObjectScene
 from perception.render.panels import FittedImage, Resizing
 from perception.render.perspective import chase_camera
 from perception.render.perspective import draw_vehicle as draw_solid_vehicle
 from perception.render.scan_points import ScanPoints
-from perception.render.speed_chart import STATE_COLORS
+from perception.render.speed_chart import STATUS_COLORS
 from perception.render.strokes import draw_strokes, project_strokes
 from perception.render.tracks import TrackStyle
-from perception.tracking.single_object.tracker import FollowState
+from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Calibration, Float64, UInt8
 
 _SURROUND_M = 9.0  # shown around object and vehicle from above
@@ -27,10 +27,10 @@ _MIN_CLOSE_UP_PX = 56.0
 _FIELD_OF_VIEW_RAD = np.radians(82)
 
 
-class FollowViews:
+class TrackedObjectViews:
     """One scene as each view shows it."""
 
-    def __init__(self, scene: FollowScene, style: TrackStyle) -> None:
+    def __init__(self, scene: TrackedObjectScene, style: TrackStyle) -> None:
         """Prepare what several views show.
 
         Args:
@@ -38,9 +38,9 @@ class FollowViews:
             style: how large things are drawn.
         """
         self._scene, self._style = scene, style
-        self._figure = FollowFigure.of(scene.followed, scene.way_velo)
-        self._box = FollowFigure.of(scene.followed, None)
-        result, box = scene.result, scene.followed.box_velo
+        self._figure = TrackedObjectFigure.of(scene.tracked, scene.way_velo)
+        self._box = TrackedObjectFigure.of(scene.tracked, None)
+        result, box = scene.result, scene.tracked.box_velo
         self._points = ScanPoints.of(result.frame.points_velo, result.ground, box)
 
     def camera(self, largest_px: tuple[int, int]) -> UInt8:
@@ -70,7 +70,7 @@ class FollowViews:
         self, image_P_velo: Float64, size_px: tuple[int, int], limits_px: tuple[int, int]
     ) -> Float64 | None:
         """Return (4,) the part of the image around the object, or None where it is not in view."""
-        outline_px, box = self._scene.followed.box_px, self._scene.followed.box_velo
+        outline_px, box = self._scene.tracked.box_px, self._scene.tracked.box_velo
         if box is not None:
             seen = project_segments(image_P_velo, edges(box)[0], limits_px)
             outline_px = outlines_px(seen.ends_px, np.zeros(len(seen), np.int64), 1)[0]
@@ -86,16 +86,16 @@ class FollowViews:
         return np.concatenate([middle_px - half_px, middle_px + half_px])
 
     def _draw_on_image(self, picture: UInt8, resizing: Resizing, calibration: Calibration) -> None:
-        followed, region = self._scene.followed, self._scene.region
+        tracked, region = self._scene.tracked, self._scene.region
         image_P_velo = resizing.project(calibration.image_P_velo)
-        if region is not None and followed.state is FollowState.SEEN:
+        if region is not None and tracked.state is TrackStatus.SEEN:
             draw_region(picture, resizing.move(region.hull_px), resizing.move(region.outer_px))
         self._draw_truth(picture, image_P_velo)
         if self._box is not None:
             self._box.draw(picture, image_P_velo, self._style)
-        elif followed.box_px is not None:
-            first, last = np.rint(resizing.move(followed.box_px.reshape(2, 2))).astype(int).tolist()
-            color = STATE_COLORS[followed.state]
+        elif tracked.box_px is not None:
+            first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
+            color = STATUS_COLORS[tracked.state]
             cv2.rectangle(picture, first, last, color, self._style.line_px, cv2.LINE_AA)
 
     def from_behind(self, size_px: tuple[int, int]) -> UInt8:
@@ -132,13 +132,13 @@ class FollowViews:
             draw_strokes(picture, strokes, [palette.TRUTH], np.array([1]))
 
     def _bearing_rad(self) -> float:
-        box = self._scene.followed.box_velo
+        box = self._scene.tracked.box_velo
         return 0.0 if box is None else float(np.arctan2(box.bottom_m[0, 1], box.bottom_m[0, 0]))
 
     def _view_of_both(self, size_px: tuple[int, int]) -> BirdsEyeView:
         """Fit vehicle and object into the view, with something around them."""
         shown_m = np.zeros((1, 2))
-        box = self._scene.followed.box_velo
+        box = self._scene.tracked.box_velo
         if box is not None:
             shown_m = np.concatenate([shown_m, corners(box)[0, :, :2]])
         low_m, high_m = shown_m.min(axis=0) - _SURROUND_M, shown_m.max(axis=0) + _SURROUND_M

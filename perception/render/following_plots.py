@@ -18,7 +18,7 @@ _HIGHEST_M = 4.0  # what is farther off is lost, however far
 
 
 @dataclass(frozen=True)
-class FollowingPanel:
+class TrackingErrorPanel:
     """One scene.
 
     Attributes:
@@ -34,7 +34,7 @@ class FollowingPanel:
     errors_m: Mapping[str, Float64]
 
 
-def plot_following(path: Path, title: str, panels: Sequence[FollowingPanel]) -> None:
+def plot_tracking_errors(path: Path, title: str, panels: Sequence[TrackingErrorPanel]) -> None:
     """Draw the error of every tracker in every scene; the first tracker is drawn heavier."""
     rows = -(-len(panels) // _COLUMNS)
     columns = min(len(panels), _COLUMNS)
@@ -55,7 +55,7 @@ def plot_following(path: Path, title: str, panels: Sequence[FollowingPanel]) -> 
     save_figure(figure, path)
 
 
-def _draw_panel(axes: "Axes", panel: FollowingPanel) -> None:
+def _draw_panel(axes: "Axes", panel: TrackingErrorPanel) -> None:
     axes.set_title(panel.title)
     axes.grid(alpha=0.25)
     step_s = float(np.diff(panel.times_s).mean()) if len(panel.times_s) > 1 else 0.1
@@ -70,6 +70,6 @@ def _draw_panel(axes: "Axes", panel: FollowingPanel) -> None:
         axes.plot(panel.times_s, errors_m, linewidth=width, zorder=order, label=name)
 
 
-def _largest_m(panel: FollowingPanel) -> float:
+def _largest_m(panel: TrackingErrorPanel) -> float:
     errors = np.concatenate([np.zeros(1), *panel.errors_m.values()])
     return float(np.nanmax(errors))

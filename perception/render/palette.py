@@ -21,7 +21,7 @@ TRACKS: tuple[Color, ...] = (
 
 # One object that is followed, its region of the image and the ring around it (as in thesis Fig. 5.13),
 # the way of the vehicle itself, and the truth where it is known.
-FOLLOWED: Color = (255, 168, 36)
+TRACKED_OBJECT: Color = (255, 168, 36)
 INSIDE: Color = (60, 132, 255)
 RING: Color = (240, 62, 54)
 EGO_WAY: Color = (232, 84, 232)

@@ -47,7 +47,7 @@ class ScanPoints:
         is_marked = np.zeros(len(ordered), bool)
         if marked is not None:
             is_marked = points_inside(marked, ordered, margin_m=0.1)[0] & ~is_ground
-        shades[is_marked] = palette.FOLLOWED
+        shades[is_marked] = palette.TRACKED_OBJECT
         return cls(ordered, np.minimum(shades, 255).astype(np.uint8), is_marked)
 
     def draw(self, canvas: UInt8, image_P_velo: Float64) -> None:

@@ -8,13 +8,13 @@ import numpy as np
 from perception.render import palette
 from perception.render.palette import Color
 from perception.render.text import Align, draw_text
-from perception.tracking.single_object.tracker import FollowState
+from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import UInt8
 
-STATE_COLORS: dict[FollowState, Color] = {
-    FollowState.SEEN: palette.FOLLOWED,
-    FollowState.PREDICTED: palette.TRACKS[3],
-    FollowState.LOST: palette.STATIC,
+STATUS_COLORS: dict[TrackStatus, Color] = {
+    TrackStatus.SEEN: palette.TRACKED_OBJECT,
+    TrackStatus.PREDICTED: palette.TRACKS[3],
+    TrackStatus.LOST: palette.STATIC,
 }
 _TICK_KM_H = 10.0
 
@@ -22,7 +22,7 @@ _TICK_KM_H = 10.0
 def draw_speed_chart(
     canvas: UInt8,
     speeds_km_h: Sequence[float],
-    states: Sequence[FollowState],
+    states: Sequence[TrackStatus],
     frame_count: int,
     text_px: int,
 ) -> None:
@@ -60,7 +60,7 @@ def draw_speed_chart(
     for frame, state in enumerate(states):
         start = round(columns[frame])
         stop = max(round(columns[frame + 1]), start + 1)
-        canvas[strip, start:stop] = STATE_COLORS[state]
+        canvas[strip, start:stop] = STATUS_COLORS[state]
         if frame and np.isfinite(rows[frame - 1 : frame + 1]).all():
             before, here = ((round(middles[i]), round(rows[i])) for i in (frame - 1, frame))
-            cv2.line(canvas, before, here, STATE_COLORS[state], 2, cv2.LINE_AA)
+            cv2.line(canvas, before, here, STATUS_COLORS[state], 2, cv2.LINE_AA)

@@ -14,7 +14,7 @@ from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
 from perception.tracking.box_rules import BoxTrackerRules
 from perception.tracking.fragments import join_fragments, lie_within
-from perception.tracking.heading import follow_way
+from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
 from perception.tracking.sights import first_sight, measure_all, see_again
 from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand
@@ -62,7 +62,7 @@ class BoxTracker:
     def _predict(self, elapsed_s: float) -> None:
         """Move the tracks to now; over a long gap in time nothing is carried."""
         tracks = self._tracks[is_alive(self._tracks, self._stamp, self._rules.life)]
-        headings = follow_way(tracks, elapsed_s, self._rules.heading)
+        headings = update_from_course(tracks, elapsed_s, self._rules.heading)
         states = motion_model.predict(tracks.states, elapsed_s, self._rules.motion)
         turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = replace(

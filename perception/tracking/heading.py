@@ -83,7 +83,7 @@ def first_yaws(things: Footprints, sensor_xy_m: Float64, rules: HeadingRules) ->
     return np.where(is_face, yaw_rad + np.pi / 2, yaw_rad)
 
 
-def follow_way(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Headings:
+def update_from_course(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Headings:
     """Turn every heading towards the way that its track takes."""
     variance = tracks.yaw_variance + (rules.turn_rad_s * elapsed_s) ** 2
     way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
@@ -122,7 +122,7 @@ def _may_reverse(tracks: TrackTable, rules: HeadingRules) -> Bool:
     return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= rules.unsettled_variance))
 
 
-def follow_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) -> Headings:
+def update_from_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) -> Headings:
     """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
 
     A rectangle does not tell its front: its four headings are one, and none turns a track by more

@@ -82,7 +82,7 @@ AUTHOR = PointTrackerRules(
 
 
 @dataclass(frozen=True)
-class _Followed:
+class _PointTracks:
     """T objects between two frames.
 
     Attributes:
@@ -136,7 +136,7 @@ class PointTracker:
 
     def end_all(self) -> None:
         """End all tracks, as where poses before and after no longer fit; ids are not used again."""
-        self._followed = self._begin(Footprints.empty(), np.eye(4))
+        self._tracks = self._begin(Footprints.empty(), np.eye(4))
         self._stamp_s: float | None = None
 
     def update(
@@ -158,7 +158,7 @@ class PointTracker:
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
         """Move all tracks to the next frame."""
-        before, candidates = self._followed, self._begin(moving, world_SE3_velo)
+        before, candidates = self._tracks, self._begin(moving, world_SE3_velo)
         measured_m = candidates.states.mean[:, :2]
 
         # Prediction, then gating and nearest neighbour.
@@ -175,15 +175,15 @@ class PointTracker:
         after = after[after.is_confirmed]
         born = candidates[pairs.unmatched_detections]
         after, born = (f[self._is_near(f, world_SE3_velo)] for f in (after, born))
-        self._followed = after.joined(replace(born, ids=self._next_id + np.arange(len(born))))
+        self._tracks = after.joined(replace(born, ids=self._next_id + np.arange(len(born))))
         self._next_id += len(born)
 
-    def _begin(self, moving: Footprints, world_SE3_velo: Float64) -> _Followed:
+    def _begin(self, moving: Footprints, world_SE3_velo: Float64) -> _PointTracks:
         """Return each detection as the track that it would begin, still without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
         min_m, greatest_m = moving.extents_m(np.zeros(count))
         covariance = self.rules.initial_variance * np.eye(4)
-        return _Followed(
+        return _PointTracks(
             ids=np.full(count, -1),
             states=Gaussians(
                 np.column_stack([moved.centroids_m, np.zeros((count, 2))]),
@@ -216,44 +216,46 @@ class PointTracker:
         seen = update(predicted[pairs.tracks], measured_m[pairs.detections], _OBSERVATION, noise)
         return predicted.replaced(pairs.tracks, seen)
 
-    def _see(self, followed: _Followed, candidates: _Followed, pairs: Association) -> _Followed:
+    def _see(
+        self, tracks: _PointTracks, candidates: _PointTracks, pairs: Association
+    ) -> _PointTracks:
         """Note which tracks were seen, and how large and high each of these was."""
-        low_world_m, size_m = followed.low_world_m.copy(), followed.size_m.copy()
+        low_world_m, size_m = tracks.low_world_m.copy(), tracks.size_m.copy()
         low_world_m[pairs.tracks] = candidates.low_world_m[pairs.detections]
         size_m[pairs.tracks] = candidates.size_m[pairs.detections]
-        is_seen = np.zeros(len(followed), bool)
+        is_seen = np.zeros(len(tracks), bool)
         is_seen[pairs.tracks] = True
-        is_confirmed = followed.is_confirmed | is_seen | (not self.rules.confirms)
+        is_confirmed = tracks.is_confirmed | is_seen | (not self.rules.confirms)
         return replace(
-            followed,
+            tracks,
             low_world_m=low_world_m,
             size_m=size_m,
             is_seen=is_seen,
             is_confirmed=is_confirmed,
         )
 
-    def _is_near(self, followed: _Followed, world_SE3_velo: Float64) -> Bool:
+    def _is_near(self, tracks: _PointTracks, world_SE3_velo: Float64) -> Bool:
         """Tell which objects have not left the area for good."""
-        bottom_m = _bottoms_in_velo(followed, world_SE3_velo)
+        bottom_m = _bottoms_in_velo(tracks, world_SE3_velo)
         return self.rules.area.contains_xy(bottom_m, self.rules.kept_beyond_area_m)
 
     def _answer(self, world_SE3_velo: Float64) -> Tracks:
         """Return the confirmed tracks inside the area, in the LiDAR frame of a pose."""
-        bottom_m = _bottoms_in_velo(self._followed, world_SE3_velo)
-        shown = self._followed.is_confirmed & self.rules.area.contains_xy(bottom_m)
-        followed = self._followed[shown]
-        velocity_world_m_s = followed.states.mean[:, 2:]
+        bottom_m = _bottoms_in_velo(self._tracks, world_SE3_velo)
+        shown = self._tracks.is_confirmed & self.rules.area.contains_xy(bottom_m)
+        tracks = self._tracks[shown]
+        velocity_world_m_s = tracks.states.mean[:, 2:]
         return Tracks(
-            ids=followed.ids,
+            ids=tracks.ids,
             # The thesis' boxes ignore the orientation: they lie along the vehicle's axes.
-            boxes=Boxes3D(bottom_m[shown], followed.size_m, np.zeros(len(followed))),
+            boxes=Boxes3D(bottom_m[shown], tracks.size_m, np.zeros(len(tracks))),
             velocities_m_s=velocity_world_m_s @ world_SE3_velo[:2, :2],
-            is_seen=followed.is_seen,
+            is_seen=tracks.is_seen,
         )
 
 
-def _bottoms_in_velo(followed: _Followed, world_SE3_velo: Float64) -> Float64:
+def _bottoms_in_velo(tracks: _PointTracks, world_SE3_velo: Float64) -> Float64:
     """Return (T, 3) the bottom centres in the LiDAR frame of a pose."""
-    bottom_world_m = np.column_stack([followed.states.mean[:, :2], followed.low_world_m])
+    bottom_world_m = np.column_stack([tracks.states.mean[:, :2], tracks.low_world_m])
     velo_SE3_world = inverse(world_SE3_velo)
     return np.asarray(bottom_world_m @ velo_SE3_world[:3, :3].T + velo_SE3_world[:3, 3])

@@ -10,7 +10,7 @@ import numpy as np
 from perception.geometry.footprints import Footprints
 from perception.tracking import motion_model
 from perception.tracking.box_rules import BoxTrackerRules
-from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, follow_shape
+from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
 from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
@@ -66,7 +66,7 @@ def see_again(
     tracks: TrackTable, things: Footprints, sensor_m: Float64, rules: BoxTrackerRules
 ) -> TrackTable:
     """Correct each of T tracks by the thing that continues it."""
-    headings = follow_shape(tracks, things, rules.heading)
+    headings = update_from_shape(tracks, things, rules.heading)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
     seen = _own_reaches(things, tracks.yaw_rad, sensor_m)
     tracks = _grown(tracks, seen, rules.size)

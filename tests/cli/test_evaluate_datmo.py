@@ -83,14 +83,14 @@ def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDr
     reports = compare_datmo(drive, steps(), names, DatmoProtocol(view="all"))
     knows, is_off, idle = (reports[name] for name in names)
     assert knows.by_distance.hota.hota == knows.by_overlap.clear.mota == 1.0
-    assert knows.lost_objects == []
+    assert knows.never_tracked == []
     assert knows.frames == FRAMES
     assert knows.duration_s == pytest.approx(0.6)
     assert is_off.errors.center_m == pytest.approx(0.8)
     assert is_off.by_distance.clear.motp == pytest.approx(0.6)
     assert is_off.by_overlap.hota.hota < 0.8
     assert idle.by_distance.clear.mota == 0.0
-    assert len(idle.lost_objects) == len(idle.objects) == len(knows.objects) >= 2
+    assert len(idle.never_tracked) == len(idle.objects) == len(knows.objects) >= 2
     assert len(idle.false_tracks.ids) == len(is_off.false_tracks.ids) == 0
     table = datmo_tables(reports)
     assert "Objects that must be tracked: is off" in table
@@ -149,10 +149,10 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     results = written["results"]
     assert list(results) == ["thesis", "default"]
     assert results["default"]["by_distance"]["HOTA"] == 1.0
-    assert results["default"]["lost_objects"] == []
+    assert results["default"]["never_tracked"] == []
     assert results["thesis"]["by_overlap"]["MOTA"] == 0.0
     assert {row["object_id"] for row in results["thesis"]["objects"]} == set(
-        results["thesis"]["lost_objects"]
+        results["thesis"]["never_tracked"]
     )
     assert "Objects that must be tracked: thesis" in printed
 

@@ -18,7 +18,7 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.se3 import inverse
 from perception.sensor import VLP_16
 from perception.tracking.single_object import trackers
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D
 
 FRAMES = 16
@@ -30,8 +30,8 @@ class Knowing:
     def __init__(self, labelled: DriveObjects) -> None:
         self._labelled = labelled
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
-        frame = round(moment.stamp_s * 10)
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+        frame = round(tracker_input.stamp_s * 10)
         tracks = {one.track_id: self._labelled.track(one) for one in self._labelled.sequences(2)}
         self._track = next(
             track
@@ -39,31 +39,31 @@ class Knowing:
             if frame in track.frames
             and np.allclose(track.boxes_velo.bottom_m[track.frames == frame], box_velo.bottom_m)
         )
-        return self.follow(moment)
+        return self.update(tracker_input)
 
-    def follow(self, moment: Moment) -> FollowedObject:
-        rows = self._track.frames == round(moment.stamp_s * 10)
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
+        rows = self._track.frames == round(tracker_input.stamp_s * 10)
         box = self._track.boxes_velo[rows]
-        return FollowedObject(FollowState.SEEN, box, self._track.velocities_m_s[rows][0], None)
+        return TrackedObject(TrackStatus.SEEN, box, self._track.velocities_m_s[rows][0], None)
 
 
 class Staying:
     """A tracker for which nothing ever moves."""
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
-        self._box_world = transform_boxes(moment.world_SE3_velo, box_velo)
-        return FollowedObject(FollowState.SEEN, box_velo, np.zeros(2), None)
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+        self._box_world = transform_boxes(tracker_input.world_SE3_velo, box_velo)
+        return TrackedObject(TrackStatus.SEEN, box_velo, np.zeros(2), None)
 
-    def follow(self, moment: Moment) -> FollowedObject:
-        box = transform_boxes(inverse(moment.world_SE3_velo), self._box_world)
-        return FollowedObject(FollowState.PREDICTED, box, np.zeros(2), None)
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
+        box = transform_boxes(inverse(tracker_input.world_SE3_velo), self._box_world)
+        return TrackedObject(TrackStatus.PREDICTED, box, np.zeros(2), None)
 
 
 class NeedsImage:
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         raise PerceptionError("image tracker", expected="an image", found="none")
 
-    def follow(self, moment: Moment) -> FollowedObject:
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
         raise AssertionError("a tracker that refused is asked no more")
 
 

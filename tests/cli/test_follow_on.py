@@ -9,14 +9,14 @@ import pytest
 
 from data.open_drive import open_drive
 from data.synthetic.collection import Recipe, write_drives
-from perception.cli.follow_on import STAGE, FollowOn, NobodyFollowed
+from perception.cli.follow_on import STAGE, HandoverTracking, NoObjectTracking
 from perception.cli.main import main
 from perception.geometry.grids import VehicleBody
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette
 from perception.render.composition import Composition
-from perception.tracking.single_object.hand_over import HandOver
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.hand_over import TrackHandover
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Result, Tracks, Vehicles
 from tests.vehicle_scenes import cars, detected
 
@@ -42,37 +42,37 @@ def result(street) -> Result:
 class StandingTracker:
     """Answers with the first box, always."""
 
-    def start(self, moment, box_velo):
-        self._answer = FollowedObject(FollowState.SEEN, box_velo, np.array([3.0, 4.0]), None)
+    def start(self, tracker_input, box_velo):
+        self._answer = TrackedObject(TrackStatus.SEEN, box_velo, np.array([3.0, 4.0]), None)
         return self._answer
 
-    def follow(self, moment):
+    def update(self, tracker_input):
         return self._answer
 
 
-def hand_over_of(track_id: int) -> HandOver:
-    return HandOver(track_id, StandingTracker(), VehicleBody())
+def hand_over_of(track_id: int) -> TrackHandover:
+    return TrackHandover(track_id, StandingTracker(), VehicleBody())
 
 
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
     path = tmp_path / "followed.jsonl"
-    with FollowOn(path, hand_over_of(8)) as following:
-        before = following.see(replace(result, tracks=Tracks.empty()))
+    with HandoverTracking(path, hand_over_of(8)) as object_tracking:
+        before = object_tracking.see(replace(result, tracks=Tracks.empty()))
         assert STAGE in before.timings_s
-        assert following.figure is None
-        assert following.shown(before) is before
-        seen = following.see(result)
-        assert following.figure.words == "8  5.0 m/s"
-        assert following.shown(seen).tracks.ids.tolist() == [3]
+        assert object_tracking.figure is None
+        assert object_tracking.shown(before) is before
+        seen = object_tracking.see(result)
+        assert object_tracking.figure.words == "8  5.0 m/s"
+        assert object_tracking.shown(seen).tracks.ids.tolist() == [3]
         # Its own track is gone; it is followed on.
-        following.see(replace(result, tracks=Tracks.empty()))
+        object_tracking.see(replace(result, tracks=Tracks.empty()))
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]] * 2
 
 
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
-    with FollowOn(tmp_path / "followed.jsonl", hand_over_of(99)) as following:
-        following.see(result)
+    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(99)) as object_tracking:
+        object_tracking.see(result)
     assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
 
 
@@ -89,12 +89,12 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
     )
     located = replace(unlocated, boxes=result.tracks.boxes)
     path = tmp_path / "followed.jsonl"
-    with FollowOn(path, hand_over_of(5)) as following:
+    with HandoverTracking(path, hand_over_of(5)) as object_tracking:
         # Where the LiDAR says too little of it, there is nothing to begin with.
-        following.see(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
-        assert following.figure is None
-        seen = following.see(replace(result, tracks=Tracks.empty(), vehicles=located))
-        shown = following.shown(seen).vehicles
+        object_tracking.see(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
+        assert object_tracking.figure is None
+        seen = object_tracking.see(replace(result, tracks=Tracks.empty(), vehicles=located))
+        shown = object_tracking.shown(seen).vehicles
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
     # It is drawn in space once, as what is followed.
@@ -102,18 +102,18 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
 
 
 def test_where_nobody_is_followed_nothing_changes(result):
-    with NobodyFollowed() as following:
-        assert following.see(result) is result
-        assert following.shown(result) is result
-        assert following.figure is None
+    with NoObjectTracking() as object_tracking:
+        assert object_tracking.see(result) is result
+        assert object_tracking.shown(result) is result
+        assert object_tracking.figure is None
 
 
 def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
-    with FollowOn(tmp_path / "followed.jsonl", hand_over_of(8)) as following:
-        following.see(result)
+    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(8)) as object_tracking:
+        object_tracking.see(result)
         plain = Composition().draw(result)
-        picture = Composition().draw(following.shown(result), None, following.figure)
-    counts = [int((one == palette.FOLLOWED).all(axis=2).sum()) for one in (plain, picture)]
+        picture = Composition().draw(object_tracking.shown(result), None, object_tracking.figure)
+    counts = [int((one == palette.TRACKED_OBJECT).all(axis=2).sum()) for one in (plain, picture)]
     assert counts[0] < 50
     assert counts[1] > 500
 

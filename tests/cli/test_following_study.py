@@ -11,11 +11,15 @@ from data.synthetic.scenario_truth import true_track
 from data.synthetic.scenarios import Difficulty, Scenario, ScenarioDrive
 from perception.cli.main import main
 from perception.cli.studies import following
-from perception.cli.studies.following import FollowingPlan, found_again, study_following
+from perception.cli.studies.following import (
+    SingleObjectStudyConfig,
+    reacquisition_time_s,
+    study_single_object,
+)
 from perception.cli.studies.output import publish
-from perception.evaluation.single_object.errors import follow_errors
-from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
-from perception.render.following_plots import FollowingPanel, plot_following
+from perception.evaluation.single_object.errors import single_object_errors
+from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
+from perception.render.following_plots import TrackingErrorPanel, plot_tracking_errors
 from perception.sensor import VLP_16
 from perception.types import Boxes3D
 
@@ -36,10 +40,10 @@ def truth_hidden_in(*hidden: int) -> TrueTrack:
     )
 
 
-def followed_as(truth: TrueTrack, off_m, states) -> FollowedTrack:
+def tracked_as(truth: TrueTrack, off_m, states) -> PredictedTrack:
     boxes = truth.boxes_velo
     bottoms = boxes.bottom_m + np.array(off_m)[:, None] * (0, 1, 0)
-    return FollowedTrack(
+    return PredictedTrack(
         truth.frames,
         np.array(states),
         replace(boxes, bottom_m=bottoms),
@@ -60,14 +64,14 @@ def followed_as(truth: TrueTrack, off_m, states) -> FollowedTrack:
 )
 def test_found_again_is_seen_and_near_after_it_was_hidden(off_m, states, seconds):
     truth = truth_hidden_in(4, 5)
-    errors = follow_errors(truth, followed_as(truth, off_m, states))
-    assert found_again(truth, errors) == pytest.approx(seconds)
+    errors = single_object_errors(truth, tracked_as(truth, off_m, states))
+    assert reacquisition_time_s(truth, errors) == pytest.approx(seconds)
 
 
 def test_who_was_never_hidden_is_not_found_again():
     truth = truth_hidden_in()
-    errors = follow_errors(truth, followed_as(truth, [0.0] * 10, ["seen"] * 10))
-    assert np.isnan(found_again(truth, errors))
+    errors = single_object_errors(truth, tracked_as(truth, [0.0] * 10, ["seen"] * 10))
+    assert np.isnan(reacquisition_time_s(truth, errors))
 
 
 def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
@@ -89,9 +93,9 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
         for challenges in (frozenset[Difficulty](), frozenset([Difficulty.POSE]))
     ]
     monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
-    plan = FollowingPlan(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
+    plan = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
     picture = tmp_path / "following.png"
-    publish(study_following(picture, plan), picture)
+    publish(study_single_object(picture, plan), picture)
     assert cv2.imread(str(picture)).std() > 5
     document = json.loads(picture.with_suffix(".json").read_text())
     assert list(document["results"]) == ["plain", "pose"]
@@ -108,8 +112,8 @@ def test_panels_are_as_many_as_scenes_and_a_lost_tracker_does_not_stretch_them(t
     times_s = np.arange(5) / 10
     hidden = np.array([False, True, True, False, False])
     errors = {"good": np.full(5, 0.1), "gone": np.array([0.1, 50, 60, np.nan, 70])}
-    panels = [FollowingPanel(f"scene {n}", times_s, hidden, errors) for n in range(5)]
-    plot_following(tmp_path / "panels.png", "title", panels)
+    panels = [TrackingErrorPanel(f"scene {n}", times_s, hidden, errors) for n in range(5)]
+    plot_tracking_errors(tmp_path / "panels.png", "title", panels)
     picture = cv2.imread(str(tmp_path / "panels.png"))
     assert picture.shape[1] > picture.shape[0]
     assert picture.std() > 5

@@ -14,15 +14,15 @@ from data.derived.object_truth import DriveObjects
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.synthetic.collection import Recipe, write_drives
-from perception.cli.follow_files import FollowedRows, followed_line
-from perception.cli.follow_start import FollowStart, StartRequest, find_start, parse_box
-from perception.cli.follow_summary import FollowSummary, way_length_m
+from perception.cli.follow_files import TrajectoryRows, trajectory_line
+from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start, parse_box
+from perception.cli.follow_summary import TrackSummary, way_length_m
 from perception.cli.main import main
-from perception.cli.track import FollowPlan, follow_drive
+from perception.cli.track import TrackConfig, track_object
 from perception.errors import PerceptionError, UsageError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 
 FRAMES = 5
@@ -56,31 +56,31 @@ def results(street, labelled_id, tmp_path_factory) -> Path:
 class Scripted:
     """A tracker that answers as it is told, with its first box."""
 
-    states: list[FollowState]
+    states: list[TrackStatus]
     in_space: bool = True
 
-    def start(self, moment, box_velo):
+    def start(self, tracker_input, box_velo):
         self._box = box_velo
         return self._answer()
 
-    def follow(self, moment):
+    def update(self, tracker_input):
         return self._answer()
 
     def _answer(self):
         box = self._box if self.in_space else None
         box_px = None if self.in_space else np.array([10.0, 20, 30, 40])
-        return FollowedObject(self.states.pop(0), box, np.array([3.0, 4.0]), box_px)
+        return TrackedObject(self.states.pop(0), box, np.array([3.0, 4.0]), box_px)
 
 
-def follow_scripted(street, out, states, *, in_space=True, start=None) -> FollowSummary:
+def track_scripted(street, out, states, *, in_space=True, start=None) -> TrackSummary:
     drive = open_drive(street)
-    start = start or FollowStart(
+    start = start or TrackStart(
         0, Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     )
-    plan = FollowPlan(
+    plan = TrackConfig(
         "scripted", len(states), video=False, make=lambda *_: Scripted(list(states), in_space)
     )
-    return follow_drive(drive, start, out, plan)
+    return track_object(drive, start, out, plan)
 
 
 def lines_of(path: Path) -> list[dict]:
@@ -128,8 +128,8 @@ def test_configuration_and_summary_say_what_was_followed(results, labelled_id):
 
 
 def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
-    states = [FollowState.SEEN, FollowState.PREDICTED, FollowState.LOST]
-    summary = follow_scripted(street, tmp_path, states)
+    states = [TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]
+    summary = track_scripted(street, tmp_path, states)
     assert list(summary.counts.values()) == [1, 1, 1]
     assert len(summary.places_world) == 2
     table = summary.table(None)
@@ -141,7 +141,7 @@ def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
 
 
 def test_a_tracker_in_the_image_gives_rectangles_and_no_place(street, tmp_path):
-    summary = follow_scripted(street, tmp_path, [FollowState.SEEN] * 2, in_space=False)
+    summary = track_scripted(street, tmp_path, [TrackStatus.SEEN] * 2, in_space=False)
     line = lines_of(tmp_path / "trajectory.jsonl")[1]
     assert line["velo"] is None
     assert line["world"] is None
@@ -154,7 +154,7 @@ def test_a_tracker_in_the_image_gives_rectangles_and_no_place(street, tmp_path):
 
 def test_a_box_without_points_is_said(street, tmp_path, caplog):
     high = Boxes3D(np.array([[9.0, 0, 60]]), np.full((1, 3), 2.0), np.zeros(1))
-    summary = follow_scripted(street, tmp_path, [FollowState.PREDICTED], start=FollowStart(0, high))
+    summary = track_scripted(street, tmp_path, [TrackStatus.PREDICTED], start=TrackStart(0, high))
     assert summary.points_at_start == 0
     assert "no point of the scan lies in the first box" in caplog.text
     assert "first box: 0 points" in summary.table(None)
@@ -162,13 +162,13 @@ def test_a_box_without_points_is_said(street, tmp_path, caplog):
 
 def test_a_later_start_begins_there(street, tmp_path):
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
-    states = [FollowState.SEEN] * 2
-    follow_scripted(street, tmp_path, states, start=FollowStart(2, box))
+    states = [TrackStatus.SEEN] * 2
+    track_scripted(street, tmp_path, states, start=TrackStart(2, box))
     assert [line["frame"] for line in lines_of(tmp_path / "trajectory.jsonl")] == [2, 3]
 
 
 def test_a_box_begins_in_the_frame_named(street):
-    start = find_start(open_drive(street), StartRequest(box="9,0,-1.7,4,1.8,1.5,0.1", frame=3))
+    start = find_start(open_drive(street), TrackStartConfig(box="9,0,-1.7,4,1.8,1.5,0.1", frame=3))
     assert start.frame == 3
     assert start.truth is None
     assert start.name == "the object"
@@ -219,20 +219,20 @@ def test_an_unlabelled_frame_is_answered_with_those_that_are(kitti_root):
     late = next(one for one in DriveObjects.of(drive).sequences(1) if one.first_frame > 0)
     said = f"track {late.track_id} is labelled, of {late.first_frame} to {late.last_frame}, found 0"
     with pytest.raises(UsageError, match=said):
-        find_start(drive, StartRequest(track_id=late.track_id, frame=0))
+        find_start(drive, TrackStartConfig(track_id=late.track_id, frame=0))
 
 
 def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     with pytest.raises(PerceptionError, match="camera's image"):
-        follow_drive(drive, FollowStart(0, box), tmp_path, FollowPlan("ms-i", 1, video=False))
+        track_object(drive, TrackStart(0, box), tmp_path, TrackConfig("ms-i", 1, video=False))
 
 
 def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
-    start = find_start(open_drive(street), StartRequest(track_id=labelled_id))
+    start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
-    summary = follow_drive(bare, start, tmp_path, FollowPlan("default", 2))
+    summary = track_object(bare, start, tmp_path, TrackConfig("default", 2))
     assert len(summary.places_world) == 2
     assert (tmp_path / "video.mp4").is_file()
     assert not (tmp_path / "trajectory.txt").exists()
@@ -257,12 +257,12 @@ def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
     result, _ = ObstacleChain(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
-    followed = FollowedObject(FollowState.SEEN, box, np.zeros(2), None)
-    rows = FollowedRows(tmp_path / "rows.txt", None, 0, None)
-    rows.write(result, followed)
+    tracked = TrackedObject(TrackStatus.SEEN, box, np.zeros(2), None)
+    rows = TrajectoryRows(tmp_path / "rows.txt", None, 0, None)
+    rows.write(result, tracked)
     rows.close()
     assert not (tmp_path / "rows.txt").exists()
-    assert followed_line(result, replace(followed, box_velo=None))["speed_m_s"] is None
+    assert trajectory_line(result, replace(tracked, box_velo=None))["speed_m_s"] is None
 
 
 def test_real_cyclist_from_its_label(kitti_root, tmp_path, capsys):

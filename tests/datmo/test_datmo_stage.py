@@ -34,7 +34,7 @@ def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
     return [chain.segment(frame)[1] for frame in frames]
 
 
-def follow(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
+def track(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
     stage = datmo_stage(method, drive.sensor, PipelineConfig().area)
     assert stage is not None
     answers = [stage.update(scan) for scan in scans]
@@ -67,7 +67,7 @@ def moved(scan: SegmentedScan, shift: np.ndarray) -> SegmentedScan:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_street_has_tracks(scans, drive, method):
-    answers = follow(scans, method, drive)
+    answers = track(scans, method, drive)
     assert ids_of(answers)
 
 
@@ -78,7 +78,7 @@ def test_no_method_is_no_stage(drive):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
     twice = [scans[i] for i in range(FRAMES) for _ in range(2)]
-    answers = follow(twice, method, drive)
+    answers = track(twice, method, drive)
     for first, second in zip(answers[::2], answers[1::2], strict=True):
         assert np.array_equal(first.ids, second.ids)
         assert np.allclose(first.boxes.bottom_m, second.boxes.bottom_m)
@@ -88,13 +88,13 @@ def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
 def test_a_short_gap_keeps_ids_rising(scans, drive, method):
     """Three frames are missing; what is known goes on or ends."""
     kept = scans[:10] + scans[13:]
-    answers = follow(kept, method, drive)
+    answers = track(kept, method, drive)
     newcomers = ids_of(answers[10:]) - ids_of(answers[:10])
     assert not newcomers or min(newcomers) > max(ids_of(answers[:8]))
 
 
 def test_the_default_survives_a_short_gap(scans, drive):
-    answers = follow(scans[:12] + scans[14:], "default", drive)
+    answers = track(scans[:12] + scans[14:], "default", drive)
     assert set(answers[12].ids) & set(answers[11].ids)
 
 
@@ -104,7 +104,7 @@ def test_after_a_long_gap_everything_is_new(scans, drive, method):
     far = np.eye(4)
     far[:3, 3] = 300.0, 200.0, 0.0
     later = with_stamps([*scans[:12], *(moved(scan, far) for scan in scans[12:])], stamps)
-    answers = follow(later, method, drive)
+    answers = track(later, method, drive)
     assert not ids_of(answers[:12]) & ids_of(answers[13:])
 
 
@@ -112,7 +112,7 @@ def test_after_a_long_gap_everything_is_new(scans, drive, method):
 def test_a_jump_of_the_pose_ends_no_run(scans, drive, method):
     """The INS jumps by 50 m and says nothing: tracks of before are left behind."""
     jump = se3.from_euler(0, 0, np.radians(30), np.array([50.0, -20.0, 0.5]))
-    answers = follow([*scans[:12], *(moved(scan, jump) for scan in scans[12:])], method, drive)
+    answers = track([*scans[:12], *(moved(scan, jump) for scan in scans[12:])], method, drive)
     newcomers = ids_of(answers[16:]) - ids_of(answers[:12])
     assert not newcomers or min(newcomers) > max(ids_of(answers[:12]))
 
@@ -120,20 +120,20 @@ def test_a_jump_of_the_pose_ends_no_run(scans, drive, method):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_reset_ends_all_tracks(scans, drive, method):
     scans = [replace(scan, is_reset=i == 12) for i, scan in enumerate(scans)]
-    answers = follow(scans, method, drive)
+    answers = track(scans, method, drive)
     assert not ids_of(answers[:12]) & ids_of(answers[12:])
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_empty_scan_passes(scans, drive, method):
     holed = [emptied(scan) if i in (0, 11, 12) else scan for i, scan in enumerate(scans)]
-    answers = follow(holed, method, drive)
+    answers = track(holed, method, drive)
     assert ids_of(answers)
 
 
 def test_the_default_survives_an_empty_scan(scans, drive):
     holed = [emptied(scan) if i == 12 else scan for i, scan in enumerate(scans)]
-    answers = follow(holed, "default", drive)
+    answers = track(holed, "default", drive)
     assert set(answers[11].ids) & set(answers[12].ids) & set(answers[13].ids)
     assert not answers[12].is_seen.any()
 

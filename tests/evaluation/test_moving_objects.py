@@ -11,9 +11,9 @@ from perception.evaluation.multi_object.false_tracks import (
 )
 from perception.evaluation.multi_object.followed import (
     NO_TRACK,
-    FollowedObjects,
-    follow,
+    TargetErrors,
     summarise_objects,
+    target_errors,
     track_errors,
 )
 from perception.evaluation.multi_object.moving_objects import judge, likeness_frames
@@ -79,9 +79,9 @@ def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
     return by_distance
 
 
-def followed_over(frames: list[tuple[MovingScene, Tracks]]) -> FollowedObjects:
-    return FollowedObjects.concatenate(
-        follow(0.1 * number, scene, tracks, judge(scene, tracks, RULE))
+def errors_over(frames: list[tuple[MovingScene, Tracks]]) -> TargetErrors:
+    return TargetErrors.concatenate(
+        target_errors(0.1 * number, scene, tracks, judge(scene, tracks, RULE))
         for number, (scene, tracks) in enumerate(frames)
     )
 
@@ -97,10 +97,10 @@ def test_a_perfect_tracker_scores_one():
     scores = scores_of(frames)
     assert (scores.hota.hota, scores.clear.mota, scores.clear.motp) == (1.0, 1.0, 1.0)
     assert scores.identity.idf1 == 1.0
-    errors = track_errors(followed_over(frames))
+    errors = track_errors(errors_over(frames))
     assert errors.pairs == 24
     assert (errors.center_m, errors.velocity_m_s, errors.heading_rad) == (0.0, 0.0, 0.0)
-    assert [summary.share for summary in summarise_objects(followed_over(frames))] == [1.0, 1.0]
+    assert [summary.share for summary in summarise_objects(errors_over(frames))] == [1.0, 1.0]
 
 
 def test_frames_before_a_tracker_is_sure_are_misses():
@@ -109,9 +109,9 @@ def test_frames_before_a_tracker_is_sure_are_misses():
         for n, (scene, tracks) in enumerate(driving(12))
     ]
     assert scores_of(frames).clear.false_negatives == 6
-    summary = summarise_objects(followed_over(frames))[0]
-    assert (summary.frames, summary.frames_followed) == (12, 9)
-    assert summary.found_after_s == pytest.approx(0.3)
+    summary = summarise_objects(errors_over(frames))[0]
+    assert (summary.frames, summary.frames_tracked) == (12, 9)
+    assert summary.time_to_first_track_s == pytest.approx(0.3)
 
 
 def test_who_must_be_tracked():
@@ -216,7 +216,7 @@ def test_an_exchanged_identity_counts_once():
     assert (scores.clear.id_switches, scores.clear.fragmentations) == (1, 0)
     assert scores.hota.det_a == 1.0
     assert scores.hota.ass_a == pytest.approx(0.75)
-    car, person = summarise_objects(followed_over(frames))
+    car, person = summarise_objects(errors_over(frames))
     assert (car.tracks, car.switches) == (1, 0)
     assert (person.tracks, person.switches) == (2, 1)
 
@@ -225,12 +225,12 @@ def test_errors_of_place_velocity_heading_and_extent():
     scene = scene_of(boxes_at((10, 0), yaw_rad=3.0))
     boxes = boxes_at((10.3, 0.4), size_m=(3.0, 2.2, 1.5), yaw_rad=-3.0)
     tracks = tracks_of(boxes, velocity_m_s=(5.0, 2.0))
-    rows = follow(0.0, scene, tracks, judge(scene, tracks, RULE))
+    rows = target_errors(0.0, scene, tracks, judge(scene, tracks, RULE))
     assert rows.center_errors_m[0] == pytest.approx(0.5)
     assert rows.velocity_errors_m_s[0] == pytest.approx(2.0)
     assert rows.heading_errors_rad[0] == pytest.approx(2 * np.pi - 6)
     assert (rows.length_errors_m[0], rows.width_errors_m[0]) == pytest.approx((-1.0, 0.2))
-    slow = follow(
+    slow = target_errors(
         0.0, scene, replace(tracks, velocities_m_s=np.array([[0.5, 0]])), judge(scene, tracks, RULE)
     )
     assert np.isnan(track_errors(slow).heading_rad)
@@ -239,11 +239,11 @@ def test_errors_of_place_velocity_heading_and_extent():
 
 def test_an_object_that_nobody_follows_is_lost():
     frames = [(scene, Tracks.empty()) for scene, _ in driving(3)]
-    rows = followed_over(frames)
+    rows = errors_over(frames)
     assert (rows.track_ids == NO_TRACK).all()
     summaries = summarise_objects(rows)
-    assert [summary.is_lost for summary in summaries] == [True, True]
-    assert np.isnan(summaries[0].found_after_s)
+    assert [summary.is_never_tracked for summary in summaries] == [True, True]
+    assert np.isnan(summaries[0].time_to_first_track_s)
     assert track_errors(rows).pairs == 0
 
 

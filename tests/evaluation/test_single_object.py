@@ -13,10 +13,10 @@ from perception.evaluation.single_object.curves import (
     right_frames,
     success_curve,
 )
-from perception.evaluation.single_object.errors import FollowErrors, follow_errors
-from perception.evaluation.single_object.scores import score_errors
-from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
+from perception.evaluation.single_object.scores import single_object_metrics
+from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration
 
 SIZE = (4.0, 2.0, 1.5)
@@ -49,10 +49,10 @@ def true_track(frames: list[int], x_m: list[float], yaw_rad: float = 0.0) -> Tru
 def answer(
     x_m: float | None,
     yaw_rad: float = 0.0,
-    state: FollowState = FollowState.SEEN,
+    state: TrackStatus = TrackStatus.SEEN,
     box_px: tuple[float, ...] | None = None,
-) -> FollowedObject:
-    return FollowedObject(
+) -> TrackedObject:
+    return TrackedObject(
         state,
         None if x_m is None else boxes([x_m], yaw_rad),
         np.array([3.0, 0.4]),
@@ -60,14 +60,16 @@ def answer(
     )
 
 
-def followed(frames: list[int], answers: list[FollowedObject]) -> FollowedTrack:
-    return FollowedTrack.of_answers(frames, answers, [0.002] * len(frames))
+def predicted_track(frames: list[int], answers: list[TrackedObject]) -> PredictedTrack:
+    return PredictedTrack.of_answers(frames, answers, [0.002] * len(frames))
 
 
-def errors_of(answers: list[FollowedObject], camera: Calibration | None = None) -> FollowErrors:
+def errors_of(
+    answers: list[TrackedObject], camera: Calibration | None = None
+) -> SingleObjectErrors:
     frames = list(range(len(answers)))
-    return follow_errors(
-        true_track(frames, [12.0] * len(frames)), followed(frames, answers), camera
+    return single_object_errors(
+        true_track(frames, [12.0] * len(frames)), predicted_track(frames, answers), camera
     )
 
 
@@ -86,24 +88,24 @@ def test_errors_of_boxes_in_space():
 
 def test_height_counts_in_the_distance_of_the_centres():
     high = Boxes3D(np.array([[12.0, 0, -0.25]]), np.array([[4.0, 2.0, 2.5]]), np.zeros(1))
-    one = FollowedObject(FollowState.SEEN, high, np.zeros(2), None)
+    one = TrackedObject(TrackStatus.SEEN, high, np.zeros(2), None)
     # The bottom is 0.5 m higher and the box 1 m taller: the centre is 1 m higher.
     assert errors_of([one]).center_m.tolist() == [1.0]
 
 
 def test_only_frames_with_a_label_and_an_answer_are_judged():
     truth = true_track([3, 4, 6, 9], [10.0, 11.0, 13.0, 16.0])
-    track = followed([3, 4, 5, 6, 7], [answer(x) for x in (10.0, 11.5, 0.0, 13.0, 0.0)])
-    errors = follow_errors(truth, track)
+    track = predicted_track([3, 4, 5, 6, 7], [answer(x) for x in (10.0, 11.5, 0.0, 13.0, 0.0)])
+    errors = single_object_errors(truth, track)
     assert errors.frames.tolist() == [3, 4, 6]
     np.testing.assert_allclose(errors.center_m, [0, 0.5, 0])
 
 
 def test_a_frame_without_a_box_is_off_and_has_no_distance():
-    errors = errors_of([answer(12.0), answer(None, state=FollowState.LOST)])
+    errors = errors_of([answer(12.0), answer(None, state=TrackStatus.LOST)])
     assert errors.overlap.tolist() == [1.0, 0.0]
     assert np.isnan(errors.center_m[1])
-    scores = score_errors(errors)
+    scores = single_object_metrics(errors)
     assert scores.center_m == 0.0
     assert scores.overlap_success == scores.precision == 0.5
     assert (scores.seen, scores.predicted, scores.lost, scores.off) == (0.5, 0.0, 0.5, 0.5)
@@ -126,7 +128,7 @@ def test_a_tracker_in_the_image_has_no_figures_in_space():
     np.testing.assert_allclose(errors.center_px[:2], [0, 5])
     assert not errors.gives_boxes
     assert errors.is_off.tolist() == [False, False, True, True]
-    scores = score_errors(errors)
+    scores = single_object_metrics(errors)
     missing = (scores.center_m, scores.overlap_success, scores.heading_success, scores.success)
     assert np.isnan(missing).all()
     assert np.isnan(scores.velocity_m_s)
@@ -138,8 +140,10 @@ def test_a_tracker_in_the_image_has_no_figures_in_space():
 def test_frames_in_which_the_camera_does_not_see_the_object_do_not_count_in_the_image():
     truth = true_track([0, 1], [12.0, 12.0])
     truth.boxes_px[1] = np.nan
-    errors = follow_errors(truth, followed([0, 1], [answer(12.0), answer(12.0)]), CAMERA)
-    scores = score_errors(errors)
+    errors = single_object_errors(
+        truth, predicted_track([0, 1], [answer(12.0), answer(12.0)]), CAMERA
+    )
+    scores = single_object_metrics(errors)
     assert scores.location_success == 1.0
     assert np.isnan(errors.overlap_px[1])
 
@@ -151,7 +155,7 @@ def test_frames_in_which_the_camera_does_not_see_the_object_do_not_count_in_the_
 def test_the_printed_heading_error_does_not_know_front_from_back(
     yaw_rad: float, folded: float, unfolded: float
 ):
-    scores = score_errors(errors_of([answer(12.0, yaw_rad)]))
+    scores = single_object_metrics(errors_of([answer(12.0, yaw_rad)]))
     assert scores.folded_heading_rad == pytest.approx(folded)  # arctan |cross / dot| of (7.4)
     assert folded == pytest.approx(abs(np.arctan(np.sin(yaw_rad) / np.cos(yaw_rad))))
     assert scores.heading_rad == pytest.approx(unfolded)
@@ -159,11 +163,11 @@ def test_the_printed_heading_error_does_not_know_front_from_back(
 
 def test_headings_are_compared_around_the_circle():
     truth = true_track([0, 1], [12.0, 12.0], yaw_rad=3.1)
-    errors = follow_errors(
-        truth, followed([0, 1], [answer(12, -3.1), answer(12, 3.1 - 20 * np.pi)])
+    errors = single_object_errors(
+        truth, predicted_track([0, 1], [answer(12, -3.1), answer(12, 3.1 - 20 * np.pi)])
     )
     np.testing.assert_allclose(errors.heading_rad, [2 * np.pi - 6.2, 0], atol=1e-9)
-    assert score_errors(errors).heading_bias_rad == pytest.approx(np.pi - 3.1)
+    assert single_object_metrics(errors).heading_bias_rad == pytest.approx(np.pi - 3.1)
 
 
 def test_success_needs_more_than_the_threshold_and_less_than_the_angle():
@@ -186,14 +190,14 @@ def test_one_pass_evaluation_counts_thresholds():
     assert area_under(success) == pytest.approx(0.5 + 0.5 / 40)
     precision = precision_curve(errors, rule)
     assert precision.tolist() == [0.5] * 21
-    assert score_errors(errors).precision == pytest.approx(0.5)
+    assert single_object_metrics(errors).precision == pytest.approx(0.5)
 
 
 def test_precision_falls_with_the_distance():
     # 0.5 m off: within at 0.5, 0.6 .. 2.0 m of 0, 0.1 .. 2.0 m; the first slope counts half.
-    scores = score_errors(errors_of([answer(12.5)]))
+    scores = single_object_metrics(errors_of([answer(12.5)]))
     assert scores.precision == pytest.approx(15.5 / 20)
-    assert score_errors(errors_of([answer(14.5)])).precision == 0.0
+    assert single_object_metrics(errors_of([answer(14.5)])).precision == 0.0
 
 
 def test_the_cumulative_plot_ends_at_the_share_of_right_frames():
@@ -209,24 +213,24 @@ def test_the_location_plot_counts_frames_nearer_than_a_threshold():
 
 def test_an_object_found_again_is_not_lost_for_good():
     errors = errors_of([answer(12), answer(40), answer(12.2), answer(40), answer(40)])
-    scores = score_errors(errors)
+    scores = single_object_metrics(errors)
     assert scores.off == 0.6
     assert scores.lost_from == 3
-    assert score_errors(errors_of([answer(40), answer(12)])).lost_from is None
-    assert score_errors(errors_of([answer(40), answer(40)])).lost_from == 0
+    assert single_object_metrics(errors_of([answer(40), answer(12)])).lost_from is None
+    assert single_object_metrics(errors_of([answer(40), answer(40)])).lost_from == 0
 
 
 def test_times_and_frames_of_several_tracks_together():
     near, far = errors_of([answer(12.0)] * 3), errors_of([answer(13.0)])
-    scores = score_errors(FollowErrors.concatenate([near, far]))
+    scores = single_object_metrics(SingleObjectErrors.concatenate([near, far]))
     assert scores.frames == 4
     assert scores.center_m == 0.25  # of all frames, not of the two tracks
     assert scores.ms_per_frame == scores.ms_p99 == pytest.approx(2.0)
 
 
 def test_no_frame_gives_no_figure():
-    errors = follow_errors(true_track([0], [12.0]), followed([], []))
-    scores = score_errors(errors)
+    errors = single_object_errors(true_track([0], [12.0]), predicted_track([], []))
+    scores = single_object_metrics(errors)
     assert scores.frames == 0
     assert np.isnan([scores.center_m, scores.success, scores.off, scores.ms_p99]).all()
     assert scores.lost_from is None

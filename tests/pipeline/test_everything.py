@@ -83,19 +83,19 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
     has_looked, waited = threading.Event(), []
-    examine, follow = DepthCn.examine, ObstacleProcess.step
+    examine, step = DepthCn.examine, ObstacleProcess.step
 
     def examine_and_tell(*given):
         verified = examine(*given)
         has_looked.set()
         return verified
 
-    def follow_late(*given):
+    def step_late(*given):
         waited.append(has_looked.wait(timeout=20))
-        return follow(*given)
+        return step(*given)
 
     monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
-    monkeypatch.setattr(ObstacleProcess, "step", follow_late)
+    monkeypatch.setattr(ObstacleProcess, "step", step_late)
     with Pipeline(config=everything) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]

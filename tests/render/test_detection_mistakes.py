@@ -24,7 +24,7 @@ def test_each_kind_has_its_colour():
     assert color(40, 90) == palette.MOVING
     assert color(400, 90) == palette.STATIC
     assert color(700, 90) == palette.MOVING
-    assert color(40, 240) == palette.FOLLOWED
+    assert color(40, 240) == palette.TRACKED_OBJECT
 
 
 def test_small_pictures_are_enlarged_and_nothing_may_be_found():

@@ -7,16 +7,16 @@ import pytest
 
 from perception.render import palette
 from perception.render.canvas import blank_canvas
-from perception.render.follow_composition import FollowComposition
-from perception.render.follow_figures import FollowFigure, draw_region, draw_tag, draw_way
-from perception.render.follow_scene import FollowScene, FollowTrail
-from perception.render.follow_views import FollowViews
+from perception.render.follow_composition import TrackedObjectComposition
+from perception.render.follow_figures import TrackedObjectFigure, draw_region, draw_tag, draw_way
+from perception.render.follow_scene import TrackedObjectScene, TrackedObjectTrail
+from perception.render.follow_views import TrackedObjectViews
 from perception.render.panels import FittedImage, Resizing
 from perception.render.scan_points import ScanPoints
-from perception.render.speed_chart import STATE_COLORS, draw_speed_chart
+from perception.render.speed_chart import STATUS_COLORS, draw_speed_chart
 from perception.render.tracks import TrackStyle
 from perception.tracking.single_object.image_region import ImageRegion
-from perception.tracking.single_object.tracker import FollowedObject, FollowState
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 
 STYLE = TrackStyle()
@@ -28,21 +28,21 @@ def rectangle(x1, y1, x2, y2, size_px) -> ImageRegion:
     return ImageRegion(hull_px, size_px)
 
 
-def followed_in(state: FollowState, box: Boxes3D | None = BOX, **changes) -> FollowedObject:
-    return FollowedObject(
+def tracked_in(state: TrackStatus, box: Boxes3D | None = BOX, **changes) -> TrackedObject:
+    return TrackedObject(
         state, box, **{"velocity_m_s": np.array([3.0, 4.0]), "box_px": None} | changes
     )
 
 
 @pytest.fixture
-def follow_scene(scene) -> FollowScene:
-    return FollowScene(
+def follow_scene(scene) -> TrackedObjectScene:
+    return TrackedObjectScene(
         result=scene,
-        followed=followed_in(FollowState.SEEN),
+        tracked=tracked_in(TrackStatus.SEEN),
         way_velo=np.array([[8.0, 1, -1.73], [10, 1, -1.73], [12, 1, -1.73]]),
         ego_way_velo=np.array([[-8.0, 0, -1.73], [-4, 0, -1.73], [0, 0, -1.73]]),
         speeds_km_h=[17.0, 18.0],
-        states=[FollowState.SEEN, FollowState.SEEN],
+        states=[TrackStatus.SEEN, TrackStatus.SEEN],
         seconds=0.004,
         region=rectangle(85, 40, 95, 60, (200, 100)),
         truth=BOX,
@@ -54,58 +54,68 @@ def count_of(picture, color, tolerance=12) -> int:
 
 
 def test_the_picture_has_its_size_and_shows_object_ways_region_and_label(follow_scene):
-    picture = FollowComposition((1280, 720), frame_count=4).draw(follow_scene)
+    picture = TrackedObjectComposition((1280, 720), frame_count=4).draw(follow_scene)
     assert picture.shape == (720, 1280, 3)
-    for color in (palette.FOLLOWED, palette.EGO_WAY, palette.INSIDE, palette.RING, palette.TRUTH):
+    for color in (
+        palette.TRACKED_OBJECT,
+        palette.EGO_WAY,
+        palette.INSIDE,
+        palette.RING,
+        palette.TRUTH,
+    ):
         assert count_of(picture, color) > 60
 
 
 def test_without_a_camera_the_scene_takes_the_whole_height(follow_scene):
     frame = replace(follow_scene.result.frame, image=None, calibration=None)
     bare = replace(follow_scene, result=replace(follow_scene.result, frame=frame), region=None)
-    picture = FollowComposition((1280, 720)).draw(bare)
+    picture = TrackedObjectComposition((1280, 720)).draw(bare)
     # Where the camera's picture was, the scene's dark panel is.
     assert np.abs(picture[30:200, 500:800].astype(int) - palette.PANEL).max(axis=2).min() == 0
-    assert count_of(picture, palette.FOLLOWED) > 60
+    assert count_of(picture, palette.TRACKED_OBJECT) > 60
     assert count_of(picture, palette.INSIDE) == 0
 
 
 def test_an_object_in_the_image_alone_is_drawn_as_its_rectangle(follow_scene):
-    answer = followed_in(FollowState.SEEN, None, box_px=np.array([50.0, 30, 120, 70]))
-    views = FollowViews(replace(follow_scene, followed=answer, region=None, truth=None), STYLE)
+    answer = tracked_in(TrackStatus.SEEN, None, box_px=np.array([50.0, 30, 120, 70]))
+    views = TrackedObjectViews(
+        replace(follow_scene, tracked=answer, region=None, truth=None), STYLE
+    )
     image = views.camera((200, 100))
-    assert tuple(image[50, 50]) == palette.FOLLOWED
+    assert tuple(image[50, 50]) == palette.TRACKED_OBJECT
     assert tuple(image[50, 80]) == (128, 128, 128)
     assert views.from_above((300, 300)).shape == (300, 300, 3)
 
 
 @pytest.mark.parametrize("box", [None, Boxes3D(BOX.bottom_m * (-1, 1, 1), BOX.size_m, BOX.yaw_rad)])
 def test_an_object_out_of_the_image_leaves_the_close_up_blank(follow_scene, box):
-    answer = followed_in(FollowState.LOST, box)
-    close_up = FollowViews(replace(follow_scene, followed=answer), STYLE).close_up((80, 60))
+    answer = tracked_in(TrackStatus.LOST, box)
+    close_up = TrackedObjectViews(replace(follow_scene, tracked=answer), STYLE).close_up((80, 60))
     assert (close_up == palette.PANEL).all()
 
 
 def test_the_close_up_stays_within_the_image(follow_scene):
     near = Boxes3D(np.array([[3.0, 2, -1.73]]), BOX.size_m, BOX.yaw_rad)
-    answer = followed_in(FollowState.SEEN, near)
-    views = FollowViews(replace(follow_scene, followed=answer, region=None, truth=None), STYLE)
+    answer = tracked_in(TrackStatus.SEEN, near)
+    views = TrackedObjectViews(
+        replace(follow_scene, tracked=answer, region=None, truth=None), STYLE
+    )
     assert count_of(views.close_up((160, 80)), palette.PANEL, 0) == 0
 
 
 def test_the_view_from_above_holds_vehicle_and_object(follow_scene):
     far = Boxes3D(np.array([[70.0, -30, -1.73]]), BOX.size_m, BOX.yaw_rad)
-    scene = replace(follow_scene, followed=followed_in(FollowState.SEEN, far), truth=None)
-    picture = FollowViews(scene, STYLE).from_above((300, 400))
-    assert count_of(picture, palette.FOLLOWED) > 10
+    scene = replace(follow_scene, tracked=tracked_in(TrackStatus.SEEN, far), truth=None)
+    picture = TrackedObjectViews(scene, STYLE).from_above((300, 400))
+    assert count_of(picture, palette.TRACKED_OBJECT) > 10
     assert count_of(picture, palette.VEHICLE) > 5
 
 
 def test_what_is_not_seen_is_said_and_what_is_lost_is_grey():
-    words = {state: FollowFigure.of(followed_in(state), None).words for state in FollowState}
+    words = {state: TrackedObjectFigure.of(tracked_in(state), None).words for state in TrackStatus}
     assert words == {"seen": "18.0 km/h", "predicted": "predicted 18.0 km/h", "lost": "lost"}
-    assert FollowFigure.of(followed_in(FollowState.LOST), None).color == palette.FAINT_TEXT
-    assert FollowFigure.of(followed_in(FollowState.SEEN, None), None) is None
+    assert TrackedObjectFigure.of(tracked_in(TrackStatus.LOST), None).color == palette.FAINT_TEXT
+    assert TrackedObjectFigure.of(tracked_in(TrackStatus.SEEN, None), None) is None
 
 
 def test_a_region_is_blue_and_its_ring_red():
@@ -121,11 +131,13 @@ def test_a_region_is_blue_and_its_ring_red():
 def test_a_tag_stands_over_its_box_or_under_it_and_never_beside_the_canvas():
     for outline, row in (((40, 60, 80, 90), 45), ((40, 2, 80, 30), 45)):
         canvas = blank_canvas((120, 100), (200, 200, 200))
-        draw_tag(canvas, "9 km/h", np.array(outline, float), palette.FOLLOWED, 8)
+        draw_tag(canvas, "9 km/h", np.array(outline, float), palette.TRACKED_OBJECT, 8)
         darkened = np.flatnonzero((canvas < 100).any(axis=(1, 2)))
         assert abs(darkened.mean() - row) < 8
     canvas = blank_canvas((120, 100), (200, 200, 200))
-    draw_tag(canvas, "9 km/h", np.array([np.inf, np.inf, -np.inf, -np.inf]), palette.FOLLOWED, 8)
+    draw_tag(
+        canvas, "9 km/h", np.array([np.inf, np.inf, -np.inf, -np.inf]), palette.TRACKED_OBJECT, 8
+    )
     assert (canvas == 200).all()
 
 
@@ -141,7 +153,7 @@ def test_points_glow_on_the_object_and_are_dim_on_the_ground(scene):
     # The lowest first.
     np.testing.assert_array_equal(shown.points_velo[:, 2], np.sort(points[:, 2]))
     np.testing.assert_array_equal(shown.is_marked, [False, True, False])
-    assert tuple(shown.colors[1]) == palette.FOLLOWED
+    assert tuple(shown.colors[1]) == palette.TRACKED_OBJECT
     assert shown.colors[0].sum() < shown.colors[2].sum()
 
 
@@ -157,30 +169,30 @@ def test_the_nearest_point_is_on_top(scene):
 
 def test_the_chart_rises_with_the_speed_and_says_the_states():
     canvas = blank_canvas((240, 80), palette.BACKGROUND)
-    states = [FollowState.SEEN, FollowState.SEEN, FollowState.PREDICTED, FollowState.LOST]
+    states = [TrackStatus.SEEN, TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]
     draw_speed_chart(canvas, [0.0, 10.0, 20.0, np.nan], states, 8, 6)
     strip = canvas[round(0.70 * 80) + 4]
     assert [tuple(strip[column]) for column in (40, 65, 90, 120)] == [
-        STATE_COLORS[state] for state in states
+        STATUS_COLORS[state] for state in states
     ]
     assert tuple(strip[200]) == palette.BACKGROUND
-    rows, columns = np.nonzero((canvas[:55] == palette.FOLLOWED).all(axis=2))
+    rows, columns = np.nonzero((canvas[:55] == palette.TRACKED_OBJECT).all(axis=2))
     assert np.corrcoef(rows, columns)[0, 1] < -0.9
 
 
 def test_a_chart_of_who_stands_still_can_be_drawn():
     canvas = blank_canvas((240, 80), palette.BACKGROUND)
-    draw_speed_chart(canvas, [np.nan, 0.0], [FollowState.LOST, FollowState.SEEN], 2, 6)
+    draw_speed_chart(canvas, [np.nan, 0.0], [TrackStatus.LOST, TrackStatus.SEEN], 2, 6)
     assert (canvas != palette.BACKGROUND).any()
 
 
 def test_a_trail_keeps_places_in_the_world_and_forgets_where_the_object_was_lost(scene):
-    trail = FollowTrail()
-    for shift_m, state in enumerate([FollowState.SEEN, FollowState.PREDICTED, FollowState.LOST]):
+    trail = TrackedObjectTrail()
+    for shift_m, state in enumerate([TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]):
         pose = np.eye(4)
         pose[0, 3] = shift_m
         result = replace(scene, world_SE3_velo=pose)
-        trail.add(result, followed_in(state))
+        trail.add(result, tracked_in(state))
     # Seen from the last pose, two metres on.
     np.testing.assert_allclose(trail.way_velo(result)[:, 0], [10, 11])
     np.testing.assert_allclose(

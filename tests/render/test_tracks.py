@@ -184,9 +184,9 @@ def test_no_tracks_draw_nothing():
 
 def test_without_tracks_the_picture_is_as_it_was(scene):
     before = SMALL.draw(scene)
-    followed = SMALL.draw(scene, Trails())
+    tracked = SMALL.draw(scene, Trails())
     # Only the legend says that tracks are looked for.
-    differing = np.nonzero((before != followed).any(axis=2))
+    differing = np.nonzero((before != tracked).any(axis=2))
     assert differing[0].min() > 450 * (1 - 0.075) - 1
     assert differing[1].max() < 0.27 * 800
 

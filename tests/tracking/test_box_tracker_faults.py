@@ -19,7 +19,7 @@ def walker(step: float, y: float = 2.0) -> Footprints:
     )
 
 
-def followed(steps: int = 10) -> BoxTracker:
+def tracked(steps: int = 10) -> BoxTracker:
     tracker = BoxTracker()
     for step in range(steps):
         tracker.update(0.1 * step, HERE, walker(step), NOTHING)
@@ -44,7 +44,7 @@ def test_no_scan_has_no_tracks():
 
 @pytest.mark.parametrize("back_s", [0.0, 0.4])
 def test_a_stamp_that_is_not_later_repeats_the_answer(back_s):
-    tracker = followed()
+    tracker = tracked()
     before = tracker.update(1.0, HERE, walker(10), NOTHING)
     again = tracker.update(1.0 - back_s, HERE, walker(50, y=-5), NOTHING)
     assert again.ids.tolist() == before.ids.tolist() == [0]
@@ -55,14 +55,14 @@ def test_a_stamp_that_is_not_later_repeats_the_answer(back_s):
 
 
 def test_a_short_gap_in_time_is_bridged():
-    tracker = followed(20)
+    tracker = tracked(20)
     tracks = tracker.update(2.6, HERE, walker(26), NOTHING)
     assert tracks.ids.tolist() == [0]
     np.testing.assert_allclose(tracks.velocities_m_s, [[1.4, 0.0]], atol=0.1)
 
 
 def test_a_long_gap_in_time_ends_tracks_and_ids_go_on():
-    tracker = followed()
+    tracker = tracked()
     assert len(tracker.update(60.0, HERE, NOTHING, NOTHING)) == 0
     for step in range(10):
         tracks = tracker.update(61 + 0.1 * step, HERE, walker(step), NOTHING)
@@ -71,7 +71,7 @@ def test_a_long_gap_in_time_ends_tracks_and_ids_go_on():
 
 
 def test_ids_are_not_used_again_after_all_tracks_ended():
-    tracker = followed()
+    tracker = tracked()
     tracker.end_all()
     assert len(tracker.update(2.0, HERE, NOTHING, NOTHING)) == 0
     tracker.end_all()
@@ -82,12 +82,12 @@ def test_ids_are_not_used_again_after_all_tracks_ended():
 
 def test_two_trackers_count_for_themselves():
     for _ in range(2):
-        tracks = followed().update(1.0, HERE, walker(10), NOTHING)
+        tracks = tracked().update(1.0, HERE, walker(10), NOTHING)
         assert tracks.ids.tolist() == [0]
 
 
 def test_a_jump_of_the_pose_ends_the_track_and_begins_another():
-    tracker, far = followed(), np.eye(4)
+    tracker, far = tracked(), np.eye(4)
     far[:2, 3] = 5e5, -3e5
     for step in range(10, 30):
         tracks = tracker.update(0.1 * step, far, walker(step), NOTHING)

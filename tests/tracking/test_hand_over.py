@@ -7,8 +7,8 @@ import pytest
 
 from perception.errors import UsageError
 from perception.geometry.grids import VehicleBody
-from perception.tracking.single_object.hand_over import HandOver, moment_of
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.hand_over import TrackHandover, tracker_input_of
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D, Calibration, Frame, Obstacles, Result, Tracks, Voxels
 
 
@@ -26,19 +26,19 @@ class Recorder:
     """A tracker that remembers what it was asked."""
 
     calls: list[str] = field(default_factory=list)
-    moments: list[Moment] = field(default_factory=list)
+    tracker_inputs: list[TrackerInput] = field(default_factory=list)
 
-    def start(self, moment, box_velo):
+    def start(self, tracker_input, box_velo):
         self.calls.append(f"start at {box_velo.bottom_m[0, 0]:g}")
-        return self._answer(moment)
+        return self._answer(tracker_input)
 
-    def follow(self, moment):
+    def update(self, tracker_input):
         self.calls.append("follow")
-        return self._answer(moment)
+        return self._answer(tracker_input)
 
-    def _answer(self, moment):
-        self.moments.append(moment)
-        return FollowedObject(FollowState.SEEN, None, np.zeros(2), None)
+    def _answer(self, tracker_input):
+        self.tracker_inputs.append(tracker_input)
+        return TrackedObject(TrackStatus.SEEN, None, np.zeros(2), None)
 
 
 def tracks_of(*ids: int) -> Tracks:
@@ -66,37 +66,37 @@ def result_with(*ids: int) -> Result:
 
 def test_a_moment_is_what_the_pipeline_saw_without_the_vehicle_itself():
     result = result_with()
-    moment = moment_of(result, VehicleBody())
-    np.testing.assert_array_equal(moment.points_velo, result.frame.points_velo[[0, 2]])
-    assert moment.stamp_s == 0.3
-    assert moment.world_SE3_velo[0, 3] == 7
-    assert moment.ground is result.ground
-    assert moment.image is result.frame.image
-    np.testing.assert_array_equal(moment.image_P_velo, np.eye(3, 4))
+    tracker_input = tracker_input_of(result, VehicleBody())
+    np.testing.assert_array_equal(tracker_input.points_velo, result.frame.points_velo[[0, 2]])
+    assert tracker_input.stamp_s == 0.3
+    assert tracker_input.world_SE3_velo[0, 3] == 7
+    assert tracker_input.ground is result.ground
+    assert tracker_input.image is result.frame.image
+    np.testing.assert_array_equal(tracker_input.image_P_velo, np.eye(3, 4))
 
 
 def test_without_a_camera_a_moment_has_no_image():
     result = result_with()
     bare = replace(result, frame=replace(result.frame, image=None, calibration=None))
-    moment = moment_of(bare, VehicleBody())
-    assert moment.image is None
-    assert moment.image_P_velo is None
+    tracker_input = tracker_input_of(bare, VehicleBody())
+    assert tracker_input.image is None
+    assert tracker_input.image_P_velo is None
 
 
 def test_the_track_is_taken_over_once_and_then_no_longer_needed():
     tracker = Recorder()
-    hand_over = HandOver(5, tracker, VehicleBody())
-    assert hand_over.update(result_with()) is None
-    assert hand_over.update(result_with(4)) is None
-    assert not hand_over.has_begun
-    assert hand_over.update(result_with(4, 5)) is not None
+    handover = TrackHandover(5, tracker, VehicleBody())
+    assert handover.update(result_with()) is None
+    assert handover.update(result_with(4)) is None
+    assert not handover.has_started
+    assert handover.update(result_with(4, 5)) is not None
     for ids in [(5,), (4,), ()]:
-        assert hand_over.update(result_with(*ids)) is not None
+        assert handover.update(result_with(*ids)) is not None
     assert tracker.calls == ["start at 15", "follow", "follow", "follow"]
-    assert hand_over.has_begun
-    assert all(len(moment.points_velo) == 2 for moment in tracker.moments)
+    assert handover.has_started
+    assert all(len(tracker_input.points_velo) == 2 for tracker_input in tracker.tracker_inputs)
 
 
 def test_no_track_has_a_number_below_zero():
     with pytest.raises(UsageError, match="an id of 0 or more, found -1"):
-        HandOver(-1, Recorder(), VehicleBody())
+        TrackHandover(-1, Recorder(), VehicleBody())

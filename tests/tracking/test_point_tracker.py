@@ -124,7 +124,7 @@ def test_the_author_keeps_no_more_than_lies_around():
         pose = from_euler(0, 0, 0, np.array([10.0 * frame, 0, 0]))
         drive.scan((15, 5), (10, -5), (20, 0), pose=pose)
     assert drive.tracker._next_id == 1200
-    assert len(drive.tracker._followed) < 40
+    assert len(drive.tracker._tracks) < 40
 
 
 def test_positions_and_velocities_are_in_the_axes_of_the_scan():

@@ -75,7 +75,7 @@ def _quality_table(reports: Mapping[str, DatmoReport]) -> str:
         rows.append(
             [
                 method,
-                len(report.lost_objects),
+                len(report.never_tracked),
                 len(false.ids),
                 f"{false.per_minute:.1f}",
                 len(false.never_right),
@@ -107,11 +107,11 @@ def _object_row(summary: ObjectSummary, types: Mapping[int, str]) -> list[Cell]:
         types.get(summary.object_id),
         f"{summary.speed_m_s:.1f}",
         summary.frames,
-        summary.frames_followed,
+        summary.frames_tracked,
         f"{100 * summary.share:.0f} %",
         summary.tracks,
         summary.switches,
-        f"{summary.found_after_s:.1f}" if summary.frames_followed else None,
+        f"{summary.time_to_first_track_s:.1f}" if summary.frames_tracked else None,
         summary.center_m,
         summary.velocity_m_s,
     ]
@@ -138,7 +138,7 @@ def _results(report: DatmoReport) -> dict[str, Any]:
         "by_overlap": mot_results(report.by_overlap),
         "by_loose_overlap": mot_results(report.by_loose_overlap),
         "errors": report.errors,
-        "lost_objects": report.lost_objects,
+        "never_tracked": report.never_tracked,
         "false_tracks": report.false_tracks,
         "objects": objects,
         "ms_per_frame": 1000 * report.seconds.mean() if report.frames else None,

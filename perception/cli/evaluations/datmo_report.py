@@ -15,11 +15,11 @@ from perception.evaluation.multi_object.false_tracks import (
     verdicts,
 )
 from perception.evaluation.multi_object.followed import (
-    FollowedObjects,
     ObjectSummary,
+    TargetErrors,
     TrackErrors,
-    follow,
     summarise_objects,
+    target_errors,
     track_errors,
 )
 from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
@@ -135,9 +135,9 @@ class DatmoReport:
     seconds: Float64
 
     @property
-    def lost_objects(self) -> list[int]:
+    def never_tracked(self) -> list[int]:
         """Objects that no track ever followed."""
-        return [summary.object_id for summary in self.objects if summary.is_lost]
+        return [summary.object_id for summary in self.objects if summary.is_never_tracked]
 
 
 def measure_datmo(
@@ -201,7 +201,7 @@ class _Judge:
         self._stamps_s: list[float] = []
         self._seconds: list[float] = []
         self._judged: list[JudgedTwice] = []
-        self._followed: list[FollowedObjects] = []
+        self._target_errors: list[TargetErrors] = []
         self._verdicts: list[TrackVerdicts] = []
 
     def see(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
@@ -211,12 +211,12 @@ class _Judge:
         self._stamps_s.append(frame.stamp_s)
         self._seconds.append(seconds)
         self._judged.append(likeness_frames(scene, tracks, judgement, rule))
-        self._followed.append(follow(frame.stamp_s, scene, tracks, judgement))
+        self._target_errors.append(target_errors(frame.stamp_s, scene, tracks, judgement))
         self._verdicts.append(verdicts(tracks, judgement))
 
     def report(self, truth: MovingTruth) -> DatmoReport:
         """Sum up all frames."""
-        protocol, followed = self._protocol, FollowedObjects.concatenate(self._followed)
+        protocol, followed = self._protocol, TargetErrors.concatenate(self._target_errors)
         duration_s = _duration_s(self._stamps_s)
         by_distance = [judged.by_distance for judged in self._judged]
         by_overlap = [judged.by_overlap for judged in self._judged]

@@ -19,7 +19,7 @@ from perception.cli.evaluations.otd_report import (
     OtdReport,
     judge_object,
 )
-from perception.cli.evaluations.otd_steps import follow_objects, pipeline_config
+from perception.cli.evaluations.otd_steps import pipeline_config, track_objects
 from perception.errors import UsageError
 from perception.tracking.single_object.trackers import TRACKERS
 
@@ -84,11 +84,11 @@ def measure_otd(
     """
     protocol = protocol or OtdProtocol()
     objects = [
-        judge_object(wanted, followings, at_hand.drive.calibration, protocol)
+        judge_object(wanted, runs, at_hand.drive.calibration, protocol)
         for at_hand in found.drives
-        for wanted, followings in zip(
+        for wanted, runs in zip(
             at_hand.objects,
-            follow_objects(at_hand.drive, at_hand.objects, trackers, on_bad_frame=on_bad_frame),
+            track_objects(at_hand.drive, at_hand.objects, trackers, on_bad_frame=on_bad_frame),
             strict=True,
         )
     ]

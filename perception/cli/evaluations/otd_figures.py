@@ -10,18 +10,18 @@ from perception.cli.evaluations.otd_objects import AbsentObject
 from perception.cli.evaluations.otd_report import ObjectReport, OtdReport
 from perception.cli.table import Cell, format_table
 from perception.evaluation.single_object.curves import FollowRule
-from perception.evaluation.single_object.scores import FollowScores
+from perception.evaluation.single_object.scores import SingleObjectMetrics
 
 _TOGETHER = "together"
 _PRINTED = "thesis H-Fus"
-_Metric = Callable[[FollowScores], Cell]
+_Metric = Callable[[SingleObjectMetrics], Cell]
 
 
 def otd_tables(report: OtdReport) -> str:
     """Return the figures for people: what is followed, trackers side by side, then each in detail."""
     tables = [
         _objects_table(report),
-        *(_side_by_side(report, one) for one in _comparisons(report.protocol.follow)),
+        *(_side_by_side(report, one) for one in _comparisons(report.protocol.metrics)),
         *_challenge_tables(report),
         *(_detail_table(report, name) for name in report.trackers),
     ]
@@ -201,7 +201,7 @@ def _detail_row(one: ObjectReport, tracker: str) -> list[Cell]:
     return [one.sequence.name, *(_cell(scores, metric) for metric in _DETAILS.values())]
 
 
-def _cell(scores: FollowScores | None, metric: _Metric) -> Cell:
+def _cell(scores: SingleObjectMetrics | None, metric: _Metric) -> Cell:
     return None if scores is None else metric(scores)
 
 

@@ -12,7 +12,7 @@ from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive, sequences_in
 from data.synthetic.truth_files import truth_files
-from perception.cli.evaluations.otd_steps import ObjectToFollow
+from perception.cli.evaluations.otd_steps import TargetObject
 from perception.errors import DriveError, UsageError
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
@@ -69,7 +69,7 @@ class DriveAtHand:
     """
 
     drive: KittiSequence
-    objects: Sequence[ObjectToFollow]
+    objects: Sequence[TargetObject]
 
 
 @dataclass(frozen=True)
@@ -164,12 +164,12 @@ def _published_of(
 
 def _cut(
     wanted: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
-) -> ObjectToFollow | None:
+) -> TargetObject | None:
     """Return the object in the frames at hand, or None where there are less than two of it."""
     last = min(wanted.last_frame, frame_count(drive, frames) - 1)
     cut = replace(wanted, last_frame=last)
     truth = labelled.track(cut)
-    return ObjectToFollow(cut, truth, wanted.frame_count) if len(truth) >= 2 else None
+    return TargetObject(cut, truth, wanted.frame_count) if len(truth) >= 2 else None
 
 
 def _is_asked(one: ObjectSequence, request: ObjectRequest) -> bool:

@@ -14,8 +14,8 @@ from perception.evaluation.single_object.curves import (
     right_frames,
     success_curve,
 )
-from perception.evaluation.single_object.errors import FollowErrors
-from perception.evaluation.single_object.scores import FollowScores
+from perception.evaluation.single_object.errors import SingleObjectErrors
+from perception.evaluation.single_object.scores import SingleObjectMetrics
 from perception.render.success_plots import SuccessPanel, plot_success
 from perception.types import Bool, Float64
 
@@ -24,7 +24,7 @@ _LAST_LOCATION_PX = 50
 
 def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
     """Draw all plots; return their paths."""
-    rule = report.protocol.follow
+    rule = report.protocol.metrics
     paths = {
         name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
     }
@@ -48,7 +48,7 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
 
 
 def _cumulative_panels(
-    report: OtdReport, is_right: Callable[[FollowErrors], Bool]
+    report: OtdReport, is_right: Callable[[SingleObjectErrors], Bool]
 ) -> list[SuccessPanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
     panels = []
@@ -73,7 +73,7 @@ def _cumulative_panels(
 
 def _location_panel(report: OtdReport) -> SuccessPanel:
     thresholds_px = np.arange(_LAST_LOCATION_PX + 1.0)
-    limit_px = report.protocol.follow.location_px
+    limit_px = report.protocol.metrics.location_px
     return _panel(
         report,
         (f"in brackets: within {limit_px:g} px", "distance of the centres [px]"),
@@ -84,7 +84,7 @@ def _location_panel(report: OtdReport) -> SuccessPanel:
 
 
 def _one_pass_panels(report: OtdReport) -> list[SuccessPanel]:
-    rule = report.protocol.follow
+    rule = report.protocol.metrics
     return [
         _panel(
             report,
@@ -107,8 +107,8 @@ def _panel(
     report: OtdReport,
     names: tuple[str, str],
     x_last: float,
-    curve: Callable[[FollowErrors], Float64],
-    value: Callable[[FollowScores], str],
+    curve: Callable[[SingleObjectErrors], Float64],
+    value: Callable[[SingleObjectMetrics], str],
 ) -> SuccessPanel:
     """Return the curves of all objects together; `names` are those of the panel and of its x axis."""
     curves = {name: curve(errors) for name, errors in _errors(report).items()}
@@ -124,6 +124,8 @@ def _panel(
     )
 
 
-def _errors(report: OtdReport, challenge: Challenge | None = None) -> Mapping[str, FollowErrors]:
+def _errors(
+    report: OtdReport, challenge: Challenge | None = None
+) -> Mapping[str, SingleObjectErrors]:
     errors = {name: report.errors_of(name, challenge) for name in report.trackers}
     return {name: one for name, one in errors.items() if one is not None}

@@ -11,15 +11,15 @@ from data.derived.challenges import (
     variations,
 )
 from data.derived.single_object import ObjectSequence
-from perception.cli.evaluations.otd_steps import Following, ObjectToFollow
+from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun
 from perception.evaluation.single_object.curves import FollowRule
-from perception.evaluation.single_object.errors import FollowErrors, follow_errors
-from perception.evaluation.single_object.scores import PROTOCOL_WORDS as FOLLOW_WORDS
-from perception.evaluation.single_object.scores import FollowScores, score_errors
+from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
+from perception.evaluation.single_object.scores import PROTOCOL_WORDS as METRIC_WORDS
+from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
 from perception.types import Calibration
 
 PROTOCOL_WORDS = {
-    **FOLLOW_WORDS,
+    **METRIC_WORDS,
     "challenges": {str(one): words for one, words in CHALLENGE_WORDS.items()},
 }
 
@@ -33,7 +33,7 @@ class OtdProtocol:
         challenges: from where on a variation of the labels is one.
     """
 
-    follow: FollowRule = field(default_factory=FollowRule)
+    metrics: FollowRule = field(default_factory=FollowRule)
     challenges: ChallengeRule = field(default_factory=ChallengeRule)
 
 
@@ -57,8 +57,8 @@ class ObjectReport:
     whole_frames: int
     varies: Variations
     challenges: tuple[Challenge, ...]
-    errors: Mapping[str, FollowErrors]
-    scores: Mapping[str, FollowScores]
+    errors: Mapping[str, SingleObjectErrors]
+    scores: Mapping[str, SingleObjectMetrics]
     refusals: Mapping[str, str]
 
 
@@ -80,21 +80,25 @@ class OtdReport:
         """Return the objects with a challenge, or all."""
         return [one for one in self.objects if challenge is None or challenge in one.challenges]
 
-    def errors_of(self, tracker: str, challenge: Challenge | None = None) -> FollowErrors | None:
+    def errors_of(
+        self, tracker: str, challenge: Challenge | None = None
+    ) -> SingleObjectErrors | None:
         """Return all frames of a tracker, or those of objects with a challenge; None of no frames."""
         objects = self.objects_with(challenge)
         parts = [one.errors[tracker] for one in objects if tracker in one.errors]
-        return FollowErrors.concatenate(parts) if parts else None
+        return SingleObjectErrors.concatenate(parts) if parts else None
 
-    def scores_of(self, tracker: str, challenge: Challenge | None = None) -> FollowScores | None:
+    def scores_of(
+        self, tracker: str, challenge: Challenge | None = None
+    ) -> SingleObjectMetrics | None:
         """Return what all these frames together come to."""
         errors = self.errors_of(tracker, challenge)
-        return None if errors is None else score_errors(errors, self.protocol.follow)
+        return None if errors is None else single_object_metrics(errors, self.protocol.metrics)
 
 
 def judge_object(
-    wanted: ObjectToFollow,
-    followings: Mapping[str, Following],
+    wanted: TargetObject,
+    runs: Mapping[str, TrackerRun],
     camera: Calibration | None,
     protocol: OtdProtocol,
 ) -> ObjectReport:
@@ -107,9 +111,9 @@ def judge_object(
         protocol: how it is judged.
     """
     errors = {
-        name: follow_errors(wanted.truth, following.track, camera)
-        for name, following in followings.items()
-        if following.refusal is None
+        name: single_object_errors(wanted.truth, run.track, camera)
+        for name, run in runs.items()
+        if run.refusal is None
     }
     varies = variations(wanted.truth)
     return ObjectReport(
@@ -119,10 +123,6 @@ def judge_object(
         varies=varies,
         challenges=varies.challenges(protocol.challenges),
         errors=errors,
-        scores={name: score_errors(one, protocol.follow) for name, one in errors.items()},
-        refusals={
-            name: following.refusal
-            for name, following in followings.items()
-            if following.refusal is not None
-        },
+        scores={name: single_object_metrics(one, protocol.metrics) for name, one in errors.items()},
+        refusals={name: run.refusal for name, run in runs.items() if run.refusal is not None},
     )

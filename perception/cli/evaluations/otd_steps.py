@@ -9,20 +9,24 @@ from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import bar
 from perception.errors import PerceptionError
-from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
+from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.geometry.threads import one_blas_thread
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.sensor import LidarModel
-from perception.tracking.single_object.hand_over import moment_of
-from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.tracking.single_object.hand_over import tracker_input_of
+from perception.tracking.single_object.tracker import (
+    SingleObjectTracker,
+    TrackedObject,
+    TrackerInput,
+)
 from perception.tracking.single_object.trackers import single_object_tracker
 
-TrackerMaker = Callable[[str, LidarModel], SingleObjectTracker]
+TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
 
 
 @dataclass(frozen=True)
-class ObjectToFollow:
+class TargetObject:
     """One object of the drive at hand.
 
     Attributes:
@@ -37,7 +41,7 @@ class ObjectToFollow:
 
 
 @dataclass(frozen=True)
-class Following:
+class TrackerRun:
     """How one tracker did on one object.
 
     Attributes:
@@ -45,18 +49,18 @@ class Following:
         refusal: why it could not begin, or None.
     """
 
-    track: FollowedTrack
+    track: PredictedTrack
     refusal: str | None = None
 
 
-def follow_objects(
+def track_objects(
     drive: Drive,
-    objects: Sequence[ObjectToFollow],
+    objects: Sequence[TargetObject],
     trackers: Sequence[str],
     *,
-    make: TrackerMaker = single_object_tracker,
+    make: TrackerFactory = single_object_tracker,
     on_bad_frame: OnBadFrame = "stop",
-) -> list[dict[str, Following]]:
+) -> list[dict[str, TrackerRun]]:
     """Let every tracker follow every object, reading, registering and segmenting each frame once.
 
     Args:
@@ -72,8 +76,8 @@ def follow_objects(
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    followers = [
-        {name: _Follower(make(name, drive.sensor), one) for name in trackers} for one in objects
+    timed_trackers = [
+        {name: _TimedTracker(make(name, drive.sensor), one) for name in trackers} for one in objects
     ]
     config = pipeline_config()
     chain = ObstacleChain(drive.sensor, config)
@@ -82,12 +86,12 @@ def follow_objects(
     count = frame_count(drive, limit)
     for frame in bar(frames, drive.name, count):
         result, _ = chain.segment(frame)
-        moment = moment_of(result, config.body)
+        tracker_input = tracker_input_of(result, config.body)
         with one_blas_thread():
-            for by_name in followers:
-                for follower in by_name.values():
-                    follower.see(frame.index, moment)
-    return [{name: one.following() for name, one in by_name.items()} for by_name in followers]
+            for by_name in timed_trackers:
+                for timed_tracker in by_name.values():
+                    timed_tracker.see(frame.index, tracker_input)
+    return [{name: one.run() for name, one in by_name.items()} for by_name in timed_trackers]
 
 
 def pipeline_config() -> PipelineConfig:
@@ -95,25 +99,25 @@ def pipeline_config() -> PipelineConfig:
     return PipelineConfig.for_motion("none")
 
 
-class _Follower:
+class _TimedTracker:
     """One tracker on one object, with a clock."""
 
-    def __init__(self, tracker: SingleObjectTracker, wanted: ObjectToFollow) -> None:
+    def __init__(self, tracker: SingleObjectTracker, wanted: TargetObject) -> None:
         self._tracker, self._truth, self._sequence = tracker, wanted.truth, wanted.sequence
         self._row_of_frame = {frame: row for row, frame in enumerate(wanted.truth.frames.tolist())}
         self._frames: list[int] = []
-        self._answers: list[FollowedObject] = []
+        self._answers: list[TrackedObject] = []
         self._seconds: list[float] = []
         self._refusal: str | None = None
 
-    def see(self, frame: int, moment: Moment) -> None:
+    def see(self, frame: int, tracker_input: TrackerInput) -> None:
         """Begin where the object is first labelled, then follow up to the sequence's last frame."""
         is_over = frame > self._sequence.last_frame or self._refusal is not None
         if is_over or (not self._answers and frame not in self._row_of_frame):
             return
         start_s = time.perf_counter()
         try:
-            answer = self._answer(frame, moment)
+            answer = self._answer(frame, tracker_input)
         except PerceptionError as error:
             if self._answers:
                 raise
@@ -123,13 +127,13 @@ class _Follower:
         self._frames.append(frame)
         self._answers.append(answer)
 
-    def _answer(self, frame: int, moment: Moment) -> FollowedObject:
+    def _answer(self, frame: int, tracker_input: TrackerInput) -> TrackedObject:
         if self._answers:
-            return self._tracker.follow(moment)
+            return self._tracker.update(tracker_input)
         row = self._row_of_frame[frame]
-        return self._tracker.start(moment, self._truth.boxes_velo[row : row + 1])
+        return self._tracker.start(tracker_input, self._truth.boxes_velo[row : row + 1])
 
-    def following(self) -> Following:
+    def run(self) -> TrackerRun:
         """Return how the tracker did."""
-        track = FollowedTrack.of_answers(self._frames, self._answers, self._seconds)
-        return Following(track, self._refusal)
+        track = PredictedTrack.of_answers(self._frames, self._answers, self._seconds)
+        return TrackerRun(track, self._refusal)

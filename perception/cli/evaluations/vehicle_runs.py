@@ -11,7 +11,7 @@ from data.frames import OnBadFrame
 from perception.cli.drive_results import drive_results
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.vehicles.objects import locate
-from perception.detection.vehicles.tracker import Followed, VehicleTracker
+from perception.detection.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_choice import DetectionChoice
 from perception.types import MODALITIES, Detections, Frame, FusedDetections, Result
@@ -47,7 +47,7 @@ class VehicleFrame:
     """
 
     frame: Frame
-    followed: Followed
+    tracked: VehicleTrackerResult
 
 
 def vehicle_frames(
@@ -74,15 +74,17 @@ def vehicle_frames(
         config = PipelineConfig(detection=DetectionChoice(depthcn=False))
         for result in drive_results(drive, config, limit=limit, on_bad_frame=on_bad_frame):
             if result.vehicles is not None:
-                yield VehicleFrame(result.frame, Followed(result.vehicles, result.tracks))
+                yield VehicleFrame(
+                    result.frame, VehicleTrackerResult(result.vehicles, result.tracks)
+                )
         return
     detect = _by_depthcn(drive) if source == "depthcn" else _by_labels(drive, label_noise)
     tracker, config = VehicleTracker(), PipelineConfig.for_motion()
     for result in drive_results(drive, config, limit=limit, on_bad_frame=on_bad_frame):
-        yield VehicleFrame(result.frame, _follow(tracker, detect(result.frame), result))
+        yield VehicleFrame(result.frame, _track(tracker, detect(result.frame), result))
 
 
-def _follow(tracker: VehicleTracker, detections: Detections, result: Result) -> Followed:
+def _track(tracker: VehicleTracker, detections: Detections, result: Result) -> VehicleTrackerResult:
     best_first = np.argsort(-detections.scores, kind="stable")
     fused = FusedDetections(
         detections[best_first],

@@ -108,7 +108,7 @@ def measure_vehicles(
     """
     answers, errors, numbers, meetings = [], [], [], []
     for one in seen:
-        frame, found = one.frame, one.followed.vehicles
+        frame, found = one.frame, one.tracked.vehicles
         calibration, _ = camera_of(frame)
         answers.append(to_vehicle_rows(frame.index, found, calibration, min_score))
         true = drive.labels(frame.index)
@@ -134,7 +134,7 @@ def measure_vehicles(
 
 def _meetings(one: VehicleFrame) -> tuple[int, int]:
     """Return how many moving objects share their place with a believed vehicle, and how many its id."""
-    found, tracks = one.followed.vehicles, one.followed.tracks
+    found, tracks = one.tracked.vehicles, one.tracked.tracks
     rows = np.flatnonzero((found.ids >= 0) & np.isfinite(found.boxes.yaw_rad))
     together = iou_ground(found.boxes[rows], tracks.boxes) >= _SAME_PLACE_IOU
     is_same = found.ids[rows][:, None] == tracks.ids

@@ -8,21 +8,21 @@ import numpy as np
 
 from data.derived.single_object import ObjectSequence
 from data.synthetic.scenario_truth import true_track
-from data.synthetic.scenarios import FOLLOWED_ID, Kind, Scenario, ScenarioDrive, all_scenarios
-from perception.cli.evaluations.otd_steps import Following, ObjectToFollow, follow_objects
+from data.synthetic.scenarios import TARGET_ID, Kind, Scenario, ScenarioDrive, all_scenarios
+from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun, track_objects
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
 from perception.evaluation.single_object.curves import FollowRule
-from perception.evaluation.single_object.errors import FollowErrors, follow_errors
-from perception.evaluation.single_object.scores import FollowScores, score_errors
+from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
+from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
 from perception.evaluation.single_object.track import TrueTrack
-from perception.render.following_plots import FollowingPanel, plot_following
+from perception.render.following_plots import TrackingErrorPanel, plot_tracking_errors
 from perception.sensor import HDL_64E, LidarModel
-from perception.tracking.single_object.tracker import FollowState
+from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
 # After an object was hidden, it is found again once it is seen and so much of both boxes is shared (A.1).
-_FOUND_OVERLAP = FollowRule().overlap
+_REACQUIRED_IOU = FollowRule().overlap
 _COLUMNS = (
     *("scene", "tracker", "E3D m", "E2D px", "heading deg"),
     *("seen", "predicted", "lost", "beside it", "found again", "ms"),
@@ -30,7 +30,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True)
-class FollowingPlan:
+class SingleObjectStudyConfig:
     """What to measure.
 
     Attributes:
@@ -55,14 +55,14 @@ class SingleObjectStudyMetrics:
     Attributes:
         scores: over all frames.
         hidden_frames: in which nobody sees the object.
-        found_again_s: after the object was hidden, until the tracker has it again; infinite where it never
+        reacquired_s: after the object was hidden, until the tracker has it again; infinite where it never
             has, NaN where the object was never hidden.
         refusal: why the tracker could not begin, or None.
     """
 
-    scores: FollowScores
+    scores: SingleObjectMetrics
     hidden_frames: int
-    found_again_s: float
+    reacquired_s: float
     refusal: str | None = None
 
 
@@ -72,7 +72,7 @@ class _Scene:
 
     scenario: Scenario
     truth: TrueTrack
-    errors: Mapping[str, FollowErrors]
+    errors: Mapping[str, SingleObjectErrors]
     metrics: Mapping[str, SingleObjectStudyMetrics]
 
     @property
@@ -80,38 +80,38 @@ class _Scene:
         """(K,) in which frames nobody sees the object."""
         return np.asarray(np.isnan(self.truth.boxes_px[:, 0]))
 
-    def panel(self) -> FollowingPanel:
+    def panel(self) -> TrackingErrorPanel:
         """Return what is drawn of it: the trackers that answer in space."""
         times_s, errors_m = self.truth.stamps_s, {}
         for name, errors in self.errors.items():
             if errors.gives_boxes:
                 errors_m[name] = _at(times_s, self.truth, errors)
-        return FollowingPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
+        return TrackingErrorPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
 
 
-def study_following(picture: Path, plan: FollowingPlan) -> Study:
+def study_single_object(picture: Path, plan: SingleObjectStudyConfig) -> Study:
     """Let trackers follow the same object through every scene, and draw how far off they are."""
     scenes = [_measure(one, plan) for one in all_scenarios(plan.kind, plan.duration_s)]
     title = f"Following a {plan.kind.lower()} by {plan.sensor.name}: centre error over time"
-    plot_following(picture, title, [scene.panel() for scene in scenes])
+    plot_tracking_errors(picture, title, [scene.panel() for scene in scenes])
     return Study(
         name="following",
         repeats="the challenges of Table 3.2 and A.1, on scenes with exact truth",
         table=_table(plan, scenes),
         numbers={scene.scenario.name: dict(scene.metrics) for scene in scenes},
-        conditions={"plan": plan, "found_again_overlap": _FOUND_OVERLAP},
+        conditions={"plan": plan, "found_again_overlap": _REACQUIRED_IOU},
     )
 
 
-def _measure(scenario: Scenario, plan: FollowingPlan) -> _Scene:
+def _measure(scenario: Scenario, plan: SingleObjectStudyConfig) -> _Scene:
     drive = ScenarioDrive(scenario, seed=plan.seed, sensor=plan.sensor)
     truth = true_track(drive)
     last = len(drive) - 1
-    sequence = ObjectSequence(scenario.name, drive.name, FOLLOWED_ID, scenario.kind, 0, last)
-    wanted = ObjectToFollow(sequence, truth, len(drive))
-    (followings,) = follow_objects(drive, [wanted], plan.trackers)
+    sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, last)
+    wanted = TargetObject(sequence, truth, len(drive))
+    (followings,) = track_objects(drive, [wanted], plan.trackers)
     errors = {
-        name: follow_errors(truth, following.track, drive.calibration)
+        name: single_object_errors(truth, following.track, drive.calibration)
         for name, following in followings.items()
     }
     metrics = {name: _metrics(truth, errors[name], followings[name]) for name in followings}
@@ -119,16 +119,16 @@ def _measure(scenario: Scenario, plan: FollowingPlan) -> _Scene:
 
 
 def _metrics(
-    truth: TrueTrack, errors: FollowErrors, following: Following
+    truth: TrueTrack, errors: SingleObjectErrors, following: TrackerRun
 ) -> SingleObjectStudyMetrics:
     hidden_frames = int(np.isnan(truth.boxes_px[:, 0]).sum())
-    found_again_s = found_again(truth, errors)
+    reacquired_s = reacquisition_time_s(truth, errors)
     return SingleObjectStudyMetrics(
-        score_errors(errors), hidden_frames, found_again_s, following.refusal
+        single_object_metrics(errors), hidden_frames, reacquired_s, following.refusal
     )
 
 
-def found_again(truth: TrueTrack, errors: FollowErrors) -> float:
+def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
     """Return the seconds from the last frame in which the object is hidden to the first in which it is found.
 
     Found is what the tracker calls seen and overlaps the object enough, in space or else in the image.
@@ -139,19 +139,19 @@ def found_again(truth: TrueTrack, errors: FollowErrors) -> float:
     last_s = truth.stamps_s[hidden[-1]]
     overlap = errors.overlap if errors.gives_boxes else errors.overlap_px
     stamps_s = truth.stamps_s[np.isin(truth.frames, errors.frames)]
-    is_seen = (errors.states == FollowState.SEEN) & (stamps_s > last_s)
-    is_found = is_seen & (overlap > _FOUND_OVERLAP)
+    is_seen = (errors.states == TrackStatus.SEEN) & (stamps_s > last_s)
+    is_found = is_seen & (overlap > _REACQUIRED_IOU)
     return float(stamps_s[is_found][0] - last_s) if is_found.any() else np.inf
 
 
-def _at(times_s: Float64, truth: TrueTrack, errors: FollowErrors) -> Float64:
+def _at(times_s: Float64, truth: TrueTrack, errors: SingleObjectErrors) -> Float64:
     """Return (K,) the centre errors in all frames of the truth, NaN where there is none."""
     found = np.full(len(times_s), np.nan)
     found[np.isin(truth.frames, errors.frames)] = errors.center_m
     return found
 
 
-def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
+def _table(plan: SingleObjectStudyConfig, scenes: Sequence[_Scene]) -> str:
     rows: list[list[Cell]] = [
         [scene.scenario.name, name, *_cells(metrics)]
         for scene in scenes
@@ -160,7 +160,7 @@ def _table(plan: FollowingPlan, scenes: Sequence[_Scene]) -> str:
     frames = len(scenes[0].truth)
     title = (
         f"following a {plan.kind.lower()} by {plan.sensor.name}, {frames} frames a scene; errors are means "
-        f"over all frames, hidden ones too; found again: s until seen with an overlap over {_FOUND_OVERLAP:g}"
+        f"over all frames, hidden ones too; found again: s until seen with an overlap over {_REACQUIRED_IOU:g}"
     )
     return format_table(title, _COLUMNS, rows)
 
@@ -169,7 +169,7 @@ def _cells(metrics: SingleObjectStudyMetrics) -> list[Cell]:
     if metrics.refusal is not None:
         return [None] * (len(_COLUMNS) - 2)
     scores = metrics.scores
-    again_s = metrics.found_again_s
+    again_s = metrics.reacquired_s
     return [
         _digits(scores.center_m, 2),
         _digits(scores.center_px, 1),

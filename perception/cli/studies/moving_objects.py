@@ -7,7 +7,7 @@ from data.synthetic.scenarios import KINDS, Kind
 from perception.cli.evaluations.otd import trackers_named
 from perception.cli.flags import require_positive
 from perception.cli.studies.drives import scan_bar, study_drive
-from perception.cli.studies.following import FollowingPlan, study_following
+from perception.cli.studies.following import SingleObjectStudyConfig, study_single_object
 from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
 from perception.cli.studies.motion_grid import Preset, study_motion_grid
 from perception.cli.studies.output import RESULTS, publish
@@ -106,10 +106,10 @@ def following(
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file.
         out: the picture; the numbers are written beside it.
     """
-    plan = FollowingPlan(
+    plan = SingleObjectStudyConfig(
         trackers_named(trackers), _KINDS[kind], duration, seed, sensor_named(sensor)
     )
-    publish(study_following(out, plan), out)
+    publish(study_single_object(out, plan), out)
 
 
 COMMANDS = {

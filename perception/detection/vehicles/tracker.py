@@ -31,7 +31,7 @@ _ROUNDING_S = 1e-3
 
 
 @dataclass(frozen=True)
-class Followed:
+class VehicleTrackerResult:
     """What one scan shows, by ids on which all agree.
 
     Attributes:
@@ -71,7 +71,7 @@ class VehicleTracker:
         frame: Frame,
         world_SE3_velo: Float64,
         tracks: Tracks | None = None,
-    ) -> Followed:
+    ) -> VehicleTrackerResult:
         """Take in what one scan shows.
 
         Args:
@@ -91,7 +91,7 @@ class VehicleTracker:
         self._predict(view)
         self._continue_and_begin(sights, view)
         tracks = self._give_ids(view, tracks or Tracks.empty())
-        return Followed(self._told(vehicles, view), tracks)
+        return VehicleTrackerResult(self._told(vehicles, view), tracks)
 
     def _predict(self, view: View) -> None:
         """Move what goes on to now; ends what nobody has seen for too long."""

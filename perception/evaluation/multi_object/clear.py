@@ -130,9 +130,9 @@ def _pair_before(pairs: Pairs) -> Int:
     """Return (C,) which pair is of the same object and track one moment earlier, or -1."""
     couples = couples_of(pairs).of_pairs
     order = np.lexsort((pairs.moments, couples))
-    follows = (np.diff(couples[order]) == 0) & (np.diff(pairs.moments[order]) == 1)
+    is_next = (np.diff(couples[order]) == 0) & (np.diff(pairs.moments[order]) == 1)
     before = np.full(len(order), -1)
-    before[order[1:][follows]] = order[:-1][follows]
+    before[order[1:][is_next]] = order[:-1][is_next]
     return before
 
 

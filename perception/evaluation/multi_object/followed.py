@@ -13,7 +13,7 @@ NO_TRACK = -1
 
 
 @dataclass(frozen=True)
-class FollowedObjects(Rows):
+class TargetErrors(Rows):
     """K objects that must be tracked, each in one frame; errors are NaN where no track follows.
 
     Attributes:
@@ -41,45 +41,45 @@ class FollowedObjects(Rows):
     track_speeds_m_s: Float64
 
     @property
-    def is_followed(self) -> Bool:
+    def is_tracked(self) -> Bool:
         """(K,) whether a track follows the object."""
         return np.asarray(self.track_ids != NO_TRACK)
 
 
-def follow(
+def target_errors(
     stamp_s: float, scene: MovingScene, tracks: Tracks, judgement: Judgement
-) -> FollowedObjects:
+) -> TargetErrors:
     """Say of every object of one frame that must be tracked who follows it, and how well."""
     must = judgement.must
     track_of = np.full(len(scene.objects), NO_TRACK)
     track_of[judgement.pair_objects] = judgement.pair_tracks
     track_of = track_of[must]
-    followed = track_of != NO_TRACK
-    tracks, objects = tracks[track_of[followed]], scene.objects.boxes_velo[must]
+    tracked = track_of != NO_TRACK
+    tracks, objects = tracks[track_of[tracked]], scene.objects.boxes_velo[must]
     true_velocities = scene.velocities_m_s[must]
 
-    def where_followed(errors: Float64) -> Float64:
+    def where_tracked(errors: Float64) -> Float64:
         column = np.full(len(must), np.nan)
-        column[followed] = errors
+        column[tracked] = errors
         return column
 
-    apart = tracks.boxes.bottom_m - objects.bottom_m[followed]
-    turn_rad = tracks.boxes.yaw_rad - objects.yaw_rad[followed]
-    larger = tracks.boxes.size_m - objects.size_m[followed]
-    faster = tracks.velocities_m_s - true_velocities[followed]
+    apart = tracks.boxes.bottom_m - objects.bottom_m[tracked]
+    turn_rad = tracks.boxes.yaw_rad - objects.yaw_rad[tracked]
+    larger = tracks.boxes.size_m - objects.size_m[tracked]
+    faster = tracks.velocities_m_s - true_velocities[tracked]
     ids = np.full(len(must), NO_TRACK)
-    ids[followed] = tracks.ids
-    return FollowedObjects(
+    ids[tracked] = tracks.ids
+    return TargetErrors(
         stamps_s=np.full(len(must), stamp_s),
         object_ids=scene.objects.track_ids[must],
         track_ids=ids,
-        center_errors_m=where_followed(np.linalg.norm(apart[:, :2], axis=1)),
-        velocity_errors_m_s=where_followed(np.linalg.norm(faster, axis=1)),
-        heading_errors_rad=where_followed(np.abs(np.arctan2(np.sin(turn_rad), np.cos(turn_rad)))),
-        length_errors_m=where_followed(larger[:, 0]),
-        width_errors_m=where_followed(larger[:, 1]),
+        center_errors_m=where_tracked(np.linalg.norm(apart[:, :2], axis=1)),
+        velocity_errors_m_s=where_tracked(np.linalg.norm(faster, axis=1)),
+        heading_errors_rad=where_tracked(np.abs(np.arctan2(np.sin(turn_rad), np.cos(turn_rad)))),
+        length_errors_m=where_tracked(larger[:, 0]),
+        width_errors_m=where_tracked(larger[:, 1]),
         object_speeds_m_s=np.linalg.norm(true_velocities, axis=1),
-        track_speeds_m_s=where_followed(np.linalg.norm(tracks.velocities_m_s, axis=1)),
+        track_speeds_m_s=where_tracked(np.linalg.norm(tracks.velocities_m_s, axis=1)),
     )
 
 
@@ -109,9 +109,9 @@ class TrackErrors:
 _HEADING_SPEED_M_S = 1.0  # a slower track has no heading to speak of
 
 
-def track_errors(followed: FollowedObjects) -> TrackErrors:
+def track_errors(tracked: TargetErrors) -> TrackErrors:
     """Sum up the errors of any number of frames."""
-    pairs = followed[followed.is_followed]
+    pairs = tracked[tracked.is_tracked]
     fast = pairs.track_speeds_m_s > _HEADING_SPEED_M_S
     return TrackErrors(
         pairs=len(pairs),
@@ -131,10 +131,10 @@ class ObjectSummary:
     Attributes:
         object_id: its number in the labels.
         frames: in which it must be tracked.
-        frames_followed: of these.
+        frames_tracked: of these.
         tracks: different ids that followed it.
         switches: how often the id that follows is another than the last one.
-        found_after_s: from its first frame to the first in which a track follows; NaN where none ever does.
+        time_to_first_track_s: from its first frame to the first in which a track follows; NaN where none ever does.
         center_m: median distance of the centres.
         velocity_m_s: median difference of the velocities.
         speed_m_s: median speed by the labels.
@@ -142,10 +142,10 @@ class ObjectSummary:
 
     object_id: int
     frames: int
-    frames_followed: int
+    frames_tracked: int
     tracks: int
     switches: int
-    found_after_s: float
+    time_to_first_track_s: float
     center_m: float
     velocity_m_s: float
     speed_m_s: float
@@ -153,30 +153,30 @@ class ObjectSummary:
     @property
     def share(self) -> float:
         """Share of its frames in which it is followed."""
-        return self.frames_followed / self.frames
+        return self.frames_tracked / self.frames
 
     @property
-    def is_lost(self) -> bool:
+    def is_never_tracked(self) -> bool:
         """Whether no track ever followed it."""
-        return self.frames_followed == 0
+        return self.frames_tracked == 0
 
 
-def summarise_objects(followed: FollowedObjects) -> list[ObjectSummary]:
+def summarise_objects(tracked: TargetErrors) -> list[ObjectSummary]:
     """Return a summary of every object, in rising order of their ids."""
-    numbers = np.unique(followed.object_ids)
-    return [_summarise(int(n), followed[followed.object_ids == n]) for n in numbers]
+    numbers = np.unique(tracked.object_ids)
+    return [_summarise(int(n), tracked[tracked.object_ids == n]) for n in numbers]
 
 
-def _summarise(object_id: int, rows: FollowedObjects) -> ObjectSummary:
-    pairs = rows[rows.is_followed]
+def _summarise(object_id: int, rows: TargetErrors) -> ObjectSummary:
+    pairs = rows[rows.is_tracked]
     waited_s = pairs.stamps_s[:1] - rows.stamps_s[0]
     return ObjectSummary(
         object_id=object_id,
         frames=len(rows),
-        frames_followed=len(pairs),
+        frames_tracked=len(pairs),
         tracks=len(np.unique(pairs.track_ids)),
         switches=int(np.count_nonzero(np.diff(pairs.track_ids))),
-        found_after_s=_median(waited_s),
+        time_to_first_track_s=_median(waited_s),
         center_m=_median(pairs.center_errors_m),
         velocity_m_s=_median(pairs.velocity_errors_m_s),
         speed_m_s=_median(rows.object_speeds_m_s),

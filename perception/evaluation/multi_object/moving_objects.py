@@ -73,8 +73,8 @@ def judge(scene: MovingScene, tracks: Tracks, rule: MovingObjectRule) -> Judgeme
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
     may = ~must & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
-    follows = (likeness >= rule.min_likeness) | lies_on
-    rival = np.where(follows[may], likeness[may], 0.0).max(axis=0, initial=0.0)
+    is_candidate = (likeness >= rule.min_likeness) | lies_on
+    rival = np.where(is_candidate[may], likeness[may], 0.0).max(axis=0, initial=0.0)
     excused = rival > own
     left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, rule)
     judged = ~excused & ~left_out
@@ -85,7 +85,7 @@ def judge(scene: MovingScene, tracks: Tracks, rule: MovingObjectRule) -> Judgeme
         pair_objects=must_rows[pairs[0][kept]],
         pair_tracks=pairs[1][kept],
         excused=np.flatnonzero(excused),
-        on_parked=np.flatnonzero(judged & (own == 0) & follows[is_parked].any(axis=0)),
+        on_parked=np.flatnonzero(judged & (own == 0) & is_candidate[is_parked].any(axis=0)),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.single_object.errors import FollowErrors
+from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.types import Bool, Float64
 
 
@@ -53,7 +53,7 @@ class RightFrames:
     location: Bool
 
 
-def right_frames(errors: FollowErrors, rule: FollowRule) -> RightFrames:
+def right_frames(errors: SingleObjectErrors, rule: FollowRule) -> RightFrames:
     """Tell which frames are right."""
     in_space = slice(None) if errors.gives_boxes else slice(0)
     in_image = np.isfinite(errors.overlap_px)
@@ -65,19 +65,19 @@ def right_frames(errors: FollowErrors, rule: FollowRule) -> RightFrames:
     )
 
 
-def success_curve(errors: FollowErrors, rule: FollowRule) -> Float64:
+def success_curve(errors: SingleObjectErrors, rule: FollowRule) -> Float64:
     """Return (steps,) shares of frames whose overlap is at least a threshold, from 0 to 1."""
     thresholds = np.linspace(0, 1, rule.steps)
     return _shares(errors.overlap[:, None] >= thresholds, errors)
 
 
-def precision_curve(errors: FollowErrors, rule: FollowRule) -> Float64:
+def precision_curve(errors: SingleObjectErrors, rule: FollowRule) -> Float64:
     """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
     thresholds = np.linspace(0, rule.reach_m, rule.steps)
     return _shares(errors.center_m[:, None] <= thresholds, errors)
 
 
-def location_curve(errors: FollowErrors, thresholds_px: Float64) -> Float64:
+def location_curve(errors: SingleObjectErrors, thresholds_px: Float64) -> Float64:
     """Return (T,) shares of frames whose centres in the image are less than a threshold apart."""
     in_image = np.isfinite(errors.overlap_px)
     if not in_image.any():
@@ -96,7 +96,7 @@ def area_under(curve: Float64) -> float:
     return float(((curve[:-1] + curve[1:]) / 2).mean())
 
 
-def _shares(is_right: Bool, errors: FollowErrors) -> Float64:
+def _shares(is_right: Bool, errors: SingleObjectErrors) -> Float64:
     if len(errors) == 0 or not errors.gives_boxes:
         return np.full(is_right.shape[1], np.nan)
     return np.asarray(is_right.mean(axis=0))

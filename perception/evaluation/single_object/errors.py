@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from perception.evaluation.single_object.track import FollowedTrack, TrueTrack
+from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.geometry.angles import wrap
 from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.box_overlap_3d import paired_iou_3d
@@ -14,7 +14,7 @@ from perception.types import Bool, Boxes3D, Calibration, Float64, Int
 
 
 @dataclass(frozen=True)
-class FollowErrors:
+class SingleObjectErrors:
     """The K frames that are judged: those with an answer in which the object is labelled.
 
     Attributes:
@@ -57,15 +57,15 @@ class FollowErrors:
         return np.asarray(np.where(in_space, self.overlap == 0, self.overlap_px == 0))
 
     @classmethod
-    def concatenate(cls, parts: Sequence["FollowErrors"]) -> "FollowErrors":
+    def concatenate(cls, parts: Sequence["SingleObjectErrors"]) -> "SingleObjectErrors":
         """Return the frames of several tracks as one."""
         names = [field.name for field in fields(cls)]
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def follow_errors(
-    truth: TrueTrack, followed: FollowedTrack, camera: Calibration | None = None
-) -> FollowErrors:
+def single_object_errors(
+    truth: TrueTrack, predicted_track: PredictedTrack, camera: Calibration | None = None
+) -> SingleObjectErrors:
     """Compare what a tracker answered with the object as it was.
 
     Args:
@@ -73,23 +73,23 @@ def follow_errors(
         followed: by a tracker, over the same frames or more.
         camera: that sees both; None where there is none.
     """
-    _, ours, theirs = np.intersect1d(truth.frames, followed.frames, return_indices=True)
-    truth, boxes = truth[ours], followed.boxes_velo[theirs]
-    outlines = _outlines(boxes, followed.boxes_px[theirs], camera)
+    _, ours, theirs = np.intersect1d(truth.frames, predicted_track.frames, return_indices=True)
+    truth, boxes = truth[ours], predicted_track.boxes_velo[theirs]
+    outlines = _outlines(boxes, predicted_track.boxes_px[theirs], camera)
     has_box = np.isfinite(boxes.bottom_m).all(axis=1)
     overlap = np.where(has_box, paired_iou_3d(boxes, truth.boxes_velo), 0.0)
-    off_m_s = followed.velocities_m_s[theirs] - truth.velocities_m_s
+    off_m_s = predicted_track.velocities_m_s[theirs] - truth.velocities_m_s
     overlap_px = np.nan_to_num(paired_iou_px(outlines, truth.boxes_px))
-    return FollowErrors(
+    return SingleObjectErrors(
         frames=truth.frames,
-        states=followed.states[theirs],
+        states=predicted_track.states[theirs],
         center_m=_norm(_centers_m(boxes) - _centers_m(truth.boxes_velo)),
         heading_rad=wrap(boxes.yaw_rad - truth.boxes_velo.yaw_rad),
         overlap=overlap if has_box.any() else np.full(len(truth), np.nan),
         velocity_m_s=np.where(has_box, _norm(off_m_s), np.nan),
         center_px=_norm(_centers_px(outlines) - _centers_px(truth.boxes_px)),
         overlap_px=np.where(np.isfinite(truth.boxes_px).all(axis=1), overlap_px, np.nan),
-        seconds=followed.seconds[theirs],
+        seconds=predicted_track.seconds[theirs],
     )
 
 

@@ -11,8 +11,8 @@ from perception.evaluation.single_object.curves import (
     right_frames,
     success_curve,
 )
-from perception.evaluation.single_object.errors import FollowErrors
-from perception.tracking.single_object.tracker import FollowState
+from perception.evaluation.single_object.errors import SingleObjectErrors
+from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
 PROTOCOL_WORDS = {
@@ -54,7 +54,7 @@ PROTOCOL_WORDS = {
 
 
 @dataclass(frozen=True)
-class FollowScores:
+class SingleObjectMetrics:
     """What the errors of some frames come to; NaN is what nothing was measured of.
 
     Attributes:
@@ -103,12 +103,14 @@ class FollowScores:
     ms_p99: float
 
 
-def score_errors(errors: FollowErrors, rule: FollowRule | None = None) -> FollowScores:
+def single_object_metrics(
+    errors: SingleObjectErrors, rule: FollowRule | None = None
+) -> SingleObjectMetrics:
     """Sum up the errors of one sequence, or of several together."""
     rule = rule or FollowRule()
     size_rad, right = np.abs(errors.heading_rad), right_frames(errors, rule)
-    shares = {state: _mean(errors.states == state) for state in FollowState}
-    return FollowScores(
+    shares = {state: _mean(errors.states == state) for state in TrackStatus}
+    return SingleObjectMetrics(
         frames=len(errors),
         center_m=_mean(errors.center_m),
         center_px=_mean(errors.center_px),
@@ -122,9 +124,9 @@ def score_errors(errors: FollowErrors, rule: FollowRule | None = None) -> Follow
         location_success=_mean(right.location),
         success=area_under(success_curve(errors, rule)),
         precision=area_under(precision_curve(errors, rule)),
-        seen=shares[FollowState.SEEN],
-        predicted=shares[FollowState.PREDICTED],
-        lost=shares[FollowState.LOST],
+        seen=shares[TrackStatus.SEEN],
+        predicted=shares[TrackStatus.PREDICTED],
+        lost=shares[TrackStatus.LOST],
         off=_mean(errors.is_off),
         lost_from=_lost_from(errors),
         ms_per_frame=1000 * _mean(errors.seconds),
@@ -132,7 +134,7 @@ def score_errors(errors: FollowErrors, rule: FollowRule | None = None) -> Follow
     )
 
 
-def _lost_from(errors: FollowErrors) -> int | None:
+def _lost_from(errors: SingleObjectErrors) -> int | None:
     if len(errors) == 0 or not errors.is_off[-1]:
         return None
     on = np.flatnonzero(~errors.is_off)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import PerceptionError
-from perception.tracking.single_object.tracker import FollowedObject
+from perception.tracking.single_object.tracker import TrackedObject
 from perception.types import Boxes3D, Float64, Int
 
 _NO_BOX = Boxes3D(np.full((1, 3), np.nan), np.full((1, 3), np.nan), np.full(1, np.nan))
@@ -54,12 +54,12 @@ class TrueTrack:
 
 
 @dataclass(frozen=True)
-class FollowedTrack:
+class PredictedTrack:
     """What a tracker answered in F frames, the first of which told it the object's box.
 
     Attributes:
         frames: (F,) numbers of the frames, rising.
-        states: (F,) one `FollowState` each.
+        states: (F,) one `TrackStatus` each.
         boxes_velo: (F) in the LiDAR frame of each scan; NaN where the tracker gave none.
         boxes_px: (F, 4) as the tracker gave them; NaN where it gave none.
         velocities_m_s: (F, 2).
@@ -76,7 +76,7 @@ class FollowedTrack:
     def __post_init__(self) -> None:
         """Refuse arrays of different lengths."""
         columns = (self.states, self.boxes_velo, self.boxes_px, self.velocities_m_s)
-        _require_length("FollowedTrack", len(self.frames), [*columns, self.seconds])
+        _require_length("PredictedTrack", len(self.frames), [*columns, self.seconds])
 
     def __len__(self) -> int:
         """Return F."""
@@ -84,8 +84,8 @@ class FollowedTrack:
 
     @classmethod
     def of_answers(
-        cls, frames: Sequence[int], answers: Sequence[FollowedObject], seconds: Sequence[float]
-    ) -> "FollowedTrack":
+        cls, frames: Sequence[int], answers: Sequence[TrackedObject], seconds: Sequence[float]
+    ) -> "PredictedTrack":
         """Gather the answers of a tracker, frame by frame."""
         boxes = [_NO_BOX if one.box_velo is None else one.box_velo for one in answers]
         boxes_px = [np.full(4, np.nan) if one.box_px is None else one.box_px for one in answers]

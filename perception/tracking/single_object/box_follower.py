@@ -18,7 +18,7 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.geometry.boxes import transform_boxes
 from perception.sensor import LidarModel
-from perception.tracking.single_object.followed_box import FollowedBox
+from perception.tracking.single_object.followed_box import BoxTrack
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
 from perception.tracking.single_object.object_motion import motion_of
 from perception.tracking.single_object.object_shape import ObjectShape, ShapeRules
@@ -32,7 +32,7 @@ from perception.tracking.single_object.pose_search import (
 )
 from perception.tracking.single_object.sight import Sight, points_around, sight_of
 from perception.tracking.single_object.surroundings import Surroundings
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D
 
 _PLAY = 0.02  # of what stands, in metres and radians: poses drift
@@ -40,7 +40,7 @@ _logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class FollowRules:
+class BoxFitTrackerConfig:
     """When an object is seen, and what belongs to it.
 
     Attributes:
@@ -81,56 +81,58 @@ class FollowRules:
     search: SearchRules = field(default_factory=SearchRules)
 
 
-class BoxFollower:
+class BoxFitTracker:
     """Follows one object by fitting its box; implements `SingleObjectTracker`."""
 
-    def __init__(self, sensor: LidarModel, rules: FollowRules | None = None) -> None:
+    def __init__(self, sensor: LidarModel, rules: BoxFitTrackerConfig | None = None) -> None:
         self._sensor = sensor
-        self._rules = rules or FollowRules()
-        self._followed: FollowedBox | None = None
+        self._rules = rules or BoxFitTrackerConfig()
+        self._track: BoxTrack | None = None
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
 
         Raises:
             PerceptionError: the box is not one finite box of positive size.
         """
         check_start_box(box_velo)
-        _say_what_it_needs()
-        rules, box_world = self._rules, transform_boxes(moment.world_SE3_velo, box_velo)
+        _log_lidar_only()
+        rules, box_world = self._rules, transform_boxes(tracker_input.world_SE3_velo, box_velo)
         size_m = box_world.size_m[0].astype(np.float64)
         pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
         spread = np.array([rules.start_m, rules.start_m, rules.start_rad])
         self._motion = motion_of(size_m)
-        self._followed = FollowedBox(
-            stamp_s=moment.stamp_s,
-            seen_s=moment.stamp_s,
+        self._track = BoxTrack(
+            stamp_s=tracker_input.stamp_s,
+            seen_s=tracker_input.stamp_s,
             state=self._motion.begin(pose, spread),
             ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
             shape=ObjectShape.of_box(size_m, rules.shape),
             surroundings=Surroundings(),
         )
-        _, sight = self._look(moment, self._followed)
-        support = self._followed.support(sight, self._followed.pose)
-        self._followed = self._followed.seen(sight, support)
-        return self._answer(moment, self._followed)
+        _, sight = self._look(tracker_input, self._track)
+        support = self._track.support(sight, self._track.pose)
+        self._track = self._track.seen(sight, support)
+        return self._answer(tracker_input, self._track)
 
-    def follow(self, moment: Moment) -> FollowedObject:
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
 
         Raises:
             PerceptionError: no object was given to follow.
         """
-        if self._followed is None:
+        if self._track is None:
             raise PerceptionError("tracker", expected="start before follow", found="no object")
-        if moment.stamp_s > self._followed.stamp_s:  # a scan that is given twice says nothing new
-            self._followed = self._followed_to(moment, self._followed)
-        return self._answer(moment, self._followed)
+        if (
+            tracker_input.stamp_s > self._track.stamp_s
+        ):  # a scan that is given twice says nothing new
+            self._track = self._updated(tracker_input, self._track)
+        return self._answer(tracker_input, self._track)
 
-    def _followed_to(self, moment: Moment, before: FollowedBox) -> FollowedBox:
+    def _updated(self, tracker_input: TrackerInput, before: BoxTrack) -> BoxTrack:
         """Predict, look, search, and take in what was found."""
-        expected = self._predicted(before, moment.stamp_s)
-        expected, sight = self._look(moment, expected)
+        expected = self._predicted(before, tracker_input.stamp_s)
+        expected, sight = self._look(tracker_input, expected)
         found = self._find(before, expected, sight)
         if found is None:
             return expected.missed(sight)
@@ -138,7 +140,7 @@ class BoxFollower:
         state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
         return replace(expected, state=state).seen(sight, support)
 
-    def _predicted(self, before: FollowedBox, stamp_s: float) -> FollowedBox:
+    def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
         if self._is_lost(before):
             return replace(before, stamp_s=stamp_s)  # the last guess stays
         elapsed_s = min(stamp_s - before.stamp_s, 2 * self._rules.lost_after_s)
@@ -146,24 +148,24 @@ class BoxFollower:
         way_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
         return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
 
-    def _look(self, moment: Moment, expected: FollowedBox) -> tuple[FollowedBox, Sight]:
+    def _look(self, tracker_input: TrackerInput, expected: BoxTrack) -> tuple[BoxTrack, Sight]:
         """Return the object with the ground below it, and what is seen above that ground."""
         rules, size_m = self._rules, expected.shape.size_m
         deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
         look_m = np.clip(rules.search.reach * deviation_m, *rules.look_around_m)
         reach_m = expected.shape.radius_m + float(look_m)
-        around = points_around(moment, expected.place_world, reach_m)
+        around = points_around(tracker_input, expected.place_world, reach_m)
         ground = ground_seen(
-            expected.ground, expected.place_world, float(size_m[0]), moment, around
+            expected.ground, expected.place_world, float(size_m[0]), tracker_input, around
         )
         above_m = around[:, 2] - ground.z_world_m
         stands = (above_m > rules.clearance_m) & (above_m < size_m[2] + rules.headroom_m)
-        sight = sight_of(around[stands], moment.world_SE3_velo[:2, 3], rules.thin_m)
+        sight = sight_of(around[stands], tracker_input.world_SE3_velo[:2, 3], rules.thin_m)
         known = expected.surroundings.hold(sight.points_xy_m)
         return replace(expected, ground=ground), sight.doubting(known, rules.known_weight)
 
     def _find(
-        self, before: FollowedBox, expected: FollowedBox, sight: Sight
+        self, before: BoxTrack, expected: BoxTrack, sight: Sight
     ) -> tuple[PoseBelief, Support] | None:
         """Return where the object is seen and what supports it, or None."""
         if len(sight) == 0:
@@ -181,33 +183,33 @@ class BoxFollower:
         )
         return (belief, support) if fits else None
 
-    def _priors(self, before: FollowedBox, expected: FollowedBox) -> tuple[PoseBelief, ...]:
+    def _priors(self, before: BoxTrack, expected: BoxTrack) -> tuple[PoseBelief, ...]:
         """Return where the object is expected: further on, or where it was if it may stand."""
         if not self._motion.may_stand(before.state):
             return (expected.belief,)
         was = before.belief
         return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
 
-    def _is_as_high(self, expected: FollowedBox, sight: Sight, top_m: float) -> bool:
+    def _is_as_high(self, expected: BoxTrack, sight: Sight, top_m: float) -> bool:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
         missed_m = self._sensor.elevation_step_rad * sight.distance_m(expected.pose[:2])
         off_m = top_m - expected.ground.z_world_m - expected.usual_top_m
         return bool(abs(off_m) <= self._rules.return_top_m + missed_m)
 
-    def _is_lost(self, followed: FollowedBox) -> bool:
-        return followed.stamp_s - followed.seen_s > self._rules.lost_after_s
+    def _is_lost(self, track: BoxTrack) -> bool:
+        return track.stamp_s - track.seen_s > self._rules.lost_after_s
 
-    def _answer(self, moment: Moment, followed: FollowedBox) -> FollowedObject:
-        size_m, velocity = followed.shape.size_m, self._motion.velocity_m_s(followed.state)
-        state = FollowState.SEEN
-        if followed.is_hidden:
-            state = FollowState.LOST if self._is_lost(followed) else FollowState.PREDICTED
-        middle = followed.place_world + np.array([0.0, 0.0, size_m[2] / 2])
-        model = PointModel(middle, size_m, float(followed.pose[2]), np.append(velocity, 0.0))
-        return answer(model, moment, state)
+    def _answer(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
+        size_m, velocity = track.shape.size_m, self._motion.velocity_m_s(track.state)
+        state = TrackStatus.SEEN
+        if track.is_hidden:
+            state = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
+        middle = track.place_world + np.array([0.0, 0.0, size_m[2] / 2])
+        model = PointModel(middle, size_m, float(track.pose[2]), np.append(velocity, 0.0))
+        return answer(model, tracker_input, state)
 
 
 @cache
-def _say_what_it_needs() -> None:
+def _log_lidar_only() -> None:
     """Say once, however many objects are followed, that no camera is used."""
     _logger.info("The default tracker follows by LiDAR alone; images are not used.")

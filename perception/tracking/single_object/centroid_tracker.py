@@ -18,7 +18,7 @@ from perception.tracking.single_object.point_model import (
     check_start_box,
     point_model_of,
 )
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.window import Window
 from perception.types import Boxes3D, Float64, GroundModel
 
@@ -129,7 +129,7 @@ class CentroidTracker:
         self._rules, self._motion_rules = rules or CentroidTrackerRules(), motion
         self._model: PointModel | None = None
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
 
         Raises:
@@ -138,14 +138,14 @@ class CentroidTracker:
         """
         check_start_box(box_velo)
         self._pitch = PitchFilter(self._sensor.height_m, self._rules.pitch)
-        self._stamp_s, self._unseen_s = moment.stamp_s, 0.0
-        self._model = point_model_of(box_velo, moment.world_SE3_velo)
-        place = self._localizer.begin(self._view(moment, self._model, 0.0))
-        self._state = FollowState.PREDICTED if place is None else FollowState.SEEN
+        self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
+        self._model = point_model_of(box_velo, tracker_input.world_SE3_velo)
+        place = self._localizer.begin(self._view(tracker_input, self._model, 0.0))
+        self._state = TrackStatus.PREDICTED if place is None else TrackStatus.SEEN
         self._memory = self._remembered(self._model.place_m if place is None else place)
-        return answer(self._model, moment, self._state)
+        return answer(self._model, tracker_input, self._state)
 
-    def follow(self, moment: Moment) -> FollowedObject:
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
 
         Raises:
@@ -155,24 +155,26 @@ class CentroidTracker:
             raise PerceptionError(
                 "tracker of one object", expected="start before follow", found="no object"
             )
-        elapsed_s, self._stamp_s = moment.stamp_s - self._stamp_s, moment.stamp_s
+        elapsed_s, self._stamp_s = tracker_input.stamp_s - self._stamp_s, tracker_input.stamp_s
         # A scan that is given twice is no second witness.
         if elapsed_s != 0:
-            self._model = self._followed(self._model, moment, elapsed_s)
-        return answer(self._model, moment, self._state)
+            self._model = self._updated(self._model, tracker_input, elapsed_s)
+        return answer(self._model, tracker_input, self._state)
 
-    def _followed(self, last: PointModel, moment: Moment, elapsed_s: float) -> PointModel:
+    def _updated(
+        self, last: PointModel, tracker_input: TrackerInput, elapsed_s: float
+    ) -> PointModel:
         if not 0 < elapsed_s <= self._rules.longest_gap_s:
             return self._lose(last)
         noise = self._motion_rules.noise if self._motion_rules else NoiseLevels(0.0, 0.0)
         expected = self._memory.predicted(elapsed_s, noise)
         place = self._localizer.locate(
-            self._view(moment, replace(last, place_m=expected.place), elapsed_s)
+            self._view(tracker_input, replace(last, place_m=expected.place), elapsed_s)
         )
         if place is None:
             return self._miss(last, expected, elapsed_s)
         variance = self._motion_rules.measured_variance if self._motion_rules else 0.0
-        self._state, self._unseen_s = FollowState.SEEN, 0.0
+        self._state, self._unseen_s = TrackStatus.SEEN, 0.0
         return self._move(last, expected.corrected(place[None], np.array([variance])), elapsed_s)
 
     def _miss(self, last: PointModel, expected: Memory, elapsed_s: float) -> PointModel:
@@ -180,12 +182,12 @@ class CentroidTracker:
         self._unseen_s += elapsed_s
         if self._unseen_s > self._rules.lost_after_s:
             return self._lose(last)
-        self._state = FollowState.PREDICTED
+        self._state = TrackStatus.PREDICTED
         return self._move(last, expected, elapsed_s)
 
     def _lose(self, last: PointModel) -> PointModel:
         """Wait where the object was last expected."""
-        self._memory, self._state = self._remembered(last.place_m), FollowState.LOST
+        self._memory, self._state = self._remembered(last.place_m), TrackStatus.LOST
         self._unseen_s = np.inf
         self._localizer.wait(last.place_m)
         return replace(last, velocity_m_s=np.zeros(3))
@@ -203,25 +205,25 @@ class CentroidTracker:
             return LastPlace(place_m, np.zeros(3))
         return EvenAcceleration.at_rest(place_m, self._motion_rules.noise)
 
-    def _view(self, moment: Moment, model: PointModel, elapsed_s: float) -> View:
+    def _view(self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float) -> View:
         rules = self._rules
         window = Window(model.place_m, model.size_m[:2], model.yaw_rad)
         gate = window.scaled(rules.gate)
         # From the middle of the gate to beyond its corners, by as much as a window may leave it.
         reach_m = float(np.hypot(*gate.size_m) + np.hypot(*window.size_m)) / 2
         heights_m = (rules.min_height_m, float(model.size_m[2]) + rules.headroom_m)
-        ground = self._ground(moment, elapsed_s)
-        around = obstacles_near(moment, ground, model.place_m, reach_m, heights_m)
-        return View(moment, around, window, gate, elapsed_s)
+        ground = self._ground(tracker_input, elapsed_s)
+        around = obstacles_near(tracker_input, ground, model.place_m, reach_m, heights_m)
+        return View(tracker_input, around, window, gate, elapsed_s)
 
-    def _ground(self, moment: Moment, elapsed_s: float) -> GroundModel:
+    def _ground(self, tracker_input: TrackerInput, elapsed_s: float) -> GroundModel:
         if self._rules.ground == "pitch":
-            return self._pitch.update(moment.points_velo, elapsed_s)
-        if moment.ground is None:
+            return self._pitch.update(tracker_input.points_velo, elapsed_s)
+        if tracker_input.ground is None:
             raise PerceptionError(
                 "tracker of one object",
                 expected="the ground of the obstacle stage",
                 found="none",
                 advice="choose the ground that pitches",
             )
-        return moment.ground
+        return tracker_input.ground

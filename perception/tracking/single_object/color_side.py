@@ -7,7 +7,7 @@ from perception.geometry.camera import project
 from perception.tracking.single_object.color_model import AdaptiveColors, color_ratios
 from perception.tracking.single_object.image_mean_shift import climb, confidence_centroid
 from perception.tracking.single_object.image_region import ImageRegion, region_of
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
 
@@ -29,7 +29,7 @@ class ColorSide:
         self._anchor_px = np.zeros(2)
         self._center_px: Float64 | None = None
 
-    def locate(self, moment: Moment, expected_world: Float64) -> Float64 | None:
+    def locate(self, tracker_input: TrackerInput, expected_world: Float64) -> Float64 | None:
         """Return (2,) where the colours are densest, or None.
 
         The climb begins where the object is expected in this image, as the vehicle may have turned.
@@ -39,18 +39,18 @@ class ColorSide:
             expected_world: (3,) where the object is expected.
         """
         self.regions = ()
-        anchor_px = _seen_at(moment, expected_world)
-        if moment.image is None or self.region is None or anchor_px is None:
+        anchor_px = _seen_at(tracker_input, expected_world)
+        if tracker_input.image is None or self.region is None or anchor_px is None:
             return None
-        height, width = moment.image.shape[:2]
+        height, width = tracker_input.image.shape[:2]
         by_px = anchor_px - self._anchor_px
         region = self.region.shifted(by_px, (width, height))
         start_px = None if self._center_px is None else self._center_px + by_px
-        found = climb(moment.image, region, self.colors.ratios, start_px=start_px)
+        found = climb(tracker_input.image, region, self.colors.ratios, start_px=start_px)
         self.regions = found.regions
         return found.center_px
 
-    def learn(self, moment: Moment, points_velo: Float, place_world: Float64) -> None:
+    def learn(self, tracker_input: TrackerInput, points_velo: Float, place_world: Float64) -> None:
         """Take in how the object looks, by (N, 3+) its points; nothing where they span no area.
 
         Args:
@@ -58,25 +58,25 @@ class ColorSide:
             points_velo: of the object.
             place_world: (3,) where it is.
         """
-        anchor_px = _seen_at(moment, place_world)
-        if moment.image is None or moment.image_P_velo is None or anchor_px is None:
+        anchor_px = _seen_at(tracker_input, place_world)
+        if tracker_input.image is None or tracker_input.image_P_velo is None or anchor_px is None:
             return
-        height, width = moment.image.shape[:2]
-        pixels, _ = project(moment.image_P_velo, points_velo)
+        height, width = tracker_input.image.shape[:2]
+        pixels, _ = project(tracker_input.image_P_velo, points_velo)
         region = region_of(pixels, (width, height))
         if region is None:
             return
-        self.measured = color_ratios(moment.image, region)
+        self.measured = color_ratios(tracker_input.image, region)
         self.colors.update(self.measured)
         self.regions = self.regions or (region,)
         self.region, self._anchor_px = region, anchor_px
-        self._center_px = confidence_centroid(moment.image, region, self.colors.ratios)
+        self._center_px = confidence_centroid(tracker_input.image, region, self.colors.ratios)
 
 
-def _seen_at(moment: Moment, place_world: Float64) -> Float64 | None:
+def _seen_at(tracker_input: TrackerInput, place_world: Float64) -> Float64 | None:
     """Return (2,) the pixel of a place, within the image or beyond; None behind the camera."""
-    if moment.image_P_velo is None:
+    if tracker_input.image_P_velo is None:
         return None
-    place_velo = se3.inverse(moment.world_SE3_velo) @ np.append(place_world, 1.0)
-    pixel = project(moment.image_P_velo, place_velo[None])[0][0]
+    place_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(place_world, 1.0)
+    pixel = project(tracker_input.image_P_velo, place_velo[None])[0][0]
     return pixel if np.isfinite(pixel).all() else None

@@ -35,7 +35,7 @@ class ColoredPointsLocalizer(Localizer):
         Raises:
             PerceptionError: there is no image, or no camera.
         """
-        if view.moment.image is None or view.moment.image_P_velo is None:
+        if view.tracker_input.image is None or view.tracker_input.image_P_velo is None:
             raise PerceptionError(
                 "tracker of coloured points",
                 expected="an image of the first moment",
@@ -66,7 +66,7 @@ class ColoredPointsLocalizer(Localizer):
 def colors_of_points(view: View) -> tuple[Int, Bool]:
     """Return the bin of the colour of each point that the image shows, and (N,) which points these are."""
     count = len(view.around.points_velo)
-    image, image_P_velo = view.moment.image, view.moment.image_P_velo
+    image, image_P_velo = view.tracker_input.image, view.tracker_input.image_P_velo
     if image is None or image_P_velo is None:
         return np.zeros(0, np.int64), np.zeros(count, bool)
     pixels, _ = project(image_P_velo, view.around.points_velo)

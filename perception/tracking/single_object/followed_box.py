@@ -20,7 +20,7 @@ _LEARNING = 0.1  # share of what is usual that one scan replaces
 
 
 @dataclass(frozen=True)
-class FollowedBox:
+class BoxTrack:
     """One object in the world.
 
     Attributes:
@@ -71,7 +71,7 @@ class FollowedBox:
         """Return what speaks for and against (3,) a pose."""
         return support_at(self.shape, sight, pose)
 
-    def seen(self, sight: Sight, support: Support) -> "FollowedBox":
+    def seen(self, sight: Sight, support: Support) -> "BoxTrack":
         """Return what is known after the object was seen where it is now, with that support."""
         if len(sight) == 0:
             return replace(self, seen_s=self.stamp_s)
@@ -89,7 +89,7 @@ class FollowedBox:
             usual_top_m=_learned(self.usual_top_m, top_m),
         )
 
-    def missed(self, sight: Sight) -> "FollowedBox":
+    def missed(self, sight: Sight) -> "BoxTrack":
         """Return what is known after the object was not seen."""
         surroundings = self.surroundings.seen(sight.points_xy_m, is_hidden=True)
         return replace(self, surroundings=surroundings)

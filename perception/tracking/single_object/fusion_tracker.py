@@ -98,20 +98,20 @@ class FusedLocalizer(Localizer):
         return None if climbed is None else middle_of(view.around.points_world, climbed)
 
     def _in_image(self, view: View) -> Float64 | None:
-        center_px = self.colors.locate(view.moment, view.window.place_m)
-        if center_px is None or view.moment.image_P_velo is None:
+        center_px = self.colors.locate(view.tracker_input, view.window.place_m)
+        if center_px is None or view.tracker_input.image_P_velo is None:
             return None
         near = view.window.scaled(self._rules.search).holds(view.around.points_world)
         place_velo = back_project(
-            center_px, view.around.points_velo[near], view.moment.image_P_velo
+            center_px, view.around.points_velo[near], view.tracker_input.image_P_velo
         )
         if place_velo is None:
             return None
-        return np.asarray((view.moment.world_SE3_velo @ np.append(place_velo, 1.0))[:3])
+        return np.asarray((view.tracker_input.world_SE3_velo @ np.append(place_velo, 1.0))[:3])
 
     def _learn(self, view: View, window: Window, place: Float64) -> None:
         held = window.holds(view.around.points_world)
-        self.colors.learn(view.moment, view.around.points_velo[held], place)
+        self.colors.learn(view.tracker_input, view.around.points_velo[held], place)
 
 
 def _is_in_gate(place: Float64 | None, view: View) -> bool:

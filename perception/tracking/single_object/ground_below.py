@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.se3 import inverse
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float64, GroundModel
 
 _CELL_M = 0.5  # the lowest point of each cell may be ground
@@ -52,7 +52,7 @@ def ground_seen(
     ground: GroundBelow,
     place_world: Float64,
     length_m: float,
-    moment: Moment,
+    tracker_input: TrackerInput,
     around_world: Float64,
 ) -> GroundBelow:
     """Return the ground after a scan, by the ground stage, else by the lowest points around the object.
@@ -68,9 +68,9 @@ def ground_seen(
     reach_m = length_m / 2 + _AROUND_M
     is_low = around_world[:, 2] < ground.z_world_m + _BAND_M
     local_m = _lowest_m(around_world[is_low & (x < reach_m) & (y < reach_m)], ground.z_world_m)
-    velo = inverse(moment.world_SE3_velo)
+    velo = inverse(tracker_input.world_SE3_velo)
     place_velo = velo[:3, :3] @ place_world + velo[:3, 3]
-    stage_m = _stage_m(moment.ground, place_velo)
+    stage_m = _stage_m(tracker_input.ground, place_velo)
     if stage_m is not None:
         stage_m += place_world[2] - place_velo[2]
         # Beyond its area the stage's surface goes on as a plane, which may leave the road.

@@ -4,11 +4,15 @@ import numpy as np
 
 from perception.errors import UsageError
 from perception.geometry.grids import VehicleBody
-from perception.tracking.single_object.tracker import FollowedObject, Moment, SingleObjectTracker
+from perception.tracking.single_object.tracker import (
+    SingleObjectTracker,
+    TrackedObject,
+    TrackerInput,
+)
 from perception.types import Boxes3D, Result
 
 
-def moment_of(result: Result, body: VehicleBody) -> Moment:
+def tracker_input_of(result: Result, body: VehicleBody) -> TrackerInput:
     """Return what a tracker of one object is shown of a frame that the pipeline has seen.
 
     Args:
@@ -16,7 +20,7 @@ def moment_of(result: Result, body: VehicleBody) -> Moment:
         body: the vehicle's own outline, whose returns are left out.
     """
     frame = result.frame
-    return Moment(
+    return TrackerInput(
         stamp_s=frame.stamp_s,
         points_velo=frame.points_velo[~body.contains_xy(frame.points_velo)],
         world_SE3_velo=result.world_SE3_velo,
@@ -26,7 +30,7 @@ def moment_of(result: Result, body: VehicleBody) -> Moment:
     )
 
 
-class HandOver:
+class TrackHandover:
     """Gives one object of the pipeline to a tracker of one object, in the first frame that has it.
 
     It is a track of what moves or, where none has its id, a detected vehicle: they share the count of ids.
@@ -46,17 +50,17 @@ class HandOver:
         if track_id < 0:
             raise UsageError("track to follow", expected="an id of 0 or more", found=str(track_id))
         self.track_id, self._tracker, self._body = track_id, tracker, body
-        self.has_begun = False
+        self.has_started = False
 
-    def update(self, result: Result) -> FollowedObject | None:
+    def update(self, result: Result) -> TrackedObject | None:
         """Follow the object on; None as long as the pipeline has not given its track."""
-        if self.has_begun:
-            return self._tracker.follow(moment_of(result, self._body))
+        if self.has_started:
+            return self._tracker.update(tracker_input_of(result, self._body))
         box = self._box(result)
         if not len(box):
             return None
-        self.has_begun = True
-        return self._tracker.start(moment_of(result, self._body), box)
+        self.has_started = True
+        return self._tracker.start(tracker_input_of(result, self._body), box)
 
     def _box(self, result: Result) -> Boxes3D:
         """Return the box of the object, or none."""

@@ -7,7 +7,7 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.geometry.box_outline_px import box_outlines_px
 from perception.tracking.single_object.point_model import check_start_box
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D, Float64, UInt8
 
 
@@ -43,7 +43,7 @@ class ImageOnlyTracker:
         self._box_px: Float64 | None = None
         self._missed = 0
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
 
         Raises:
@@ -51,26 +51,26 @@ class ImageOnlyTracker:
                 there is no image.
         """
         check_start_box(box_velo)
-        if moment.image is None or moment.image_P_velo is None:
+        if tracker_input.image is None or tracker_input.image_P_velo is None:
             raise PerceptionError(
                 f"tracker {self.name}",
                 expected="a first frame with a camera's image and its calibration",
                 found="none",
                 advice="choose a tracker that follows points",
             )
-        height, width = moment.image.shape[:2]
-        box_px = box_outlines_px(moment.image_P_velo, box_velo, (width, height))[0]
+        height, width = tracker_input.image.shape[:2]
+        box_px = box_outlines_px(tracker_input.image_P_velo, box_velo, (width, height))[0]
         if not np.isfinite(box_px).all():
             raise PerceptionError(
                 f"tracker {self.name}",
                 expected="a first box in view of the camera",
                 found="one outside the image",
             )
-        self._finder.begin(moment.image, box_px)
+        self._finder.begin(tracker_input.image, box_px)
         self._box_px, self._missed = box_px, 0
         return self._answer()
 
-    def follow(self, moment: Moment) -> FollowedObject:
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
 
         Raises:
@@ -80,13 +80,13 @@ class ImageOnlyTracker:
             raise PerceptionError(
                 f"tracker {self.name}", expected="start before follow", found="no object"
             )
-        found_px = None if moment.image is None else self._finder.find(moment.image)
+        found_px = None if tracker_input.image is None else self._finder.find(tracker_input.image)
         self._missed = 0 if found_px is not None else self._missed + 1
         self._box_px = self._box_px if found_px is None else found_px
         return self._answer()
 
-    def _answer(self) -> FollowedObject:
-        state = FollowState.SEEN if self._missed == 0 else FollowState.PREDICTED
+    def _answer(self) -> TrackedObject:
+        state = TrackStatus.SEEN if self._missed == 0 else TrackStatus.PREDICTED
         if self._missed > self._most_missed:
-            state = FollowState.LOST
-        return FollowedObject(state, None, np.zeros(2), self._box_px)
+            state = TrackStatus.LOST
+        return TrackedObject(state, None, np.zeros(2), self._box_px)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from perception.tracking.single_object.near_obstacles import NearObstacles
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
@@ -21,7 +21,7 @@ class View:
         elapsed_s: since the last view.
     """
 
-    moment: Moment
+    tracker_input: TrackerInput
     around: NearObstacles
     window: Window
     gate: Window

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry import se3
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float32, Float64, GroundModel
 
 
@@ -23,21 +23,21 @@ class NearObstacles:
 
 
 def obstacles_near(
-    moment: Moment,
+    tracker_input: TrackerInput,
     ground: GroundModel,
     place_world: Float64,
     reach_m: float,
     heights_m: tuple[float, float],
 ) -> NearObstacles:
     """Return the points within a square around a place that lie between two heights over the ground."""
-    place_velo = se3.inverse(moment.world_SE3_velo) @ np.append(place_world, 1.0)
+    place_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(place_world, 1.0)
     # Column by column: two passes over a scan's x and y cost less than one over all its rows.
     near = np.flatnonzero(
-        (np.abs(moment.points_velo[:, 0] - np.float32(place_velo[0])) < reach_m)
-        & (np.abs(moment.points_velo[:, 1] - np.float32(place_velo[1])) < reach_m)
+        (np.abs(tracker_input.points_velo[:, 0] - np.float32(place_velo[0])) < reach_m)
+        & (np.abs(tracker_input.points_velo[:, 1] - np.float32(place_velo[1])) < reach_m)
     )
-    points_velo = moment.points_velo[near, :3]
+    points_velo = tracker_input.points_velo[near, :3]
     above_m = ground.distance_m(points_velo)
     points_velo = points_velo[(above_m > heights_m[0]) & (above_m < heights_m[1])]
-    rotation, origin_m = moment.world_SE3_velo[:3, :3], moment.world_SE3_velo[:3, 3]
+    rotation, origin_m = tracker_input.world_SE3_velo[:3, :3], tracker_input.world_SE3_velo[:3, 3]
     return NearObstacles(points_velo, points_velo.astype(np.float64) @ rotation.T + origin_m)

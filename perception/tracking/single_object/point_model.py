@@ -12,7 +12,7 @@ from perception.errors import PerceptionError
 from perception.geometry import se3
 from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.boxes import transform_boxes
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D, Float64
 
 
@@ -59,19 +59,19 @@ def point_model_of(box_velo: Boxes3D, world_SE3_velo: Float64) -> PointModel:
     return PointModel(place_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
 
 
-def answer(model: PointModel, moment: Moment, state: FollowState) -> FollowedObject:
+def answer(model: PointModel, tracker_input: TrackerInput, state: TrackStatus) -> TrackedObject:
     """Say what is known of an object, as every tracker does."""
-    velo_SE3_world = se3.inverse(moment.world_SE3_velo)
+    velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
     bottom_m = model.place_m - (0, 0, model.size_m[2] / 2)
     box_world = Boxes3D(bottom_m[None], model.size_m[None], np.array([model.yaw_rad]))
     box_velo = transform_boxes(velo_SE3_world, box_world)
     velocity_m_s = velo_SE3_world[:2, :3] @ model.velocity_m_s
-    return FollowedObject(state, box_velo, velocity_m_s, _box_px(box_velo, moment))
+    return TrackedObject(state, box_velo, velocity_m_s, _box_px(box_velo, tracker_input))
 
 
-def _box_px(box_velo: Boxes3D, moment: Moment) -> Float64 | None:
-    if moment.image is None or moment.image_P_velo is None:
+def _box_px(box_velo: Boxes3D, tracker_input: TrackerInput) -> Float64 | None:
+    if tracker_input.image is None or tracker_input.image_P_velo is None:
         return None
-    height, width = moment.image.shape[:2]
-    box_px = box_outlines_px(moment.image_P_velo, box_velo, (width, height))[0]
+    height, width = tracker_input.image.shape[:2]
+    box_px = box_outlines_px(tracker_input.image_P_velo, box_velo, (width, height))[0]
     return box_px if np.isfinite(box_px).all() else None

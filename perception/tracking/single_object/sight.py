@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.geometry.se3 import inverse
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Bool, Float64
 
 _FULL_COUNT = 4  # points in a cell at which it weighs 1
@@ -53,15 +53,15 @@ class Sight:
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
 
 
-def points_around(moment: Moment, place_world: Float64, reach_m: float) -> Float64:
+def points_around(tracker_input: TrackerInput, place_world: Float64, reach_m: float) -> Float64:
     """Return the (N, 3) points in the world within a square around (3,) a place."""
-    velo = inverse(moment.world_SE3_velo)
+    velo = inverse(tracker_input.world_SE3_velo)
     x, y, _ = velo[:3, :3] @ place_world + velo[:3, 3]
     # One column, then the other of what is left: a third of the time of both over all points.
-    near = np.flatnonzero(np.abs(moment.points_velo[:, 0] - np.float32(x)) < reach_m)
-    near = near[np.abs(moment.points_velo[near, 1] - np.float32(y)) < reach_m]
-    world = moment.world_SE3_velo
-    return moment.points_velo[near, :3].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
+    near = np.flatnonzero(np.abs(tracker_input.points_velo[:, 0] - np.float32(x)) < reach_m)
+    near = near[np.abs(tracker_input.points_velo[near, 1] - np.float32(y)) < reach_m]
+    world = tracker_input.world_SE3_velo
+    return tracker_input.points_velo[near, :3].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
 
 
 def sight_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> Sight:

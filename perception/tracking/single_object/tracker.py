@@ -8,7 +8,7 @@ from perception.errors import PerceptionError
 from perception.types import Boxes3D, Float32, Float64, GroundModel, UInt8
 
 
-class FollowState(StrEnum):
+class TrackStatus(StrEnum):
     """What an answer rests on."""
 
     SEEN = "seen"  # measured in this frame
@@ -17,7 +17,7 @@ class FollowState(StrEnum):
 
 
 @dataclass(frozen=True)
-class Moment:
+class TrackerInput:
     """What a tracker of one object is shown of one frame.
 
     Attributes:
@@ -38,7 +38,7 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class FollowedObject:
+class TrackedObject:
     """Where the object is, as far as its tracker can say; never NaN.
 
     Attributes:
@@ -48,7 +48,7 @@ class FollowedObject:
         box_px: (4,) x1 y1 x2 y2 of the object in the image, or None where it is not in the image.
     """
 
-    state: FollowState
+    state: TrackStatus
     box_velo: Boxes3D | None
     velocity_m_s: Float64
     box_px: Float64 | None
@@ -57,14 +57,14 @@ class FollowedObject:
         """Refuse more than one box."""
         if self.box_velo is not None and len(self.box_velo) != 1:
             raise PerceptionError(
-                "FollowedObject.box_velo", expected="one box", found=f"{len(self.box_velo)}"
+                "TrackedObject.box_velo", expected="one box", found=f"{len(self.box_velo)}"
             )
 
 
 class SingleObjectTracker(Protocol):
     """Follows one object through a drive."""
 
-    def start(self, moment: Moment, box_velo: Boxes3D) -> FollowedObject:
+    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
 
         Raises:
@@ -73,6 +73,6 @@ class SingleObjectTracker(Protocol):
         """
         ...
 
-    def follow(self, moment: Moment) -> FollowedObject:
+    def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment."""
         ...

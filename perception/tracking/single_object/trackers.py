@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from perception.errors import UsageError
 from perception.sensor import LidarModel
-from perception.tracking.single_object.box_follower import BoxFollower
+from perception.tracking.single_object.box_follower import BoxFitTracker
 from perception.tracking.single_object.colored_points import colored_points_tracker
 from perception.tracking.single_object.fusion_tracker import FusionTracker
 from perception.tracking.single_object.histogram_finders import (
@@ -21,7 +21,7 @@ from perception.tracking.single_object.tracker import SingleObjectTracker
 
 # Best first. A tracker is made anew for every object that is followed.
 _MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
-    "default": BoxFollower,
+    "default": BoxFitTracker,
     "h-fus": FusionTracker,
     "l-fus": colored_points_tracker,
     "3d-ms": mean_shift_tracker,

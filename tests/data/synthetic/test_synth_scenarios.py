@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from data.synthetic.scenarios import (
-    FOLLOWED_ID,
     KINDS,
+    TARGET_ID,
     Difficulty,
     Scenario,
     ScenarioDrive,
@@ -25,12 +25,12 @@ def drive_with(*difficulties: Difficulty, kind="Car", **options) -> ScenarioDriv
 
 def object_box(drive: ScenarioDrive, index: int) -> Boxes3D:
     labels = drive.labels_around(index)
-    return labels.boxes_velo[labels.track_ids == FOLLOWED_ID]
+    return labels.boxes_velo[labels.track_ids == TARGET_ID]
 
 
 def points_on_object(drive: ScenarioDrive, index: int) -> int:
     instances = drive.point_truth(index).instances
-    return int(np.count_nonzero(instances == FOLLOWED_ID + 1))
+    return int(np.count_nonzero(instances == TARGET_ID + 1))
 
 
 def world_positions(drive: ScenarioDrive) -> np.ndarray:
@@ -66,7 +66,7 @@ def test_in_the_plain_scene_the_object_goes_evenly_before_the_vehicle(plain):
 
 def test_points_lie_in_the_true_box(plain):
     scan = plain.scan(7)
-    own = scan.points_velo[scan.truth.instances == FOLLOWED_ID + 1]
+    own = scan.points_velo[scan.truth.instances == TARGET_ID + 1]
     assert len(own) > 100
     inside = points_inside(object_box(plain, 7), own, margin_m=0.15)[0]
     # Mirrors stand out of the box, as they do of KITTI's; a turn of the head smears what moves.

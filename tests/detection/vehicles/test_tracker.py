@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.detection.vehicles.objects import locate
-from perception.detection.vehicles.tracker import Followed, VehicleTracker
+from perception.detection.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.errors import CalibrationError
 from perception.types import Boxes3D, Frame, FusedDetections, Tracks
 from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, seen_from, sides
@@ -29,7 +29,7 @@ class Drive:
         moving: Tracks | None = None,
         missed: tuple[int, ...] = (),
         blind: bool = False,
-    ) -> Followed:
+    ) -> VehicleTrackerResult:
         """Go on for a tenth of a second; what moves is given in the frame of the scan.
 
         Args:

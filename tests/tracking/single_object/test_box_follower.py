@@ -12,8 +12,8 @@ from perception.errors import PerceptionError
 from perception.geometry import se3
 from perception.sensor import HDL_64E
 from perception.tracking.single_object import box_follower
-from perception.tracking.single_object.box_follower import BoxFollower
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.box_follower import BoxFitTracker
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D, Float, Float32, Float64
 
@@ -67,7 +67,7 @@ class _FlatGround:
         return np.asarray(points_velo[:, 2] - GROUND_M)
 
 
-def _moment(time_s: float, *things: _Thing, ground: bool = True) -> Moment:
+def _tracker_input(time_s: float, *things: _Thing, ground: bool = True) -> TrackerInput:
     rng = np.random.default_rng(round(time_s * 1000))
     lattice = np.stack(np.meshgrid(np.arange(-40, 40, 0.8), np.arange(-20, 20, 0.8)), -1)
     flat = lattice.reshape(-1, 2) + rng.uniform(-0.2, 0.2, (lattice.size // 2, 2))
@@ -75,32 +75,32 @@ def _moment(time_s: float, *things: _Thing, ground: bool = True) -> Moment:
     clouds += [thing.points(time_s, rng) for thing in things]
     points = np.concatenate(clouds)
     points_velo = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
-    return Moment(time_s, points_velo, np.eye(4), _FlatGround() if ground else None)
+    return TrackerInput(time_s, points_velo, np.eye(4), _FlatGround() if ground else None)
 
 
 def _times(frames: int) -> list[float]:
     return [round(0.1 * number, 3) for number in range(frames)]
 
 
-def _error_m(found: FollowedObject, thing: _Thing, time_s: float) -> float:
+def _error_m(found: TrackedObject, thing: _Thing, time_s: float) -> float:
     assert found.box_velo is not None
     return float(np.linalg.norm(found.box_velo.bottom_m[0] - thing.box(time_s).bottom_m[0]))
 
 
-def _yaw_error_rad(found: FollowedObject, thing: _Thing) -> float:
+def _yaw_error_rad(found: TrackedObject, thing: _Thing) -> float:
     assert found.box_velo is not None
     off = float(found.box_velo.yaw_rad[0]) - thing.yaw_rad
     return abs((off + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _started(thing: _Thing, *others: _Thing) -> BoxFollower:
-    tracker = BoxFollower(HDL_64E)
-    tracker.start(_moment(0.0, thing, *others), thing.box(0.0))
+def _started(thing: _Thing, *others: _Thing) -> BoxFitTracker:
+    tracker = BoxFitTracker(HDL_64E)
+    tracker.start(_tracker_input(0.0, thing, *others), thing.box(0.0))
     return tracker
 
 
 def test_is_the_default() -> None:
-    assert isinstance(single_object_tracker("default", HDL_64E), BoxFollower)
+    assert isinstance(single_object_tracker("default", HDL_64E), BoxFitTracker)
 
 
 @pytest.mark.parametrize("ground", [True, False])
@@ -118,8 +118,8 @@ def test_is_the_default() -> None:
 def test_follows_what_moves_straight_on(thing: _Thing, ground: bool) -> None:
     tracker = _started(thing)
     for time_s in _times(25)[1:]:
-        found = tracker.follow(_moment(time_s, thing, ground=ground))
-        assert found.state is FollowState.SEEN
+        found = tracker.update(_tracker_input(time_s, thing, ground=ground))
+        assert found.state is TrackStatus.SEEN
         assert _error_m(found, thing, time_s) < 0.15
     assert _yaw_error_rad(found, thing) < 0.1
     assert np.hypot(*found.velocity_m_s) == pytest.approx(thing.speed_m_s, abs=0.35)
@@ -131,11 +131,11 @@ def test_bridges_a_full_occlusion_of_one_second() -> None:
     states = {}
     for time_s in _times(40)[1:]:
         is_hidden = 1.0 < time_s <= 2.0
-        found = tracker.follow(_moment(time_s, *([] if is_hidden else [car])))
+        found = tracker.update(_tracker_input(time_s, *([] if is_hidden else [car])))
         states[time_s] = found.state
         assert _error_m(found, car, time_s) < 0.5
-    assert all(states[time_s] is FollowState.PREDICTED for time_s in _times(21)[11:])
-    assert states[2.1] is FollowState.SEEN
+    assert all(states[time_s] is TrackStatus.PREDICTED for time_s in _times(21)[11:])
+    assert states[2.1] is TrackStatus.SEEN
     assert _error_m(found, car, 3.9) < 0.15
 
 
@@ -144,7 +144,7 @@ def test_is_not_stolen_by_a_parked_car_while_hidden() -> None:
     tracker = _started(car, parked)
     for time_s in _times(40)[1:]:
         is_hidden = 1.2 < time_s <= 2.4
-        found = tracker.follow(_moment(time_s, *([] if is_hidden else [car]), parked))
+        found = tracker.update(_tracker_input(time_s, *([] if is_hidden else [car]), parked))
         assert _error_m(found, car, time_s) < 0.6
 
 
@@ -153,7 +153,7 @@ def test_is_not_stolen_by_a_walker_passing_a_cyclist() -> None:
     walker = _Thing(WALKER_M, (14.0, 4.1), np.pi, 1.4)
     tracker = _started(cyclist, walker)
     for time_s in _times(30)[1:]:
-        found = tracker.follow(_moment(time_s, cyclist, walker))
+        found = tracker.update(_tracker_input(time_s, cyclist, walker))
         assert _error_m(found, cyclist, time_s) < 0.25
 
 
@@ -161,7 +161,7 @@ def test_leaves_a_row_of_parked_cars_alone() -> None:
     cars = [_Thing(CAR_M, (10.0 + 5.3 * number, 5.0)) for number in range(4)]
     tracker = _started(cars[1], cars[0], *cars[2:])
     for time_s in _times(15)[1:]:
-        found = tracker.follow(_moment(time_s, *cars))
+        found = tracker.update(_tracker_input(time_s, *cars))
         assert _error_m(found, cars[1], time_s) < 0.15
 
 
@@ -171,7 +171,7 @@ def test_a_walker_who_stood_can_walk_off_sideways() -> None:
     tracker = _started(stands)
     for time_s in _times(35)[1:]:
         thing = stands if time_s < 1.0 else walks
-        found = tracker.follow(_moment(time_s, thing))
+        found = tracker.update(_tracker_input(time_s, thing))
         assert _error_m(found, thing, time_s) < 0.3
     assert _yaw_error_rad(found, walks) < 0.3
 
@@ -184,21 +184,21 @@ def test_a_rough_start_box_is_put_right_by_motion() -> None:
         exact.size_m * 1.1,
         exact.yaw_rad + np.radians(10),
     )
-    tracker = BoxFollower(HDL_64E)
-    tracker.start(_moment(0.0, car), rough)
+    tracker = BoxFitTracker(HDL_64E)
+    tracker.start(_tracker_input(0.0, car), rough)
     for time_s in _times(25)[1:]:
-        found = tracker.follow(_moment(time_s, car))
+        found = tracker.update(_tracker_input(time_s, car))
     assert _error_m(found, car, 2.4) < 0.4
     assert _yaw_error_rad(found, car) < 0.06
 
 
 def test_an_empty_start_box_is_predicted_then_lost() -> None:
     car = _Thing(CAR_M, (10.0, 5.0))
-    tracker = BoxFollower(HDL_64E)
-    tracker.start(_moment(0.0), car.box(0.0))
-    states = [tracker.follow(_moment(time_s)).state for time_s in _times(40)[1:]]
-    assert states[0] is FollowState.PREDICTED
-    assert states[-1] is FollowState.LOST
+    tracker = BoxFitTracker(HDL_64E)
+    tracker.start(_tracker_input(0.0), car.box(0.0))
+    states = [tracker.update(_tracker_input(time_s)).state for time_s in _times(40)[1:]]
+    assert states[0] is TrackStatus.PREDICTED
+    assert states[-1] is TrackStatus.LOST
 
 
 def test_what_disappears_is_predicted_then_lost_and_never_nan() -> None:
@@ -206,32 +206,32 @@ def test_what_disappears_is_predicted_then_lost_and_never_nan() -> None:
     tracker = _started(car)
     states = []
     for time_s in _times(80)[1:]:
-        found = tracker.follow(_moment(time_s, *([car] if time_s < 1.0 else [])))
+        found = tracker.update(_tracker_input(time_s, *([car] if time_s < 1.0 else [])))
         states.append(found.state)
         assert found.box_velo is not None
         assert np.isfinite(found.box_velo.bottom_m).all()
         assert np.isfinite([*found.velocity_m_s, *found.box_velo.yaw_rad]).all()
-    assert states.index(FollowState.LOST) - states.index(FollowState.PREDICTED) == 30
-    assert states[-1] is FollowState.LOST
+    assert states.index(TrackStatus.LOST) - states.index(TrackStatus.PREDICTED) == 30
+    assert states[-1] is TrackStatus.LOST
 
 
 def test_an_empty_scan_is_a_missed_one() -> None:
     car = _Thing(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     for time_s in _times(10)[1:]:
-        tracker.follow(_moment(time_s, car))
-    empty = replace(_moment(1.0), points_velo=np.zeros((0, 4), np.float32), ground=None)
-    found = tracker.follow(empty)
-    assert found.state is FollowState.PREDICTED
+        tracker.update(_tracker_input(time_s, car))
+    empty = replace(_tracker_input(1.0), points_velo=np.zeros((0, 4), np.float32), ground=None)
+    found = tracker.update(empty)
+    assert found.state is TrackStatus.PREDICTED
     assert _error_m(found, car, 1.0) < 0.2
-    assert tracker.follow(_moment(1.1, car)).state is FollowState.SEEN
+    assert tracker.update(_tracker_input(1.1, car)).state is TrackStatus.SEEN
 
 
 def test_a_scan_given_twice_says_nothing_new() -> None:
     car = _Thing(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
-    first = tracker.follow(_moment(0.1, car))
-    again = tracker.follow(_moment(0.1, car))
+    first = tracker.update(_tracker_input(0.1, car))
+    again = tracker.update(_tracker_input(0.1, car))
     assert first.box_velo is not None and again.box_velo is not None
     np.testing.assert_array_equal(first.box_velo.bottom_m, again.box_velo.bottom_m)
     assert again.state is first.state
@@ -241,8 +241,8 @@ def test_bridges_a_gap_in_time() -> None:
     car = _Thing(CAR_M, (8.0, 6.0), 0.0, 8.0)
     tracker = _started(car)
     for time_s in (*_times(11)[1:], 2.0, 2.1):
-        found = tracker.follow(_moment(time_s, car))
-        assert found.state is FollowState.SEEN
+        found = tracker.update(_tracker_input(time_s, car))
+        assert found.state is TrackStatus.SEEN
         assert _error_m(found, car, time_s) < 0.2
 
 
@@ -251,10 +251,12 @@ def test_answers_in_the_frame_of_a_sensor_that_moves() -> None:
     tracker = _started(car)
     for time_s in _times(15)[1:]:
         world_SE3_velo = se3.from_euler(0, 0, 0.2 * time_s, np.array([3 * time_s, 0.0, 0.0]))
-        still = _moment(time_s, car)
+        still = _tracker_input(time_s, car)
         points_velo = se3.transform_points(se3.inverse(world_SE3_velo), still.points_velo)
-        moment = replace(still, points_velo=points_velo, world_SE3_velo=world_SE3_velo, ground=None)
-        found = tracker.follow(moment)
+        tracker_input = replace(
+            still, points_velo=points_velo, world_SE3_velo=world_SE3_velo, ground=None
+        )
+        found = tracker.update(tracker_input)
         assert found.box_velo is not None
         bottom_world = world_SE3_velo[:3, :3] @ found.box_velo.bottom_m[0] + world_SE3_velo[:3, 3]
         np.testing.assert_allclose(bottom_world, car.box(0.0).bottom_m[0], atol=0.15)
@@ -271,16 +273,16 @@ def test_answers_in_the_frame_of_a_sensor_that_moves() -> None:
 )
 def test_refuses_what_is_no_box(box: Boxes3D) -> None:
     with pytest.raises(PerceptionError, match="start box"):
-        BoxFollower(HDL_64E).start(_moment(0.0), box)
+        BoxFitTracker(HDL_64E).start(_tracker_input(0.0), box)
 
 
 def test_refuses_to_follow_what_was_never_given() -> None:
     with pytest.raises(PerceptionError, match="start before follow"):
-        BoxFollower(HDL_64E).follow(_moment(0.0))
+        BoxFitTracker(HDL_64E).update(_tracker_input(0.0))
 
 
 def test_says_once_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture) -> None:
-    box_follower._say_what_it_needs.cache_clear()
+    box_follower._log_lidar_only.cache_clear()
     with caplog.at_level(logging.INFO):
         _started(_Thing(CAR_M, (10.0, 5.0)))
         _started(_Thing(CAR_M, (10.0, 5.0)))
@@ -290,14 +292,14 @@ def test_says_once_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture)
 @pytest.mark.parametrize(("track_id", "limit_m"), [(1, 0.20), (0, 0.60)], ids=["cyclist", "van"])
 def test_follows_real_objects(kitti_root: Path, track_id: int, limit_m: float) -> None:
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
-    tracker, errors_m = BoxFollower(HDL_64E), []
+    tracker, errors_m = BoxFitTracker(HDL_64E), []
     for index in range(40):
         frame, labels = drive[index], drive.labels(index)
         assert frame.world_SE3_velo is not None
-        moment = Moment(frame.stamp_s, frame.points_velo, frame.world_SE3_velo)
+        tracker_input = TrackerInput(frame.stamp_s, frame.points_velo, frame.world_SE3_velo)
         truth = labels.boxes_velo[labels.track_ids == track_id]
-        found = tracker.follow(moment) if index else tracker.start(moment, truth)
-        assert found.state is FollowState.SEEN
+        found = tracker.update(tracker_input) if index else tracker.start(tracker_input, truth)
+        assert found.state is TrackStatus.SEEN
         assert found.box_velo is not None
         errors_m.append(np.linalg.norm(found.box_velo.bottom_m[0] - truth.bottom_m[0]))
     assert np.mean(errors_m) < limit_m

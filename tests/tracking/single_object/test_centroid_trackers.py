@@ -14,7 +14,7 @@ from perception.sensor import HDL_64E
 from perception.tracking.single_object.centroid_tracker import CentroidTrackerRules
 from perception.tracking.single_object.fusion_tracker import FusionTracker, FusionTrackerRules
 from perception.tracking.single_object.lidar_baselines import kalman_tracker
-from perception.tracking.single_object.tracker import FollowedObject, FollowState, Moment
+from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D
 
@@ -55,7 +55,9 @@ class Scene:
         box_world = Boxes3D(self.place(time_s)[None], SIZE_M[None], np.zeros(1))
         return transform_boxes(se3.inverse(self.pose(time_s)), box_world)
 
-    def moment(self, frame: int, *, has_car: bool = True, has_image: bool = True) -> Moment:
+    def tracker_input(
+        self, frame: int, *, has_car: bool = True, has_image: bool = True
+    ) -> TrackerInput:
         time_s = 0.1 * frame
         velo_SE3_world = se3.inverse(self.pose(time_s))
         car = (car_points() + self.place(time_s)).astype(np.float32)
@@ -63,7 +65,7 @@ class Scene:
         points = np.vstack([ground_points(), car_velo])
         points_velo = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
         image = image_of(car_velo) if has_image else None
-        return Moment(time_s, points_velo, self.pose(time_s), None, image, IMAGE_P_VELO)
+        return TrackerInput(time_s, points_velo, self.pose(time_s), None, image, IMAGE_P_VELO)
 
 
 def ground_points() -> np.ndarray:
@@ -86,25 +88,25 @@ def image_of(car_velo: np.ndarray) -> np.ndarray:
     return image
 
 
-def center_of(followed: FollowedObject) -> np.ndarray:
-    assert followed.box_velo is not None
-    return followed.box_velo.bottom_m[0] + (0, 0, SIZE_M[2] / 2)
+def center_of(tracked: TrackedObject) -> np.ndarray:
+    assert tracked.box_velo is not None
+    return tracked.box_velo.bottom_m[0] + (0, 0, SIZE_M[2] / 2)
 
 
-def assert_finite(followed: FollowedObject) -> None:
-    box = followed.box_velo
+def assert_finite(tracked: TrackedObject) -> None:
+    box = tracked.box_velo
     assert box is not None
-    for numbers in (box.bottom_m, box.size_m, box.yaw_rad, followed.velocity_m_s):
+    for numbers in (box.bottom_m, box.size_m, box.yaw_rad, tracked.velocity_m_s):
         assert np.isfinite(numbers).all()
-    assert followed.box_px is None or np.isfinite(followed.box_px).all()
+    assert tracked.box_px is None or np.isfinite(tracked.box_px).all()
 
 
 def started(name: str, scene: Scene, frames: int = 1):
     """Return a tracker that has followed the car over some frames."""
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(scene.moment(0), scene.box(0))
+    tracker.start(scene.tracker_input(0), scene.box(0))
     for frame in range(1, frames):
-        tracker.follow(scene.moment(frame))
+        tracker.update(scene.tracker_input(frame))
     return tracker
 
 
@@ -119,34 +121,34 @@ def started(name: str, scene: Scene, frames: int = 1):
 )
 def test_follows_the_car(name, scene):
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(scene.moment(0), scene.box(0))
-    assert first.state is FollowState.SEEN
+    first = tracker.start(scene.tracker_input(0), scene.box(0))
+    assert first.state is TrackStatus.SEEN
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
     for frame in range(1, 25):
-        followed = tracker.follow(scene.moment(frame))
+        tracked = tracker.update(scene.tracker_input(frame))
         truth = scene.box(0.1 * frame)
-        assert followed.state is FollowState.SEEN
-        np.testing.assert_array_equal(followed.box_velo.size_m, truth.size_m)
-        away_m = followed.box_velo.bottom_m[0, :2] - truth.bottom_m[0, :2]
+        assert tracked.state is TrackStatus.SEEN
+        np.testing.assert_array_equal(tracked.box_velo.size_m, truth.size_m)
+        away_m = tracked.box_velo.bottom_m[0, :2] - truth.bottom_m[0, :2]
         # The mean of coloured points is that of what the camera sees first.
         assert np.hypot(*away_m) < (0.6 if name == "l-fus" else 0.45)
-        assert followed.box_velo.yaw_rad[0] == pytest.approx(truth.yaw_rad[0], abs=0.15)
+        assert tracked.box_velo.yaw_rad[0] == pytest.approx(truth.yaw_rad[0], abs=0.15)
     heading = np.array([np.cos(truth.yaw_rad[0]), np.sin(truth.yaw_rad[0])])
-    assert followed.velocity_m_s @ heading == pytest.approx(SPEED_M_S, abs=1.0)
-    assert followed.box_px is not None
+    assert tracked.velocity_m_s @ heading == pytest.approx(SPEED_M_S, abs=1.0)
+    assert tracked.box_px is not None
 
 
 @pytest.mark.parametrize("name", ["h-fus", "3d-ms", "3d-kf"])
 def test_without_a_camera_the_scan_is_enough(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(replace(scene.moment(0), image=None, image_P_velo=None), scene.box(0))
+    tracker.start(replace(scene.tracker_input(0), image=None, image_P_velo=None), scene.box(0))
     for frame in range(1, 10):
-        moment = replace(scene.moment(frame), image=None, image_P_velo=None)
-        followed = tracker.follow(moment)
-        assert followed.state is FollowState.SEEN
-        assert followed.box_px is None
-    away_m = followed.box_velo.bottom_m[0] - scene.box(0.9).bottom_m[0]
+        tracker_input = replace(scene.tracker_input(frame), image=None, image_P_velo=None)
+        tracked = tracker.update(tracker_input)
+        assert tracked.state is TrackStatus.SEEN
+        assert tracked.box_px is None
+    away_m = tracked.box_velo.bottom_m[0] - scene.box(0.9).bottom_m[0]
     assert np.hypot(*away_m[:2]) < 0.3
 
 
@@ -154,7 +156,7 @@ def test_coloured_points_need_an_image_to_begin():
     scene = Scene()
     with pytest.raises(PerceptionError, match="expected an image of the first moment, found none"):
         single_object_tracker("l-fus", HDL_64E).start(
-            scene.moment(0, has_image=False), scene.box(0)
+            scene.tracker_input(0, has_image=False), scene.box(0)
         )
 
 
@@ -163,11 +165,11 @@ def test_an_image_may_be_missing_for_some_frames(name):
     scene = Scene()
     tracker = started(name, scene, frames=8)
     for frame in range(8, 20):
-        followed = tracker.follow(scene.moment(frame, has_image=not 9 <= frame < 14))
-        assert followed.state is FollowState.SEEN
-        assert_finite(followed)
-        assert (followed.box_px is None) == (9 <= frame < 14)
-    away_m = followed.box_velo.bottom_m[0, :2] - scene.box(1.9).bottom_m[0, :2]
+        tracked = tracker.update(scene.tracker_input(frame, has_image=not 9 <= frame < 14))
+        assert tracked.state is TrackStatus.SEEN
+        assert_finite(tracked)
+        assert (tracked.box_px is None) == (9 <= frame < 14)
+    away_m = tracked.box_velo.bottom_m[0, :2] - scene.box(1.9).bottom_m[0, :2]
     assert np.hypot(*away_m) < 0.6
 
 
@@ -175,9 +177,9 @@ def test_an_image_may_be_missing_for_some_frames(name):
 def test_an_image_alone_in_another_light_does_no_harm(name):
     scene = Scene()
     tracker = started(name, scene, frames=6)
-    dark = scene.moment(6)
-    followed = tracker.follow(replace(dark, image=np.zeros_like(dark.image)))
-    assert_finite(followed)
+    dark = scene.tracker_input(6)
+    tracked = tracker.update(replace(dark, image=np.zeros_like(dark.image)))
+    assert_finite(tracked)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -186,13 +188,13 @@ def test_hidden_it_is_predicted_then_lost_and_never_nan(name):
     tracker = started(name, scene, frames=20)
     states = []
     for frame in range(20, 60):
-        followed = tracker.follow(scene.moment(frame, has_car=False))
-        assert_finite(followed)
-        states.append(followed.state)
+        tracked = tracker.update(scene.tracker_input(frame, has_car=False))
+        assert_finite(tracked)
+        states.append(tracked.state)
     # A second, give or take a scan: time adds up with rounding.
-    assert states[:9] == [FollowState.PREDICTED] * 9
-    assert states[10:] == [FollowState.LOST] * 30
-    np.testing.assert_array_equal(followed.velocity_m_s, [0, 0])
+    assert states[:9] == [TrackStatus.PREDICTED] * 9
+    assert states[10:] == [TrackStatus.LOST] * 30
+    np.testing.assert_array_equal(tracked.velocity_m_s, [0, 0])
 
 
 @pytest.mark.parametrize("name", ["h-fus", "l-fus", "3d-kf"])
@@ -200,12 +202,12 @@ def test_it_is_met_again_behind_what_hid_it(name):
     scene = Scene()
     tracker = started(name, scene, frames=20)
     for frame in range(20, 26):
-        followed = tracker.follow(scene.moment(frame, has_car=False))
-        assert followed.state is FollowState.PREDICTED
+        tracked = tracker.update(scene.tracker_input(frame, has_car=False))
+        assert tracked.state is TrackStatus.PREDICTED
     for frame in range(26, 32):
-        followed = tracker.follow(scene.moment(frame))
-        assert followed.state is FollowState.SEEN
-    away_m = followed.box_velo.bottom_m[0, :2] - scene.box(3.1).bottom_m[0, :2]
+        tracked = tracker.update(scene.tracker_input(frame))
+        assert tracked.state is TrackStatus.SEEN
+    away_m = tracked.box_velo.bottom_m[0, :2] - scene.box(3.1).bottom_m[0, :2]
     assert np.hypot(*away_m) < 0.6
 
 
@@ -213,12 +215,12 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
     scene = Scene()
     tracker = started("h-fus", scene, frames=5)
     for frame in range(5, 40):
-        lost = tracker.follow(scene.moment(frame, has_car=False))
-    assert lost.state is FollowState.LOST
+        lost = tracker.update(scene.tracker_input(frame, has_car=False))
+    assert lost.state is TrackStatus.LOST
     place = lost.box_velo.bottom_m[0]
     there = Scene(start_xy_m=(place[0] + 0.5 - 4.0 * SPEED_M_S, place[1]))
-    found = tracker.follow(there.moment(40))
-    assert found.state is FollowState.SEEN
+    found = tracker.update(there.tracker_input(40))
+    assert found.state is TrackStatus.SEEN
     assert center_of(found)[0] == pytest.approx(place[0] + 0.5, abs=0.35)
 
 
@@ -226,11 +228,11 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
 def test_a_start_box_without_points_is_a_prediction(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(scene.moment(0, has_car=False), scene.box(0))
-    assert first.state is FollowState.PREDICTED
+    first = tracker.start(scene.tracker_input(0, has_car=False), scene.box(0))
+    assert first.state is TrackStatus.PREDICTED
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
-    found = tracker.follow(scene.moment(1))
-    assert found.state is FollowState.SEEN
+    found = tracker.update(scene.tracker_input(1))
+    assert found.state is TrackStatus.SEEN
     assert_finite(found)
 
 
@@ -254,15 +256,15 @@ def test_a_start_box_without_points_is_a_prediction(name):
 )
 def test_a_start_box_that_is_none_is_refused_in_one_sentence(name, box):
     with pytest.raises(PerceptionError, match=r"^start box: expected one box of finite .*, found"):
-        single_object_tracker(name, HDL_64E).start(Scene().moment(0), box)
+        single_object_tracker(name, HDL_64E).start(Scene().tracker_input(0), box)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_frame_given_twice_changes_nothing(name):
     scene = Scene()
     tracker = started(name, scene, frames=10)
-    once = tracker.follow(scene.moment(10))
-    again = tracker.follow(scene.moment(10))
+    once = tracker.update(scene.tracker_input(10))
+    again = tracker.update(scene.tracker_input(10))
     assert again.state is once.state
     np.testing.assert_array_equal(again.box_velo.bottom_m, once.box_velo.bottom_m)
     np.testing.assert_array_equal(again.velocity_m_s, once.velocity_m_s)
@@ -273,11 +275,11 @@ def test_a_frame_given_twice_changes_nothing(name):
 def test_after_a_jump_in_time_the_object_is_lost(name, stamp_s):
     scene = Scene()
     tracker = started(name, scene, frames=10)
-    jumped = tracker.follow(replace(scene.moment(10), stamp_s=stamp_s))
-    assert jumped.state is FollowState.LOST
+    jumped = tracker.update(replace(scene.tracker_input(10), stamp_s=stamp_s))
+    assert jumped.state is TrackStatus.LOST
     assert_finite(jumped)
-    after = tracker.follow(replace(scene.moment(11, has_car=False), stamp_s=stamp_s + 0.1))
-    assert after.state is FollowState.LOST
+    after = tracker.update(replace(scene.tracker_input(11, has_car=False), stamp_s=stamp_s + 0.1))
+    assert after.state is TrackStatus.LOST
     assert_finite(after)
 
 
@@ -285,41 +287,44 @@ def test_after_a_jump_in_time_the_object_is_lost(name, stamp_s):
 def test_an_empty_scan_is_no_sighting(name):
     scene = Scene()
     tracker = started(name, scene, frames=10)
-    empty = replace(scene.moment(10), points_velo=np.zeros((0, 4), np.float32))
-    followed = tracker.follow(empty)
-    assert followed.state is FollowState.PREDICTED
-    assert_finite(followed)
+    empty = replace(scene.tracker_input(10), points_velo=np.zeros((0, 4), np.float32))
+    tracked = tracker.update(empty)
+    assert tracked.state is TrackStatus.PREDICTED
+    assert_finite(tracked)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_that_leaves_the_image_is_followed_by_its_points(name):
     scene = Scene(start_xy_m=(9.0, -5.0), ego_turn_rad_s=0.35)
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(scene.moment(0), scene.box(0))
+    tracker.start(scene.tracker_input(0), scene.box(0))
     seen_px = []
     for frame in range(1, 20):
-        followed = tracker.follow(scene.moment(frame))
-        assert followed.state is FollowState.SEEN
-        assert_finite(followed)
-        seen_px.append(followed.box_px is not None)
+        tracked = tracker.update(scene.tracker_input(frame))
+        assert tracked.state is TrackStatus.SEEN
+        assert_finite(tracked)
+        seen_px.append(tracked.box_px is not None)
     assert seen_px[0]
     assert not seen_px[-1]
-    away_m = followed.box_velo.bottom_m[0, :2] - scene.box(1.9).bottom_m[0, :2]
+    away_m = tracked.box_velo.bottom_m[0, :2] - scene.box(1.9).bottom_m[0, :2]
     assert np.hypot(*away_m) < 0.6
 
 
 def test_a_hull_of_fewer_than_three_points_teaches_no_colours():
     scene = Scene()
     tracker = FusionTracker(HDL_64E)
-    moment = scene.moment(0)
+    tracker_input = scene.tracker_input(0)
     two = np.array([[14.0, 2, 0, 0], [14.0, 2, -0.5, 0]], np.float32)
-    bare = replace(moment, points_velo=np.vstack([moment.points_velo[: len(ground_points())], two]))
-    assert tracker.start(bare, scene.box(0)).state is FollowState.SEEN
+    bare = replace(
+        tracker_input,
+        points_velo=np.vstack([tracker_input.points_velo[: len(ground_points())], two]),
+    )
+    assert tracker.start(bare, scene.box(0)).state is TrackStatus.SEEN
     assert len(tracker.colors.colors) == 0
-    followed = tracker.follow(scene.moment(1))
-    assert followed.state is FollowState.SEEN
+    tracked = tracker.update(scene.tracker_input(1))
+    assert tracked.state is TrackStatus.SEEN
     assert len(tracker.colors.colors) > 0
-    assert_finite(followed)
+    assert_finite(tracked)
 
 
 def test_colours_are_those_of_the_car():
@@ -337,28 +342,28 @@ def test_colours_are_those_of_the_car():
 def test_what_lies_beyond_the_gate_is_not_the_object():
     scene = Scene()
     tracker = kalman_tracker(HDL_64E)
-    tracker.start(scene.moment(0), scene.box(0))
+    tracker.start(scene.tracker_input(0), scene.box(0))
     aside = Scene(start_xy_m=(14.0, 2.0 + 2 * SIZE_M[1] + 0.2))
-    assert tracker.follow(aside.moment(1)).state is FollowState.PREDICTED
+    assert tracker.update(aside.tracker_input(1)).state is TrackStatus.PREDICTED
 
 
 def test_the_ground_may_be_that_of_the_obstacle_stage():
     scene = Scene()
     rules = FusionTrackerRules(point=CentroidTrackerRules(ground="stage"))
     with pytest.raises(PerceptionError, match="the ground of the obstacle stage, found none"):
-        FusionTracker(HDL_64E, rules).start(scene.moment(0), scene.box(0))
+        FusionTracker(HDL_64E, rules).start(scene.tracker_input(0), scene.box(0))
 
 
 def test_nothing_is_followed_before_the_start():
     with pytest.raises(PerceptionError, match="expected start before follow"):
-        FusionTracker(HDL_64E).follow(Scene().moment(0))
+        FusionTracker(HDL_64E).update(Scene().tracker_input(0))
 
 
 def test_a_tracker_begins_anew():
     scene = Scene()
-    once = started("h-fus", scene, frames=8).follow(scene.moment(8))
+    once = started("h-fus", scene, frames=8).update(scene.tracker_input(8))
     tracker = started("h-fus", Scene(start_xy_m=(20.0, -4.0)), frames=6)
-    tracker.start(scene.moment(0), scene.box(0))
+    tracker.start(scene.tracker_input(0), scene.box(0))
     for frame in range(1, 9):
-        again = tracker.follow(scene.moment(frame))
+        again = tracker.update(scene.tracker_input(frame))
     np.testing.assert_array_equal(again.box_velo.bottom_m, once.box_velo.bottom_m)

@@ -8,7 +8,7 @@ from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.grids import VehicleBody
 from perception.sensor import HDL_64E
 from perception.tracking.single_object.fusion_tracker import FusionTracker
-from perception.tracking.single_object.tracker import FollowState, Moment
+from perception.tracking.single_object.tracker import TrackerInput, TrackStatus
 
 VAN, CYCLIST = 0, 1
 SIZE_PX = (1242, 375)
@@ -23,14 +23,16 @@ def errors(kitti_root) -> dict[int, np.ndarray]:
     for index, frame in enumerate(drive):
         points = frame.points_velo[~VehicleBody().contains_xy(frame.points_velo)]
         image_P_velo = frame.calibration.image_P_velo
-        moment = Moment(
+        tracker_input = TrackerInput(
             frame.stamp_s, points, frame.world_SE3_velo, None, frame.image, image_P_velo
         )
         labels = drive.labels(index)
         for track, tracker in trackers.items():
             truth = labels.boxes_velo[labels.track_ids == track]
-            followed = tracker.start(moment, truth) if index == 0 else tracker.follow(moment)
-            box = followed.box_velo
+            tracked = (
+                tracker.start(tracker_input, truth) if index == 0 else tracker.update(tracker_input)
+            )
+            box = tracked.box_velo
             up_m = (box.size_m - truth.size_m)[0, 2] / 2
             away_m = box.bottom_m[0] - truth.bottom_m[0] + (0, 0, up_m)
             outlines = [box_outlines_px(image_P_velo, b, SIZE_PX)[0] for b in (box, truth)]
@@ -41,7 +43,7 @@ def errors(kitti_root) -> dict[int, np.ndarray]:
                     np.linalg.norm(away_m),
                     np.linalg.norm(centers_px[0] - centers_px[1]),
                     turn_rad,
-                    followed.state is FollowState.SEEN,
+                    tracked.state is TrackStatus.SEEN,
                 )
             )
     return {track: np.array(values) for track, values in rows.items()}

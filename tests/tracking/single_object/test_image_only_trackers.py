@@ -13,7 +13,7 @@ from perception.tracking.single_object.histogram_finders import (
 )
 from perception.tracking.single_object.image_only_tracker import ImageOnlyTracker
 from perception.tracking.single_object.opencv_trackers import OpenCvFinder, opencv_tracker
-from perception.tracking.single_object.tracker import FollowState, Moment
+from perception.tracking.single_object.tracker import TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D
 
@@ -39,9 +39,9 @@ def image_with_square(column: int, row: int) -> np.ndarray:
     return image
 
 
-def moment(image: np.ndarray | None, frame: int = 0) -> Moment:
+def tracker_input(image: np.ndarray | None, frame: int = 0) -> TrackerInput:
     no_points = np.zeros((0, 4), np.float32)
-    return Moment(0.1 * frame, no_points, np.eye(4), None, image, IMAGE_P_VELO)
+    return TrackerInput(0.1 * frame, no_points, np.eye(4), None, image, IMAGE_P_VELO)
 
 
 def center_of(box_px: np.ndarray) -> np.ndarray:
@@ -50,8 +50,10 @@ def center_of(box_px: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_begins_with_the_rectangle_around_the_box(name):
-    first = single_object_tracker(name, HDL_64E).start(moment(image_with_square(160, 100)), BOX)
-    assert first.state is FollowState.SEEN
+    first = single_object_tracker(name, HDL_64E).start(
+        tracker_input(image_with_square(160, 100)), BOX
+    )
+    assert first.state is TrackStatus.SEEN
     assert first.box_velo is None
     np.testing.assert_allclose(first.box_px, [140, 80, 180, 120], atol=1e-3)
     np.testing.assert_array_equal(first.velocity_m_s, [0, 0])
@@ -60,22 +62,22 @@ def test_it_begins_with_the_rectangle_around_the_box(name):
 @pytest.mark.parametrize(("name", "within_px"), [("ms-i", 1.5), ("cbwh", 2), ("opencv-mil", 6)])
 def test_it_follows_a_square_over_a_checkerboard(name, within_px):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(moment(image_with_square(160, 100)), BOX)
+    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
     for frame in range(1, 8):
         place = 160 + 4 * frame, 100 - 2 * frame
-        followed = tracker.follow(moment(image_with_square(*place), frame))
-        assert followed.state is FollowState.SEEN
-        assert np.hypot(*(center_of(followed.box_px) - place)) <= within_px
-        np.testing.assert_allclose(followed.box_px[2:] - followed.box_px[:2], 40, atol=1e-3)
+        tracked = tracker.update(tracker_input(image_with_square(*place), frame))
+        assert tracked.state is TrackStatus.SEEN
+        assert np.hypot(*(center_of(tracked.box_px) - place)) <= within_px
+        np.testing.assert_allclose(tracked.box_px[2:] - tracked.box_px[:2], 40, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["ms-i", "cbwh"])
 def test_the_same_images_give_the_same_answers(name):
     def boxes() -> list[np.ndarray]:
         tracker = single_object_tracker(name, HDL_64E)
-        tracker.start(moment(image_with_square(160, 100)), BOX)
+        tracker.start(tracker_input(image_with_square(160, 100)), BOX)
         images = [image_with_square(160 + 3 * i, 100) for i in range(1, 4)]
-        return [tracker.follow(moment(image)).box_px for image in images]
+        return [tracker.update(tracker_input(image)).box_px for image in images]
 
     np.testing.assert_array_equal(boxes(), boxes())
 
@@ -83,35 +85,35 @@ def test_the_same_images_give_the_same_answers(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_without_images_it_predicts_then_is_lost_then_sees_again(name):
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(moment(image_with_square(160, 100)), BOX)
+    first = tracker.start(tracker_input(image_with_square(160, 100)), BOX)
     states = []
     for _ in range(12):
-        followed = tracker.follow(moment(None))
-        np.testing.assert_array_equal(followed.box_px, first.box_px)
-        states.append(followed.state)
-    assert states == [FollowState.PREDICTED] * 10 + [FollowState.LOST] * 2
-    again = tracker.follow(moment(image_with_square(162, 101)))
-    assert again.state is FollowState.SEEN
+        tracked = tracker.update(tracker_input(None))
+        np.testing.assert_array_equal(tracked.box_px, first.box_px)
+        states.append(tracked.state)
+    assert states == [TrackStatus.PREDICTED] * 10 + [TrackStatus.LOST] * 2
+    again = tracker.update(tracker_input(image_with_square(162, 101)))
+    assert again.state is TrackStatus.SEEN
     assert np.hypot(*(center_of(again.box_px) - (162, 101))) < 6
 
 
 @pytest.mark.parametrize("name", ["ms-i", "cbwh"])
 def test_where_none_of_its_colours_is_left_it_says_so(name):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(moment(image_with_square(160, 100)), BOX)
-    followed = tracker.follow(moment(np.full((200, 320, 3), 255, np.uint8)))
-    assert followed.state is FollowState.PREDICTED
-    np.testing.assert_allclose(followed.box_px, [140, 80, 180, 120], atol=1e-3)
+    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+    tracked = tracker.update(tracker_input(np.full((200, 320, 3), 255, np.uint8)))
+    assert tracked.state is TrackStatus.PREDICTED
+    np.testing.assert_allclose(tracked.box_px, [140, 80, 180, 120], atol=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_that_leaves_the_image_gives_no_nan(name):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(moment(image_with_square(160, 100)), BOX)
+    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
     for frame in range(1, 12):
-        followed = tracker.follow(moment(image_with_square(max(160 - 20 * frame, -21), 100)))
-        assert np.isfinite(followed.box_px).all()
-        assert (followed.box_px[2:] > followed.box_px[:2]).all()
+        tracked = tracker.update(tracker_input(image_with_square(max(160 - 20 * frame, -21), 100)))
+        assert np.isfinite(tracked.box_px).all()
+        assert (tracked.box_px[2:] > tracked.box_px[:2]).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -119,8 +121,8 @@ def test_an_object_that_leaves_the_image_gives_no_nan(name):
 def test_an_image_of_one_colour_gives_no_nan(name, color):
     tracker = single_object_tracker(name, HDL_64E)
     flat = np.full((200, 320, 3), color, np.uint8)
-    tracker.start(moment(flat), BOX)
-    assert np.isfinite(tracker.follow(moment(flat)).box_px).all()
+    tracker.start(tracker_input(flat), BOX)
+    assert np.isfinite(tracker.update(tracker_input(flat)).box_px).all()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -136,11 +138,11 @@ def test_an_image_of_one_colour_gives_no_nan(name, color):
 def test_odd_first_boxes_are_worked_with(name, size_m, bottom_m):
     box = Boxes3D(np.array([bottom_m]), np.array([size_m]), np.zeros(1))
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(moment(image_with_square(160, 100)), box)
-    followed = tracker.follow(moment(image_with_square(161, 100)))
-    assert np.isfinite(followed.box_px).all()
+    first = tracker.start(tracker_input(image_with_square(160, 100)), box)
+    tracked = tracker.update(tracker_input(image_with_square(161, 100)))
+    assert np.isfinite(tracked.box_px).all()
     np.testing.assert_allclose(
-        followed.box_px[2:] - followed.box_px[:2], first.box_px[2:] - first.box_px[:2]
+        tracked.box_px[2:] - tracked.box_px[:2], first.box_px[2:] - first.box_px[:2]
     )
 
 
@@ -157,12 +159,12 @@ def test_odd_first_boxes_are_worked_with(name, size_m, bottom_m):
 def test_what_it_cannot_begin_with_is_told(box, image, found):
     tracker = single_object_tracker("ms-i", HDL_64E)
     with pytest.raises(PerceptionError, match=found):
-        tracker.start(moment(None if image is None else image_with_square(160, 100)), box)
+        tracker.start(tracker_input(None if image is None else image_with_square(160, 100)), box)
 
 
 def test_following_nothing_is_told():
     with pytest.raises(PerceptionError, match="start before follow"):
-        single_object_tracker("cbwh", HDL_64E).follow(moment(image_with_square(160, 100)))
+        single_object_tracker("cbwh", HDL_64E).update(tracker_input(image_with_square(160, 100)))
 
 
 def test_a_colour_shared_with_the_surroundings_is_corrected_away():
@@ -206,11 +208,11 @@ class GrowingTracker:
 def test_the_rectangle_grows_with_opencvs_window_and_stays_where_it_fails():
     tracker = ImageOnlyTracker("growing", OpenCvFinder(GrowingTracker))
     image = image_with_square(160, 100)
-    tracker.start(moment(image), BOX)
-    grown = tracker.follow(moment(image))
+    tracker.start(tracker_input(image), BOX)
+    grown = tracker.update(tracker_input(image))
     np.testing.assert_allclose(grown.box_px, [100, 60, 180, 140], atol=1e-3)
-    missed = tracker.follow(moment(image))
-    assert missed.state is FollowState.PREDICTED
+    missed = tracker.update(tracker_input(image))
+    assert missed.state is TrackStatus.PREDICTED
     np.testing.assert_array_equal(missed.box_px, grown.box_px)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
 from perception.tracking.single_object.sight import points_around, sight_of
 from perception.tracking.single_object.surroundings import Surroundings
-from perception.tracking.single_object.tracker import Moment
+from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
 POLE, WALKER = np.array([[5.0, 2.0]]), np.array([[4.0, 1.0]])
@@ -51,7 +51,7 @@ def test_points_around_are_those_in_the_square() -> None:
     points = np.array([[1, 1, 0, 0], [4, 1, 0, 0], [1, 4, 0, 0]], np.float32)
     world = np.eye(4)
     world[:3, 3] = 100.0, 0.0, 0.0
-    around = points_around(Moment(0.0, points, world), np.array([101.0, 1.0, 0.0]), 2.0)
+    around = points_around(TrackerInput(0.0, points, world), np.array([101.0, 1.0, 0.0]), 2.0)
     np.testing.assert_allclose(around, [[101.0, 1.0, 0.0]])
 
 
@@ -70,10 +70,10 @@ def _ground_after(stage: _Stage | None, *, road_m: float = -1.6) -> float:
     xy = np.stack(np.meshgrid(np.arange(6, 14, 0.3), np.arange(-4, 4, 0.3)), -1).reshape(-1, 2)
     road = np.column_stack([xy, np.full(len(xy), road_m)])
     place = np.array([10.0, 0.0, -1.7])
-    moment = Moment(0.0, np.zeros((0, 4), np.float32), np.eye(4), stage)
+    tracker_input = TrackerInput(0.0, np.zeros((0, 4), np.float32), np.eye(4), stage)
     ground = GroundBelow.of_box(-1.7)
     for _ in range(30):
-        ground = ground_seen(ground.moved(0.5), place, 4.0, moment, road)
+        ground = ground_seen(ground.moved(0.5), place, 4.0, tracker_input, road)
     return ground.z_world_m
 
 
