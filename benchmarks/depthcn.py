@@ -9,7 +9,7 @@ from benchmarks.measure import Contender, take_turns
 from benchmarks.naive_depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, Prepared, add_peer
 from perception.cli.table import Cell
-from perception.cli.vehicle_detector import DetectorChoice
+from perception.cli.vehicle_detector import DepthCnConfig
 from perception.detection.depthcn.detector import DepthCn
 
 
@@ -49,7 +49,7 @@ def compare_depthcn(prepared: Prepared) -> Comparison:
 
 def _parts_ms(prepared: Prepared) -> dict[str, float]:
     """Return the median time of each part of ours."""
-    detector = DetectorChoice().open(prepared.drive.sensor)
+    detector = DepthCnConfig().open(prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
         for stage, spent_s in detector.look(frame).timings_s.items():

@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 import torch
 
-from export.detector import QUANTISATION, DecodedDetector
+from export.detector import QUANTIZATION, DecodedDetector
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from perception.detection.detectors.input_size import InputSize, stretch
 from perception.types import Modality, UInt8
-from train.detector.networks import DetectorForm, make_detector
+from train.detector.networks import DetectorNetworkConfig, make_detector
 from train.networks.grid_detector import GridDetector
 from train.networks.grid_head import OBJECTNESS
 
@@ -47,7 +47,7 @@ def write_detector(
         size: of its input.
         pictures: (H, W, C) of this modality.
     """
-    form = DetectorForm(modality, network, size=size)
+    form = DetectorNetworkConfig(modality, network, size=size)
     inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in pictures[:_SHOWN]]
     torch.manual_seed(0)
     detector = make_detector(form)
@@ -64,7 +64,7 @@ def write_detector(
     model = to_onnx(exportable)
     files.fp32.write_bytes(model)
     batches = [{"pictures": np.ascontiguousarray(one)} for one in inputs]
-    files.int8.write_bytes(to_int8(model, batches, QUANTISATION))
+    files.int8.write_bytes(to_int8(model, batches, QUANTIZATION))
     return files
 
 

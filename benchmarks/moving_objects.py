@@ -51,8 +51,8 @@ def compare_short_term_maps(prepared: Prepared) -> Comparison:
     ]
 
     def contender(form: type[ShortTermMap] | type[QueuedMap], queue: int) -> Contender:
-        rules = replace(THESIS.background, scans=queue, averaged=min(queue, 30))
-        short_term_map = form(cells, rules)
+        config = replace(THESIS.background, scans=queue, averaged=min(queue, 30))
+        short_term_map = form(cells, config)
         # There and back until the queue is full, as a drive would fill it.
         for grid, pose in islice(cycle([*inputs, *reversed(inputs)]), queue):
             short_term_map.update(grid, pose)

@@ -10,30 +10,30 @@ import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.elevation import ElevationGrid, ElevationRules
-from perception.datmo.short_term_map import MapRules
+from perception.datmo.elevation import ElevationGrid, ElevationGridConfig
+from perception.datmo.short_term_map import ShortTermMapConfig
 from perception.geometry.se3 import inverse
 from perception.types import Float32, Float64, GroundModel
 
 
 def elevation_by_loop(
-    points_velo: Float32, ground: GroundModel, cells: CellGrid, rules: ElevationRules
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: ElevationGridConfig
 ) -> ElevationGrid:
     """Sort the points into cells one by one, then look at each cell's heights (5.6)."""
     heights_m: dict[tuple[int, int], list[float]] = {}
     for point, height_m in zip(points_velo, ground.distance_m(points_velo), strict=True):
         x, y = point[:2]
         inside = cells.low_m[0] <= x < cells.high_m[0] and cells.low_m[1] <= y < cells.high_m[1]
-        far = np.hypot(x, y) > rules.nearest_m
-        if inside and far and rules.low_m < height_m < rules.high_m:
+        far = np.hypot(x, y) > config.nearest_m
+        if inside and far and config.low_m < height_m < config.high_m:
             row, column = np.floor((point[:2] - cells.low_m) / cells.cell_m).astype(int)
             heights_m.setdefault((row, column), []).append(float(height_m))
     grid = ElevationGrid(np.zeros(cells.shape, np.float32), np.zeros(cells.shape, np.int64))
     for cell, values in heights_m.items():
         grid.points[cell] = len(values)
         variance_m2 = np.var(values, ddof=1) if len(values) > 1 else 0.0
-        statistic_m = np.mean(values) if rules.ground_statistic == "mean" else max(values)
-        if variance_m2 >= rules.ground_variance_m2 or statistic_m >= rules.ground_height_m:
+        statistic_m = np.mean(values) if config.ground_statistic == "mean" else max(values)
+        if variance_m2 >= config.ground_variance_m2 or statistic_m >= config.ground_height_m:
             grid.height_m[cell] = np.mean(values)
     return grid
 
@@ -47,9 +47,9 @@ class _StoredGrid:
 class QueuedMap:
     """The short-term map as Algorithm 4 has it: all stored grids are turned anew at every scan."""
 
-    def __init__(self, cells: CellGrid, rules: MapRules) -> None:
-        self._cells, self._rules = cells, rules
-        self._queue: deque[_StoredGrid] = deque(maxlen=rules.scans)
+    def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
+        self._cells, self._config = cells, config
+        self._queue: deque[_StoredGrid] = deque(maxlen=config.scans)
 
     @property
     def scans(self) -> int:
@@ -58,19 +58,19 @@ class QueuedMap:
 
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
         """Take in a scan's grid and return the (X, Y) map around the vehicle."""
-        if self._rules.holds_newest:
+        if self._config.holds_newest:
             self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         total_m = np.zeros(self._cells.shape)
         count = np.zeros(self._cells.shape, np.int64)
         for stored in reversed(self._queue):
             seen_m = self._turned(stored, world_SE3_velo)
-            counts = ~np.isnan(seen_m) & (count < self._rules.averaged)
+            counts = ~np.isnan(seen_m) & (count < self._config.averaged)
             total_m[counts] += seen_m[counts]
             count[counts] += 1
-        if not self._rules.holds_newest:
+        if not self._config.holds_newest:
             self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         mean_m = total_m / np.maximum(count, 1)
-        return np.where(count >= self._rules.least, mean_m, 0).astype(np.float32)
+        return np.where(count >= self._config.least, mean_m, 0).astype(np.float32)
 
     def _turned(self, stored: _StoredGrid, world_SE3_velo: Float64) -> Float32:
         """Return a stored grid in today's cells, NaN where it saw nothing."""

@@ -5,14 +5,14 @@ from itertools import product
 import numpy as np
 
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.tri_boxes import TriBoxRules
+from perception.detection.fusion.tri_boxes import TriBoxConfig
 from perception.types import MODALITIES, Detections, Float64, Int
 
 # A box: column of its modality, row within it.
 Box = tuple[int, int]
 
 
-def naive_tri_boxes(scene: DetectedScene, rules: TriBoxRules) -> Int:
+def naive_tri_boxes(scene: DetectedScene, rules: TriBoxConfig) -> Int:
     """Return (T, 3) combinations in rising order."""
     parts = _parts(scene)
     boxes = [(column, row) for column, part in enumerate(parts) for row in range(len(part))]

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from perception.geometry.camera import project
-from perception.maps.beam_rows import ColumnRules
+from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
 from perception.types import Bool, Calibration, Float
@@ -63,27 +63,27 @@ def fill_natural_by_discs(sparse: SparseMaps) -> Filling:
     return filling.with_measured(sparse)
 
 
-def fill_columns_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Filling:
+def fill_columns_by_loop(sparse: SparseMaps, config: ColumnFillingConfig) -> Filling:
     """Follow each beam from return to return, then look for every pixel up and down its column."""
     width, height = sparse.size_px
-    cells = _rows_by_loop(sparse, rules)
-    columns = range(-(-width // rules.squeeze_px))
+    cells = _rows_by_loop(sparse, config)
+    columns = range(-(-width // config.squeeze_px))
     known = [column for column in columns if any(cell[0] == column for cell in cells)]
     region = region_by_loop(sparse)
     filling = Filling.empty(sparse.size_px)
     for column in range(width):
-        here = column // rules.squeeze_px
+        here = column // config.squeeze_px
         source = min(known, key=lambda other: abs(other - here))
-        anchors = _seen_anchors({r: z for (c, r), z in cells.items() if c == source}, rules)
-        first = here * rules.squeeze_px
+        anchors = _seen_anchors({r: z for (c, r), z in cells.items() if c == source}, config)
+        first = here * config.squeeze_px
         for row in range(int(sparse.pixels[:, 1].min()), height):
-            if region[row, first : first + rules.squeeze_px].any():
-                value = _between(anchors, row, rules)
+            if region[row, first : first + config.squeeze_px].any():
+                value = _between(anchors, row, config)
                 filling.depth_m[row, column] = 1 / value.real
                 filling.reflectance[row, column] = value.imag
     column, row = sparse.pixels.T
     return filling.with_measured(
-        sparse[sparse.depth_m <= rules.nearer * filling.depth_m[row, column]]
+        sparse[sparse.depth_m <= config.nearer * filling.depth_m[row, column]]
     )
 
 
@@ -105,19 +105,19 @@ def region_by_loop(sparse: SparseMaps) -> Bool:
 Cells = dict[tuple[int, int], complex]
 
 
-def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
+def _rows_by_loop(sparse: SparseMaps, config: ColumnFillingConfig) -> Cells:
     """Return inverse depth + i reflectance of the cells (column, row) that beams pass."""
     returns: Cells = {}
     for (u, v), depth, reflectance in zip(
         sparse.pixels.tolist(), sparse.depth_m, sparse.reflectance, strict=True
     ):
-        cell = u // rules.squeeze_px, v
+        cell = u // config.squeeze_px, v
         returns.pop(cell, None)  # so that the least deep are last
         returns[cell] = complex(1 / depth, reflectance)
-    following = {cell: _next_of(cell, returns, rules) for cell in returns}
+    following = {cell: _next_of(cell, returns, config) for cell in returns}
     behind = set(following.values())
     cells: Cells = {}
-    for step in range(_reach_by_loop(returns, rules), 0, -1):
+    for step in range(_reach_by_loop(returns, config), 0, -1):
         for column, row in (cell for cell in returns if following[cell] is None):
             cells[column + step, row] = returns[column, row]
         for column, row in (cell for cell in returns if cell not in behind):
@@ -128,54 +128,56 @@ def _rows_by_loop(sparse: SparseMaps, rules: ColumnRules) -> Cells:
         steps = end[0] - begin[0]
         for step in range(1, steps):
             row = end[1] if 2 * step >= steps else begin[1]
-            value = _across(returns[begin], returns[end], step / steps, rules)
+            value = _across(returns[begin], returns[end], step / steps, config)
             cells[begin[0] + step, row] = value
     cells.update(returns)
     return cells
 
 
-def _next_of(cell: tuple[int, int], returns: Cells, rules: ColumnRules) -> tuple[int, int] | None:
-    for step in range(1, rules.max_steps + 1):
+def _next_of(
+    cell: tuple[int, int], returns: Cells, config: ColumnFillingConfig
+) -> tuple[int, int] | None:
+    for step in range(1, config.max_steps + 1):
         for down in (0, -1, 1):
             if (cell[0] + step, cell[1] + down) in returns:
                 return cell[0] + step, cell[1] + down
     return None
 
 
-def _across(first: complex, last: complex, share: float, rules: ColumnRules) -> complex:
+def _across(first: complex, last: complex, share: float, config: ColumnFillingConfig) -> complex:
     near, far = max(first.real, last.real), min(first.real, last.real)
-    if near <= rules.nearer * far:
+    if near <= config.nearer * far:
         return first + share * (last - first)
     return last if share >= 0.5 else first
 
 
-def _reach_by_loop(returns: Cells, rules: ColumnRules) -> int:
+def _reach_by_loop(returns: Cells, config: ColumnFillingConfig) -> int:
     gaps = []
     for column in {cell[0] for cell in returns}:
         rows = sorted(row for c, row in returns if c == column)
         gaps += [below - above for above, below in pairwise(rows) if below - above > 1]
     spacing_px = float(np.median(gaps)) if gaps else 0.0
-    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), rules.max_steps)
+    return min(max(1, round(config.reach * spacing_px / config.squeeze_px)), config.max_steps)
 
 
-def _seen_anchors(anchors: dict[int, complex], rules: ColumnRules) -> dict[int, complex]:
+def _seen_anchors(anchors: dict[int, complex], config: ColumnFillingConfig) -> dict[int, complex]:
     rows = sorted(anchors)
     hidden = {
         row
         for above, row, below in zip(rows, rows[1:], rows[2:], strict=False)
-        if below - above <= rules.longest_gap_px
-        and anchors[above].real > rules.nearer * anchors[row].real
-        and anchors[below].real > rules.nearer * anchors[row].real
+        if below - above <= config.longest_gap_px
+        and anchors[above].real > config.nearer * anchors[row].real
+        and anchors[below].real > config.nearer * anchors[row].real
     }
     return {row: anchors[row] for row in rows if row not in hidden}
 
 
-def _between(anchors: dict[int, complex], row: int, rules: ColumnRules) -> complex:
+def _between(anchors: dict[int, complex], row: int, config: ColumnFillingConfig) -> complex:
     above = max((a for a in anchors if a <= row), default=None)
     below = min((a for a in anchors if a > row), default=None)
     if above is None or below is None:
         return anchors[below if above is None else above]  # type: ignore[index]
     gap, change = below - above, anchors[below] - anchors[above]
-    if abs(change.real) <= rules.steepest_per_m_px * gap:
+    if abs(change.real) <= config.steepest_per_m_px * gap:
         return anchors[above] + change * (row - above) / gap
     return anchors[above] if row - above < gap - gap // 2 else anchors[below]

@@ -7,12 +7,12 @@ from collections import defaultdict
 import numpy as np
 
 from benchmarks.naive_dbscan import cluster_by_definition
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.types import Calibration, Float, Float64
 
 
 def boxes_by_loop(
-    points_velo: Float, calibration: Calibration, size_px: tuple[int, int], rules: ProposalRules
+    points_velo: Float, calibration: Calibration, size_px: tuple[int, int], rules: ProposalConfig
 ) -> Float64:
     """Return (M, 4) boxes as the author's code makes them."""
     ahead = [
@@ -46,7 +46,7 @@ def _density(point: list[float], means: Float64, deviations: Float64) -> float:
     return float(math.prod(factors))
 
 
-def _in_varied_cells(points: list[list[float]], rules: ProposalRules) -> list[list[float]]:
+def _in_varied_cells(points: list[list[float]], rules: ProposalConfig) -> list[list[float]]:
     cells: dict[tuple[int, int], list[list[float]]] = defaultdict(list)
     for point in points:
         cells[_cell(point, rules.cell_m)].append(point)

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.measure import Contender, Timing, take_turns
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import inverse
-from perception.tracking.point_tracker import THESIS, PointTracker, PointTrackerRules
+from perception.tracking.point_tracker import THESIS, PointTracker, PointTrackerConfig
 from perception.types import Boxes3D, Float64, Tracks
 
 
@@ -79,8 +79,8 @@ class _PlainTrack:
 class PlainPointTracker:
     """`PointTracker` with a loop over tracks in every place; implements `MultiObjectTracker`."""
 
-    def __init__(self, rules: PointTrackerRules = THESIS) -> None:
-        self.rules = rules
+    def __init__(self, config: PointTrackerConfig = THESIS) -> None:
+        self.config = config
         self._next_id = 0
         self.end_all()
 
@@ -95,7 +95,7 @@ class PlainPointTracker:
         """Take in what one scan shows."""
         elapsed_s = 0.1 if self._stamp_s is None else stamp_s - self._stamp_s
         if elapsed_s > 0:
-            self._step(self.rules.step_s or elapsed_s, world_SE3_velo, moving)
+            self._step(self.config.step_s or elapsed_s, world_SE3_velo, moving)
             self._stamp_s = stamp_s
         return self._answer(world_SE3_velo)
 
@@ -104,18 +104,18 @@ class PlainPointTracker:
         last_m = [track.filter.mean[:2].copy() for track in self._tracks]
         for track in self._tracks:
             transition = np.eye(4) + step_s * np.eye(4, k=2)
-            noise = self.rules.process_variance * step_s / 0.1 * np.eye(4)
+            noise = self.config.process_variance * step_s / 0.1 * np.eye(4)
             track.filter.predict(transition, noise)
         expected_m = (
             last_m
-            if self.rules.gate_around == "last estimate"
+            if self.config.gate_around == "last estimate"
             else [track.filter.mean[:2] for track in self._tracks]
         )
         distances = np.empty((len(self._tracks), len(candidates)))
         for row, place_m in enumerate(expected_m):
             for column, candidate in enumerate(candidates):
                 distances[row, column] = np.linalg.norm(place_m - candidate.filter.mean[:2])
-        pairs = nearest_in_turn_by_loop(distances, self.rules.gate_m)
+        pairs = nearest_in_turn_by_loop(distances, self.config.gate_m)
         for row, track in enumerate(self._tracks):
             self._correct(track, last_m[row], candidates[pairs[row]] if row in pairs else None)
         self._manage(candidates, set(pairs.values()), world_SE3_velo)
@@ -128,18 +128,18 @@ class PlainPointTracker:
             extent_m = thing.vertices_m.max(axis=0) - thing.vertices_m.min(axis=0)
             size_m = np.array([*extent_m, float(thing.high_m[0] - thing.low_m[0])])
             mean = np.array([*moved.centroids_m[0], 0.0, 0.0])
-            state = PlainKalmanFilter(mean, self.rules.initial_variance * np.eye(4))
+            state = PlainKalmanFilter(mean, self.config.initial_variance * np.eye(4))
             found.append(_PlainTrack(-1, state, size_m, float(moved.low_m[0])))
         return found
 
     def _correct(self, track: _PlainTrack, last_m: Float64, seen: _PlainTrack | None) -> None:
-        noise = self.rules.measurement_variance_m2 * np.eye(2)
+        noise = self.config.measurement_variance_m2 * np.eye(2)
         track.is_seen = seen is not None
-        track.is_confirmed |= track.is_seen or not self.rules.confirms
+        track.is_confirmed |= track.is_seen or not self.config.confirms
         if seen is not None:
             track.filter.update(seen.filter.mean[:2], np.eye(2, 4), noise)
             track.size_m, track.low_world_m = seen.size_m, seen.low_world_m
-        elif self.rules.on_miss == "hold":
+        elif self.config.on_miss == "hold":
             track.filter.update(last_m, np.eye(2, 4), noise)
 
     def _manage(
@@ -147,7 +147,7 @@ class PlainPointTracker:
     ) -> None:
         kept = [track for track in self._tracks if track.is_confirmed]
         kept += [track for number, track in enumerate(candidates) if number not in claimed]
-        margin_m = self.rules.kept_beyond_area_m
+        margin_m = self.config.kept_beyond_area_m
         self._tracks = [t for t in kept if self._is_within(t, world_SE3_velo, margin_m)]
         for track in self._tracks:
             if track.id < 0:
@@ -156,7 +156,7 @@ class PlainPointTracker:
 
     def _is_within(self, track: _PlainTrack, world_SE3_velo: Float64, margin_m: float) -> bool:
         bottom_m = track.bottom_velo_m(world_SE3_velo)
-        return bool(self.rules.area.contains_xy(bottom_m[None], margin_m)[0])
+        return bool(self.config.area.contains_xy(bottom_m[None], margin_m)[0])
 
     def _answer(self, world_SE3_velo: Float64) -> Tracks:
         shown = [

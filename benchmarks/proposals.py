@@ -11,7 +11,7 @@ from benchmarks.stages import Comparison, Prepared, add_peer
 from data.drive import Labels
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
-from perception.detection.depthcn.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.detection.depthcn.standing import find_standing
 from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
@@ -19,7 +19,7 @@ from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.types import Bool, Float64, Int, Method
 
-_RULES = ProposalRules()
+_RULES = ProposalConfig()
 _OURS, _PEER = "ours", "scikit-learn"
 _OVERLAPS = (0.5, 0.7)
 

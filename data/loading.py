@@ -12,7 +12,7 @@ from data.process_share import ProcessShare
 from perception.errors import UsageError
 
 
-class Batching(Protocol):
+class LoaderConfig(Protocol):
     """How samples are put together; both numbers as whoever trains chose them."""
 
     @property
@@ -26,7 +26,7 @@ class Batching(Protocol):
         ...
 
 
-def require_batches(loading: Batching, least: int = 1) -> None:
+def validate_loader_config(loading: LoaderConfig, least: int = 1) -> None:
     """Refuse what no batch of so many samples could be made by.
 
     Raises:
@@ -44,7 +44,7 @@ def make_loader(
     module: LightningDataModule,
     dataset: Dataset[Any],
     sampler: Sampler[Ask] | None,
-    loading: Batching,
+    loading: LoaderConfig,
     collate: Callable[[Sequence[Any]], Any] | None = None,
 ) -> DataLoader[Any]:
     """Return batches of a data set, whose workers leave the cores to each other.

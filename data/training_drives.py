@@ -11,7 +11,7 @@ from perception.errors import DriveError
 
 
 @dataclass(frozen=True)
-class Sources:
+class TrainingDrives:
     """Which drives are learned from.
 
     Attributes:

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from export.exported import Choice, Exported, ExportOrder
+from export.exported import Choice, ExportConfig, Exported
 from export.forms import compare_forms
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
@@ -49,7 +49,7 @@ class Probabilities(nn.Module):
         return torch.sigmoid(logits), boxes_px
 
 
-def export_verifier(order: ExportOrder) -> Exported:
+def export_verifier(config: ExportConfig) -> Exported:
     """Make the files of a checkpoint, and show them and the checkpoint noise and candidates of a drive.
 
     The scales of an 8-bit form are those of the candidates. It is for comparison alone.
@@ -58,20 +58,20 @@ def export_verifier(order: ExportOrder) -> Exported:
         ModelError: the checkpoint is damaged, or of another network.
         UsageError: another size than the network's is asked for, or 8 bits without a candidate in any frame.
     """
-    if order.size is not None:
-        raise UsageError("size", expected="none, as crops have one size", found=str(order.size))
-    exportable = exportable_verifier(order.checkpoint)
-    sensor = order.drive.sensor if order.drive else HDL_64E
+    if config.size is not None:
+        raise UsageError("size", expected="none, as crops have one size", found=str(config.size))
+    exportable = exportable_verifier(config.checkpoint)
+    sensor = config.drive.sensor if config.drive else HDL_64E
     models = {"fp32": to_onnx(exportable)}
     generator = np.random.default_rng(0)
     channels = exportable.inputs["crops"].shape[1]
     inputs = {"noise": [random_inputs(channels, rows, generator) for rows in _NOISE_ROWS]}
     with TemporaryDirectory() as folder:
         full = _write(models["fp32"], Path(folder, "fp32.onnx"))
-        frames = order.read("candidates")
+        frames = config.read("candidates")
         if candidates := list(candidate_inputs(DepthCn(full, sensor), frames, sensor)):
             inputs["candidates"] = candidates
-        if order.int8:
+        if config.int8:
             if not candidates:
                 raise UsageError(
                     "int8", expected="candidates to find its scales with", found="none"

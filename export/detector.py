@@ -11,11 +11,11 @@ import torch
 from torch import Tensor, nn
 
 from export.detector_precision import measure_forms
-from export.exported import Choice, Exported, ExportOrder
+from export.exported import Choice, ExportConfig, Exported
 from export.forms import Form, compare_forms
 from export.onnx import Exportable, to_onnx
 from export.parity import Arrays, in_torch
-from export.quantize import Quantisation, Scales, to_int8
+from export.quantize import QuantizationConfig, Scales, to_int8
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import picture_of
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -29,7 +29,7 @@ TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}
 # What flows from convolution to convolution must not leave the integers on its way. The first convolution
 # has too few channels for their kernels: as it is, it is faster, and no 0.3 points of precision are lost on
 # it. So is the last: of what it says, 8 bits would be centres of boxes to no more than a fraction of a cell.
-QUANTISATION = Quantisation(
+QUANTIZATION = QuantizationConfig(
     layers=("Conv", "Relu", "LeakyRelu", "Add", "Resize", "MaxPool", "Concat"), ends="Conv"
 )
 FULL, SHORT = "fp32", "int8"
@@ -53,7 +53,7 @@ class DecodedDetector(nn.Module):
         return decoded.boxes_px, decoded.scores
 
 
-def export_detector(order: ExportOrder) -> Exported:
+def export_detector(config: ExportConfig) -> Exported:
     """Make the files of a checkpoint, show all forms the same pictures, and choose one.
 
     Raises:
@@ -61,9 +61,9 @@ def export_detector(order: ExportOrder) -> Exported:
         UsageError: 8 bits without a drive.
         PerceptionError: a frame of the drive lacks what the modality needs.
     """
-    if order.int8 and order.drive is None:
+    if config.int8 and config.drive is None:
         raise UsageError("int8", expected="a drive to find its scales with", found="none")
-    exportable = exportable_detector(order.checkpoint, order.size)
+    exportable = exportable_detector(config.checkpoint, config.size)
     shape = tuple(exportable.inputs["pictures"].shape[1:])
     models = {FULL: to_onnx(exportable)}
     generator = np.random.default_rng(0)
@@ -72,11 +72,11 @@ def export_detector(order: ExportOrder) -> Exported:
     }
     with TemporaryDirectory() as folder:
         opened = {FULL: _open(models[FULL], Path(folder, "fp32.onnx"))}
-        if pictures := list(_inputs(order, opened[FULL])):
+        if pictures := list(_inputs(config, opened[FULL])):
             inputs["pictures"] = pictures[:_COMPARED_FRAMES]
-        for scales in _scales_to_try(order):
+        for scales in _scales_to_try(config):
             name = f"{SHORT} {scales}"
-            models[name] = to_int8(models[FULL], pictures, replace(QUANTISATION, scales=scales))
+            models[name] = to_int8(models[FULL], pictures, replace(QUANTIZATION, scales=scales))
             opened[name] = _open(models[name], Path(folder, f"{scales}.onnx"))
     forms = compare_forms(
         exportable,
@@ -85,7 +85,7 @@ def export_detector(order: ExportOrder) -> Exported:
         timed=inputs["noise"][0],
     )
     networks = {name: detector.model for name, detector in opened.items()}
-    precision = measure_forms(order, {"torch": in_torch(exportable)} | networks, opened[FULL])
+    precision = measure_forms(config, {"torch": in_torch(exportable)} | networks, opened[FULL])
     forms = {name: replace(form, precision=precision.get(name, {})) for name, form in forms.items()}
     short = best_short(forms)
     return Exported(
@@ -158,17 +158,17 @@ def moderate(form: Form) -> float:
     return float(np.mean([levels["moderate"] for levels in wanted])) if wanted else 0.0
 
 
-def _scales_to_try(order: ExportOrder) -> tuple[Scales, ...]:
+def _scales_to_try(config: ExportConfig) -> tuple[Scales, ...]:
     """Return all ways of finding scales where labels tell which is best."""
-    if not order.int8 or order.drive is None:
+    if not config.int8 or config.drive is None:
         return ()
     every: tuple[Scales, ...] = get_args(Scales)
-    return every if order.drive.has_labels else every[:1]
+    return every if config.drive.has_labels else every[:1]
 
 
-def _inputs(order: ExportOrder, detector: ModalityDetector) -> Iterator[Arrays]:
+def _inputs(config: ExportConfig, detector: ModalityDetector) -> Iterator[Arrays]:
     """Yield what the network is shown of some frames of the drive."""
-    for frame in order.read("calibration", _CALIBRATION_FRAMES):
+    for frame in config.read("calibration", _CALIBRATION_FRAMES):
         picture = picture_of(frame, detector.modality, detector.filling)
         yield {"pictures": detector.input_of(picture)}
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from data.drive import Labels
 from data.true_boxes import true_boxes
-from export.exported import ExportOrder
+from export.exported import ExportConfig
 from export.parity import Network
 from perception.detection.detectors.modalities import picture_of
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -16,7 +16,7 @@ Precision = dict[str, dict[str, float]]
 
 
 def measure_forms(
-    order: ExportOrder, networks: Mapping[str, Network], detector: ModalityDetector
+    config: ExportConfig, networks: Mapping[str, Network], detector: ModalityDetector
 ) -> dict[str, Precision]:
     """Return average precision in percent by form, class and overlap, and difficulty.
 
@@ -25,12 +25,12 @@ def measure_forms(
         networks: the forms by name.
         detector: one of them, whose pictures and classes are those of all.
     """
-    drive = order.drive
+    drive = config.drive
     if drive is None or not drive.has_labels:
         return {}
     labels: list[Labels] = []
     found: dict[str, list[Detections]] = {name: [] for name in networks}
-    for frame in order.read("precision"):
+    for frame in config.read("precision"):
         labels.append(drive.labels(frame.index))
         picture = picture_of(frame, detector.modality, detector.filling)
         inputs = {"pictures": detector.input_of(picture)}

@@ -28,7 +28,7 @@ def silent(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
 
 
 @dataclass(frozen=True)
-class ExportOrder:
+class ExportConfig:
     """What is asked for.
 
     Attributes:

@@ -8,7 +8,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from export.exported import Choice, Exported, ExportOrder
+from export.exported import Choice, ExportConfig, Exported
 from export.forms import compare_forms
 from export.onnx import Exportable, to_onnx
 from perception.detection.fusion.calibration import Calibrations
@@ -33,7 +33,7 @@ class NamedScores(nn.Module):
         return (self.network(features),)
 
 
-def export_fusion(order: ExportOrder) -> Exported:
+def export_fusion(config: ExportConfig) -> Exported:
     """Make the file of a checkpoint, and show it and the checkpoint the same features.
 
     Its scores are not calibrated; training does that, by detections that were not learned from.
@@ -42,11 +42,11 @@ def export_fusion(order: ExportOrder) -> Exported:
         ModelError: the checkpoint is damaged, or of another network.
         UsageError: a size of pictures is asked for, or 8 bits.
     """
-    if order.int8 or order.size is not None:
+    if config.int8 or config.size is not None:
         raise UsageError(
             "fusion", expected="neither --int8 nor --size, as it takes no pictures", found="one"
         )
-    network, facts = load_fusion(order.checkpoint)
+    network, facts = load_fusion(config.checkpoint)
     rng = np.random.default_rng(0)
     lows, scales = network.lows.numpy(), network.scales.numpy()
     spans = np.where(scales > 0, 2 / np.where(scales > 0, scales, 1), 0)

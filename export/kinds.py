@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 
 from export.depthcn import export_verifier
 from export.detector import export_detector
-from export.exported import Exported, ExportOrder
+from export.exported import ExportConfig, Exported
 from export.fusion import export_fusion
 from train.checkpoints import model_of, read_checkpoint
 
-Exporter = Callable[[ExportOrder], Exported]
+Exporter = Callable[[ExportConfig], Exported]
 
 EXPORTERS: Mapping[str, Exporter] = {
     "depthcn": export_verifier,
@@ -17,12 +17,12 @@ EXPORTERS: Mapping[str, Exporter] = {
 }
 
 
-def export_network(order: ExportOrder) -> Exported:
+def export_network(config: ExportConfig) -> Exported:
     """Make the files of a checkpoint of any network.
 
     Raises:
         ModelError: it is damaged, or of a network that is not known.
         UsageError: what is asked for does not go with the network.
     """
-    kind = str(model_of(read_checkpoint(order.checkpoint, *EXPORTERS)))
-    return EXPORTERS[kind](order)
+    kind = str(model_of(read_checkpoint(config.checkpoint, *EXPORTERS)))
+    return EXPORTERS[kind](config)

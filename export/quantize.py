@@ -30,7 +30,7 @@ _METHODS: dict[Scales, CalibrationMethod] = {
 
 
 @dataclass(frozen=True)
-class Quantisation:
+class QuantizationConfig:
     """What of a network becomes 8-bit, and by which scales.
 
     Attributes:
@@ -46,7 +46,7 @@ class Quantisation:
 
 
 def to_int8(
-    model: bytes, batches: Iterable[Arrays], quantisation: Quantisation = Quantisation()
+    model: bytes, batches: Iterable[Arrays], quantization: QuantizationConfig = QuantizationConfig()
 ) -> bytes:
     """Return a quantised form of an ONNX file, its scales from batches of real inputs.
 
@@ -69,23 +69,23 @@ def to_int8(
                     prepared,
                     quantised,
                     _Batches(batches),
-                    op_types_to_quantize=list(quantisation.layers),
-                    nodes_to_exclude=_ends(prepared, quantisation.ends),
+                    op_types_to_quantize=list(quantization.layers),
+                    nodes_to_exclude=_ends(prepared, quantization.ends),
                     per_channel=True,
                     activation_type=QuantType.QUInt8,
                     weight_type=QuantType.QInt8,
-                    calibrate_method=_METHODS[quantisation.scales],
+                    calibrate_method=_METHODS[quantization.scales],
                 )
         finally:
             logger.setLevel(level)
-        return _noted(quantised, quantisation)
+        return _noted(quantised, quantization)
 
 
-def _noted(file: Path, quantisation: Quantisation) -> bytes:
+def _noted(file: Path, quantization: QuantizationConfig) -> bytes:
     """Return a file that says of itself what it was made into."""
     made = onnx.load(file)
     facts = {entry.key: entry.value for entry in made.metadata_props}
-    onnx.helper.set_model_props(made, facts | {"form": f"int8 {quantisation.scales}"})
+    onnx.helper.set_model_props(made, facts | {"form": f"int8 {quantization.scales}"})
     return bytes(made.SerializeToString())
 
 

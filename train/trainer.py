@@ -31,7 +31,7 @@ Precision = Literal["32-true", "16-mixed", "bf16-mixed"]
 
 
 @dataclass(frozen=True)
-class TrainerPlan:
+class TrainerConfig:
     """How long and on what a network is trained.
 
     Attributes:
@@ -82,7 +82,7 @@ class StepSeeds(Callback):
         torch.manual_seed(int(np.random.SeedSequence(numbers).generate_state(1)[0]))
 
 
-def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = ()) -> Trainer:
+def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback] = ()) -> Trainer:
     """Return a trainer that writes to a folder.
 
     Args:
@@ -94,7 +94,7 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
     best = ModelCheckpoint(
         out,
         filename=Path(BEST).stem,
-        monitor=plan.watched,
+        monitor=config.watched,
         mode="max",
         save_on_train_epoch_end=True,
         enable_version_counter=False,
@@ -106,20 +106,22 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
         enable_version_counter=False,
     )
     patient = (
-        [EarlyStopping(plan.watched, mode="max", patience=plan.patience)] if plan.patience else []
+        [EarlyStopping(config.watched, mode="max", patience=config.patience)]
+        if config.patience
+        else []
     )
     return Trainer(
-        accelerator=plan.accelerator,
-        devices=plan.devices,
-        num_nodes=plan.nodes,
-        strategy="ddp" if plan.devices * plan.nodes > 1 else "auto",
-        precision=plan.precision,
-        max_epochs=plan.epochs,
+        accelerator=config.accelerator,
+        devices=config.devices,
+        num_nodes=config.nodes,
+        strategy="ddp" if config.devices * config.nodes > 1 else "auto",
+        precision=config.precision,
+        max_epochs=config.epochs,
         # Data modules share the samples out by themselves: only they know what makes a fair share.
         use_distributed_sampler=False,
         logger=TensorBoardLogger(out, name="", version="", default_hp_metric=False),
         callbacks=[
-            StepSeeds(plan.seed),
+            StepSeeds(config.seed),
             LearningRateMonitor("epoch"),
             *callbacks,
             TrainingBar(),
@@ -129,7 +131,7 @@ def make_trainer(out: Path, plan: TrainerPlan, callbacks: Sequence[Callback] = (
         ],
         plugins=[WholeCheckpoints()],
         deterministic="warn",
-        fast_dev_run=plan.is_trial,
+        fast_dev_run=config.is_trial,
         num_sanity_val_steps=0,
         log_every_n_steps=10,
         enable_model_summary=False,

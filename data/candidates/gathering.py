@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class GatheringRules:
+class CropSamplingConfig:
     """What becomes a candidate.
 
     Attributes:
@@ -101,7 +101,7 @@ class CandidateSet:
 
 
 def gather(
-    frames: LabelledFrames, rules: GatheringRules, progress: Progress = iter
+    frames: LabelledFrames, config: CropSamplingConfig, progress: Progress = iter
 ) -> CandidateSet:
     """Go through all frames.
 
@@ -125,12 +125,12 @@ def gather(
         except LabelError:
             raise
         except PerceptionError as error:
-            if rules.on_bad_frame == "stop":
+            if config.on_bad_frame == "stop":
                 raise
             log.warning("skipped frame %d: %s", number, error)
             continue
         types.update(scene.label_types.tolist())
-        parts.append(_candidates(scene, number, rules))
+        parts.append(_candidates(scene, number, config))
     _require_vehicles(types, len(parts))
     return CandidateSet.joined(parts)
 
@@ -147,10 +147,10 @@ def _require_vehicles(types: Counter[str], frames: int) -> None:
     )
 
 
-def _candidates(scene: Scene, number: int, rules: GatheringRules) -> CandidateSet:
-    rng = np.random.default_rng([rules.seed, number])
+def _candidates(scene: Scene, number: int, config: CropSamplingConfig) -> CandidateSet:
+    rng = np.random.default_rng([config.seed, number])
     return CandidateSet.joined(
-        [_proposed(scene, number, rules.window), _shaken(scene, number, rules, rng)]
+        [_proposed(scene, number, config.window), _shaken(scene, number, config, rng)]
     )
 
 
@@ -165,15 +165,15 @@ def _proposed(scene: Scene, number: int, kind: WindowKind) -> CandidateSet:
 
 
 def _shaken(
-    scene: Scene, number: int, rules: GatheringRules, rng: np.random.Generator
+    scene: Scene, number: int, config: CropSamplingConfig, rng: np.random.Generator
 ) -> CandidateSet:
     """Add vehicles that the LiDAR sees whether or not they are proposed, with boxes a little off."""
-    is_seen = (scene.label_types == VEHICLE) & (scene.label_points >= rules.min_points)
-    rows = np.repeat(np.flatnonzero(is_seen & np.isfinite(scene.label_depths_m)), rules.shaken)
+    is_seen = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
+    rows = np.repeat(np.flatnonzero(is_seen & np.isfinite(scene.label_depths_m)), config.shaken)
     boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
     size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
-    moved = boxes_px + rng.uniform(-rules.shake, rules.shake, boxes_px.shape) * size
-    windows = windows_px(rules.window, moved, depths_m, scene.focal_px)
+    moved = boxes_px + rng.uniform(-config.shake, config.shake, boxes_px.shape) * size
+    windows = windows_px(config.window, moved, depths_m, scene.focal_px)
     return _of_frame(number, windows, depths_m, boxes_px, is_shaken=True)
 
 

@@ -18,7 +18,7 @@ from data.array_store import Arrays, ArrayStore, entry_key
 from data.drive import Drive, Labels
 from data.frame_origin import code_mark, frame_origin
 from perception.detection.depthcn.picture import camera_picture
-from perception.detection.depthcn.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
 from perception.maps.densify import densify
@@ -29,7 +29,7 @@ _MARGIN_M = 0.15  # labels are a little tight, and the beam has a width
 
 
 @dataclass(frozen=True)
-class FrameRules:
+class FrameConfig:
     """What a frame's picture and proposals depend on.
 
     Attributes:
@@ -38,7 +38,7 @@ class FrameRules:
     """
 
     method: Method = "default"
-    proposals: ProposalRules | None = None
+    proposals: ProposalConfig | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Scene:
 class LabelledFrames:
     """The frames of some drives, numbered through; what is made of each is kept in a store."""
 
-    def __init__(self, drives: Sequence[Drive], rules: FrameRules, store: ArrayStore) -> None:
+    def __init__(self, drives: Sequence[Drive], config: FrameConfig, store: ArrayStore) -> None:
         """Number the frames.
 
         Args:
@@ -79,7 +79,7 @@ class LabelledFrames:
             rules: how frames are looked at.
             store: where pictures and scenes are kept.
         """
-        self.drives, self.rules, self.store = tuple(drives), rules, store
+        self.drives, self.config, self.store = tuple(drives), config, store
         self._picture_keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
         self._places = [(drive, index) for drive in drives for index in range(len(drive))]
         self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
@@ -97,11 +97,11 @@ class LabelledFrames:
         if number not in self._picture_keys:
             origin = _origin(drive, index)
             self._picture_keys[number] = entry_key(
-                what="picture", method=self.rules.method, **origin
+                what="picture", method=self.config.method, **origin
             )
 
         def make() -> Arrays:
-            return {"picture": _picture(drive[index], self.rules.method, drive.sensor.height_m)}
+            return {"picture": _picture(drive[index], self.config.method, drive.sensor.height_m)}
 
         return self.store.get(self._picture_keys[number], make)["picture"]
 
@@ -112,10 +112,10 @@ class LabelledFrames:
             PerceptionError: a file of the frame cannot be read, or it has no camera or no labels.
         """
         drive, index = self._places[number]
-        key = entry_key(what="scene", rules=asdict(self.rules), **_origin(drive, index))
+        key = entry_key(what="scene", config=asdict(self.config), **_origin(drive, index))
 
         def make() -> Arrays:
-            return asdict(_scene(drive[index], drive.labels(index), self.rules))
+            return asdict(_scene(drive[index], drive.labels(index), self.config))
 
         return _to_scene(self.store.get(key, make))
 
@@ -126,10 +126,10 @@ def _picture(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:
     return camera_picture(dense, calibration.image_P_velo, lidar_height_m)
 
 
-def _scene(frame: Frame, labels: Labels, rules: FrameRules) -> Scene:
+def _scene(frame: Frame, labels: Labels, config: FrameConfig) -> Scene:
     calibration, size_px = camera_of(frame)
     points_velo = frame.points_velo
-    proposals = propose(points_velo, calibration, size_px, rules.proposals, rules.method)
+    proposals = propose(points_velo, calibration, size_px, config.proposals, config.method)
     is_within = points_inside(labels.boxes_velo, frame.points_velo, _MARGIN_M)
     _, depth_m = project(calibration.image_P_velo, frame.points_velo)
     nearest_m = np.where(is_within & (depth_m > 0), depth_m, np.inf).min(axis=1, initial=np.inf)

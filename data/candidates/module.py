@@ -12,17 +12,17 @@ from torch.utils.data import DataLoader
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedLooks
 from data.candidates.dataset import CandidateDataset, Sample
-from data.candidates.gathering import CandidateSet, GatheringRules, gather
-from data.candidates.labelled_frames import FrameRules, LabelledFrames
-from data.loading import make_loader, require_batches, share_of_process
+from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
+from data.candidates.labelled_frames import FrameConfig, LabelledFrames
+from data.loading import make_loader, share_of_process, validate_loader_config
 from data.splitting import SplitBy, split_generator, validation_frames
-from data.training_drives import Sources, open_drives
+from data.training_drives import TrainingDrives, open_drives
 from perception.detection.depthcn.picture import CHANNELS
 from perception.types import Bool, Progress
 
 
 @dataclass(frozen=True)
-class CandidateRules:
+class CropConfig:
     """What the drives' frames are turned into.
 
     Attributes:
@@ -30,12 +30,12 @@ class CandidateRules:
         gathering: what becomes a candidate.
     """
 
-    frames: FrameRules = field(default_factory=FrameRules)
-    gathering: GatheringRules = field(default_factory=GatheringRules)
+    frames: FrameConfig = field(default_factory=FrameConfig)
+    sampling: CropSamplingConfig = field(default_factory=CropSamplingConfig)
 
 
 @dataclass(frozen=True)
-class Loading:
+class CropLoadingConfig:
     """How samples come to the network.
 
     Attributes:
@@ -58,7 +58,7 @@ class Loading:
 
     def __post_init__(self) -> None:
         """Refuse what no batch could be made of."""
-        require_batches(self, least=2)
+        validate_loader_config(self, least=2)
 
 
 class CandidateData(LightningDataModule):
@@ -72,10 +72,10 @@ class CandidateData(LightningDataModule):
 
     def __init__(
         self,
-        sources: Sources,
-        rules: CandidateRules = CandidateRules(),
+        sources: TrainingDrives,
+        config: CropConfig = CropConfig(),
         augmentation: Augmentation | None = None,
-        loading: Loading = Loading(),
+        loading: CropLoadingConfig = CropLoadingConfig(),
         progress: Progress = iter,
     ) -> None:
         """Keep what `setup` needs; nothing is read yet.
@@ -88,7 +88,7 @@ class CandidateData(LightningDataModule):
             progress: goes through the numbers of the frames, and may show how far it is.
         """
         super().__init__()
-        self.sources, self.rules = sources, rules
+        self.sources, self.config = sources, config
         self.augmentation, self.loading = augmentation, loading
         self._progress = progress
 
@@ -99,7 +99,7 @@ class CandidateData(LightningDataModule):
             PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
         """
         for paths in self.sources.parts:
-            gather(self._frames(paths), self.rules.gathering, self._progress)
+            gather(self._frames(paths), self.config.sampling, self._progress)
 
     def setup(self, stage: str | None = None) -> None:
         """Gather the candidates and keep some back.
@@ -110,11 +110,11 @@ class CandidateData(LightningDataModule):
             PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
         """
         frames = self._frames(self.sources.training)
-        found = gather(frames, self.rules.gathering)
+        found = gather(frames, self.config.sampling)
         kept_frames, kept = frames, found
         if self.sources.validation:
             kept_frames = self._frames(self.sources.validation)
-            kept = gather(kept_frames, self.rules.gathering)
+            kept = gather(kept_frames, self.config.sampling)
         else:
             is_kept = self._is_kept(frames)[found.frames]
             found, kept = found[~is_kept], found[is_kept]
@@ -144,7 +144,7 @@ class CandidateData(LightningDataModule):
         return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
 
     def _frames(self, paths: Sequence[Path]) -> LabelledFrames:
-        return LabelledFrames(open_drives(paths), self.rules.frames, self.sources.store)
+        return LabelledFrames(open_drives(paths), self.config.frames, self.sources.store)
 
     def _is_kept(self, frames: LabelledFrames) -> Bool:
         """Tell which frames are kept back, where no drives are named to judge by."""

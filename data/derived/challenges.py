@@ -36,7 +36,7 @@ CHALLENGE_WORDS = {
 
 
 @dataclass(frozen=True)
-class ChallengeRule:
+class ChallengeConfig:
     """From where on a variation is a challenge.
 
     Attributes:
@@ -68,9 +68,9 @@ class Variations:
     distance_ratio: float
     speed_change_m_s: float
 
-    def challenges(self, rule: ChallengeRule | None = None) -> tuple[Challenge, ...]:
+    def challenges(self, config: ChallengeConfig | None = None) -> tuple[Challenge, ...]:
         """Return what is challenging."""
-        limits = rule or ChallengeRule()
+        limits = config or ChallengeConfig()
         is_challenge = {
             Challenge.OCC: self.occluded_share >= limits.occluded_share,
             Challenge.POS: self.turn_deg >= limits.turn_deg,

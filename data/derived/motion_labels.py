@@ -25,7 +25,7 @@ _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
 
 
 @dataclass(frozen=True)
-class MotionThresholds:
+class MotionLabelConfig:
     """When a labelled object counts as moving, in physical units.
 
     Boxes of parked cars travel at up to 0.56 m/s in KITTI's sequence 0000, as annotation and INS
@@ -135,7 +135,7 @@ class MotionLabels:
 
 
 def label_drive_motion(
-    drive: KittiSequence, thresholds: MotionThresholds | None = None
+    drive: KittiSequence, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
     """Say of every labelled box of a drive whether its object stands or moves, by the poses of its INS.
 
@@ -178,10 +178,10 @@ def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:
 
 
 def label_motion(
-    tracks: TrackPositions, thresholds: MotionThresholds | None = None
+    tracks: TrackPositions, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
     """Say of every box whether its object stands or moves at that moment."""
-    limits = thresholds or MotionThresholds()
+    limits = thresholds or MotionLabelConfig()
     velocities_m_s = np.full((len(tracks.frames), 2), np.nan)
     motions = np.full(len(tracks.frames), Motion.UNKNOWN, np.int64)
     for track_id in np.unique(tracks.track_ids):
@@ -218,7 +218,7 @@ def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
     return np.asarray(np.median(velocities, axis=0))
 
 
-def _with_memory(speeds_mps: Float64, spans_s: Float64, limits: MotionThresholds) -> Int:
+def _with_memory(speeds_mps: Float64, spans_s: Float64, limits: MotionLabelConfig) -> Int:
     """Apply the two thresholds: what moves goes on moving, before and after, while above the lower."""
     with np.errstate(invalid="ignore"):
         starts = (speeds_mps >= limits.start_mps) & (speeds_mps * spans_s >= limits.travel_m)

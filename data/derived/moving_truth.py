@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from data.derived.motion_labels import (
+    MotionLabelConfig,
     MotionLabels,
-    MotionThresholds,
     PosedLabels,
     gather_tracks,
     label_motion,
@@ -88,7 +88,7 @@ class MovingTruth:
 
 
 def moving_truth(
-    drive: Drive, view: View = "camera", thresholds: MotionThresholds | None = None
+    drive: Drive, view: View = "camera", thresholds: MotionLabelConfig | None = None
 ) -> MovingTruth:
     """Find out what moves in a drive, and how.
 

@@ -40,12 +40,12 @@ class PictureAugmentation:
 def changed(
     picture: UInt8,
     labels: PictureLabels,
-    rules: PictureRules,
+    config: PictureRules,
     strengths: PictureAugmentation,
     rng: np.random.Generator,
 ) -> tuple[UInt8, PictureLabels]:
     """Return an (h, w, C) picture and its labels as another look would show them."""
-    modality, is_filled = rules.modality, rules.filling != "sparse"
+    modality, is_filled = config.modality, config.filling != "sparse"
     size_px = picture.shape[1], picture.shape[0]
     placement = draw_placement(strengths.placing, size_px, rng)
     placed = place(picture, placement, modality, rng)

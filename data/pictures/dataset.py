@@ -85,7 +85,7 @@ class PictureDataset(Dataset[Sample]):
         if self.augmentation is None or not isinstance(ask, Ask):
             return picture, labels
         rng = np.random.default_rng([self.seed, *ask.look])
-        return changed(picture, labels, self.frames.rules, self.augmentation, rng)
+        return changed(picture, labels, self.frames.config, self.augmentation, rng)
 
     def picture_size_px(self, row: int) -> tuple[int, int]:
         """Return the (width, height) that a picture had before it was stretched to the input."""
@@ -107,7 +107,7 @@ class PictureDataset(Dataset[Sample]):
         others = ", ".join(f"{count} {name}" for name, count in types.most_common()) or "no object"
         raise LabelError(
             f"labels of {len(self)} {where}",
-            expected=f"at least one {' or '.join(self.frames.rules.class_names)} that is seen well enough",
+            expected=f"at least one {' or '.join(self.frames.config.class_names)} that is seen well enough",
             found=f"{others}, a set that lacks the class",
             advice="choose drives with such labels",
         )

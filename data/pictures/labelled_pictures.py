@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 class LabelledPictures:
     """The frames of some drives, numbered through; the picture of each is kept in a store."""
 
-    def __init__(self, drives: Sequence[Drive], rules: PictureRules, store: ArrayStore) -> None:
+    def __init__(self, drives: Sequence[Drive], config: PictureRules, store: ArrayStore) -> None:
         """Number the frames.
 
         Args:
@@ -26,7 +26,7 @@ class LabelledPictures:
             rules: what pictures are made of the frames.
             store: where pictures are kept.
         """
-        self.drives, self.rules, self.store = tuple(drives), rules, store
+        self.drives, self.config, self.store = tuple(drives), config, store
         self._places = [(drive, index) for drive in drives for index in range(len(drive))]
         self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
         self._keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
@@ -47,7 +47,7 @@ class LabelledPictures:
         Raises:
             PerceptionError: a file of the frame cannot be read, or it lacks what the modality needs.
         """
-        return self._arrays(number)[self.rules.modality]
+        return self._arrays(number)[self.config.modality]
 
     def size_px(self, number: int) -> tuple[int, int]:
         """Return the (width, height) of the picture of a frame before it was stretched; make it if need be.
@@ -87,12 +87,12 @@ class LabelledPictures:
         Raises:
             PerceptionError: as `labels`.
         """
-        rules = self.rules
+        config = self.config
         labels = self.labels(number)
-        return picture_labels(labels, rules.class_names, self.size_px(number), rules.size)
+        return picture_labels(labels, config.class_names, self.size_px(number), config.size)
 
     def _arrays(self, number: int) -> Arrays:
         drive, index = self._places[number]
         if number not in self._keys:
-            self._keys[number] = picture_key(drive, index, self.rules)
-        return self.store.get(self._keys[number], lambda: make_pictures(drive[index], self.rules))
+            self._keys[number] = picture_key(drive, index, self.config)
+        return self.store.get(self._keys[number], lambda: make_pictures(drive[index], self.config))

@@ -61,18 +61,18 @@ class PictureRules:
             raise UsageError("JPEG quality", expected="from 1 to 100", found=found)
 
 
-def picture_key(drive: Drive, index: int, rules: PictureRules) -> str:
+def picture_key(drive: Drive, index: int, config: PictureRules) -> str:
     """Return the key of a frame's pictures; the classes that are looked for do not matter."""
     return entry_key(
-        what="camera picture" if rules.modality == "rgb" else ["map pictures", rules.filling],
-        size=rules.size,
-        jpeg_quality=rules.jpeg_quality,
+        what="camera picture" if config.modality == "rgb" else ["map pictures", config.filling],
+        size=config.size,
+        jpeg_quality=config.jpeg_quality,
         code=code_mark(perception.maps, modalities, input_size, Path(__file__)),
         **frame_origin(drive, index),
     )
 
 
-def make_pictures(frame: Frame, rules: PictureRules) -> Arrays:
+def make_pictures(frame: Frame, config: PictureRules) -> Arrays:
     """Return the pictures of a frame, each (h, w, C) by its modality, and (width, height) before: size_px.
 
     Both maps come at once, as all but the last step is the same.
@@ -81,16 +81,16 @@ def make_pictures(frame: Frame, rules: PictureRules) -> Arrays:
         PerceptionError: the frame lacks the image, or the camera's calibration, that they are made of.
     """
     made: dict[Modality, UInt8]
-    if rules.modality == "rgb":
+    if config.modality == "rgb":
         made = {"rgb": camera_image(frame)}
     else:
-        dense = fill_maps(project_frame(frame), rules.filling)
+        dense = fill_maps(project_frame(frame), config.filling)
         made = {"dm": map_picture(dense, "dm"), "rm": map_picture(dense, "rm")}
     height, width = next(iter(made.values())).shape[:2]
-    if (quality := rules.jpeg_quality) is not None:
+    if (quality := config.jpeg_quality) is not None:
         made = {name: through_jpeg(picture, quality) for name, picture in made.items()}
     arrays: dict[str, UInt8 | Int] = {
-        name: stretch(one, rules.size, name) for name, one in made.items()
+        name: stretch(one, config.size, name) for name, one in made.items()
     }
     return {**arrays, "size_px": np.array([width, height])}
 

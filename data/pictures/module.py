@@ -11,7 +11,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.frames import OnBadFrame
-from data.loading import make_loader, require_batches, share_of_process
+from data.loading import make_loader, share_of_process, validate_loader_config
 from data.looks import Ask, ShuffledLooks
 from data.pictures.augmentation import PictureAugmentation
 from data.pictures.dataset import PictureDataset, Sample, collate
@@ -19,7 +19,7 @@ from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
 from data.pictures.splits import Split, drawn_split, listed_split
 from data.splitting import SplitBy
-from data.training_drives import Sources, open_drives
+from data.training_drives import TrainingDrives, open_drives
 from perception.errors import PerceptionError, UsageError
 from perception.types import Int, Progress
 
@@ -54,7 +54,7 @@ class PictureLoading:
 
     def __post_init__(self) -> None:
         """Refuse what no batch could be made of."""
-        require_batches(self)
+        validate_loader_config(self)
         if not 0 < self.training_share <= 1:
             found = f"{self.training_share:g}"
             raise UsageError("training share", expected="above 0, at most 1", found=found)
@@ -85,8 +85,8 @@ class PictureData(LightningDataModule):
 
     def __init__(
         self,
-        sources: Sources,
-        rules: PictureRules,
+        sources: TrainingDrives,
+        config: PictureRules,
         augmentation: PictureAugmentation | None = None,
         loading: PictureLoading = PictureLoading(),
         progress: Progress = iter,
@@ -101,7 +101,7 @@ class PictureData(LightningDataModule):
             progress: goes through the numbers of the frames, and may show how far it is.
         """
         super().__init__()
-        self.sources, self.rules = sources, rules
+        self.sources, self.config = sources, config
         self.augmentation, self.loading = augmentation, loading
         self._progress = progress
 
@@ -150,7 +150,7 @@ class PictureData(LightningDataModule):
         return self._loader(self.test, None)
 
     def _frames(self, paths: Sequence[Path]) -> LabelledPictures:
-        return LabelledPictures(open_drives(paths), self.rules, self.sources.store)
+        return LabelledPictures(open_drives(paths), self.config, self.sources.store)
 
     def _split(self, frames: LabelledPictures) -> Split:
         loading, has_drives = self.loading, bool(self.sources.validation)

@@ -24,7 +24,7 @@ _LAND_M = 16.0  # how far beside the road bushes grow
 
 
 @dataclass(frozen=True)
-class Clutter:
+class ClutterConfig:
     """How much of what stands along a road; shares from 0 to 1, numbers in 100 m of each side.
 
     Attributes:
@@ -57,7 +57,7 @@ class Clutter:
 def litter(
     road: Road,
     stretch_m: tuple[float, float],
-    clutter: Clutter,
+    clutter: ClutterConfig,
     clearings: Sequence[Clearing],
     rng: np.random.Generator,
 ) -> list[Part]:

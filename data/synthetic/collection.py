@@ -21,7 +21,7 @@ _FRAMES_APART = 18  # so that the scenery is another
 
 
 @dataclass(frozen=True)
-class Recipe:
+class SynthConfig:
     """What to write.
 
     Attributes:
@@ -62,7 +62,7 @@ class Recipe:
 
 
 def write_drives(
-    out: Path, recipe: Recipe, done: Callable[[], object] = lambda: None
+    out: Path, synth_config: SynthConfig, done: Callable[[], object] = lambda: None
 ) -> list[Path]:
     """Write drives below a folder; return the folder that opens as each.
 
@@ -72,36 +72,36 @@ def write_drives(
         done: called after each frame.
     """
     with one_blas_thread():  # frames are written side by side already
-        if recipe.layout == "object":
-            return [_write_object_frames(out, recipe, done)]
-        write = writer.write_raw if recipe.layout == "raw" else writer.write_tracking
+        if synth_config.layout == "object":
+            return [_write_object_frames(out, synth_config, done)]
+        write = writer.write_raw if synth_config.layout == "raw" else writer.write_tracking
         return [
-            write(draw_drive(recipe, number, recipe.frames), out, number, done)
-            for number in range(recipe.drives)
+            write(draw_drive(synth_config, number, synth_config.frames), out, number, done)
+            for number in range(synth_config.drives)
         ]
 
 
-def draw_drive(recipe: Recipe, number: int, frames: int) -> SyntheticDrive:
+def draw_drive(synth_config: SynthConfig, number: int, frames: int) -> SyntheticDrive:
     """Draw one of the drives of a recipe."""
-    seed = recipe.seed + number
-    config = recipe.config
+    seed = synth_config.seed + number
+    config = synth_config.config
     if config is None:
-        is_demonstration = number == 0 and recipe.layout != "object"
+        is_demonstration = number == 0 and synth_config.layout != "object"
         rng = np.random.default_rng([seed, 0xC0])
         config = WorldConfig() if is_demonstration else draw_config(rng)
-    if recipe.ego_m_s is not None:
-        config = replace(config, ego_m_s=recipe.ego_m_s)
+    if synth_config.ego_m_s is not None:
+        config = replace(config, ego_m_s=synth_config.ego_m_s)
     return SyntheticDrive(
-        frames, seed=seed, sensor=recipe.sensor, config=config, noise=recipe.noise,
-        images=recipe.images,
+        frames, seed=seed, sensor=synth_config.sensor, config=config, noise=synth_config.noise,
+        images=synth_config.images,
     )  # fmt: skip
 
 
-def _write_object_frames(out: Path, recipe: Recipe, done: Callable[[], object]) -> Path:
+def _write_object_frames(out: Path, synth_config: SynthConfig, done: Callable[[], object]) -> Path:
     folder = out
-    for world, numbers in enumerate(_batches(recipe.frames)):
+    for world, numbers in enumerate(_batches(synth_config.frames)):
         frames = range(0, _FRAMES_APART * len(numbers), _FRAMES_APART)
-        drive = draw_drive(recipe, world, frames[-1] + 1)
+        drive = draw_drive(synth_config, world, frames[-1] + 1)
         folder = writer.write_objects(drive, out, numbers[0], frames, done)
     return folder
 

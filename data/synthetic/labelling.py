@@ -25,7 +25,7 @@ _LATTICE = np.stack(
 
 
 @dataclass(frozen=True)
-class LabelRules:
+class LabelConfig:
     """Which objects are labelled, and which are image regions that nobody cares about.
 
     Attributes:
@@ -75,7 +75,7 @@ def label(
     time_s: float,
     *,
     is_tracking: bool,
-    rules: LabelRules = LabelRules(),
+    config: LabelConfig = LabelConfig(),
 ) -> Labels:
     """Label what the camera sees at a time.
 
@@ -88,7 +88,7 @@ def label(
         rules: what is labelled.
     """
     camera = PinholeCamera(calibration, world_SE3_velo)
-    sights = _sights(world, camera, time_s, rules)
+    sights = _sights(world, camera, time_s, config)
     sights = [_cut_at_image(world, camera, sight) for sight in sights]
     alone, seen, area = _visibility(world, camera, sights, time_s)
     share = seen / np.maximum(alone, 1)
@@ -96,11 +96,11 @@ def label(
     height = np.array([s.box_px[3] - s.box_px[1] for s in sights])
     truncation = np.array([s.truncation for s in sights])
     distance = np.array([s.distance_m for s in sights])
-    noticed = (seen > 0) & (seen_px >= rules.min_seen_px)
-    labelled = noticed & (height >= rules.min_height_px) & (distance <= rules.max_distance_m)
-    labelled &= (share >= rules.min_visible_share) & (truncation <= rules.max_truncation)
-    occlusion = np.select([share >= rules.visible_share, share >= rules.partly_share], [0, 1], 2)
-    occlusion = np.where(height < rules.unknown_height_px, 3, occlusion)
+    noticed = (seen > 0) & (seen_px >= config.min_seen_px)
+    labelled = noticed & (height >= config.min_height_px) & (distance <= config.max_distance_m)
+    labelled &= (share >= config.min_visible_share) & (truncation <= config.max_truncation)
+    occlusion = np.select([share >= config.visible_share, share >= config.partly_share], [0, 1], 2)
+    occlusion = np.where(height < config.unknown_height_px, 3, occlusion)
     boxes_px = np.array([s.box_px for s in sights]).reshape(-1, 4)
     levels = np.digitize(truncation, [0.04, 0.5]).astype(float)
     kept = [sight for sight, keep in zip(sights, labelled, strict=True) if keep]
@@ -115,11 +115,13 @@ def label(
     )
 
 
-def _sights(world: World, camera: PinholeCamera, time_s: float, rules: LabelRules) -> list[_Sight]:
+def _sights(
+    world: World, camera: PinholeCamera, time_s: float, config: LabelConfig
+) -> list[_Sight]:
     """Find the objects of which some part falls into the image."""
     found = []
     for actor in world.actors:
-        if not world.is_near(actor, time_s, 1.4 * rules.max_distance_m):
+        if not world.is_near(actor, time_s, 1.4 * config.max_distance_m):
             continue
         state = world.state(actor, time_s)
         if not _may_be_seen(actor, state, camera):

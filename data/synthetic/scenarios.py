@@ -24,7 +24,7 @@ from data.synthetic.exposure import Exposure
 from data.synthetic.ins import InsNoise
 from data.synthetic.motion import Path
 from data.synthetic.road import Road, RoadShape
-from data.synthetic.town import TownStyle
+from data.synthetic.town import TownConfig
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from data.synthetic.world import World, assemble
 from data.synthetic.world_config import WorldConfig
@@ -160,7 +160,7 @@ def _build_world(scenario: Scenario, rng: np.random.Generator) -> World:
     shape = RoadShape(
         curvature_1_m=0.0, slope=0.0, bank=0.0, crown=0.0, lane_m=18.0, parking_m=0.0, kerb_m=0.0
     )
-    style = TownStyle(houses=0.5, greenery=0.3, furniture=0.5, parking=0.0)
+    style = TownConfig(houses=0.5, greenery=0.3, furniture=0.5, parking=0.0)
     config = WorldConfig(road=shape, town=style)
     times_s = np.arange(-_MARGIN_S, scenario.duration_s + _MARGIN_S, _STEP_S)
     target = _object_way(scenario, times_s)

@@ -14,7 +14,7 @@ from perception.types import Float32, Float64
 
 
 @dataclass(frozen=True)
-class TownStyle:
+class TownConfig:
     """How a street is built up; shares from 0 to 1.
 
     Attributes:
@@ -58,7 +58,7 @@ class Clearing:
 def furnish(
     road: Road,
     stretch_m: tuple[float, float],
-    style: TownStyle,
+    config: TownConfig,
     clearings: list[Clearing],
     rng: np.random.Generator,
     is_free: Callable[[float, float, int], bool] = lambda s_m, length_m, side: True,
@@ -73,18 +73,18 @@ def furnish(
         rng: draws what stands where.
         is_free: whether a plot may be built on, by where it begins, its length and its side.
     """
-    parts = [street.ground(road, *stretch_m, _ground_palette(style))]
+    parts = [street.ground(road, *stretch_m, _ground_palette(config))]
     for side in (-1, 1):
-        roadside = _Roadside(road, side, style, rng)
+        roadside = _Roadside(road, side, config, rng)
         parts += roadside.plots(*stretch_m, is_free)
         parts += roadside.kerbside(*stretch_m, clearings)
         parts += roadside.backdrop(*stretch_m)
     return parts
 
 
-def _ground_palette(style: TownStyle) -> Float32:
+def _ground_palette(config: TownConfig) -> Float32:
     looks = palette()
-    looks[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= style.ground_reflectance
+    looks[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= config.ground_reflectance
     return looks
 
 
@@ -101,7 +101,7 @@ class _Roadside:
 
     road: Road
     side: int
-    style: TownStyle
+    config: TownConfig
     rng: np.random.Generator
 
     @property
@@ -123,7 +123,7 @@ class _Roadside:
         return parts
 
     def _plot(self, s_m: float, length_m: float) -> list[Part]:
-        if self.rng.random() >= self.style.houses:
+        if self.rng.random() >= self.config.houses:
             return [*self._border(s_m, length_m), *self._garden(s_m, length_m)]
         front_garden_m = float(self.rng.choice([0.0, 0.0, 3.0]))
         house = self._house(s_m, length_m, self._edge_m + 0.3 + front_garden_m)
@@ -140,11 +140,11 @@ class _Roadside:
 
     def _border(self, s_m: float, length_m: float) -> list[Part]:
         """Close a plot off towards the pavement by a hedge, a fence or a low wall."""
-        if self._lacks(self.style.borders):
+        if self._lacks(self.config.borders):
             return []
         pose = self._along(s_m, length_m, self._edge_m + 0.7)
         height, kind = float(self.rng.uniform(0.8, 1.7)), self.rng.random()
-        if kind < self.style.greenery:
+        if kind < self.config.greenery:
             hedge = vegetation.hedge(length_m, height, self.rng)
             return [Part(meshes.moved(hedge, pose), vegetation.foliage_palette(self.rng))]
         if kind < 0.85:
@@ -158,7 +158,7 @@ class _Roadside:
         return share <= 0 or (share < 1 and self.rng.random() >= share)
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
-        count = 1 + int(self.rng.random() < self.style.greenery)
+        count = 1 + int(self.rng.random() < self.config.greenery)
         return [
             self._tree(
                 s_m + float(self.rng.uniform(1, length_m - 1)),
@@ -171,8 +171,8 @@ class _Roadside:
     def _tree(self, s_m: float, out_m: float, height_m: float) -> Part:
         # A crown that reaches the ground must not reach the pavement.
         has_room = out_m - self._edge_m > vegetation.CROWN_REACH * height_m
-        is_low = has_room and not self._lacks(self.style.low_crowns)
-        mesh = vegetation.tree(height_m, self.rng, self.style.leaves, is_low=is_low)
+        is_low = has_room and not self._lacks(self.config.low_crowns)
+        mesh = vegetation.tree(height_m, self.rng, self.config.leaves, is_low=is_low)
         pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
         return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))
 
@@ -186,12 +186,12 @@ class _Roadside:
             if any(abs(s_m - clearing.s_m) < clearing.half_m for clearing in clearings):
                 continue
             if number % 4 == 0:
-                if self._lacks(self.style.lamps):
+                if self._lacks(self.config.lamps):
                     continue
                 parts.append(self._facing_traffic(self._lamp(), palette(), s_m, row_m))
-            elif self.rng.random() < self.style.furniture * 0.6:
+            elif self.rng.random() < self.config.furniture * 0.6:
                 parts.append(self._facing_traffic(*self._post(), s_m, row_m))
-            elif self.rng.random() < self.style.greenery:
+            elif self.rng.random() < self.config.greenery:
                 parts.append(self._tree(s_m, row_m, float(self.rng.uniform(5, 9))))
         return parts
 
@@ -223,5 +223,5 @@ class _Roadside:
                 float(self.rng.uniform(9, 15)),
             )
             for s in np.arange(start_m, end_m, 14.0)
-            if not self._lacks(self.style.backdrop)
+            if not self._lacks(self.config.backdrop)
         ]

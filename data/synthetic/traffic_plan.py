@@ -22,7 +22,7 @@ _HEAVY_IN_YARDS = 0.07
 _MIN_GAP_M = 3.0  # between bumpers at the start
 
 
-class TrafficPlan:
+class TrafficGenerator:
     """Draws who is on the road and where they go; nobody runs into anybody."""
 
     def __init__(

@@ -11,7 +11,7 @@ from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
 from data.synthetic.scene import Moving, Scene
 from data.synthetic.street import Part
-from data.synthetic.traffic_plan import TrafficPlan
+from data.synthetic.traffic_plan import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.yards import draw_yards
 from perception.types import Float64
@@ -114,7 +114,7 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
         start_m=-(_BEHIND_M + 120),
         end_m=2 * reach + _AHEAD_M + 120,
     )
-    plan = TrafficPlan(config, road, duration_s, rng)
+    plan = TrafficGenerator(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     own = rng.spawn(1)[0]
     yards = draw_yards(stretch, config.clutter.yards, own)

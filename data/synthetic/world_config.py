@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from data.synthetic.clutter import Clutter
+from data.synthetic.clutter import ClutterConfig
 from data.synthetic.road import RoadShape
-from data.synthetic.town import TownStyle
+from data.synthetic.town import TownConfig
 from perception.errors import UsageError
 
 
@@ -30,8 +30,8 @@ class WorldConfig:
     """
 
     road: RoadShape = field(default_factory=RoadShape)
-    town: TownStyle = field(default_factory=TownStyle)
-    clutter: Clutter = field(default_factory=Clutter)
+    town: TownConfig = field(default_factory=TownConfig)
+    clutter: ClutterConfig = field(default_factory=ClutterConfig)
     ego_m_s: float = 8.5
     leader_gap_m: float = 15.0
     vehicle_gap_m: float = 30.0

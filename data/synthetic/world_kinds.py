@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from data.synthetic.clutter import Clutter
+from data.synthetic.clutter import ClutterConfig
 from data.synthetic.road import RoadShape
-from data.synthetic.town import TownStyle
+from data.synthetic.town import TownConfig
 from data.synthetic.world_config import WorldConfig
 
 # What draws of a street begin with: trees of fewer leaves, as there are many of them.
-_TOWN = TownStyle(houses=0.0, leaves=1000)
-Amounts = TypeVar("Amounts", TownStyle, Clutter)
+_TOWN = TownConfig(houses=0.0, leaves=1000)
+Amounts = TypeVar("Amounts", TownConfig, ClutterConfig)
 
 
 def draw_config(rng: np.random.Generator) -> WorldConfig:
@@ -49,7 +49,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
     )
     clutter = _drawn(
         rng,
-        Clutter(),
+        ClutterConfig(),
         bushes=(0, 7),
         grass=(0, 20),
         conifers=(0, 2),
@@ -96,7 +96,7 @@ def main_road(rng: np.random.Generator) -> WorldConfig:
     )
     clutter = _drawn(
         rng,
-        Clutter(),
+        ClutterConfig(),
         bushes=(3, 14),
         grass=(10, 40),
         conifers=(0, 4),
@@ -143,7 +143,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
     )
     clutter = _drawn(
         rng,
-        Clutter(),
+        ClutterConfig(),
         bushes=(2, 12),
         grass=(0, 25),
         conifers=(0, 2),
@@ -182,7 +182,7 @@ def country_road(rng: np.random.Generator) -> WorldConfig:
         low_crowns=(0.1, 0.8),
         ground_reflectance=(0.75, 1.25),
     )
-    clutter = _drawn(rng, Clutter(), bushes=(3, 15), grass=(10, 50), conifers=(0, 6))
+    clutter = _drawn(rng, ClutterConfig(), bushes=(3, 15), grass=(10, 50), conifers=(0, 6))
     clutter = replace(clutter, rails=float(rng.choice([0.0, 0.1, 0.25])))
     clutter = _drawn(rng, clutter, boxes=(0, 0.5), delineators=(0, 4))
     config = WorldConfig(road=road, town=town, clutter=clutter)

@@ -18,7 +18,7 @@ from perception.cli.table import format_table
 from perception.errors import ModelError, PerceptionError
 from perception.geometry.threads import one_blas_thread
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionChoice
+from perception.pipeline.detection_choice import DetectionConfig
 from perception.sensor import HDL_64E, sensor_named
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def bench(  # noqa: PLR0913 - flags of a command
     part: Part = "all",
     frames: int = 30,
     chain_frames: int = 150,
-    detection: DetectionChoice = DetectionChoice(),  # noqa: B008 - frozen
+    detection: DetectionConfig = DetectionConfig(),  # noqa: B008 - frozen
     json: Path | None = None,
 ) -> None:
     """Time every stage beside its plain form, the thesis' form and the best library, in one run.

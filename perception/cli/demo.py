@@ -6,8 +6,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from data.open_drive import open_drive
-from data.synthetic.collection import Recipe, write_drives
-from perception.cli.run import RunPlan, run_drive
+from data.synthetic.collection import SynthConfig, write_drives
+from perception.cli.run import RunConfig, run_drive
 from perception.sensor import sensor_named
 
 
@@ -24,9 +24,9 @@ def demo(
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file.
         seed: of the street; another seed, another street.
     """
-    recipe = Recipe(frames=frames, sensor=sensor_named(sensor), seed=seed)
+    synth_config = SynthConfig(frames=frames, sensor=sensor_named(sensor), seed=seed)
     with tqdm(total=frames, desc="writing a street", unit="frame", file=sys.stderr) as bar:
-        (folder,) = write_drives(out / "drive", recipe, bar.update)
-    summary = run_drive(open_drive(folder), out, RunPlan())
+        (folder,) = write_drives(out / "drive", synth_config, bar.update)
+    summary = run_drive(open_drive(folder), out, RunConfig())
     print(summary.table())
     print(f"watch:   {out / 'video.mp4'}")

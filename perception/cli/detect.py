@@ -12,13 +12,13 @@ from data.kitti.detection_rows import format_result_rows
 from data.open_drive import open_drive
 from data.whole_file import write_whole
 from perception.cli.detect_summary import DetectSummary
-from perception.cli.documents import write_configuration, write_json
+from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
 from perception.cli.picture_file import write_jpeg
 from perception.cli.results_folder import new_results_folder
-from perception.cli.vehicle_detector import DetectorChoice, Sighting, VehicleDetector, sightings
-from perception.detection.depthcn.detector import DetectionRules
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.cli.vehicle_detector import DepthCnConfig, Sighting, VehicleDetector, sightings
+from perception.detection.depthcn.detector import NmsConfig
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
@@ -38,8 +38,8 @@ def detect(  # noqa: PLR0913 - flags of a command
     frames: int | None = None,
     method: Method = "default",
     model: Path | None = None,
-    rules: ProposalRules | None = None,
-    min_score: float = DetectionRules.min_score,
+    rules: ProposalConfig | None = None,
+    min_score: float = NmsConfig.min_score,
     shown_score: float = 0.5,
     video: bool = True,
     on_bad_frame: OnBadFrame = "stop",
@@ -62,8 +62,8 @@ def detect(  # noqa: PLR0913 - flags of a command
         video: whether to draw: a video of a sequence, a picture of each frame of others.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
     """
-    choice = DetectorChoice(method, model, rules, min_score)
-    plan = DetectPlan(choice, frames, shown_score, video, on_bad_frame)
+    choice = DepthCnConfig(method, model, rules, min_score)
+    plan = DetectConfig(choice, frames, shown_score, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
     detector = choice.open(opened.sensor)
     summary = detect_in_drive(opened, detector, out or new_results_folder(Path("results")), plan)
@@ -71,7 +71,7 @@ def detect(  # noqa: PLR0913 - flags of a command
 
 
 @dataclass(frozen=True)
-class DetectPlan:
+class DetectConfig:
     """How vehicles are detected in a drive.
 
     Attributes:
@@ -82,7 +82,7 @@ class DetectPlan:
         on_bad_frame: stop or skip.
     """
 
-    choice: DetectorChoice = field(default_factory=DetectorChoice)
+    choice: DepthCnConfig = field(default_factory=DepthCnConfig)
     frames: int | None = None
     shown_score: float = 0.5
     video: bool = True
@@ -94,7 +94,7 @@ class DetectPlan:
 
 
 def detect_in_drive(
-    drive: Drive, detector: VehicleDetector, out: Path, plan: DetectPlan
+    drive: Drive, detector: VehicleDetector, out: Path, plan: DetectConfig
 ) -> DetectSummary:
     """Detect in every frame and write what is found, whole at every moment.
 
@@ -108,7 +108,7 @@ def detect_in_drive(
         PerceptionError: a frame cannot be used; what was done before it stays in the folder.
     """
     summary = DetectSummary(drive.name, out, plan.shown_score)
-    write_configuration(out, drive, plan=plan, network=dict(detector.facts))
+    write_config(out, drive, plan=plan, network=dict(detector.facts))
     found = sightings(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
@@ -136,8 +136,8 @@ def detect_in_drive(
 class _Pictures:
     """Draws a video of a sequence and a picture of its middle, or a picture of each other frame."""
 
-    def __init__(self, out: Path, video: PictureSink, drive: Drive, plan: DetectPlan) -> None:
-        self._out, self._video, self._plan = out, video, plan
+    def __init__(self, out: Path, video: PictureSink, drive: Drive, plan: DetectConfig) -> None:
+        self._out, self._video, self._config = out, video, plan
         self._is_sequence, self._turn_s = drive.is_sequence, 1 / drive.sensor.rate_hz
         self._middle = 1 + frame_count(drive, plan.frames) // 2
         self._composition: DetectionComposition | None = None
@@ -152,7 +152,7 @@ class _Pictures:
             image=sighting.frame.image,
             depth=depth_picture(sighting.dense),
             proposals_px=sighting.proposals_px,
-            detections=found[found.scores >= self._plan.shown_score],
+            detections=found[found.scores >= self._config.shown_score],
             timings_s=sighting.timings_s,
         )
         # One layout for all, as a video needs.

@@ -40,7 +40,7 @@ def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `t
     write_whole(path, yaml.safe_dump(to_plain(document), sort_keys=False).encode())
 
 
-def write_configuration(out: Path, drive: Drive, **effective: object) -> None:
+def write_config(out: Path, drive: Drive, **effective: object) -> None:
     """Write `config.yaml` into a folder of results: what they were made from, and with what."""
     document = {
         "trifuse": __version__,

@@ -54,7 +54,7 @@ def export(  # noqa: PLR0913 - flags of a command
     kinds = _exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
     exported = kinds.export_network(
-        kinds.ExportOrder(checkpoint, drive, frames, int8=int8, size=asked, progress=bar)
+        kinds.ExportConfig(checkpoint, drive, frames, int8=int8, size=asked, progress=bar)
     )
     print(_table(out.name, exported))
     if exported.forms["fp32"].precision:

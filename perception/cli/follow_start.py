@@ -65,7 +65,7 @@ class TrackStartConfig:
             raise UsageError("--start-frame", expected="0 or more", found=str(self.frame))
 
 
-def find_start(drive: KittiSequence | ObjectFrames, request: TrackStartConfig) -> TrackStart:
+def find_start(drive: KittiSequence | ObjectFrames, config: TrackStartConfig) -> TrackStart:
     """Find the object in a drive.
 
     Raises:
@@ -78,16 +78,16 @@ def find_start(drive: KittiSequence | ObjectFrames, request: TrackStartConfig) -
             expected="frames that follow each other, to follow an object through them",
             found="object frames",
         )
-    if request.frame is not None and request.frame >= len(drive):
+    if config.frame is not None and config.frame >= len(drive):
         raise UsageError(
             "--start-frame",
             expected=f"a frame of {drive.name}, 0 to {len(drive) - 1}",
-            found=str(request.frame),
+            found=str(config.frame),
         )
-    if request.box is not None:
-        return TrackStart(request.frame or 0, parse_box(request.box))
-    assert request.track_id is not None
-    return _labelled_start(DriveObjects.of(drive), request.track_id, request.frame)
+    if config.box is not None:
+        return TrackStart(config.frame or 0, parse_box(config.box))
+    assert config.track_id is not None
+    return _labelled_start(DriveObjects.of(drive), config.track_id, config.frame)
 
 
 def _labelled_start(labelled: DriveObjects, track_id: int, frame: int | None) -> TrackStart:

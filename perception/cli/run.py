@@ -9,7 +9,7 @@ from pathlib import Path
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
-from perception.cli.documents import write_configuration
+from perception.cli.documents import write_config
 from perception.cli.drive_results import drive_results
 from perception.cli.flags import require_positive
 from perception.cli.follow_on import HandoverTracking, NoObjectTracking, ObjectTracking
@@ -58,13 +58,13 @@ def run(  # noqa: PLR0913 - flags of a command
     # Networks, and a tracker of one object, look at images that nobody draws.
     is_looked_at = "rgb" in wanted_modalities(pipeline.detection) or follow is not None
     opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or is_looked_at)
-    plan = RunPlan(frames, video, on_bad_frame, pipeline, follow)
+    plan = RunConfig(frames, video, on_bad_frame, pipeline, follow)
     summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
     print(summary.table())
 
 
 @dataclass(frozen=True)
-class RunPlan:
+class RunConfig:
     """How a drive is run.
 
     Attributes:
@@ -86,7 +86,7 @@ class RunPlan:
         require_positive("--frames", self.frames)
 
 
-def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
+def run_drive(drive: Drive, out: Path, plan: RunConfig) -> RunSummary:
     """Run the pipeline over a drive and write its results, whole at every moment.
 
     Raises:
@@ -98,7 +98,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     start = time.perf_counter()
     with ExitStack() as files:
         folder = files.enter_context(ResultsFolder(out, drive, area))
-        write_configuration(out, drive, plan=plan)
+        write_config(out, drive, plan=plan)
         pictures = files.enter_context(_pictures(drive, out, plan))
         object_tracking = files.enter_context(_object_tracking(drive, out, plan))
         try:
@@ -120,7 +120,7 @@ def run_drive(drive: Drive, out: Path, plan: RunPlan) -> RunSummary:
     return summary
 
 
-def _pictures(drive: Drive, out: Path, plan: RunPlan) -> Pictures:
+def _pictures(drive: Drive, out: Path, plan: RunConfig) -> Pictures:
     """Return who draws what a plan wants drawn."""
     if not plan.video:
         return NoPictures()
@@ -128,7 +128,7 @@ def _pictures(drive: Drive, out: Path, plan: RunPlan) -> Pictures:
     return RunPictures(out, drive, composition, frame_count(drive, plan.frames))
 
 
-def _object_tracking(drive: Drive, out: Path, plan: RunPlan) -> ObjectTracking:
+def _object_tracking(drive: Drive, out: Path, plan: RunConfig) -> ObjectTracking:
     """Return who follows the object of a plan, or nobody."""
     if plan.follow is None:
         return NoObjectTracking()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from data.synthetic.ins import InsNoise
 from data.synthetic.writer import Layout
 from perception.sensor import sensor_named
@@ -41,7 +41,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         images: whether to write images of the colour camera.
         speed: that the ego vehicle wishes for, metres a second; else as the street is drawn.
     """
-    recipe = Recipe(
+    synth_config = SynthConfig(
         layout=layout,
         frames=frames,
         drives=drives,
@@ -51,7 +51,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         images=images,
         ego_m_s=speed,
     )
-    with tqdm(total=recipe.total_frames, desc="synth", unit="frame") as bar:
-        folders = write_drives(out, recipe, bar.update)
+    with tqdm(total=synth_config.total_frames, desc="synth", unit="frame") as bar:
+        folders = write_drives(out, synth_config, bar.update)
     for folder in dict.fromkeys(folders):
         print(folder)

@@ -12,7 +12,7 @@ import numpy as np
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
-from perception.cli.documents import write_configuration, write_json
+from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
 from perception.cli.follow_files import TrajectoryFile, TrajectoryRows
 from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start
@@ -79,10 +79,10 @@ def track(  # noqa: PLR0913 - flags of a command
         video: whether to draw the video.
         on_bad_frame: stop at a damaged frame, keeping what was done, or skip it and say so.
     """
-    request = TrackStartConfig(track_id, box, start_frame)
+    start_config = TrackStartConfig(track_id, box, start_frame)
     plan = TrackConfig(tracker, frames, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
-    start = find_start(opened, request)
+    start = find_start(opened, start_config)
     summary = track_object(opened, start, out or new_results_folder(Path("results")), plan)
     print(summary.table(opened.calibration))
 
@@ -134,7 +134,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
                 )
             )
         )
-        write_configuration(
+        write_config(
             out,
             drive,
             object={"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},

@@ -8,8 +8,8 @@ from typing import Protocol, TypeVar
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import bar
-from perception.detection.depthcn.detector import DepthCn, DetectionRules
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.detector import DepthCn, NmsConfig
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.geometry.threads import one_blas_thread
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
@@ -85,7 +85,7 @@ class TimedDepthCn:
 
 
 @dataclass(frozen=True)
-class DetectorChoice:
+class DepthCnConfig:
     """Which detector, and how it decides.
 
     Attributes:
@@ -97,8 +97,8 @@ class DetectorChoice:
 
     method: Method = "default"
     model: Path | None = None
-    rules: ProposalRules | None = None
-    min_score: float = DetectionRules.min_score
+    rules: ProposalConfig | None = None
+    min_score: float = NmsConfig.min_score
 
     def open(self, sensor: LidarModel) -> VehicleDetector:
         """Open the network.
@@ -110,8 +110,8 @@ class DetectorChoice:
         detector = DepthCn(
             self.model or self.method,
             sensor,
-            proposal_rules=self.rules,
-            detection_rules=DetectionRules(min_score=self.min_score),
+            proposal_config=self.rules,
+            nms_config=NmsConfig(min_score=self.min_score),
         )
         return TimedDepthCn(detector)
 

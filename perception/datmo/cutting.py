@@ -16,7 +16,7 @@ from perception.types import Bool, Float, Float64, Int
 
 
 @dataclass(frozen=True)
-class CutRules:
+class ClusteringConfig:
     """Which gaps do not part a thing.
 
     Attributes:
@@ -35,7 +35,7 @@ class CutRules:
     rise: float = 1 / 3
 
 
-def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -> Int:
+def cut_moving(points_velo: Float, elevation_step_rad: float, config: ClusteringConfig) -> Int:
     """Return (N,) the number of each point's thing, from 0.
 
     Args:
@@ -45,14 +45,14 @@ def cut_moving(points_velo: Float, elevation_step_rad: float, rules: CutRules) -
     """
     if len(points_velo) == 0:
         return np.zeros(0, np.int64)
-    cell_of, places_m = _cells(points_velo, rules.cell_m)
+    cell_of, places_m = _cells(points_velo, config.cell_m)
     ranges_m = np.hypot(*places_m.T)
     depth_gaps_m = np.clip(
-        ranges_m * elevation_step_rad / rules.rise, rules.depth_gap_m, rules.max_depth_gap_m
+        ranges_m * elevation_step_rad / config.rise, config.depth_gap_m, config.max_depth_gap_m
     )
     reach_m = float(depth_gaps_m.max())
     pairs = cKDTree(places_m).query_pairs(reach_m, output_type="ndarray")
-    pairs = pairs[_is_one(places_m, depth_gaps_m, pairs, rules.side_gap_m)]
+    pairs = pairs[_is_one(places_m, depth_gaps_m, pairs, config.side_gap_m)]
     links = coo_matrix((np.ones(len(pairs)), pairs.T), (len(places_m), len(places_m)))
     _, thing_of_cell = connected_components(links, directed=False)
     return np.asarray(thing_of_cell[cell_of], np.int64)

@@ -15,7 +15,7 @@ HeightStatistic = Literal["mean", "max"]
 
 
 @dataclass(frozen=True)
-class ElevationRules:
+class ElevationGridConfig:
     """Which points count, and when a cell is ground.
 
     Attributes:
@@ -73,14 +73,14 @@ class LevelPlane:
 
 
 def elevation_grid(
-    points_velo: Float32, ground: GroundModel, cells: CellGrid, rules: ElevationRules
+    points_velo: Float32, ground: GroundModel, cells: CellGrid, config: ElevationGridConfig
 ) -> ElevationGrid:
     """Build the elevation grid of a scan, heights measured over the given ground (5.6)."""
     points = _over_cells(points_velo, cells)
     height_m = ground.distance_m(points)
     cell_of = _cell_of(points, cells)
     size = cells.shape[0] * cells.shape[1]
-    cell_of[_left_out(points, height_m, rules)] = size  # a cell beyond the last
+    cell_of[_left_out(points, height_m, config)] = size  # a cell beyond the last
     height_m = height_m.astype(np.float64)  # once, not in every count
 
     seen = np.bincount(cell_of, minlength=size + 1)[:size]
@@ -89,13 +89,13 @@ def elevation_grid(
     sum_m2 = np.bincount(cell_of, height_m**2, size + 1)[:size]
     # The sample variance; that of a single point is taken as 0.
     variance_m2 = (sum_m2 - sum_m * mean_m) / np.maximum(seen - 1, 1)
-    if rules.ground_statistic == "mean":
-        is_low = mean_m < rules.ground_height_m
+    if config.ground_statistic == "mean":
+        is_low = mean_m < config.ground_height_m
     else:
         # The highest point lies lower than the threshold: none reaches it.
-        tall = cell_of[height_m >= rules.ground_height_m]
+        tall = cell_of[height_m >= config.ground_height_m]
         is_low = np.bincount(tall, minlength=size + 1)[:size] == 0
-    is_ground = (variance_m2 < rules.ground_variance_m2) & is_low
+    is_ground = (variance_m2 < config.ground_variance_m2) & is_low
     object_m = np.where(is_ground, 0, mean_m).astype(np.float32)
     return ElevationGrid(object_m.reshape(cells.shape), seen.reshape(cells.shape))
 
@@ -123,9 +123,9 @@ def _cell_of(points: Float32, cells: CellGrid) -> Int:
     return np.asarray(indices[0] * cells.shape[1] + indices[1], np.intp)
 
 
-def _left_out(points: Float32, height_m: Float, rules: ElevationRules) -> Int:
+def _left_out(points: Float32, height_m: Float, config: ElevationGridConfig) -> Int:
     """Return the rows of the points that do not count."""
     squared_m2 = points[:, 0] ** 2 + points[:, 1] ** 2
-    is_left_out = squared_m2 <= rules.nearest_m**2
-    is_left_out |= (height_m <= rules.low_m) | (height_m >= rules.high_m)
+    is_left_out = squared_m2 <= config.nearest_m**2
+    is_left_out |= (height_m <= config.low_m) | (height_m >= config.high_m)
     return np.flatnonzero(is_left_out)

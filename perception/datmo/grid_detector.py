@@ -9,7 +9,7 @@ from perception.datmo.cell_grid import CellGrid
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.elevation import ElevationGrid, LevelPlane, elevation_grid
 from perception.datmo.grid_objects import LabelledCells, find_objects
-from perception.datmo.grid_rules import THESIS, GridRules
+from perception.datmo.grid_rules import THESIS, MotionGridDetectorConfig
 from perception.datmo.motion_grid import motion_grid
 from perception.datmo.short_term_map import ShortTermMap
 from perception.errors import UsageError
@@ -32,7 +32,7 @@ class MotionGrids:
         found: the things in it.
     """
 
-    rules: GridRules
+    config: MotionGridDetectorConfig
     work_cells: CellGrid
     cells: CellGrid
     elevation: ElevationGrid
@@ -43,37 +43,40 @@ class MotionGrids:
     @cached_property
     def subtracted_m(self) -> Float32:
         """M before suppression: each cell is compared with its own place in the map alone."""
-        return moving_in_area(self.elevation, self.background_m, self.rules, radius_cells=0)
+        return moving_in_area(self.elevation, self.background_m, self.config, radius_cells=0)
 
 
 def moving_in_area(
-    elevation: ElevationGrid, background_m: Float32, rules: GridRules, radius_cells: int
+    elevation: ElevationGrid,
+    background_m: Float32,
+    config: MotionGridDetectorConfig,
+    radius_cells: int,
 ) -> Float32:
     """Return M over the area in which objects are wanted, by a map that reaches farther."""
-    part = CellGrid.covering(rules.work_area, rules.cell_m).part(rules.area)
+    part = CellGrid.covering(config.work_area, config.cell_m).part(config.area)
     height_m = elevation.height_m[part]
     asked_m = np.zeros_like(elevation.height_m)
-    asked_m[part] = np.where(height_m < rules.motion.highest_m, height_m, 0)
-    return motion_grid(asked_m, background_m, rules.motion.alpha, radius_cells)[part]
+    asked_m[part] = np.where(height_m < config.motion.highest_m, height_m, 0)
+    return motion_grid(asked_m, background_m, config.motion.alpha, radius_cells)[part]
 
 
 class GridDetector:
     """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
 
-    def __init__(self, sensor: LidarModel, rules: GridRules = THESIS) -> None:
+    def __init__(self, sensor: LidarModel, config: MotionGridDetectorConfig = THESIS) -> None:
         """Begin without a scan.
 
         Args:
             sensor: whose scans will come.
             rules: `THESIS`, `AUTHOR`, or values of your own.
         """
-        self._rules = rules
+        self._config = config
         self._plane = LevelPlane(-sensor.height_m)
         # Over a longer gap, every stored scan would have left the queue.
-        self._longest_gap_s = rules.background.scans / sensor.rate_hz
-        self._work_cells = CellGrid.covering(rules.work_area, rules.cell_m)
-        self._cells = CellGrid.covering(rules.area, rules.cell_m)
-        self._map = ShortTermMap(self._work_cells, rules.background)
+        self._longest_gap_s = config.background.scans / sensor.rate_hz
+        self._work_cells = CellGrid.covering(config.work_area, config.cell_m)
+        self._cells = CellGrid.covering(config.area, config.cell_m)
+        self._map = ShortTermMap(self._work_cells, config.background)
         self._stamp_s: float | None = None
         self._objects = DetectedObjects(Footprints.empty(), Footprints.empty())
         self._grids: MotionGrids | None = None
@@ -102,17 +105,17 @@ class GridDetector:
             elif since_s == 0:  # a repeated scan: counted once
                 return self._objects
 
-        rules = self._rules
-        ground = scan.ground if rules.height_reference == "ground" else self._plane
-        elevation = elevation_grid(scan.points_velo, ground, self._work_cells, rules.elevation)
+        config = self._config
+        ground = scan.ground if config.height_reference == "ground" else self._plane
+        elevation = elevation_grid(scan.points_velo, ground, self._work_cells, config.elevation)
         background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
-        motion_m = moving_in_area(elevation, background_m, rules, rules.motion.radius_cells)
-        if self._map.scans < rules.background.least:
+        motion_m = moving_in_area(elevation, background_m, config, config.motion.radius_cells)
+        if self._map.scans < config.background.least:
             # No cell of the map has a value yet, so that all that stands would move.
             motion_m = np.zeros_like(motion_m)
-        found = find_objects(motion_m, rules.cell_m, rules.objects)
+        found = find_objects(motion_m, config.cell_m, config.objects)
         self._grids = MotionGrids(
-            rules, self._work_cells, self._cells, elevation, background_m, motion_m, found
+            config, self._work_cells, self._cells, elevation, background_m, motion_m, found
         )
         self._objects = DetectedObjects(_outline(self._grids, scan.ground), Footprints.empty())
         return self._objects
@@ -127,6 +130,6 @@ def _outline(grids: MotionGrids, ground: GroundModel) -> Footprints:
     centers_m = np.column_stack([grids.cells.centers_m(rows, columns), motion_m])
     things = footprints_of(centers_m, thing_of, found.count)
     low_m = np.asarray(ground.height_m(things.centroids_m), np.float64)
-    points = grids.elevation.points[grids.work_cells.part(grids.rules.area)][rows, columns]
+    points = grids.elevation.points[grids.work_cells.part(grids.config.area)][rows, columns]
     of_thing = np.bincount(thing_of, points * (motion_m > 0), found.count).astype(np.int64)
     return replace(things, low_m=low_m, high_m=low_m + things.high_m, points=of_thing)

@@ -11,7 +11,7 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
 @dataclass(frozen=True)
-class ObjectRules:
+class GridObjectsConfig:
     """How motion becomes things. Table 7.4 is silent on all of it; the values are the author's code's.
 
     Attributes:
@@ -47,9 +47,9 @@ class LabelledCells:
     joined: Bool
 
 
-def find_objects(motion_m: Float32, cell_m: float, rules: ObjectRules) -> LabelledCells:
+def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) -> LabelledCells:
     """Join the moving cells of (X, Y) a motion grid into things of a plausible size."""
-    joined = join_cells(motion_m, rules)
+    joined = join_cells(motion_m, config)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         joined.astype(np.uint8), connectivity=8, ltype=cv2.CV_32S
     )
@@ -57,22 +57,22 @@ def find_objects(motion_m: Float32, cell_m: float, rules: ObjectRules) -> Labell
     area = stats[:, cv2.CC_STAT_AREA]
     cell_m2 = cell_m**2
     is_kept = (
-        (moving >= np.ceil(_whole(rules.least_motion_m2 / cell_m2)))
-        & (area >= np.floor(_whole(rules.least_m2 / cell_m2)))
-        & (area <= np.floor(_whole(rules.most_m2 / cell_m2)))
+        (moving >= np.ceil(_whole(config.least_motion_m2 / cell_m2)))
+        & (area >= np.floor(_whole(config.least_m2 / cell_m2)))
+        & (area <= np.floor(_whole(config.most_m2 / cell_m2)))
     )
     is_kept[0] = False  # what is no thing
     number = np.where(is_kept, np.cumsum(is_kept), 0)
     return LabelledCells(number[labels], int(is_kept.sum()), joined)
 
 
-def join_cells(motion_m: Float32, rules: ObjectRules) -> Bool:
+def join_cells(motion_m: Float32, config: GridObjectsConfig) -> Bool:
     """Tell which cells belong to things: O = (M ⊕ s_x) ∧ (M ⊕ s_y) (5.9), and the code's steps after it.
 
     The rows of the grid run along x, ahead. Dilated there once more, a vehicle that the beams cut into
     pieces is whole; both dilations also lengthen what they join.
     """
-    long, short = rules.long_cells, rules.short_cells
+    long, short = config.long_cells, config.short_cells
     along = fill_holes(_dilate(motion_m, long, short))
     across = fill_holes(_dilate(motion_m, short, long))
     joined = fill_holes(_dilate(along * across, long, 1))
@@ -81,7 +81,7 @@ def join_cells(motion_m: Float32, rules: ObjectRules) -> Bool:
     core = cv2.erode(
         (joined > 0).astype(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=1
     )
-    return np.asarray((core > 0) & (joined > rules.least_product_m2))
+    return np.asarray((core > 0) & (joined > config.least_product_m2))
 
 
 def _dilate(grid: Float32, rows: int, columns: int) -> Float32:

@@ -5,9 +5,9 @@ from typing import Literal
 
 import numpy as np
 
-from perception.datmo.elevation import ElevationRules
-from perception.datmo.grid_objects import ObjectRules
-from perception.datmo.short_term_map import MapRules
+from perception.datmo.elevation import ElevationGridConfig
+from perception.datmo.grid_objects import GridObjectsConfig
+from perception.datmo.short_term_map import ShortTermMapConfig
 from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 
@@ -17,7 +17,7 @@ HeightReference = Literal["level plane", "ground"]
 
 
 @dataclass(frozen=True)
-class MotionRules:
+class MotionGridConfig:
     """When a cell moves.
 
     Attributes:
@@ -32,7 +32,7 @@ class MotionRules:
 
 
 @dataclass(frozen=True)
-class GridRules:
+class MotionGridDetectorConfig:
     """Every value of the detector.
 
     Attributes:
@@ -50,10 +50,10 @@ class GridRules:
     work_area: LocalArea
     cell_m: float
     height_reference: HeightReference
-    elevation: ElevationRules
-    background: MapRules
-    motion: MotionRules
-    objects: ObjectRules = field(default_factory=ObjectRules)
+    elevation: ElevationGridConfig
+    background: ShortTermMapConfig
+    motion: MotionGridConfig
+    objects: GridObjectsConfig = field(default_factory=GridObjectsConfig)
 
     def __post_init__(self) -> None:
         """Refuse an area that the grids do not cover by whole cells."""
@@ -73,16 +73,16 @@ class GridRules:
             )
 
 
-# On which the author's code works. The heights of a `LocalArea` are not asked here; `ElevationRules` says
+# On which the author's code works. The heights of a `LocalArea` are not asked here; `ElevationGridConfig` says
 # which points count.
 _WORK_AREA = LocalArea(ahead_m=40.0, behind_m=20.0, side_m=12.0)
 
-THESIS = GridRules(
+THESIS = MotionGridDetectorConfig(
     area=MOVING_OBJECT_AREA,
     work_area=_WORK_AREA,  # from the code: 5.2.2 says only what is kept
     cell_m=0.2,  # υ = 20 (Table 7.4), "20 cm" in the text
     height_reference="level plane",  # code
-    elevation=ElevationRules(
+    elevation=ElevationGridConfig(
         # Table 7.4 prints T_σ = 2 and T_μ = 30 without units. Read as 0.02 m², which the code has too,
         # and as 30 cm, in the centimetres of its υ = 20.
         ground_variance_m2=0.02,
@@ -93,8 +93,8 @@ THESIS = GridRules(
         nearest_m=3.0,  # code
     ),
     # n, m, k: Table 7.4; the newest grid joins before the mean is taken: Algorithm 4.
-    background=MapRules(scans=50, averaged=30, least=3, holds_newest=True),
-    motion=MotionRules(
+    background=ShortTermMapConfig(scans=50, averaged=30, least=3, holds_newest=True),
+    motion=MotionGridConfig(
         alpha=0.2,  # Table 7.4
         radius_cells=5,  # Table 7.4
         highest_m=2.0,  # code
@@ -102,12 +102,12 @@ THESIS = GridRules(
 )
 """The values of the thesis: Table 7.4, and the author's code where it is silent."""
 
-AUTHOR = GridRules(
+AUTHOR = MotionGridDetectorConfig(
     area=MOVING_OBJECT_AREA,
     work_area=_WORK_AREA,
     cell_m=0.2,
     height_reference="level plane",
-    elevation=ElevationRules(
+    elevation=ElevationGridConfig(
         ground_variance_m2=0.02,
         ground_height_m=0.8,
         ground_statistic="max",
@@ -115,7 +115,7 @@ AUTHOR = GridRules(
         high_m=2.5,
         nearest_m=3.0,
     ),
-    background=MapRules(scans=90, averaged=60, least=5, holds_newest=True),
-    motion=MotionRules(alpha=0.3, radius_cells=10, highest_m=2.0),
+    background=ShortTermMapConfig(scans=90, averaged=60, least=5, holds_newest=True),
+    motion=MotionGridConfig(alpha=0.3, radius_cells=10, highest_m=2.0),
 )
 """The values of the author's released code throughout."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.datmo.cutting import CutRules, cut_moving
+from perception.datmo.cutting import ClusteringConfig, cut_moving
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.standing_cells import StandingCells
 from perception.geometry.footprints import Footprints, footprints_of
@@ -13,7 +13,7 @@ from perception.types import Bool, Float32, Float64, GroundModel, Int, PointStat
 
 
 @dataclass(frozen=True)
-class ThingRules:
+class PointDetectorConfig:
     """Which things of a scan are worth telling of.
 
     Attributes:
@@ -42,29 +42,29 @@ class PointDetector:
     def __init__(
         self,
         sensor: LidarModel,
-        cutting: CutRules | None = None,
-        rules: ThingRules | None = None,
+        cutting: ClusteringConfig | None = None,
+        config: PointDetectorConfig | None = None,
     ) -> None:
         """Take the sensor whose scans will come, and the rules."""
         self._sensor = sensor
-        self._cutting = cutting or CutRules()
-        self._rules = rules or ThingRules()
+        self._cutting = cutting or ClusteringConfig()
+        self._config = config or PointDetectorConfig()
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
         """Cut a scan into things; each begins at the ground under it."""
         moving = _points_of(scan, PointState.MOVING)
         standing = _points_of(scan, PointState.STATIC)
-        rules = self._rules
+        config = self._config
         thing_of = cut_moving(moving, self._sensor.elevation_step_rad, self._cutting)
         stands = Footprints.empty()
         if len(standing):
-            cells = StandingCells.under(standing, rules.standing_cell_m)
-            may_touch = self._beams_across(moving, thing_of) >= rules.plain_beams
+            cells = StandingCells.under(standing, config.standing_cell_m)
+            may_touch = self._beams_across(moving, thing_of) >= config.plain_beams
             touches = cells.touch(moving) & ~may_touch[thing_of]
-            thing_of = _without_attached(thing_of, touches, rules.attached_share)
-            stands = cells.things(rules.standing_least_points, rules.standing_length_m)
+            thing_of = _without_attached(thing_of, touches, config.attached_share)
+            stands = cells.things(config.standing_least_points, config.standing_length_m)
         return DetectedObjects(
-            moving=_on_ground(_outline(moving, thing_of, rules.min_points), scan.ground),
+            moving=_on_ground(_outline(moving, thing_of, config.min_points), scan.ground),
             standing=_on_ground(stands, scan.ground),
         )
 

@@ -19,7 +19,7 @@ from perception.types import Float32, Float64, Int
 
 
 @dataclass(frozen=True)
-class MapRules:
+class ShortTermMapConfig:
     """What the map remembers.
 
     Attributes:
@@ -48,11 +48,13 @@ class MapRules:
 class ShortTermMap:
     """Follows the vehicle with a map of the static world, in the frame of each newest scan."""
 
-    def __init__(self, cells: CellGrid, rules: MapRules) -> None:
-        self._cells, self._rules = cells, rules
+    def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
+        self._cells, self._config = cells, config
         # Holds the grid at any heading, from its middle to its corners.
         self._half_cells = int(np.ceil(np.hypot(*cells.shape) / 2)) + 1
-        self._history = CellHistory(2 * self._half_cells, rules.scans, rules.averaged, rules.least)
+        self._history = CellHistory(
+            2 * self._half_cells, config.scans, config.averaged, config.least
+        )
         self.clear()
 
     @property
@@ -73,10 +75,10 @@ class ShortTermMap:
         low = low.astype(np.int64) - self._half_cells
         self._history.move_to(low)
         window_T_cells = _shift(-low) @ self._plane_T_cells
-        if self._rules.holds_newest:
+        if self._config.holds_newest:
             self._observe(elevation, window_T_cells)
         background_m = _resample(self._history.mean_m(), window_T_cells, self._cells.shape, 0.0)
-        if not self._rules.holds_newest:
+        if not self._config.holds_newest:
             self._observe(elevation, window_T_cells)
         return background_m
 

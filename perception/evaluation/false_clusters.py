@@ -15,7 +15,7 @@ NO_OBJECT = -1
 
 
 @dataclass(frozen=True)
-class ClusterRule:
+class ClusterConfig:
     """How moving points become clusters, and what excuses one.
 
     Attributes:
@@ -70,12 +70,12 @@ class MovingClusters(Rows):
     dont_care_shares: Float64
 
 
-def cluster_numbers(points_xy: Float, rule: ClusterRule) -> Int:
+def cluster_numbers(points_xy: Float, config: ClusterConfig) -> Int:
     """Return (P,) the cluster, 0 to K - 1, of every (P, 2+) point: cells joined over eight neighbours."""
     if len(points_xy) == 0:
         return np.zeros(0, np.int64)
-    reach = max(round(rule.closing_m / rule.cell_m / 2), 0)
-    cells = np.floor(points_xy[:, :2] / rule.cell_m).astype(np.int64)
+    reach = max(round(config.closing_m / config.cell_m / 2), 0)
+    cells = np.floor(points_xy[:, :2] / config.cell_m).astype(np.int64)
     # Room for the closing on every side, so that the border neither joins nor cuts.
     cells += 1 + reach - cells.min(axis=0)
     occupied = np.zeros(cells.max(axis=0) + 2 + reach, np.uint8)
@@ -91,12 +91,12 @@ def moving_clusters(
     points_velo: Float,
     states: UInt8,
     around: Surroundings,
-    rule: ClusterRule | None = None,
+    config: ClusterConfig | None = None,
 ) -> MovingClusters:
     """Cluster the points of one scan that were found to move, and note what lies around each."""
-    rule = rule or ClusterRule()
+    config = config or ClusterConfig()
     moving = points_velo[states == PointState.MOVING]
-    numbers = cluster_numbers(moving, rule)
+    numbers = cluster_numbers(moving, config)
     counts = np.bincount(numbers)
     in_view = is_in_view(around.calibration, moving, around.image_size_px)
     uncared = _is_in_regions(around, moving)
@@ -106,7 +106,7 @@ def moving_clusters(
         centers_m=np.stack(
             [np.bincount(numbers, moving[:, axis]) / counts for axis in (0, 1)], axis=-1
         ),
-        touched=_touched(numbers, moving, around.objects, rule),
+        touched=_touched(numbers, moving, around.objects, config),
         view_shares=np.bincount(numbers, in_view) / counts,
         dont_care_shares=np.bincount(numbers, uncared) / counts,
     )
@@ -115,7 +115,7 @@ def moving_clusters(
 def is_false(
     clusters: MovingClusters,
     min_points: int,
-    rule: ClusterRule | None = None,
+    config: ClusterConfig | None = None,
     *,
     excuse_dont_care: bool,
 ) -> Bool:
@@ -127,18 +127,18 @@ def is_false(
         rule: as the clusters were made.
         excuse_dont_care: leave out clusters with half of their points in DontCare regions.
     """
-    rule = rule or ClusterRule()
+    config = config or ClusterConfig()
     unexplained = ~np.isin(clusters.touched, (Motion.MOVING, Motion.UNKNOWN))
-    counts = (clusters.points >= min_points) & (clusters.view_shares >= rule.view_share)
+    counts = (clusters.points >= min_points) & (clusters.view_shares >= config.view_share)
     excused = excuse_dont_care & (clusters.dont_care_shares >= 0.5)
     return np.asarray(unexplained & counts & ~excused)
 
 
-def _touched(numbers: Int, moving: Float, objects: LabelledObjects, rule: ClusterRule) -> Int:
+def _touched(numbers: Int, moving: Float, objects: LabelledObjects, config: ClusterConfig) -> Int:
     touched = np.full(len(np.bincount(numbers)), NO_OBJECT, np.int64)
     for motion in (Motion.STATIC, Motion.UNKNOWN, Motion.MOVING):
         boxes = objects.boxes_velo[objects.motions == motion]
-        touches = points_inside(boxes, moving, rule.margin_m).any(axis=0)
+        touches = points_inside(boxes, moving, config.margin_m).any(axis=0)
         touched[numbers[touches]] = motion
     return touched
 

@@ -28,7 +28,7 @@ from perception.types import Bool, Float, Float64, Int, PointState, UInt8
 
 
 @dataclass(frozen=True)
-class ObjectRule:
+class ObjectMatchConfig:
     """When a labelled object counts, and when it is found.
 
     Attributes:
@@ -92,7 +92,7 @@ def observe_objects(
     states: UInt8,
     objects: LabelledObjects,
     area: LocalArea,
-    rule: ObjectRule,
+    config: ObjectMatchConfig,
 ) -> ObjectObservations:
     """Count the points of every labelled object in the area by what was said of them."""
     bottom_m = objects.boxes_velo.bottom_m
@@ -101,7 +101,7 @@ def observe_objects(
     rise_m = points_velo[None, :, 2] - bottom_m[:, 2, None]
     in_area = area.contains_xy(points_velo)
     holds = points_inside(boxes, points_velo) & in_area
-    holds &= (rise_m >= rule.clearance_m) & (rise_m < area.height_m)
+    holds &= (rise_m >= config.clearance_m) & (rise_m < area.height_m)
     stands = np.isin(states, (PointState.STATIC, PointState.MOVING))
     return ObjectObservations(
         frames=np.full(len(boxes), frame, np.int64),
@@ -141,17 +141,17 @@ class ObjectCounts:
     false_moving: int
 
 
-def count_objects(observed: ObjectObservations, rule: ObjectRule) -> ObjectCounts:
+def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectCounts:
     """Apply the protocol of this file to the objects of any number of frames."""
-    counted = observed[observed.points >= rule.min_points]
+    counted = observed[observed.points >= config.min_points]
     moves, stands = counted.motions == Motion.MOVING, counted.motions == Motion.STATIC
-    found_moving = counted.is_moving(rule.moving_share)
+    found_moving = counted.is_moving(config.moving_share)
     tracks = np.unique(counted.track_ids[moves])
     found_tracks = np.unique(counted.track_ids[moves & found_moving])
     return ObjectCounts(
-        min_points=rule.min_points,
+        min_points=config.min_points,
         objects=len(counted),
-        missed_objects=int(np.count_nonzero(~counted.is_obstacle(rule.found_share))),
+        missed_objects=int(np.count_nonzero(~counted.is_obstacle(config.found_share))),
         moving=int(np.count_nonzero(moves)),
         missed_moving=int(np.count_nonzero(moves & ~found_moving)),
         moving_tracks=len(tracks),
@@ -161,10 +161,10 @@ def count_objects(observed: ObjectObservations, rule: ObjectRule) -> ObjectCount
     )
 
 
-def missed_moving(observed: ObjectObservations, rule: ObjectRule) -> ObjectObservations:
+def missed_moving(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectObservations:
     """Return the moving objects that were not found to move."""
-    counts = (observed.points >= rule.min_points) & (observed.motions == Motion.MOVING)
-    return observed[counts & ~observed.is_moving(rule.moving_share)]
+    counts = (observed.points >= config.min_points) & (observed.motions == Motion.MOVING)
+    return observed[counts & ~observed.is_moving(config.moving_share)]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.false_clusters import ClusterRule, Surroundings, cluster_numbers
+from perception.evaluation.false_clusters import ClusterConfig, Surroundings, cluster_numbers
 from perception.evaluation.objects import Motion
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside, transform_boxes
@@ -20,7 +20,7 @@ from perception.types import Bool, Boxes3D, Float32, Int, Result
 
 
 @dataclass(frozen=True)
-class ShadowRule:
+class ShadowConfig:
     """What counts as a shadow.
 
     Attributes:
@@ -56,38 +56,38 @@ class Shadows(Rows):
 class PlacesLeft:
     """Remembers for a while where labelled objects have moved, in the world."""
 
-    def __init__(self, rule: ShadowRule | None = None) -> None:
-        self._rule = rule or ShadowRule()
+    def __init__(self, config: ShadowConfig | None = None) -> None:
+        self._config = config or ShadowConfig()
         self._past: deque[tuple[float, Boxes3D]] = deque()
 
     def shadows(self, result: Result, around: Surroundings) -> Shadows:
         """Find the shadows among the static voxels of one frame, then remember its moving objects."""
         static_velo, stamp_s = result.obstacles.static.centers_m, result.frame.stamp_s
         world_SE3_velo = result.world_SE3_velo
-        while self._past and self._past[0][0] < stamp_s - self._rule.memory_s:
+        while self._past and self._past[0][0] < stamp_s - self._config.memory_s:
             self._past.popleft()
         lies_in_shadow = np.zeros(len(static_velo), bool)
         for _, boxes_world in self._past:
             boxes_velo = transform_boxes(inverse(world_SE3_velo), boxes_world)
-            lies_in_shadow |= _is_within(boxes_velo, static_velo, self._rule)
+            lies_in_shadow |= _is_within(boxes_velo, static_velo, self._config)
         present = around.objects.boxes_velo
-        lies_in_shadow &= ~points_inside(present, static_velo, self._rule.margin_m).any(axis=0)
+        lies_in_shadow &= ~points_inside(present, static_velo, self._config.margin_m).any(axis=0)
         lies_in_shadow &= is_in_view(around.calibration, static_velo, around.image_size_px)
         moving = present[around.objects.motions == Motion.MOVING]
         self._past.append((stamp_s, transform_boxes(world_SE3_velo, moving)))
-        sizes = np.bincount(cluster_numbers(static_velo[lies_in_shadow], ClusterRule()))
+        sizes = np.bincount(cluster_numbers(static_velo[lies_in_shadow], ClusterConfig()))
         return Shadows(
             frames=np.array([result.frame.index]),
             voxels=np.array([np.count_nonzero(lies_in_shadow)]),
-            clusters=np.array([np.count_nonzero(sizes >= self._rule.min_voxels)]),
+            clusters=np.array([np.count_nonzero(sizes >= self._config.min_voxels)]),
         )
 
 
-def _is_within(boxes: Boxes3D, points: Float32, rule: ShadowRule) -> Bool:
-    lift_m = np.array([0.0, 0.0, rule.clearance_m])
+def _is_within(boxes: Boxes3D, points: Float32, config: ShadowConfig) -> Bool:
+    lift_m = np.array([0.0, 0.0, config.clearance_m])
     raised = Boxes3D(
         boxes.bottom_m + lift_m,
         boxes.size_m - lift_m,
         boxes.yaw_rad,
     )
-    return np.asarray(points_inside(raised, points, -rule.shrink_m).any(axis=0))
+    return np.asarray(points_inside(raised, points, -config.shrink_m).any(axis=0))

@@ -18,7 +18,7 @@ from perception.types import Bool, Complex64, Int
 
 
 @dataclass(frozen=True)
-class ColumnRules:
+class ColumnFillingConfig:
     """What is one beam, and what is one surface.
 
     Attributes:
@@ -59,15 +59,15 @@ class Grid:
     margin: int
 
     @classmethod
-    def over(cls, sparse: SparseMaps, rules: ColumnRules) -> Self:
+    def over(cls, sparse: SparseMaps, config: ColumnFillingConfig) -> Self:
         """Lay it over the image of at least one return."""
         width, height = sparse.size_px
         top = int(sparse.pixels[:, 1].min())
-        return cls(-(-width // rules.squeeze_px), height - top + 1, top, rules.max_steps)
+        return cls(-(-width // config.squeeze_px), height - top + 1, top, config.max_steps)
 
-    def cells_of(self, sparse: SparseMaps, rules: ColumnRules) -> Int:
+    def cells_of(self, sparse: SparseMaps, config: ColumnFillingConfig) -> Int:
         """Return the (N,) cell of each return, counted from the left margin on."""
-        column = sparse.pixels[:, 0] // rules.squeeze_px + self.margin
+        column = sparse.pixels[:, 0] // config.squeeze_px + self.margin
         return np.asarray(column * self.rows + (sparse.pixels[:, 1] - self.top), np.intp)
 
     def zeros(self, kind: type) -> np.ndarray:
@@ -96,23 +96,23 @@ class _Returns:
     steps: Int
 
 
-def fill_rows(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> Complex64:
+def fill_rows(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> Complex64:
     """Return what the rows of beams say in each cell: inverse depth + i reflectance, 0 where none passes.
 
     One complex number for both maps: all that is done with them is linear.
     """
-    returns = _linked(sparse, grid, rules)
+    returns = _linked(sparse, grid, config)
     filled = grid.zeros(np.complex64)
     # What counts least comes first, to be overwritten; of equals, the least deep comes last.
-    _extend_ends(filled, returns, grid, rules)
-    _bridge_gaps(filled, returns, grid, rules)
+    _extend_ends(filled, returns, grid, config)
+    _bridge_gaps(filled, returns, grid, config)
     filled[returns.cells] = returns.values
     return np.asarray(grid.within(filled))
 
 
-def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
+def _linked(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> _Returns:
     """Find the next return of each beam: in the nearest column, there in the same row if possible."""
-    cells, number = grid.cells_of(sparse, rules), np.arange(len(sparse))
+    cells, number = grid.cells_of(sparse, config), np.arange(len(sparse))
     at = grid.zeros(np.int32) - 1
     at[cells] = number
     owns = np.flatnonzero(at[cells] == number)
@@ -123,7 +123,7 @@ def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
     at[grid.rows - 1 :: grid.rows] = -1
     following, steps = np.asarray(at[cells + grid.rows], np.intp), np.ones(len(cells), np.intp)
     unlinked = np.flatnonzero(following < 0)
-    for step in range(2, rules.max_steps + 1):
+    for step in range(2, config.max_steps + 1):
         found = at[cells[unlinked] + step * grid.rows]
         following[unlinked], steps[unlinked] = found, step
         unlinked = unlinked[found < 0]
@@ -133,16 +133,18 @@ def _linked(sparse: SparseMaps, grid: Grid, rules: ColumnRules) -> _Returns:
     return _Returns(cells, values, following, steps)
 
 
-def _extend_ends(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
+def _extend_ends(
+    filled: Complex64, returns: _Returns, grid: Grid, config: ColumnFillingConfig
+) -> None:
     is_first = np.ones(len(returns.cells), bool)
     is_first[returns.following[np.flatnonzero(returns.steps)]] = False
     last, first = np.flatnonzero(returns.steps == 0), np.flatnonzero(is_first)
-    for step in range(_reach(returns.cells, grid, rules), 0, -1):
+    for step in range(_reach(returns.cells, grid, config), 0, -1):
         for ends, way in ((last, grid.rows), (first, -grid.rows)):
             filled[returns.cells[ends] + step * way] = returns.values[ends]
 
 
-def _reach(cells: Int, grid: Grid, rules: ColumnRules) -> int:
+def _reach(cells: Int, grid: Grid, config: ColumnFillingConfig) -> int:
     """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
     is_return = grid.zeros(bool)
     is_return[cells] = True
@@ -150,14 +152,16 @@ def _reach(cells: Int, grid: Grid, rules: ColumnRules) -> int:
     gaps = np.diff(in_order)
     gaps = gaps[np.flatnonzero((gaps > 1) & (np.diff(in_order // grid.rows) == 0))]
     spacing_px = float(np.median(gaps)) if len(gaps) else 0.0
-    return min(max(1, round(rules.reach * spacing_px / rules.squeeze_px)), grid.margin)
+    return min(max(1, round(config.reach * spacing_px / config.squeeze_px)), grid.margin)
 
 
-def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: ColumnRules) -> None:
+def _bridge_gaps(
+    filled: Complex64, returns: _Returns, grid: Grid, config: ColumnFillingConfig
+) -> None:
     """Interpolate between the two sides of a gap if they are one surface, else take the closer side."""
     begin = np.flatnonzero(returns.steps > 1)
     end, steps = returns.following[begin], returns.steps[begin]
-    is_surface = _is_one_surface(returns.values[begin], returns.values[end], rules)
+    is_surface = _is_one_surface(returns.values[begin], returns.values[end], config)
     # From here on one element for each cell between two returns.
     between = steps - 1
     gap = np.repeat(np.arange(len(begin)), between)
@@ -171,6 +175,6 @@ def _bridge_gaps(filled: Complex64, returns: _Returns, grid: Grid, rules: Column
     filled[rows + step * grid.rows] = first + weight * (returns.values[end] - first)
 
 
-def _is_one_surface(first: Complex64, last: Complex64, rules: ColumnRules) -> Bool:
+def _is_one_surface(first: Complex64, last: Complex64, config: ColumnFillingConfig) -> Bool:
     near, far = np.maximum(first.real, last.real), np.minimum(first.real, last.real)
-    return np.asarray(near <= rules.nearer * far)
+    return np.asarray(near <= config.nearer * far)

@@ -16,21 +16,21 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 
-from perception.maps.beam_rows import ColumnRules, Grid, fill_rows
+from perception.maps.beam_rows import ColumnFillingConfig, Grid, fill_rows
 from perception.maps.filling import Filling
 from perception.maps.projection import SparseMaps
 from perception.maps.region import first_rows, nearest_true
 from perception.types import Bool, Complex64, Float32, Int
 
-_RULES = ColumnRules()
+_CONFIG = ColumnFillingConfig()
 
 
-def fill_columns(sparse: SparseMaps, rules: ColumnRules = _RULES) -> Filling:
+def fill_columns(sparse: SparseMaps, config: ColumnFillingConfig = _CONFIG) -> Filling:
     """Fill along rows, then along columns; both maps from one set of anchors."""
     if not len(sparse):
         return Filling.empty(sparse.size_px)
-    grid = Grid.over(sparse, rules)
-    filled = fill_rows(sparse, grid, rules).reshape(-1, grid.rows)
+    grid = Grid.over(sparse, config)
+    filled = fill_rows(sparse, grid, config).reshape(-1, grid.rows)
     # Neither of the two numbers of a cell is -0: where a beam passes, some bit is set.
     is_passed = filled.view(np.int64) != 0
     is_known = is_passed.any(axis=1)
@@ -38,8 +38,8 @@ def fill_columns(sparse: SparseMaps, rules: ColumnRules = _RULES) -> Filling:
         nearest = nearest_true(is_known)
         filled, is_passed = filled[nearest], is_passed[nearest]
     cells = np.flatnonzero(is_passed)
-    anchors = _Anchors(cells, filled.ravel()[cells], grid.rows).seen_by_camera(rules)
-    return _in_image(anchors.interpolate(rules), grid, sparse, rules)
+    anchors = _Anchors(cells, filled.ravel()[cells], grid.rows).seen_by_camera(config)
+    return _in_image(anchors.interpolate(config), grid, sparse, config)
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class _Anchors:
         """(A - 1,) whether an anchor and the next are in one column."""
         return np.asarray(np.diff(self.cells // self.rows) == 0)
 
-    def seen_by_camera(self, rules: ColumnRules) -> "_Anchors":
+    def seen_by_camera(self, config: ColumnFillingConfig) -> "_Anchors":
         """Leave out what lies in a hole of a nearer surface.
 
         The LiDAR sees past an edge that hides it from the camera; the returns behind lie between
@@ -70,15 +70,15 @@ class _Anchors:
         inverse = self.values.real
         above, below = inverse[:-1], inverse[1:]
         is_neighbor = self._is_neighbor
-        recedes = is_neighbor & (above > rules.nearer * below)
-        approaches = is_neighbor & (below > rules.nearer * above)
-        is_narrow = self.cells[2:] - self.cells[:-2] <= rules.longest_gap_px
+        recedes = is_neighbor & (above > config.nearer * below)
+        approaches = is_neighbor & (below > config.nearer * above)
+        is_narrow = self.cells[2:] - self.cells[:-2] <= config.longest_gap_px
         is_seen = np.ones(len(self.cells), bool)
         is_seen[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
         seen = np.flatnonzero(is_seen)
         return _Anchors(self.cells[seen], self.values[seen], self.rows)
 
-    def interpolate(self, rules: ColumnRules) -> Complex64:
+    def interpolate(self, config: ColumnFillingConfig) -> Complex64:
         """Return the (columns, rows) values of all cells.
 
         From each anchor a line goes down, to the next one if both are on one surface. Where they are not,
@@ -88,7 +88,7 @@ class _Anchors:
         column = self.cells // self.rows
         row = self.cells - column * self.rows
         gap, change = np.diff(self.cells).astype(np.float32), np.diff(self.values)
-        is_surface = self._is_neighbor & (np.abs(change.real) <= rules.steepest_per_m_px * gap)
+        is_surface = self._is_neighbor & (np.abs(change.real) <= config.steepest_per_m_px * gap)
         slopes = np.zeros((len(row), 2), np.complex64)
         slopes[:-1, 1] = change * (is_surface / gap)
         starts = np.stack(
@@ -111,27 +111,29 @@ class _Anchors:
         return lengths
 
 
-def _in_image(columns: Complex64, grid: Grid, sparse: SparseMaps, rules: ColumnRules) -> Filling:
+def _in_image(
+    columns: Complex64, grid: Grid, sparse: SparseMaps, config: ColumnFillingConfig
+) -> Filling:
     """Return both maps within the region; a return that the camera sees keeps its value at its pixel."""
     both = columns[:, : grid.rows - 1].T
-    begins = np.arange(0, sparse.size_px[0], rules.squeeze_px)
+    begins = np.arange(0, sparse.size_px[0], config.squeeze_px)
     first = np.minimum.reduceat(first_rows(sparse), begins) - grid.top
     is_inside = (np.arange(grid.rows - 1, dtype=np.int32)[:, None] >= first).view(np.uint8)
     inverse, reflectance = np.ascontiguousarray(both.real), np.ascontiguousarray(both.imag)
-    depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, rules)
-    whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, rules)
+    depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, config)
+    whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, config)
     # What the camera does not see is not shown either.
-    seen = np.flatnonzero(sparse.depth_m <= rules.nearer * depth_m.ravel()[sparse.places])
+    seen = np.flatnonzero(sparse.depth_m <= config.nearer * depth_m.ravel()[sparse.places])
     places = sparse.places[seen]
     depth_m.ravel()[places] = sparse.depth_m[seen]
     whole.ravel()[places] = sparse.reflectance[seen]
     return Filling(depth_m, whole)
 
 
-def _widened(rows: MatLike, grid: Grid, sparse: SparseMaps, rules: ColumnRules) -> Float32:
+def _widened(rows: MatLike, grid: Grid, sparse: SparseMaps, config: ColumnFillingConfig) -> Float32:
     """Return (rows, columns) in an (H, W) map."""
     width, height = sparse.size_px
-    image = np.empty((height, grid.columns * rules.squeeze_px), np.float32)
+    image = np.empty((height, grid.columns * config.squeeze_px), np.float32)
     image[: grid.top] = 0
-    cv2.merge([rows] * rules.squeeze_px, image[grid.top :].reshape(*rows.shape, -1))
+    cv2.merge([rows] * config.squeeze_px, image[grid.top :].reshape(*rows.shape, -1))
     return np.ascontiguousarray(image[:, :width])

@@ -10,7 +10,7 @@ from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.dense_cloud import ScanWindow
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
-from perception.obstacles.moving_clusters import MotionRules, moving_voxels
+from perception.obstacles.moving_clusters import MovingClusterConfig, moving_voxels
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
 from perception.sensor import LidarModel
@@ -37,7 +37,7 @@ class FreeSpaceSegmenter:
         voxel_size_m: float = 0.1,
         clearance_m: float = 0.15,
         horizon_s: float = 1.5,
-        rules: MotionRules | None = None,
+        config: MovingClusterConfig | None = None,
     ) -> None:
         """Begin without a scan.
 
@@ -54,7 +54,7 @@ class FreeSpaceSegmenter:
         self._area = area
         self._voxel_size_m = voxel_size_m
         self._clearance_m = clearance_m
-        self._rules = rules or MotionRules()
+        self._config = config or MovingClusterConfig()
         self._gap_m = area.ahead_m * sensor.elevation_step_rad
         # 20 cm: range noise, pose error of 5 cm and the slant of a surface within a pixel. 12 m: seen
         # from farther back, a post of 10 cm at the end of the area falls between two beams.
@@ -78,7 +78,7 @@ class FreeSpaceSegmenter:
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
         history = self._memory.ask(places)
-        moves = moving_voxels(places, history, before, self._rules, self._gap_m)
+        moves = moving_voxels(places, history, before, self._config, self._gap_m)
         self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)

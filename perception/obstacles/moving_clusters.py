@@ -15,7 +15,7 @@ from perception.types import Bool, Float, Float64, Int
 
 
 @dataclass(frozen=True)
-class MotionRules:
+class MovingClusterConfig:
     """When a thing counts as moving.
 
     Attributes:
@@ -72,7 +72,11 @@ def vote(history: History) -> Votes:
 
 
 def moving_voxels(
-    centers_m: Float, history: History, moved_before_m: Float, rules: MotionRules, gap_m: float
+    centers_m: Float,
+    history: History,
+    moved_before_m: Float,
+    config: MovingClusterConfig,
+    gap_m: float,
 ) -> Bool:
     """Tell which of V occupied voxels belong to things that move.
 
@@ -85,31 +89,31 @@ def moving_voxels(
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
-    votes, patience = vote(history), _patience(history, rules)
-    columns = _Columns.over(centers_m, rules.cell_m)
+    votes, patience = vote(history), _patience(history, config)
+    columns = _Columns.over(centers_m, config.cell_m)
     thing = _join_what_came(columns, votes.stood, gap_m, patience)
     things = int(thing.max()) + 1
 
     def tally(voxels: Bool) -> Float64:
         return np.asarray(np.bincount(thing, voxels, things), np.float64)
 
-    leaves = tally(votes.trails) * _leads_here(thing, things, history, rules.leaver_gap_m)
+    leaves = tally(votes.trails) * _leads_here(thing, things, history, config.leaver_gap_m)
     came = tally(votes.came) + leaves
     was_near = np.zeros(len(thing), bool)
-    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, rules.again_reach_m)
+    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, config.again_reach_m)
     goes_on = tally(was_near) > 0
-    least = np.where(goes_on, rules.min_voxels_again, rules.min_voxels * patience)
+    least = np.where(goes_on, config.min_voxels_again, config.min_voxels * patience)
     moves = (
         (came >= least)
         & (came > tally(votes.stood) * patience)
-        & (came >= rules.min_share * tally(np.ones(len(thing), bool)))
+        & (came >= config.min_share * tally(np.ones(len(thing), bool)))
     )
-    if history.ages_s[0] >= rules.stop_age_s:
+    if history.ages_s[0] >= config.stop_age_s:
         hit = tally(history.was_hit[0])
         seen = hit + tally(history.was_free[0]) + tally(history.was_behind_leaver[0])
-        moves &= hit < rules.stopped_share * np.maximum(seen, 1)
+        moves &= hit < config.stopped_share * np.maximum(seen, 1)
     moves[0] = False
-    return _complete(columns, np.asarray(moves[thing]), rules.whole_share)
+    return _complete(columns, np.asarray(moves[thing]), config.whole_share)
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
@@ -121,12 +125,12 @@ def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
     return np.asarray(np.isfinite(away_m))
 
 
-def _patience(history: History, rules: MotionRules) -> float:
+def _patience(history: History, config: MovingClusterConfig) -> float:
     """Return how many standing voxels one that came must outweigh.
 
     While the history is short a walker still overlaps where he was, and only his front has come.
     """
-    return min(1.0, float(history.ages_s[-1]) / rules.clear_age_s)
+    return min(1.0, float(history.ages_s[-1]) / config.clear_age_s)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea, VehicleBody
 from perception.geometry.registration import RegistrationConfig
-from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
+from perception.pipeline.detection_choice import NO_DETECTION, DetectionConfig
 from perception.types import Method
 
 
@@ -31,7 +31,7 @@ class PipelineConfig:
 
     method: Method = "default"
     datmo: DatmoMethod = "default"
-    detection: DetectionChoice = field(default_factory=DetectionChoice)
+    detection: DetectionConfig = field(default_factory=DetectionConfig)
     previous_scans: int = 6
     area: LocalArea = MOVING_OBJECT_AREA
     body: VehicleBody = field(default_factory=VehicleBody)

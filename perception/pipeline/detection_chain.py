@@ -13,7 +13,7 @@ from perception.detection.session import shipped_model
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.pipeline.clock import StageClock
-from perception.pipeline.detection_choice import DetectionChoice
+from perception.pipeline.detection_choice import DetectionConfig
 from perception.sensor import LidarModel
 from perception.types import MODALITIES, Detections, Frame, Modality
 
@@ -74,40 +74,40 @@ class DetectionChain:
             return self.depthcn.examine(frame, dense if is_same else None).detections
 
 
-def open_detection(choice: DetectionChoice, sensor: LidarModel) -> DetectionChain:
+def open_detection(config: DetectionConfig, sensor: LidarModel) -> DetectionChain:
     """Open the networks of a choice.
 
     Raises:
         ModelError: a file is missing, or does not hold the network that it was named for.
     """
     detectors = {
-        modality: ModalityDetector(choice.files[modality] or modality, threads=1)
-        for modality in wanted_modalities(choice)
+        modality: ModalityDetector(config.files[modality] or modality, threads=1)
+        for modality in wanted_modalities(config)
     }
     return DetectionChain(
-        multimodal=MultimodalDetector(detectors, _open_fusion(choice)) if detectors else None,
-        depthcn=DepthCn(choice.depthcn_model or "default", sensor) if choice.depthcn else None,
+        multimodal=MultimodalDetector(detectors, _open_fusion(config)) if detectors else None,
+        depthcn=DepthCn(config.depthcn_model or "default", sensor) if config.depthcn else None,
     )
 
 
-def is_any_wanted(choice: DetectionChoice) -> bool:
+def is_any_wanted(config: DetectionConfig) -> bool:
     """Tell whether a choice asks for any detector."""
-    return choice.depthcn or len(wanted_modalities(choice)) > 0
+    return config.depthcn or len(wanted_modalities(config)) > 0
 
 
-def wanted_modalities(choice: DetectionChoice) -> tuple[Modality, ...]:
+def wanted_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     """Return the modalities of a choice; left open, all whose network is there."""
-    if choice.modalities is not None:
-        return choice.modalities
+    if config.modalities is not None:
+        return config.modalities
     return tuple(
         modality
         for modality in MODALITIES
-        if choice.files[modality] or shipped_model(f"{modality}_compact").is_file()
+        if config.files[modality] or shipped_model(f"{modality}_compact").is_file()
     )
 
 
-def _open_fusion(choice: DetectionChoice) -> Fusion | None:
+def _open_fusion(config: DetectionConfig) -> Fusion | None:
     """Open the network that weighs the detectors; without one, the best box of each place stays."""
-    if choice.fusion_model is None and not shipped_model("fusion_default").is_file():
+    if config.fusion_model is None and not shipped_model("fusion_default").is_file():
         return None
-    return Fusion(choice.fusion_model or "default")
+    return Fusion(config.fusion_model or "default")

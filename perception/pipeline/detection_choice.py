@@ -8,7 +8,7 @@ from perception.types import MODALITIES, Modality
 
 
 @dataclass(frozen=True)
-class DetectionChoice:
+class DetectionConfig:
     """Which detectors look at the frames that have a camera.
 
     Attributes:
@@ -45,4 +45,4 @@ class DetectionChoice:
         return {"rgb": self.rgb_model, "dm": self.dm_model, "rm": self.rm_model}
 
 
-NO_DETECTION = DetectionChoice(modalities=(), depthcn=False)
+NO_DETECTION = DetectionConfig(modalities=(), depthcn=False)

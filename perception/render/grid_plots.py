@@ -95,7 +95,7 @@ def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
         else:
             _draw_on_image(panel, scene.camera, scene.ground, (scene.grids, step))
         panel.set_title(step.title, loc="left")
-    part = scene.grids.work_cells.part(scene.grids.rules.area)
+    part = scene.grids.work_cells.part(scene.grids.config.area)
     heights = _draw_heights(axes[0, 1], scene.grids, scene.grids.elevation.height_m[part])
     _draw_heights(axes[1, 1], scene.grids, scene.grids.background_m[part])
     _draw_heights(axes[2, 1], scene.grids, scene.grids.motion_m)
@@ -188,7 +188,7 @@ def _draw_heights(axes: "Axes", grids: MotionGrids, height_m: Float32) -> "AxesI
 
 def _backdrop(grids: MotionGrids) -> UInt8:
     """Return (X, Y, 3) a dark picture of what the scan saw: nothing, ground, or something standing."""
-    part = grids.work_cells.part(grids.rules.area)
+    part = grids.work_cells.part(grids.config.area)
     kind = grids.elevation.is_seen[part].astype(int) + (grids.elevation.height_m[part] > 0)
     return np.asarray(np.array([_UNSEEN, _SEEN_GROUND, _EXPLAINED], np.uint8)[kind])
 

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from perception.tracking.heading import HeadingRules
-from perception.tracking.motion_model import MotionModel
-from perception.tracking.remembered_size import SizeRules
-from perception.tracking.track_life import LifeRules
+from perception.tracking.heading import HeadingConfig
+from perception.tracking.motion_model import MotionModelConfig
+from perception.tracking.remembered_size import SizeEstimateConfig
+from perception.tracking.track_life import TrackLifecycleConfig
 
 
 @dataclass(frozen=True)
-class BoxTrackerRules:
+class BoxTrackerConfig:
     """Every choice of the tracker.
 
     Attributes:
@@ -25,10 +25,10 @@ class BoxTrackerRules:
         standing_share: of the size seen last that it must have.
     """
 
-    motion: MotionModel = field(default_factory=MotionModel)
-    heading: HeadingRules = field(default_factory=HeadingRules)
-    size: SizeRules = field(default_factory=SizeRules)
-    life: LifeRules = field(default_factory=LifeRules)
+    motion: MotionModelConfig = field(default_factory=MotionModelConfig)
+    heading: HeadingConfig = field(default_factory=HeadingConfig)
+    size: SizeEstimateConfig = field(default_factory=SizeEstimateConfig)
+    life: TrackLifecycleConfig = field(default_factory=TrackLifecycleConfig)
     height_gain: float = 0.3
     standing_margin_m: float = 0.5
     standing_share: float = 0.6

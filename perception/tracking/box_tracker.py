@@ -12,7 +12,7 @@ from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_optimally
-from perception.tracking.box_rules import BoxTrackerRules
+from perception.tracking.box_rules import BoxTrackerConfig
 from perception.tracking.fragments import join_fragments, lie_within
 from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
@@ -26,7 +26,9 @@ from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 class BoxTracker:
     """Follows things as boxes, placed by the sides that face the sensor."""
 
-    def __init__(self, area: LocalArea | None = None, rules: BoxTrackerRules | None = None) -> None:
+    def __init__(
+        self, area: LocalArea | None = None, config: BoxTrackerConfig | None = None
+    ) -> None:
         """Begin without a track.
 
         Args:
@@ -34,7 +36,7 @@ class BoxTracker:
             rules: every choice.
         """
         self._area = area
-        self._rules = rules or BoxTrackerRules()
+        self._config = config or BoxTrackerConfig()
         self._next_id = 0
         self.end_all()
 
@@ -61,9 +63,9 @@ class BoxTracker:
 
     def _predict(self, elapsed_s: float) -> None:
         """Move the tracks to now; over a long gap in time nothing is carried."""
-        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._rules.life)]
-        headings = update_from_course(tracks, elapsed_s, self._rules.heading)
-        states = motion_model.predict(tracks.states, elapsed_s, self._rules.motion)
+        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config.life)]
+        headings = update_from_course(tracks, elapsed_s, self._config.heading)
+        states = motion_model.predict(tracks.states, elapsed_s, self._config.motion)
         turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
         self._tracks = replace(
             with_sides_swapped(tracks, turn_rad > np.pi / 4),
@@ -79,40 +81,40 @@ class BoxTracker:
         things = join_fragments(
             things,
             self._hold(self._tracks[is_sure], things.centroids_m),
-            self._rules.fragment_share,
+            self._config.fragment_share,
         )
         for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
             if len(things) and len(rows):
                 tracks = self._tracks[rows]
-                measured = measure_all(tracks, things, sensor_m, self._rules)
+                measured = measure_all(tracks, things, sensor_m, self._config)
                 costs = motion_model.squared_distances(
                     tracks.states, measured.centers_m, measured.noise
                 )
-                pairs = assign_optimally(costs, costs <= self._rules.motion.gate)
+                pairs = assign_optimally(costs, costs <= self._config.motion.gate)
                 self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True)
                 things = things[pairs.unmatched_detections]
         return things
 
     def _hold(self, tracks: TrackTable, places_m: Float64) -> Bool:
         """Tell (T, F) which places lie within the boxes of which tracks, and a little around them."""
-        sizes_m = likely_sizes_m(tracks, self._rules.size) + 2 * self._rules.fragment_margin_m
+        sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
         return lie_within(places_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
     def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
         is_new = self._stood_not(things)
-        rows = np.flatnonzero(may_stand(self._tracks, self._stamp, self._rules.life))
+        rows = np.flatnonzero(may_stand(self._tracks, self._stamp, self._config.life))
         if len(things) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        measured = measure_all(tracks, things, sensor_m, self._rules)
+        measured = measure_all(tracks, things, sensor_m, self._config)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
-        room_m = likely_sizes_m(tracks, self._rules.size) + self._rules.standing_margin_m
-        min_m = self._rules.standing_share * tracks.recent_sizes_m[:, 0]
+        room_m = likely_sizes_m(tracks, self._config.size) + self._config.standing_margin_m
+        min_m = self._config.standing_share * tracks.recent_sizes_m[:, 0]
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
         stood = tracks.moved_s < tracks.seen_s
         may = fits.all(axis=2) & (stood[:, None] | is_new)
-        pairs = assign_optimally(costs, may & (costs <= self._rules.motion.gate))
+        pairs = assign_optimally(costs, may & (costs <= self._config.motion.gate))
         self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
 
     def _stood_not(self, things: Footprints) -> Bool:
@@ -120,7 +122,7 @@ class BoxTracker:
         before, self._stood_m = self._stood_m, things.centroids_m
         if len(before) == 0 or len(things) == 0:
             return np.ones(len(things), bool)
-        reach_m = self._rules.stood_reach_m
+        reach_m = self._config.stood_reach_m
         away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
         return np.asarray(~np.isfinite(away_m))
 
@@ -128,7 +130,7 @@ class BoxTracker:
         """Let each of some tracks be continued by one thing."""
         if len(rows) == 0:
             return
-        tracks = see_again(self._tracks[rows], things, sensor_m, self._rules)
+        tracks = see_again(self._tracks[rows], things, sensor_m, self._config)
         stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
@@ -136,7 +138,7 @@ class BoxTracker:
             moved_s=stamps_s if is_moving else tracks.moved_s,
             sights=tracks.sights + is_moving,
         )
-        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._rules.life))
+        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.life))
         self._tracks = self._tracks.replaced(rows, tracks)
 
     def _begin(self, things: Footprints, sensor_m: Float64) -> None:
@@ -146,7 +148,7 @@ class BoxTracker:
         things = things[np.flatnonzero(~is_part)]
         if len(things) == 0:
             return
-        tracks = first_sight(things, sensor_m, self._stamp, self._rules)
+        tracks = first_sight(things, sensor_m, self._stamp, self._config)
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(things)
 
@@ -155,7 +157,7 @@ class BoxTracker:
         tracks = self._tracks
         is_doubled = self._hold(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
         is_doubled &= tracks.ids[:, None] < tracks.ids
-        goes_on = is_alive(tracks, self._stamp, self._rules.life) & ~is_doubled.any(axis=0)
+        goes_on = is_alive(tracks, self._stamp, self._config.life) & ~is_doubled.any(axis=0)
         if self._area is not None:
             places_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
             places_velo = se3.transform_points(se3.inverse(world_SE3_velo), places_m)
@@ -168,8 +170,8 @@ class BoxTracker:
 
     def _tell(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Report the tracks in the frame of the scan."""
-        tracks = self._tracks[is_told(self._tracks, stamp_s, self._rules.life)]
-        sizes_m = likely_sizes_m(tracks, self._rules.size)
+        tracks = self._tracks[is_told(self._tracks, stamp_s, self._config.life)]
+        sizes_m = likely_sizes_m(tracks, self._config.size)
         boxes_world = Boxes3D(
             np.column_stack([tracks.mean[:, :2], tracks.low_world_m]),
             np.column_stack([sizes_m, tracks.heights_m]),

@@ -14,7 +14,7 @@ UNKNOWN_VARIANCE = np.pi**2 / 3  # of an angle that may be any
 
 
 @dataclass(frozen=True)
-class HeadingRules:
+class HeadingConfig:
     """What tells a heading.
 
     Attributes:
@@ -68,7 +68,7 @@ def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
 
 
-def first_yaws(things: Footprints, sensor_xy_m: Float64, rules: HeadingRules) -> Float64:
+def first_yaws(things: Footprints, sensor_xy_m: Float64, config: HeadingConfig) -> Float64:
     """Return (F,) the likely heading, but for its sign, of things that were never seen before.
 
     Along the longer side; but one that is as wide as a vehicle and faces the sensor is a front or a rear.
@@ -78,34 +78,34 @@ def first_yaws(things: Footprints, sensor_xy_m: Float64, rules: HeadingRules) ->
     longer_m = (high_m - low_m)[:, 0]
     sight_m = things.centroids_m - sensor_xy_m
     off_rad = wrap(np.arctan2(sight_m[:, 1], sight_m[:, 0]) - yaw_rad, np.pi)
-    is_width = (longer_m >= rules.face_width_m[0]) & (longer_m <= rules.face_width_m[1])
+    is_width = (longer_m >= config.face_width_m[0]) & (longer_m <= config.face_width_m[1])
     is_face = is_width & (np.abs(off_rad) > np.pi / 4)
     return np.where(is_face, yaw_rad + np.pi / 2, yaw_rad)
 
 
-def update_from_course(tracks: TrackTable, elapsed_s: float, rules: HeadingRules) -> Headings:
+def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConfig) -> Headings:
     """Turn every heading towards the way that its track takes."""
-    variance = tracks.yaw_variance + (rules.turn_rad_s * elapsed_s) ** 2
+    variance = tracks.yaw_variance + (config.turn_rad_s * elapsed_s) ** 2
     way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     way_variance = _way_variance(tracks, way_rad)
-    is_heard = (tracks.speeds_m_s >= rules.min_speed_m_s) & (
-        way_variance <= rules.max_deviation_rad**2
+    is_heard = (tracks.speeds_m_s >= config.min_speed_m_s) & (
+        way_variance <= config.max_deviation_rad**2
     )
     off_rad = wrap(way_rad - tracks.yaw_rad)
-    is_backwards = (np.abs(off_rad) > np.pi / 2) & _may_reverse(tracks, rules)
+    is_backwards = (np.abs(off_rad) > np.pi / 2) & _may_reverse(tracks, config)
     off_rad = np.where(is_backwards, wrap(off_rad + np.pi), off_rad)
-    is_new = (tracks.yaw_variance > rules.unsettled_variance) | (np.abs(off_rad) > np.pi / 2)
-    noise = way_variance + rules.way_deviation_rad**2
+    is_new = (tracks.yaw_variance > config.unsettled_variance) | (np.abs(off_rad) > np.pi / 2)
+    noise = way_variance + config.way_deviation_rad**2
     gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_heard
     left = np.where(is_new & is_heard, noise, variance * (1 - gain))
-    yaw_rad = np.where(is_new & ~is_heard, _side_of_way(tracks, way_rad, rules), tracks.yaw_rad)
+    yaw_rad = np.where(is_new & ~is_heard, _side_of_way(tracks, way_rad, config), tracks.yaw_rad)
     return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
 
 
-def _side_of_way(tracks: TrackTable, way_rad: Float64, rules: HeadingRules) -> Float64:
+def _side_of_way(tracks: TrackTable, way_rad: Float64, config: HeadingConfig) -> Float64:
     """Return (T,) of both headings along the shape the one nearer to a way that is not known well."""
     is_ahead = np.abs(wrap(way_rad - tracks.yaw_rad)) <= np.pi / 2
-    is_slow = tracks.speeds_m_s < rules.sign_speed_m_s
+    is_slow = tracks.speeds_m_s < config.sign_speed_m_s
     return np.where(is_ahead | is_slow, tracks.yaw_rad, tracks.yaw_rad + np.pi)
 
 
@@ -116,13 +116,13 @@ def _way_variance(tracks: TrackTable, way_rad: Float64) -> Float64:
     return np.asarray(spread / np.maximum(tracks.speeds_m_s, 1e-3) ** 2)
 
 
-def _may_reverse(tracks: TrackTable, rules: HeadingRules) -> Bool:
-    is_vehicle = tracks.sizes_m[:, 0] >= rules.vehicle_length_m
-    is_slow = tracks.speeds_m_s < rules.reverse_speed_m_s
-    return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= rules.unsettled_variance))
+def _may_reverse(tracks: TrackTable, config: HeadingConfig) -> Bool:
+    is_vehicle = tracks.sizes_m[:, 0] >= config.vehicle_length_m
+    is_slow = tracks.speeds_m_s < config.reverse_speed_m_s
+    return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= config.unsettled_variance))
 
 
-def update_from_shape(tracks: TrackTable, things: Footprints, rules: HeadingRules) -> Headings:
+def update_from_shape(tracks: TrackTable, things: Footprints, config: HeadingConfig) -> Headings:
     """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
 
     A rectangle does not tell its front: its four headings are one, and none turns a track by more
@@ -130,13 +130,13 @@ def update_from_shape(tracks: TrackTable, things: Footprints, rules: HeadingRule
     """
     shape_rad = yaws_of_shape(things)
     low_m, high_m = things.extents_m(shape_rad)
-    has_shape = (high_m - low_m)[:, 0] >= rules.shape_length_m
+    has_shape = (high_m - low_m)[:, 0] >= config.shape_length_m
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
     # A heading that nothing has told yet is the last rectangle's, and as good as this one.
-    known = np.minimum(tracks.yaw_variance, rules.shape_deviation_rad**2)
-    gain = has_shape * (known / (known + rules.shape_deviation_rad**2))
+    known = np.minimum(tracks.yaw_variance, config.shape_deviation_rad**2)
+    gain = has_shape * (known / (known + config.shape_deviation_rad**2))
     yaw_rad = tracks.yaw_rad + gain * off_rad
     # Which of the four it is stays unknown until the thing moves.
-    is_settled = tracks.yaw_variance <= rules.unsettled_variance
+    is_settled = tracks.yaw_variance <= config.unsettled_variance
     variance = np.where(is_settled, tracks.yaw_variance * (1 - gain), tracks.yaw_variance)
     return Headings(wrap(yaw_rad), variance)

@@ -16,7 +16,7 @@ OBSERVE_PLACE = np.eye(2, 4)
 
 
 @dataclass(frozen=True)
-class MotionModel:
+class MotionModelConfig:
     """How things move, and how well their sides are seen.
 
     Attributes:
@@ -43,7 +43,7 @@ class MotionModel:
     gate: float = 9.21
 
 
-def predict(states: Gaussians, elapsed_s: float, model: MotionModel) -> Gaussians:
+def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Gaussians:
     """Let everything go on as it went, but for accelerations that come and go at random.
 
     The noise of two steps is that of one as long as both, so that neither the scan rate nor a gap in
@@ -58,7 +58,9 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModel) -> Gaussian
     return kalman.predict(states, transition, model.speed_gain_m_s**2 * noise)
 
 
-def begin(places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModel) -> Gaussians:
+def begin(
+    places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
+) -> Gaussians:
     """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise and (T, 2) sizes."""
     count = len(places_m)
     is_small = sizes_m.max(axis=1) < model.small_length_m
@@ -84,7 +86,7 @@ class Doubts:
     slack_m: Float64
 
 
-def place_noise(doubts: Doubts, points: Int, yaw_rad: Float64, model: MotionModel) -> Float64:
+def place_noise(doubts: Doubts, points: Int, yaw_rad: Float64, model: MotionModelConfig) -> Float64:
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:

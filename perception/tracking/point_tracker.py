@@ -26,7 +26,7 @@ _NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, which the released noise belongs t
 
 
 @dataclass(frozen=True)
-class PointTrackerRules:
+class PointTrackerConfig:
     """What the tracker does where the thesis and the released program differ or the thesis is silent.
 
     Attributes:
@@ -68,11 +68,11 @@ class PointTrackerRules:
             )
 
 
-THESIS = PointTrackerRules()
+THESIS = PointTrackerConfig()
 # The released program ends no track, so its cost grows with the drive. A detection lies in the local
 # grid, and so nothing beyond the gate around it can matter unless the vehicle comes back; 40 m, as much
 # as the grid is long, lets it turn round and still find its tracks.
-AUTHOR = PointTrackerRules(
+AUTHOR = PointTrackerConfig(
     step_s=0.1,
     gate_around="last estimate",
     on_miss="hold",
@@ -129,8 +129,8 @@ class _PointTracks:
 class PointTracker:
     """Follows objects as points, all filters of a frame in one computation."""
 
-    def __init__(self, rules: PointTrackerRules = THESIS) -> None:
-        self.rules = rules
+    def __init__(self, config: PointTrackerConfig = THESIS) -> None:
+        self.config = config
         self._next_id = 0
         self.end_all()
 
@@ -162,8 +162,8 @@ class PointTracker:
         measured_m = candidates.states.mean[:, :2]
 
         # Prediction, then gating and nearest neighbour.
-        predicted = self._predict(before.states, self.rules.step_s or step_s)
-        looks_back = self.rules.gate_around == "last estimate"
+        predicted = self._predict(before.states, self.config.step_s or step_s)
+        looks_back = self.config.gate_around == "last estimate"
         expected = before.states if looks_back else predicted
         pairs = self._associate(expected.mean[:, :2], measured_m)
 
@@ -182,7 +182,7 @@ class PointTracker:
         """Return each detection as the track that it would begin, still without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
         min_m, greatest_m = moving.extents_m(np.zeros(count))
-        covariance = self.rules.initial_variance * np.eye(4)
+        covariance = self.config.initial_variance * np.eye(4)
         return _PointTracks(
             ids=np.full(count, -1),
             states=Gaussians(
@@ -197,19 +197,19 @@ class PointTracker:
 
     def _predict(self, states: Gaussians, step_s: float) -> Gaussians:
         transition = np.eye(4) + step_s * np.eye(4, k=2)
-        grown = self.rules.process_variance * step_s / _NOMINAL_STEP_S
+        grown = self.config.process_variance * step_s / _NOMINAL_STEP_S
         return predict(states, transition, grown * np.eye(4))
 
     def _associate(self, expected_m: Float64, measured_m: Float64) -> Association:
         distances_m = np.linalg.norm(expected_m[:, None] - measured_m[None], axis=2)
-        return assign_nearest_in_turn(distances_m, distances_m <= self.rules.gate_m)
+        return assign_nearest_in_turn(distances_m, distances_m <= self.config.gate_m)
 
     def _correct(
         self, before: Gaussians, predicted: Gaussians, measured_m: Float64, pairs: Association
     ) -> Gaussians:
         """Correct the tracks that were seen, and by their last position the others, if so ruled."""
-        noise = self.rules.measurement_variance_m2 * np.eye(2)
-        if self.rules.on_miss == "hold":
+        noise = self.config.measurement_variance_m2 * np.eye(2)
+        if self.config.on_miss == "hold":
             every_m = before.mean[:, :2].copy()
             every_m[pairs.tracks] = measured_m[pairs.detections]
             return update(predicted, every_m, _OBSERVATION, noise)
@@ -225,7 +225,7 @@ class PointTracker:
         size_m[pairs.tracks] = candidates.size_m[pairs.detections]
         is_seen = np.zeros(len(tracks), bool)
         is_seen[pairs.tracks] = True
-        is_confirmed = tracks.is_confirmed | is_seen | (not self.rules.confirms)
+        is_confirmed = tracks.is_confirmed | is_seen | (not self.config.confirms)
         return replace(
             tracks,
             low_world_m=low_world_m,
@@ -237,12 +237,12 @@ class PointTracker:
     def _is_near(self, tracks: _PointTracks, world_SE3_velo: Float64) -> Bool:
         """Tell which objects have not left the area for good."""
         bottom_m = _bottoms_in_velo(tracks, world_SE3_velo)
-        return self.rules.area.contains_xy(bottom_m, self.rules.kept_beyond_area_m)
+        return self.config.area.contains_xy(bottom_m, self.config.kept_beyond_area_m)
 
     def _answer(self, world_SE3_velo: Float64) -> Tracks:
         """Return the confirmed tracks inside the area, in the LiDAR frame of a pose."""
         bottom_m = _bottoms_in_velo(self._tracks, world_SE3_velo)
-        shown = self._tracks.is_confirmed & self.rules.area.contains_xy(bottom_m)
+        shown = self._tracks.is_confirmed & self.config.area.contains_xy(bottom_m)
         tracks = self._tracks[shown]
         velocity_world_m_s = tracks.states.mean[:, 2:]
         return Tracks(

@@ -9,7 +9,7 @@ from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class SizeRules:
+class SizeEstimateConfig:
     """What is believed of a thing's size.
 
     Attributes:
@@ -43,24 +43,24 @@ class SizeRules:
     largest_m: tuple[float, float] = (12.0, 3.0)
 
 
-def likely_sizes_m(tracks: TrackTable, rules: SizeRules) -> Float64:
+def likely_sizes_m(tracks: TrackTable, config: SizeEstimateConfig) -> Float64:
     """Return (T, 2) length and width: as seen where seen whole, else at least what is common."""
-    least = np.array([rules.min_length_m, rules.min_width_m])
+    least = np.array([config.min_length_m, config.min_width_m])
     length_m, width_m = np.maximum(tracks.sizes_m, least).T
-    is_known = tracks.complete_seen >= rules.complete_sights
-    common_m = np.clip(rules.length_per_width * width_m, *rules.prior_length_m)
-    is_wide = (width_m >= rules.vehicle_width_m) & ~is_known[:, 0]
-    is_long = (length_m >= rules.vehicle_length_m) & ~is_known[:, 1]
+    is_known = tracks.complete_seen >= config.complete_sights
+    common_m = np.clip(config.length_per_width * width_m, *config.prior_length_m)
+    is_wide = (width_m >= config.vehicle_width_m) & ~is_known[:, 0]
+    is_long = (length_m >= config.vehicle_length_m) & ~is_known[:, 1]
     return np.column_stack(
         [
             np.where(is_wide, np.maximum(length_m, common_m), length_m),
-            np.where(is_long, np.maximum(width_m, rules.prior_width_m), width_m),
+            np.where(is_long, np.maximum(width_m, config.prior_width_m), width_m),
         ]
     )
 
 
 def remember(
-    tracks: TrackTable, seen_m: Float64, is_complete: Bool, rules: SizeRules
+    tracks: TrackTable, seen_m: Float64, is_complete: Bool, config: SizeEstimateConfig
 ) -> tuple[Float64, Float64, Int]:
     """Return the new sizes, recent sizes and complete counts after each track was seen once more.
 
@@ -73,13 +73,13 @@ def remember(
         is_complete: (T, 2) whether from end to end.
         rules: what is believed.
     """
-    limited_m = np.minimum(seen_m, rules.largest_m)
+    limited_m = np.minimum(seen_m, config.largest_m)
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
     usual_m = np.median(recent_m, axis=1)
     # A box along a wrong heading is too large, and the first few headings are the worst.
-    shrinkage = np.maximum(rules.shrinkage, 1 / (1 + tracks.sights))[:, None]
-    gain = np.where(usual_m > tracks.sizes_m, rules.growth, np.where(is_complete, shrinkage, 0.0))
-    is_settled = tracks.sights >= rules.settling_sights
+    shrinkage = np.maximum(config.shrinkage, 1 / (1 + tracks.sights))[:, None]
+    gain = np.where(usual_m > tracks.sizes_m, config.growth, np.where(is_complete, shrinkage, 0.0))
+    is_settled = tracks.sights >= config.settling_sights
     sizes_m = np.where(
         is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m
     )

@@ -9,9 +9,9 @@ import numpy as np
 
 from perception.geometry.footprints import Footprints
 from perception.tracking import motion_model
-from perception.tracking.box_rules import BoxTrackerRules
+from perception.tracking.box_rules import BoxTrackerConfig
 from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
-from perception.tracking.remembered_size import SizeRules, likely_sizes_m, remember
+from perception.tracking.remembered_size import SizeEstimateConfig, likely_sizes_m, remember
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
     Reaches,
@@ -40,54 +40,54 @@ class Measured:
 
 
 def measure_all(
-    tracks: TrackTable, things: Footprints, sensor_m: Float64, rules: BoxTrackerRules
+    tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> Measured:
     """Measure every track by every one of F things, at least one."""
     seen = reaches(things, tracks.yaw_rad, sensor_m)
-    return _measure(tracks, seen, things.points[None], rules)
+    return _measure(tracks, seen, things.points[None], config)
 
 
-def _measure(tracks: TrackTable, seen: Reaches, points: Int, rules: BoxTrackerRules) -> Measured:
-    sizes_m = likely_sizes_m(tracks, rules.size)
-    centers = place_centers(seen, sizes_m, rules.size.complete_angle_rad)
+def _measure(tracks: TrackTable, seen: Reaches, points: Int, config: BoxTrackerConfig) -> Measured:
+    sizes_m = likely_sizes_m(tracks, config.size)
+    centers = place_centers(seen, sizes_m, config.size.complete_angle_rad)
     # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
-    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, rules.motion.max_swing_rad**2))
+    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, config.motion.max_swing_rad**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
     doubts = motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m)
     return Measured(
         to_world(centers.along_left_m, tracks.yaw_rad),
-        motion_model.place_noise(doubts, points, tracks.yaw_rad[:, None], rules.motion),
+        motion_model.place_noise(doubts, points, tracks.yaw_rad[:, None], config.motion),
         seen.sizes_m,
     )
 
 
 def see_again(
-    tracks: TrackTable, things: Footprints, sensor_m: Float64, rules: BoxTrackerRules
+    tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> TrackTable:
     """Correct each of T tracks by the thing that continues it."""
-    headings = update_from_shape(tracks, things, rules.heading)
+    headings = update_from_shape(tracks, things, config.heading)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
     seen = _own_reaches(things, tracks.yaw_rad, sensor_m)
-    tracks = _grown(tracks, seen, rules.size)
-    measured = _measure(tracks, seen, things.points[:, None], rules)
+    tracks = _grown(tracks, seen, config.size)
+    measured = _measure(tracks, seen, things.points[:, None], config)
     states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
     heights_m = things.high_m - things.low_m
     return replace(
         tracks,
         mean=states.mean,
         covariance=states.covariance,
-        heights_m=tracks.heights_m + rules.height_gain * (heights_m - tracks.heights_m),
-        low_world_m=tracks.low_world_m + rules.height_gain * (things.low_m - tracks.low_world_m),
+        heights_m=tracks.heights_m + config.height_gain * (heights_m - tracks.heights_m),
+        low_world_m=tracks.low_world_m + config.height_gain * (things.low_m - tracks.low_world_m),
         points=tracks.points + things.points,
     )
 
 
 def first_sight(
-    things: Footprints, sensor_m: Float64, stamp_s: float, rules: BoxTrackerRules
+    things: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
 ) -> TrackTable:
     """Return the tracks that F things begin; their ids are 0 to F - 1."""
-    count, yaw_rad = len(things), first_yaws(things, sensor_m, rules.heading)
+    count, yaw_rad = len(things), first_yaws(things, sensor_m, config.heading)
     seen = _own_reaches(things, yaw_rad, sensor_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
     tracks = TrackTable(
@@ -109,9 +109,9 @@ def first_sight(
         points=things.points,
         is_confirmed=np.zeros(count, bool),
     )
-    measured = _measure(tracks, seen, things.points[:, None], rules)
+    measured = _measure(tracks, seen, things.points[:, None], config)
     centers_m = measured.centers_m[:, 0]
-    states = motion_model.begin(centers_m, measured.noise[:, 0], sizes_m, rules.motion)
+    states = motion_model.begin(centers_m, measured.noise[:, 0], sizes_m, config.motion)
     return replace(tracks, mean=states.mean, covariance=states.covariance, begun_world_m=centers_m)
 
 
@@ -121,13 +121,13 @@ def _own_reaches(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Rea
     return Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
 
 
-def _grown(tracks: TrackTable, seen: Reaches, rules: SizeRules) -> TrackTable:
+def _grown(tracks: TrackTable, seen: Reaches, config: SizeEstimateConfig) -> TrackTable:
     """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
-    before_m = likely_sizes_m(tracks, rules)
-    is_complete = seen.is_complete(rules.complete_angle_rad)[:, 0]
-    sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, rules)
+    before_m = likely_sizes_m(tracks, config)
+    is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]
+    sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, config)
     grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_seen=complete)
-    growth_m = likely_sizes_m(grown, rules) - before_m
+    growth_m = likely_sizes_m(grown, config) - before_m
     away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
     is_outside = np.abs(away_m) > before_m / 2
     shift_m = to_world(np.sign(away_m) * is_outside * growth_m / 2, tracks.yaw_rad)

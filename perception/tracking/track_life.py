@@ -9,7 +9,7 @@ from perception.types import Bool
 
 
 @dataclass(frozen=True)
-class LifeRules:
+class TrackLifecycleConfig:
     """When a track is believed, and when it ends.
 
     Attributes:
@@ -45,40 +45,40 @@ class LifeRules:
     stopping_speed_m_s: float = 3.0
 
 
-def is_confirmed(tracks: TrackTable, rules: LifeRules) -> Bool:
+def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks have been seen often enough; once believed, always believed."""
     age_s = tracks.seen_s - tracks.begun_s
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.begun_world_m, axis=1)
     travels = (
-        (travelled_m >= rules.travel_m)
-        & (travelled_m >= rules.min_speed_m_s * age_s)
-        & (tracks.speeds_m_s >= rules.min_speed_m_s)
+        (travelled_m >= config.travel_m)
+        & (travelled_m >= config.min_speed_m_s * age_s)
+        & (tracks.speeds_m_s >= config.min_speed_m_s)
     )
-    is_plain = tracks.points >= rules.plain_points
-    needed = np.where(is_plain, rules.confirming_sights, rules.doubtful_sights)
+    is_plain = tracks.points >= config.plain_points
+    needed = np.where(is_plain, config.confirming_sights, config.doubtful_sights)
     return np.asarray(tracks.is_confirmed | ((tracks.sights >= needed) & travels))
 
 
-def is_alive(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
-    limit_s = np.where(tracks.is_confirmed, rules.coasting_s, rules.confirming_s)
+    limit_s = np.where(tracks.is_confirmed, config.coasting_s, config.confirming_s)
     is_lost = stamp_s - tracks.seen_s > limit_s + _ROUNDING_S
-    stands = stamp_s - tracks.moved_s > rules.standing_s + _ROUNDING_S
+    stands = stamp_s - tracks.moved_s > config.standing_s + _ROUNDING_S
     return np.asarray(~is_lost & ~stands)
 
 
-def may_stand(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+def may_stand(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which confirmed tracks, unseen in this scan, may have come to a stand."""
-    is_fresh = stamp_s - tracks.seen_s <= rules.stopping_s + _ROUNDING_S
-    is_slow = tracks.speeds_m_s <= rules.stopping_speed_m_s
+    is_fresh = stamp_s - tracks.seen_s <= config.stopping_s + _ROUNDING_S
+    is_slow = tracks.speeds_m_s <= config.stopping_speed_m_s
     return np.asarray(tracks.is_confirmed & (tracks.seen_s < stamp_s) & is_fresh & is_slow)
 
 
-def is_told(tracks: TrackTable, stamp_s: float, rules: LifeRules) -> Bool:
+def is_told(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks are worth reporting."""
-    limit_s = np.where(tracks.sights >= rules.telling_sights, rules.telling_s, 0.0)
+    limit_s = np.where(tracks.sights >= config.telling_sights, config.telling_s, 0.0)
     is_seen = stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
-    moves = stamp_s - tracks.moved_s <= rules.telling_standing_s + _ROUNDING_S
+    moves = stamp_s - tracks.moved_s <= config.telling_standing_s + _ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_seen & moves)
 
 

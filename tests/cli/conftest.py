@@ -9,7 +9,7 @@ import pytest
 
 from data.drive import Drive
 from data.open_drive import open_drive
-from perception.cli.vehicle_detector import DetectorChoice, Sighting
+from perception.cli.vehicle_detector import DepthCnConfig, Sighting
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
@@ -45,7 +45,7 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
     def install(path: Path, sequence: str | None = None, stop_at: int | None = None) -> None:
         reader = LabelReader(open_drive(path, sequence=sequence, images=False), stop_at)
-        monkeypatch.setattr(DetectorChoice, "open", lambda self, sensor: reader)
+        monkeypatch.setattr(DepthCnConfig, "open", lambda self, sensor: reader)
 
     return install
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from data.kitti.detection_rows import read_detection_set
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from tests.car_frames import SIZE_PX, write_car_frames
 
@@ -19,7 +19,7 @@ FRAMES = 3
 @pytest.fixture(scope="module")
 def street(tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("street")
-    write_drives(root, Recipe(layout="tracking", frames=FRAMES, images=False))
+    write_drives(root, SynthConfig(layout="tracking", frames=FRAMES, images=False))
     return root
 
 

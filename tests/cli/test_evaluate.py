@@ -19,7 +19,7 @@ from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure
 from perception.cli.main import main
 from perception.errors import UsageError
 from perception.evaluation.objects import Motion
-from perception.evaluation.obstacles import ObjectRule
+from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
 from perception.types import Float, Float64, Frame, Obstacles, PointState, Result, UInt8, Voxels
@@ -215,7 +215,7 @@ def test_options_that_cannot_work(kitti_root: Path, capsys):
     assert main([*words, "--moving_share", "1.5"]) == 2
     assert "shares from 0 to 1" in capsys.readouterr().err
     with pytest.raises(UsageError):
-        ObjectRule(min_points=0)
+        ObjectMatchConfig(min_points=0)
 
 
 def test_json_holds_what_numpy_and_nan_are():

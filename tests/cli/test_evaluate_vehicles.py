@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 
 
@@ -14,7 +14,7 @@ from perception.cli.main import main
 def street(tmp_path_factory) -> Path:
     """Write a short sequence in KITTI's tracking layout."""
     root = tmp_path_factory.mktemp("street")
-    write_drives(root, Recipe(layout="tracking", frames=4, images=False))
+    write_drives(root, SynthConfig(layout="tracking", frames=4, images=False))
     return root
 
 
@@ -49,7 +49,7 @@ def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path
 
 
 def test_a_drive_without_track_labels_is_refused(tmp_path, capsys):
-    write_drives(tmp_path, Recipe(layout="tracking", frames=1, images=False))
+    write_drives(tmp_path, SynthConfig(layout="tracking", frames=1, images=False))
     shutil.rmtree(tmp_path / "training" / "label_02")
     assert evaluate(tmp_path) == 2
     assert "labels with track ids" in capsys.readouterr().err

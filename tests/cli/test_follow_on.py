@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.follow_on import STAGE, HandoverTracking, NoObjectTracking
 from perception.cli.main import main
 from perception.geometry.grids import VehicleBody
@@ -25,7 +25,7 @@ FRAMES = 6
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory) -> Path:
-    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
     return folder
 
 

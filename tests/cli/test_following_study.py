@@ -93,9 +93,9 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
         for challenges in (frozenset[Difficulty](), frozenset([Difficulty.POSE]))
     ]
     monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
-    plan = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
+    config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
     picture = tmp_path / "following.png"
-    publish(study_single_object(picture, plan), picture)
+    publish(study_single_object(picture, config), picture)
     assert cv2.imread(str(picture)).std() > 5
     document = json.loads(picture.with_suffix(".json").read_text())
     assert list(document["results"]) == ["plain", "pose"]

@@ -10,7 +10,7 @@ import yaml
 
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 
 FRAMES = 4
@@ -18,7 +18,7 @@ FRAMES = 4
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory) -> Path:
-    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
     return folder
 
 

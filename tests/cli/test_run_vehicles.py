@@ -8,7 +8,7 @@ import pytest
 
 from data.kitti.detection_rows import read_detection_set
 from data.kitti.tracking_rows import read_result_rows
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.types import MODALITIES
 from tests.detection.bright_cells import bright_cells
@@ -68,7 +68,7 @@ def test_every_vehicle_says_who_saw_it(run_of_cars):
 
 
 def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
-    (street,) = write_drives(tmp_path / "street", Recipe(frames=3))
+    (street,) = write_drives(tmp_path / "street", SynthConfig(frames=3))
     out = tmp_path / "of_street"
     assert main(["run", str(street), "--out", str(out), *networks]) == 0
     rows = read_result_rows(out / "vehicles" / f"{street.name}.txt", 3)
@@ -82,7 +82,7 @@ def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):
 
 @pytest.mark.parametrize("looks", [True, False])
 def test_an_image_that_nobody_draws_is_looked_at_all_the_same(networks, tmp_path, looks):
-    (street,) = write_drives(tmp_path / "street", Recipe(frames=2))
+    (street,) = write_drives(tmp_path / "street", SynthConfig(frames=2))
     out = tmp_path / "out"
     words = ["run", str(street), "--out", str(out), "--video", "false", *networks]
     assert (

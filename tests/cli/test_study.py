@@ -21,7 +21,7 @@ from perception.cli.studies.chain_times import (
 )
 from perception.cli.studies.dense_cloud import study_dense_cloud
 from perception.cli.studies.gates import passes_gate, study_gates
-from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
+from perception.cli.studies.ground_error import GroundErrorConfig, study_ground_error
 from perception.cli.studies.masks import study_masks
 from perception.cli.studies.output import publish
 from perception.cli.studies.thin_objects import Cutout, cut_out, find_pole
@@ -136,9 +136,9 @@ def test_dense_cloud(drive, tmp_path):
 
 
 def test_ground_error(drive, tmp_path):
-    plan = GroundErrorPlan(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
+    config = GroundErrorConfig(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
     picture = tmp_path / "error.png"
-    study = study_ground_error(drive, picture, plan, lambda frames: frames)
+    study = study_ground_error(drive, picture, config, lambda frames: frames)
     assert is_picture(picture)
     mde_m = study.numbers["mde_m"]
     assert mde_m.shape == (2, 2)
@@ -152,7 +152,7 @@ def test_ground_error(drive, tmp_path):
 def test_ground_error_needs_labels(tmp_path):
     blind = SimpleNamespace(has_labels=False, root="drive")
     with pytest.raises(DriveError, match="expected labelled boxes"):
-        study_ground_error(blind, tmp_path / "x.png", GroundErrorPlan(), lambda frames: frames)
+        study_ground_error(blind, tmp_path / "x.png", GroundErrorConfig(), lambda frames: frames)
 
 
 def test_every_stage_of_the_thesis_is_timed(drive):
@@ -187,9 +187,9 @@ def test_stages(drive, tmp_path, monkeypatch):
 
 def test_speed(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
-    plan = speed.SpeedPlan(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
+    config = speed.SpeedConfig(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
     picture = tmp_path / "speed.png"
-    study = speed.study_speed(drive, picture, plan, lambda frames: frames)
+    study = speed.study_speed(drive, picture, config, lambda frames: frames)
     assert is_picture(picture)
     assert study.numbers["thesis_frames_per_s"].shape == (2, 2)
     np.testing.assert_allclose(study.numbers["default_frames_per_s"], [50, 50])

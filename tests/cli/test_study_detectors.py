@@ -7,28 +7,28 @@ from pathlib import Path
 import pytest
 
 from export import onnx
-from perception.cli.evaluations.class_precision import MeasureRules
+from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.main import main
 from perception.cli.studies import detector_variants
 from perception.cli.studies.detector_losses import loss_variants
 from perception.cli.studies.detector_variants import (
     Judging,
-    TrainingConditions,
     Variant,
     VariantMetrics,
+    VariantTrainingConfig,
     study_variants,
 )
 from perception.cli.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
 from perception.cli.studies.sim_to_real import UNCHANGED, share_variants
 from perception.cli.studies.variant_figures import precision_tables, times_table
-from perception.cli.training.detector_plan import DetectorChoice, PictureChoice
+from perception.cli.training.detector_plan import DetectorModelConfig, PictureChoice
 from perception.errors import UsageError
 from tests.detection.bright_cells import bright_cells
 from tests.train.toy_pictures import tiny_network
 from train.detector import networks
 
 BASE = Variant(
-    "base", DetectorChoice("rm", "tiny", "64x96"), PictureChoice((Path("streets"),)), epochs=4
+    "base", DetectorModelConfig("rm", "tiny", "64x96"), PictureChoice((Path("streets"),)), epochs=4
 )
 
 
@@ -43,8 +43,8 @@ def trainings(monkeypatch):
     """Put a training that does nothing in place; return what it was asked for."""
     asked = []
 
-    def train(pictures, choice, first, plan, out, resume):
-        asked.append((choice, pictures, plan.epochs, resume))
+    def train(pictures, choice, first, config, out, resume):
+        asked.append((choice, pictures, config.epochs, resume))
         (out / "last.ckpt").touch()
         return Trained(3, {"training_frames": 7})
 
@@ -59,43 +59,43 @@ def trainings(monkeypatch):
 
 
 def judging_on(*drives):
-    return Judging(drives, MeasureRules((0.7, 0.5)))
+    return Judging(drives, MetricConfig((0.7, 0.5)))
 
 
 def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
     variants = [BASE, replace(BASE, name="wide", detector=replace(BASE.detector, size="64x128"))]
     judging = judging_on(car_frames)
-    first = study_variants(variants, TrainingConditions(), judging, tmp_path / "out")
+    first = study_variants(variants, VariantTrainingConfig(), judging, tmp_path / "out")
     assert [choice.size for choice, *_ in trainings] == ["64x96", "64x128"]
     assert list(first) == ["base", "wide"]
     assert (first["base"].epoch, first["base"].training_frames) == (3, 7)
     assert first["base"].drives[str(car_frames)]["frames"] == 3
     assert first["base"].maps_ms > 0
-    again = study_variants(variants, TrainingConditions(), judging, tmp_path / "out")
+    again = study_variants(variants, VariantTrainingConfig(), judging, tmp_path / "out")
     assert again == first
     assert len(trainings) == 2
 
 
 def test_other_drives_are_measured_without_training_again(car_frames, trainings, tmp_path):
-    study_variants([BASE], TrainingConditions(), judging_on(car_frames), tmp_path / "out")
+    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), tmp_path / "out")
     both = judging_on(car_frames, car_frames / "training")
-    metrics = study_variants([BASE], TrainingConditions(), both, tmp_path / "out")
+    metrics = study_variants([BASE], VariantTrainingConfig(), both, tmp_path / "out")
     assert list(metrics["base"].drives) == [str(car_frames), str(car_frames / "training")]
     assert len(trainings) == 1
 
 
 def test_a_training_that_was_stopped_is_gone_on_with(car_frames, trainings, tmp_path):
     out = tmp_path / "out"
-    study_variants([BASE], TrainingConditions(), judging_on(car_frames), out)
+    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), out)
     (out / "base/trained.json").unlink()
-    study_variants([BASE], TrainingConditions(), judging_on(car_frames), out)
+    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), out)
     assert [resume for *_, resume in trainings] == [None, "last"]
 
 
 def test_a_folder_of_other_settings_is_refused(car_frames, trainings, tmp_path):
-    study_variants([BASE], TrainingConditions(), judging_on(car_frames), tmp_path)
+    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), tmp_path)
     with pytest.raises(UsageError, match="base: expected a training with the same settings"):
-        study_variants([BASE], TrainingConditions(seed=1), judging_on(car_frames), tmp_path)
+        study_variants([BASE], VariantTrainingConfig(seed=1), judging_on(car_frames), tmp_path)
     with pytest.raises(UsageError, match="--validation: expected at least one drive, found none"):
         judging_on()
 
@@ -191,7 +191,10 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
     pictures = PictureChoice((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
     variant = replace(BASE, pictures=pictures, epochs=1)
     found = study_variants(
-        [variant], TrainingConditions(accelerator="cpu"), judging_on(car_frames), tmp_path / "out"
+        [variant],
+        VariantTrainingConfig(accelerator="cpu"),
+        judging_on(car_frames),
+        tmp_path / "out",
     )
     assert (found["base"].epoch, found["base"].training_frames) == (1, 3)
     assert found["base"].network_ms > 0

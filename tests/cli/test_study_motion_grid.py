@@ -39,7 +39,7 @@ def test_the_grids_of_a_drive_without_camera_are_seen_from_above(drive, tmp_path
 
 def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monkeypatch):
     short = replace(THESIS, background=replace(THESIS.background, scans=3))
-    monkeypatch.setitem(motion_grid._RULES, "thesis", short)
+    monkeypatch.setitem(motion_grid._CONFIG, "thesis", short)
     read = []
 
     def progress(iterable):

@@ -13,7 +13,7 @@ import yaml
 from data.derived.object_truth import DriveObjects
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
-from data.synthetic.collection import Recipe, write_drives
+from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.follow_files import TrajectoryRows, trajectory_line
 from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start, parse_box
 from perception.cli.follow_summary import TrackSummary, way_length_m
@@ -30,7 +30,7 @@ FRAMES = 5
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory) -> Path:
-    (folder,) = write_drives(tmp_path_factory.mktemp("street"), Recipe(frames=FRAMES))
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
     return folder
 
 
@@ -240,7 +240,7 @@ def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path,
 
 
 def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
-    write_drives(tmp_path, Recipe(layout="object", frames=1))
+    write_drives(tmp_path, SynthConfig(layout="object", frames=1))
     assert main(["track", str(tmp_path), "--box", "1,2,3,4,5,6,7"]) == 2
     assert "frames that follow each other" in capsys.readouterr().err
 

@@ -7,7 +7,7 @@ import pytest
 from data.synthetic.ins import InsNoise
 from perception.cli.main import main
 from perception.cli.studies import sensors
-from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
+from perception.cli.studies.ins_error import InsErrorConfig, study_ins_error
 from perception.cli.studies.output import publish
 from perception.cli.studies.tracking_figures import (
     METHODS,
@@ -46,14 +46,14 @@ def test_measures_go_case_by_case():
 
 
 def test_every_ins_is_measured_once():
-    cases = InsErrorPlan(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0)).cases()
+    cases = InsErrorConfig(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0)).cases()
     assert cases == [InsNoise(0, 0), InsNoise(1, 0), InsNoise(0, 2)]
 
 
 def test_ins_error(tmp_path, capsys):
-    plan = InsErrorPlan(3, (0,), VLP_16, positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
+    config = InsErrorConfig(3, (0,), VLP_16, positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
     picture = tmp_path / "ins.png"
-    publish(study_ins_error(picture, plan), picture)
+    publish(study_ins_error(picture, config), picture)
     assert cv2.imread(str(picture)).std() > 5
     document = json.loads(picture.with_suffix(".json").read_text())
     assert [case["ins"] for case in document["results"]] == [
@@ -81,7 +81,7 @@ def test_sensors(tmp_path, monkeypatch):
         ),
     )
     picture = tmp_path / "sensors.png"
-    study = sensors.study_sensors(picture, sensors.SensorsPlan(10, (0, 1), (HDL_32E, VLP_16)))
+    study = sensors.study_sensors(picture, sensors.SensorsConfig(10, (0, 1), (HDL_32E, VLP_16)))
     assert cv2.imread(str(picture)).std() > 5
     for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
         assert list(study.numbers[sensor]) == list(METHODS)

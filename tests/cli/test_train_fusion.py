@@ -11,7 +11,11 @@ import pytest
 import yaml
 
 from perception.cli.main import main
-from perception.cli.training.fusion_data import DetectorFiles, FusionData, split_detections
+from perception.cli.training.fusion_data import (
+    DetectorModelPaths,
+    FusionDataConfig,
+    split_detections,
+)
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.fitted_to import detectors_note
 from perception.detection.fusion.rescoring import Fusion
@@ -74,7 +78,7 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     fusion = Fusion(out / "fusion.onnx")
     assert fusion.variant == variant
     assert fusion.facts["training_data"] == str(drive)
-    opened = DetectorFiles(*map(Path, models[1::2])).open()
+    opened = DetectorModelPaths(*map(Path, models[1::2])).open()
     assert fusion.facts["detectors"] == detectors_note(opened)
     figures = json.loads((out / "figures.json").read_text())
     counts = figures["trained"]["counts"]
@@ -122,16 +126,16 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
 
 
 def test_to_judge_takes_frames_of_its_own(drive, models, cache):
-    files = DetectorFiles(*map(Path, models[1::2]))
+    files = DetectorModelPaths(*map(Path, models[1::2]))
     with pytest.raises(
         UsageError, match=r"2 frames or more: .*, found 1; raise --validation-share"
     ):
-        split_detections(FusionData((drive,), (), 0.17, models=files, cache=cache), seed=0)
+        split_detections(FusionDataConfig((drive,), (), 0.17, models=files, cache=cache), seed=0)
 
 
 def test_detectors_look_once(drive, models, cache, monkeypatch):
-    files = DetectorFiles(*map(Path, models[1::2]))
-    data = FusionData((drive,), validation_share=0.34, models=files, cache=cache)
+    files = DetectorModelPaths(*map(Path, models[1::2]))
+    data = FusionDataConfig((drive,), validation_share=0.34, models=files, cache=cache)
     first = split_detections(data, seed=0)
 
     def refuse(self, frame, dense=None):

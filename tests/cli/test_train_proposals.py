@@ -9,7 +9,7 @@ import yaml
 from jsonargparse import auto_cli
 
 from perception.cli.main import main
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from tests.car_frames import write_car_frames
 
 GRID = (
@@ -60,13 +60,13 @@ def test_the_best_setting_is_what_other_commands_read(drives, tmp_path, capsys):
     out = tmp_path / "out"
     assert train(drives, out) == 0
     capsys.readouterr()
-    defaults = ProposalRules(0.3, 0.04, 1, 0.8)
+    defaults = ProposalConfig(0.3, 0.04, 1, 0.8)
 
-    def command(rules: ProposalRules = defaults) -> ProposalRules:
+    def command(rules: ProposalConfig = defaults) -> ProposalConfig:
         return rules
 
     read = auto_cli(command, args=["--rules", str(out / "rules.yaml")], set_defaults=None)
-    assert read == ProposalRules(**yaml.safe_load((out / "rules.yaml").read_text()))
+    assert read == ProposalConfig(**yaml.safe_load((out / "rules.yaml").read_text()))
     assert read.radius_m == 0.5
 
 

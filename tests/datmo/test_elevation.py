@@ -11,15 +11,15 @@ from perception.geometry.grids import LocalArea
 
 ROAD = LevelPlane(-1.7)
 CELLS = CellGrid.covering(LocalArea(ahead_m=4.0, behind_m=2.0, side_m=3.0), 0.2)
-RULES = replace(THESIS.elevation, nearest_m=0.0)
+CONFIG = replace(THESIS.elevation, nearest_m=0.0)
 
 
-def cell_with(heights_m, rules=RULES):
+def cell_with(heights_m, config=CONFIG):
     """Return the value of one cell that holds points at such heights over the road."""
     points = np.zeros((len(heights_m), 4), np.float32)
     points[:, :2] = 1.1, 0.5
     points[:, 2] = np.array(heights_m) - 1.7
-    grid = elevation_grid(points, ROAD, CELLS, rules)
+    grid = elevation_grid(points, ROAD, CELLS, config)
     assert grid.points.sum() == grid.points[15, 17] == len(heights_m)
     return grid.height_m[15, 17]
 
@@ -37,8 +37,8 @@ def test_what_is_high_or_rough_is_worth_its_mean(heights_m):
 
 def test_the_variance_is_that_of_a_sample():
     # 0.010 by n, 0.020 by n - 1: the threshold lies between.
-    rules = replace(RULES, ground_variance_m2=0.015)
-    assert cell_with([0.0, 0.2], rules) == pytest.approx(0.1, abs=1e-6)
+    config = replace(CONFIG, ground_variance_m2=0.015)
+    assert cell_with([0.0, 0.2], config) == pytest.approx(0.1, abs=1e-6)
 
 
 def test_the_thesis_compares_the_mean_and_the_author_the_highest_point():
@@ -50,7 +50,7 @@ def test_the_thesis_compares_the_mean_and_the_author_the_highest_point():
 
 def test_seen_ground_differs_from_nothing_seen():
     points = np.array([[1.1, 0.5, -1.7, 0]], np.float32)
-    grid = elevation_grid(points, ROAD, CELLS, RULES)
+    grid = elevation_grid(points, ROAD, CELLS, CONFIG)
     assert grid.is_seen.sum() == 1
     assert not grid.height_m.any()
 
@@ -64,18 +64,18 @@ def test_points_near_the_lidar_and_out_of_reach_are_left_out():
 
 
 def test_an_empty_scan_sees_nothing():
-    grid = elevation_grid(np.zeros((0, 4), np.float32), ROAD, CELLS, RULES)
+    grid = elevation_grid(np.zeros((0, 4), np.float32), ROAD, CELLS, CONFIG)
     assert not grid.is_seen.any()
     assert grid.height_m.shape == (30, 30)
 
 
 @pytest.mark.parametrize("rules", [THESIS.elevation, AUTHOR.elevation], ids=["thesis", "author"])
-def test_the_fast_form_equals_the_loop(rules):
+def test_the_fast_form_equals_the_loop(config):
     rng = np.random.default_rng(3)
     points = rng.uniform((-3, -4, -2.5, 0), (5, 4, 1, 1), (4000, 4)).astype(np.float32)
     points[::2, 2] = -1.7 + rng.normal(0, 0.02, 2000)
-    fast = elevation_grid(points, ROAD, CELLS, rules)
-    plain = elevation_by_loop(points, ROAD, CELLS, rules)
+    fast = elevation_grid(points, ROAD, CELLS, config)
+    plain = elevation_by_loop(points, ROAD, CELLS, config)
     np.testing.assert_array_equal(fast.points, plain.points)
     np.testing.assert_allclose(fast.height_m, plain.height_m, atol=1e-5)
     assert (fast.height_m != 0).sum() > 100
@@ -87,8 +87,8 @@ def test_heights_are_measured_over_the_ground_that_is_given():
             return points_velo[:, 2] + 1.7 - 0.1 * points_velo[:, 0]
 
     points = np.array([[3.5, 0.5, -1.7 + 0.35, 0]] * 3, np.float32)
-    assert elevation_grid(points, ROAD, CELLS, RULES).height_m.max() > 0.3
-    assert elevation_grid(points, Slope(), CELLS, RULES).height_m.max() == 0
+    assert elevation_grid(points, ROAD, CELLS, CONFIG).height_m.max() > 0.3
+    assert elevation_grid(points, Slope(), CELLS, CONFIG).height_m.max() == 0
 
 
 def test_cells_and_metres():

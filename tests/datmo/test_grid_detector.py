@@ -67,8 +67,8 @@ def car(x_m, y_m=0.0):
 
 
 @PRESETS
-def test_a_moving_car_is_found_where_it_is(rules):
-    detector = GridDetector(HDL_64E, rules)
+def test_a_moving_car_is_found_where_it_is(config):
+    detector = GridDetector(HDL_64E, config)
     for k in range(25):
         found = detector.detect(scan_of(k, [car(4 + 0.8 * k, 3.0)]))
     assert len(found.moving) == 1
@@ -87,12 +87,12 @@ def test_a_moving_car_is_found_where_it_is(rules):
 
 
 @PRESETS
-def test_what_stands_is_no_object_from_a_moving_vehicle(rules):
-    detector = GridDetector(HDL_64E, rules)
+def test_what_stands_is_no_object_from_a_moving_vehicle(config):
+    detector = GridDetector(HDL_64E, config)
     counts = [
         len(detector.detect(scan_of(k, [car(14, 3)], place=driving(k))).moving) for k in range(25)
     ]
-    assert sum(counts[rules.background.least :]) == 0
+    assert sum(counts[config.background.least :]) == 0
 
 
 def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not():
@@ -219,9 +219,9 @@ def within_a_cell(motion_m, other_m):
 
 
 @PRESETS
-def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(rules, kitti_root):
+def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kitti_root):
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
-    detector = GridDetector(drive.sensor, rules)
+    detector = GridDetector(drive.sensor, config)
     body = VehicleBody()
     plain, agreeing, moving = None, np.zeros(2), np.zeros(2)
     for k in range(10):
@@ -237,11 +237,13 @@ def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(rules, kitt
         )
         detector.detect(scan)
         grids = detector.grids
-        plain = plain or QueuedMap(grids.work_cells, rules.background)
+        plain = plain or QueuedMap(grids.work_cells, config.background)
         background_m = plain.update(grids.elevation, frame.world_SE3_velo)
-        if k < rules.background.least:
+        if k < config.background.least:
             continue
-        expected_m = moving_in_area(grids.elevation, background_m, rules, rules.motion.radius_cells)
+        expected_m = moving_in_area(
+            grids.elevation, background_m, config, config.motion.radius_cells
+        )
         pair = (grids.motion_m, expected_m)
         agreeing += within_a_cell(*pair), within_a_cell(*reversed(pair))
         moving += [int((motion_m > 0).sum()) for motion_m in pair]

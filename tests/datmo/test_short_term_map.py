@@ -6,7 +6,7 @@ import pytest
 from benchmarks.naive_datmo import QueuedMap
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import ElevationGrid
-from perception.datmo.short_term_map import MapRules, ShortTermMap
+from perception.datmo.short_term_map import ShortTermMap, ShortTermMapConfig
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
@@ -33,9 +33,9 @@ def random_grid(rng):
     return ElevationGrid(height_m.astype(np.float32), is_seen.astype(np.int64))
 
 
-def value_after(heights_m, rules, grid=ShortTermMap):
+def value_after(heights_m, config, grid=ShortTermMap):
     """Return the map's value of one cell that shows such heights scan after scan; None is unseen."""
-    short_term_map = grid(CELLS, rules)
+    short_term_map = grid(CELLS, config)
     for height_m in heights_m:
         values = [] if height_m is None else [height_m]
         background_m = short_term_map.update(seen(*values), pose())
@@ -56,15 +56,15 @@ def value_after(heights_m, rules, grid=ShortTermMap):
     ids=["fewer than k", "k", "gaps do not count", "the last m", "expired", "three remain"],
 )
 def test_a_cell_is_the_mean_of_its_last_observations(grid, heights_m, expected_m):
-    rules = MapRules(scans=6, averaged=4, least=3)
-    assert value_after(heights_m, rules, grid) == pytest.approx(expected_m)
+    config = ShortTermMapConfig(scans=6, averaged=4, least=3)
+    assert value_after(heights_m, config, grid) == pytest.approx(expected_m)
 
 
 @pytest.mark.parametrize("grid", [ShortTermMap, QueuedMap])
 def test_the_newest_grid_is_in_the_map_or_joins_after(grid):
     heights_m = [1.0, 1.0, 2.0]
-    assert value_after(heights_m, MapRules(9, 9, 1), grid) == pytest.approx(4 / 3)
-    assert value_after(heights_m, MapRules(9, 9, 1, holds_newest=False), grid) == 1.0
+    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1), grid) == pytest.approx(4 / 3)
+    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1, holds_newest=False), grid) == 1.0
 
 
 def whole_cells(rng):
@@ -74,20 +74,20 @@ def whole_cells(rng):
     return [pose(*place) for place in np.cumsum(steps, axis=0) * CELLS.cell_m]
 
 
-RULES = {
-    "m < n": MapRules(20, 8, 3),
-    "m = n": MapRules(12, 12, 1),
-    "m > n": MapRules(5, 9, 2),
-    "short": MapRules(3, 2, 2),
-    "newest outside": MapRules(15, 6, 2, holds_newest=False),
-    "newest outside, one": MapRules(1, 1, 1, holds_newest=False),
+CONFIG = {
+    "m < n": ShortTermMapConfig(20, 8, 3),
+    "m = n": ShortTermMapConfig(12, 12, 1),
+    "m > n": ShortTermMapConfig(5, 9, 2),
+    "short": ShortTermMapConfig(3, 2, 2),
+    "newest outside": ShortTermMapConfig(15, 6, 2, holds_newest=False),
+    "newest outside, one": ShortTermMapConfig(1, 1, 1, holds_newest=False),
 }
 
 
-@pytest.mark.parametrize("rules", RULES.values(), ids=RULES)
-def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(rules):
+@pytest.mark.parametrize("rules", CONFIG.values(), ids=CONFIG)
+def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(config):
     rng = np.random.default_rng(11)
-    fast, plain = ShortTermMap(CELLS, rules), QueuedMap(CELLS, rules)
+    fast, plain = ShortTermMap(CELLS, config), QueuedMap(CELLS, config)
     filled = 0
     for place in whole_cells(rng):
         grid = random_grid(rng)
@@ -99,8 +99,8 @@ def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(rules):
 
 def test_both_forms_are_equal_far_from_where_the_drive_began():
     rng = np.random.default_rng(2)
-    rules = MapRules(10, 5, 2)
-    fast, plain = ShortTermMap(CELLS, rules), QueuedMap(CELLS, rules)
+    config = ShortTermMapConfig(10, 5, 2)
+    fast, plain = ShortTermMap(CELLS, config), QueuedMap(CELLS, config)
     fast.update(random_grid(rng), pose())
     for x_m in np.arange(0, 30_000, 0.2 * 6.0 * 500):  # leaps beyond the window
         fast.update(random_grid(rng), pose(x_m))
@@ -124,8 +124,8 @@ def wall_grid(world_SE3_velo):
 
 @pytest.mark.parametrize("start_yaw_rad", [0.0, 0.7, -2.5])
 def test_a_curve_leaves_the_walls_where_they_stand(start_yaw_rad):
-    fast = ShortTermMap(CELLS, MapRules(20, 10, 3))
-    plain = QueuedMap(CELLS, MapRules(20, 10, 3))
+    fast = ShortTermMap(CELLS, ShortTermMapConfig(20, 10, 3))
+    plain = QueuedMap(CELLS, ShortTermMapConfig(20, 10, 3))
     for step in range(40):
         yaw_rad = start_yaw_rad + 0.03 * step
         place = pose(0.13 * step, 0.07 * step, yaw_rad, z_m=0.01 * step)
@@ -141,7 +141,7 @@ def test_a_curve_leaves_the_walls_where_they_stand(start_yaw_rad):
 
 def test_motion_counts_in_the_vehicles_own_plane_whatever_the_worlds_axes():
     rng = np.random.default_rng(4)
-    level, tilted = (ShortTermMap(CELLS, MapRules(8, 8, 1)) for _ in range(2))
+    level, tilted = (ShortTermMap(CELLS, ShortTermMapConfig(8, 8, 1)) for _ in range(2))
     other_SE3_world = from_euler(1.2, -0.4, 2.0, np.array([5.0, -3.0, 8.0]))
     for place in whole_cells(rng)[:20]:
         grid = random_grid(rng)
@@ -150,8 +150,8 @@ def test_motion_counts_in_the_vehicles_own_plane_whatever_the_worlds_axes():
 
 
 def test_a_cleared_map_begins_anew():
-    rules = MapRules(6, 6, 1)
-    used, fresh = ShortTermMap(CELLS, rules), ShortTermMap(CELLS, rules)
+    config = ShortTermMapConfig(6, 6, 1)
+    used, fresh = ShortTermMap(CELLS, config), ShortTermMap(CELLS, config)
     rng = np.random.default_rng(7)
     for place in whole_cells(rng)[:10]:
         used.update(random_grid(rng), place)
@@ -164,4 +164,4 @@ def test_a_cleared_map_begins_anew():
 @pytest.mark.parametrize("values", [(5, 3, 4), (2, 9, 3), (5, 5, 0)])
 def test_a_queue_that_never_fills_a_cell_is_refused(values):
     with pytest.raises(UsageError, match="least <= averaged"):
-        MapRules(*values)
+        ShortTermMapConfig(*values)

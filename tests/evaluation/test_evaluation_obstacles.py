@@ -5,8 +5,8 @@ from perception.errors import PerceptionError
 from perception.evaluation.confusion import Confusion
 from perception.evaluation.objects import LabelledObjects, Motion
 from perception.evaluation.obstacles import (
+    ObjectMatchConfig,
     ObjectObservations,
-    ObjectRule,
     count_objects,
     missed_moving,
     observe_objects,
@@ -18,7 +18,7 @@ from perception.types import Boxes3D, PointState
 AREA = LocalArea()
 OUTSIDE, GROUND = PointState.OUTSIDE, PointState.GROUND
 STATIC, MOVING = PointState.STATIC, PointState.MOVING
-FOUR_POINTS = ObjectRule(min_points=4)
+FOUR_POINTS = ObjectMatchConfig(min_points=4)
 
 
 def three_objects(*motions: Motion) -> LabelledObjects:
@@ -44,7 +44,9 @@ def points_on(x_m: float, states: list[int], height_m: float = 1.0) -> np.ndarra
 
 def observe(rows: list[np.ndarray], objects: LabelledObjects) -> ObjectObservations:
     scan = np.concatenate(rows)
-    return observe_objects(0, scan[:, :4], scan[:, 4].astype(np.uint8), objects, AREA, ObjectRule())
+    return observe_objects(
+        0, scan[:, :4], scan[:, 4].astype(np.uint8), objects, AREA, ObjectMatchConfig()
+    )
 
 
 def test_an_object_is_found_or_missed_by_its_own_points():
@@ -89,7 +91,7 @@ def test_objects_with_few_points_do_not_count():
         three_objects(Motion.STATIC, Motion.STATIC, Motion.STATIC),
     )
     assert count_objects(observed, FOUR_POINTS).objects == 1
-    seen_at_all = count_objects(observed, ObjectRule(min_points=1))
+    seen_at_all = count_objects(observed, ObjectMatchConfig(min_points=1))
     assert (seen_at_all.objects, seen_at_all.missed_objects) == (2, 1)
 
 
@@ -104,7 +106,7 @@ def test_a_track_is_found_where_one_of_its_frames_is():
         obstacle_points=np.full(3, 50),
         moving_points=np.array([0, 40, 0]),
     )
-    counts = count_objects(observed, ObjectRule())
+    counts = count_objects(observed, ObjectMatchConfig())
     assert (counts.moving, counts.missed_moving) == (3, 2)
     assert (counts.moving_tracks, counts.tracks_never_moving) == (2, 1)
 
@@ -119,7 +121,7 @@ def test_the_share_that_must_move(share: float, found: bool):
 
 
 def test_no_object_is_counted_as_none():
-    counts = count_objects(ObjectObservations.concatenate([]), ObjectRule())
+    counts = count_objects(ObjectObservations.concatenate([]), ObjectMatchConfig())
     assert (counts.objects, counts.moving, counts.static) == (0, 0, 0)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from perception.evaluation.false_clusters import (
     NO_OBJECT,
-    ClusterRule,
+    ClusterConfig,
     MovingClusters,
     Surroundings,
     cluster_numbers,
@@ -45,17 +45,17 @@ def clusters_of(points_velo: np.ndarray, surroundings: Surroundings) -> MovingCl
 
 
 def test_near_clumps_are_one_cluster_and_far_ones_are_two():
-    rule = ClusterRule(cell_m=0.2, closing_m=0.5)
+    config = ClusterConfig(cell_m=0.2, closing_m=0.5)
     near = np.array([[5.1, 0.1], [5.5, 0.1], [5.9, 0.1]])  # one free cell between each
-    assert cluster_numbers(near, rule).tolist() == [0, 0, 0]
+    assert cluster_numbers(near, config).tolist() == [0, 0, 0]
     far = np.array([[5.1, 0.1], [6.1, 0.1], [5.1, 0.1]])
-    assert cluster_numbers(far, rule).tolist() == [0, 1, 0]
+    assert cluster_numbers(far, config).tolist() == [0, 1, 0]
 
 
 def test_without_closing_only_the_eight_neighbours_join():
-    rule = ClusterRule(cell_m=0.2, closing_m=0.0)
+    config = ClusterConfig(cell_m=0.2, closing_m=0.0)
     diagonal_and_apart = np.array([[0.1, 0.1], [0.3, 0.3], [0.7, 0.3]])
-    assert cluster_numbers(diagonal_and_apart, rule).tolist() == [0, 0, 1]
+    assert cluster_numbers(diagonal_and_apart, config).tolist() == [0, 0, 1]
 
 
 def test_what_a_cluster_touches_decides_what_it_is():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, UsageError
-from perception.evaluation.multi_object.kitti_protocol import KittiRules, kitti_frames
+from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
 from perception.evaluation.multi_object.sequence import TrackedFrame
 
 BOX = (100.0, 100.0, 150.0, 150.0)
@@ -161,8 +161,8 @@ def test_frames_are_told_apart_and_rows_may_be_in_any_order():
 
 def test_other_rules_may_be_set():
     truth, answers = boxes((1, "Car", 1, 0, BOX)), boxes(answer(7, BOX))
-    rules = KittiRules(max_truncation=1)
-    (frame,) = kitti_frames(truth, answers, "car", 1, rules)
+    config = KittiTrackingConfig(max_truncation=1)
+    (frame,) = kitti_frames(truth, answers, "car", 1, config)
     assert isinstance(frame, TrackedFrame)
     assert frame.truth_ids.tolist() == [1]
 

@@ -19,7 +19,7 @@ from perception.evaluation.multi_object.followed import (
 from perception.evaluation.multi_object.moving_objects import judge, likeness_frames
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
-    MovingObjectRule,
+    MovingObjectConfig,
     MovingScene,
     must_be_tracked,
     points_above_feet,
@@ -28,7 +28,7 @@ from perception.evaluation.multi_object.tracking_scores import MotMetrics, evalu
 from perception.evaluation.objects import LabelledObjects, Motion
 from perception.types import Boxes3D, Calibration, Tracks
 
-RULE = MovingObjectRule()
+CONFIG = MovingObjectConfig()
 CAR_M = (4.0, 2.0, 1.5)
 # A camera at the LiDAR that looks along +x: 100 x 100 pixels, 90 degrees wide.
 CAMERA = Calibration(
@@ -71,7 +71,8 @@ def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
 
 def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
     judged = [
-        likeness_frames(scene, tracks, judge(scene, tracks, RULE), RULE) for scene, tracks in frames
+        likeness_frames(scene, tracks, judge(scene, tracks, CONFIG), CONFIG)
+        for scene, tracks in frames
     ]
     by_overlap = evaluate_tracks([frame.by_overlap for frame in judged])
     by_distance = evaluate_tracks([frame.by_distance for frame in judged])
@@ -81,7 +82,7 @@ def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
 
 def errors_over(frames: list[tuple[MovingScene, Tracks]]) -> TargetErrors:
     return TargetErrors.concatenate(
-        target_errors(0.1 * number, scene, tracks, judge(scene, tracks, RULE))
+        target_errors(0.1 * number, scene, tracks, judge(scene, tracks, CONFIG))
         for number, (scene, tracks) in enumerate(frames)
     )
 
@@ -116,10 +117,10 @@ def test_frames_before_a_tracker_is_sure_are_misses():
 
 def test_who_must_be_tracked():
     boxes = boxes_at((10, 0), (31, 0), (10, 11), (-5, 0))
-    assert must_be_tracked(scene_of(boxes), RULE).tolist() == [True, False, False, True]
-    assert not must_be_tracked(scene_of(boxes, points=19), RULE).any()
-    assert not must_be_tracked(scene_of(boxes, Motion.STATIC), RULE).any()
-    in_view = must_be_tracked(scene_of(boxes, view=view_of()), RULE)
+    assert must_be_tracked(scene_of(boxes), CONFIG).tolist() == [True, False, False, True]
+    assert not must_be_tracked(scene_of(boxes, points=19), CONFIG).any()
+    assert not must_be_tracked(scene_of(boxes, Motion.STATIC), CONFIG).any()
+    in_view = must_be_tracked(scene_of(boxes, view=view_of()), CONFIG)
     assert in_view.tolist() == [True, False, False, False]
 
 
@@ -134,7 +135,7 @@ def test_who_must_be_tracked():
 )
 def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: bool):
     boxes = boxes_at((10, 0))
-    judgement = judge(scene_of(boxes, **changes), tracks_of(boxes), RULE)
+    judgement = judge(scene_of(boxes, **changes), tracks_of(boxes), CONFIG)
     assert len(judgement.must) == 0
     assert judgement.excused.tolist() == ([0] if is_excused else [])
     assert judgement.judged.tolist() == ([] if is_excused else [0])
@@ -143,21 +144,21 @@ def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: b
 
 def test_an_object_just_outside_excuses_its_track_inside():
     scene, tracks = scene_of(boxes_at((30.2, 0))), tracks_of(boxes_at((29.8, 0)))
-    assert judge(scene, tracks, RULE).excused.tolist() == [0]
+    assert judge(scene, tracks, CONFIG).excused.tolist() == [0]
 
 
 def test_a_track_inside_of_a_true_object_outside_is_kept():
     scene, tracks = scene_of(boxes_at((29.8, 0))), tracks_of(boxes_at((30.2, 0)))
-    assert judge(scene, tracks, RULE).pair_tracks.tolist() == [0]
+    assert judge(scene, tracks, CONFIG).pair_tracks.tolist() == [0]
 
 
 def test_tracks_where_nothing_was_labelled_leave():
     # Ahead, beside the view, behind, and beyond the area.
     tracks = tracks_of(boxes_at((10, 0), (5, 8), (-6, 0), (35, 0)))
     nobody = scene_of(Boxes3D.empty(), view=view_of())
-    assert judge(nobody, tracks, RULE).judged.tolist() == [0]
+    assert judge(nobody, tracks, CONFIG).judged.tolist() == [0]
     all_around = scene_of(Boxes3D.empty())
-    assert judge(all_around, tracks, RULE).judged.tolist() == [0, 1, 2]
+    assert judge(all_around, tracks, CONFIG).judged.tolist() == [0, 1, 2]
 
 
 def test_tracks_in_a_dont_care_region_leave():
@@ -171,29 +172,29 @@ def test_tracks_in_a_dont_care_region_leave():
         ([elsewhere, around], []),
     ):
         scene = scene_of(Boxes3D.empty(), view=view_of(*regions))
-        assert judge(scene, tracks, RULE).judged.tolist() == judged
+        assert judge(scene, tracks, CONFIG).judged.tolist() == judged
     tracked = scene_of(boxes_at((10, 0)), view=view_of(around))
-    assert judge(tracked, tracks, RULE).pair_tracks.tolist() == [0]
+    assert judge(tracked, tracks, CONFIG).pair_tracks.tolist() == [0]
 
 
 def test_a_track_that_fits_an_ignored_neighbour_better_finds_nobody():
     person_m = (0.6, 0.6, 1.7)
     scene = scene_of(boxes_at((10, 0), (10, 1.2), size_m=person_m))
     scene = replace(scene, points=np.array([100, 5]))
-    judgement = judge(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), RULE)
+    judgement = judge(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), CONFIG)
     assert judgement.must.tolist() == [0]
     assert judgement.excused.tolist() == [0]
     assert len(judgement.pair_tracks) == len(judgement.judged) == 0
-    nearer = judge(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), RULE)
+    nearer = judge(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), CONFIG)
     assert nearer.pair_objects.tolist() == [0]
 
 
 def test_a_part_of_an_ignored_truck_is_excused_and_a_double_of_a_true_car_is_not():
     truck = scene_of(boxes_at((10, 0), size_m=(12.0, 2.5, 3.0)), points=3)
     part = tracks_of(boxes_at((14.5, 0), size_m=(2.0, 2.0, 1.5)))
-    assert judge(truck, part, RULE).excused.tolist() == [0]
+    assert judge(truck, part, CONFIG).excused.tolist() == [0]
     double = tracks_of(boxes_at((10, 0), (10.5, 0)))
-    judgement = judge(scene_of(boxes_at((10, 0))), double, RULE)
+    judgement = judge(scene_of(boxes_at((10, 0))), double, CONFIG)
     assert judgement.pair_tracks.tolist() == [0]
     assert judgement.judged.tolist() == [0, 1]
 
@@ -201,7 +202,7 @@ def test_a_part_of_an_ignored_truck_is_excused_and_a_double_of_a_true_car_is_not
 def test_pairs_have_the_greatest_sum_and_are_alike():
     scene = scene_of(boxes_at((10, 0), (10, 3)))
     tracks = tracks_of(boxes_at((10, 2.9), (10, 0.8), (20, 0)))
-    judgement = judge(scene, tracks, RULE)
+    judgement = judge(scene, tracks, CONFIG)
     assert judgement.pair_objects.tolist() == [0, 1]
     assert judgement.pair_tracks.tolist() == [1, 0]
     assert judgement.judged.tolist() == [0, 1, 2]
@@ -225,13 +226,16 @@ def test_errors_of_place_velocity_heading_and_extent():
     scene = scene_of(boxes_at((10, 0), yaw_rad=3.0))
     boxes = boxes_at((10.3, 0.4), size_m=(3.0, 2.2, 1.5), yaw_rad=-3.0)
     tracks = tracks_of(boxes, velocity_m_s=(5.0, 2.0))
-    rows = target_errors(0.0, scene, tracks, judge(scene, tracks, RULE))
+    rows = target_errors(0.0, scene, tracks, judge(scene, tracks, CONFIG))
     assert rows.center_errors_m[0] == pytest.approx(0.5)
     assert rows.velocity_errors_m_s[0] == pytest.approx(2.0)
     assert rows.heading_errors_rad[0] == pytest.approx(2 * np.pi - 6)
     assert (rows.length_errors_m[0], rows.width_errors_m[0]) == pytest.approx((-1.0, 0.2))
     slow = target_errors(
-        0.0, scene, replace(tracks, velocities_m_s=np.array([[0.5, 0]])), judge(scene, tracks, RULE)
+        0.0,
+        scene,
+        replace(tracks, velocities_m_s=np.array([[0.5, 0]])),
+        judge(scene, tracks, CONFIG),
     )
     assert np.isnan(track_errors(slow).heading_rad)
     assert track_errors(slow).length_m == pytest.approx(1.0)
@@ -260,7 +264,7 @@ def test_false_tracks_follow_nobody_for_most_of_their_lives():
     )
     here = tracks_of(boxes, [4, 5, 6])
     lucky = tracks_of(car, [5])  # for one frame the ghost is where the car is
-    seen = [verdicts(tracks, judge(scene, tracks, RULE)) for tracks in (here, here, here, lucky)]
+    seen = [verdicts(tracks, judge(scene, tracks, CONFIG)) for tracks in (here, here, here, lucky)]
     false = find_false_tracks(TrackVerdicts.concatenate(seen), duration_s=30.0)
     assert false.ids.tolist() == [5, 6]
     assert false.never_right.tolist() == [6]
@@ -282,8 +286,8 @@ def test_points_near_the_feet_do_not_count():
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(UsageError):
-        MovingObjectRule(min_points=0)
+        MovingObjectConfig(min_points=0)
     with pytest.raises(UsageError):
-        MovingObjectRule(min_likeness=0.0)
+        MovingObjectConfig(min_likeness=0.0)
     with pytest.raises(PerceptionError, match="one length"):
         replace(scene_of(boxes_at((1, 1))), points=np.zeros(2, np.int64))

@@ -2,7 +2,7 @@ import numpy as np
 
 from perception.evaluation.false_clusters import Surroundings
 from perception.evaluation.objects import LabelledObjects, Motion
-from perception.evaluation.shadows import PlacesLeft, ShadowRule, Shadows
+from perception.evaluation.shadows import PlacesLeft, ShadowConfig, Shadows
 from perception.geometry.se3 import from_euler
 from perception.types import (
     Boxes3D,
@@ -76,7 +76,7 @@ def test_an_object_that_stood_leaves_no_shadow():
 
 
 def test_shadows_are_forgotten_and_few_voxels_or_ground_are_none():
-    places = PlacesLeft(ShadowRule(memory_s=0.15))
+    places = PlacesLeft(ShadowConfig(memory_s=0.15))
     step(places, 0, voxels_at(10), scene(10))
     assert figures(step(places, 1, voxels_at(10, count=3), scene(14))) == (3, 0)
     assert figures(step(places, 1, voxels_at(10, z_m=-1.65), scene(14))) == (0, 0)

@@ -5,7 +5,7 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.curves import (
-    FollowRule,
+    SingleObjectMetricsConfig,
     area_under,
     cumulative_success,
     location_curve,
@@ -173,22 +173,22 @@ def test_headings_are_compared_around_the_circle():
 def test_success_needs_more_than_the_threshold_and_less_than_the_angle():
     # 4 m long boxes: 2.4 m apart share 1.6 of 6.4, which is exactly a quarter.
     quarter, more = errors_of([answer(14.4)]), errors_of([answer(14.39)])
-    rule = FollowRule(overlap=float(quarter.overlap[0]))
+    config = SingleObjectMetricsConfig(overlap=float(quarter.overlap[0]))
     assert quarter.overlap[0] == pytest.approx(0.25)
-    assert right_frames(quarter, rule).overlap.tolist() == [False]
-    assert right_frames(more, rule).overlap.tolist() == [True]
+    assert right_frames(quarter, config).overlap.tolist() == [False]
+    assert right_frames(more, config).overlap.tolist() == [True]
     headings = errors_of([answer(12, np.radians(9.9)), answer(12, np.radians(170.2))])
-    assert right_frames(headings, rule).heading.tolist() == [True, False]
+    assert right_frames(headings, config).heading.tolist() == [True, False]
 
 
 def test_one_pass_evaluation_counts_thresholds():
     # A perfect frame and one without overlap, 10 m off.
     errors = errors_of([answer(12.0), answer(22.0)])
-    rule = FollowRule()
-    success = success_curve(errors, rule)
+    config = SingleObjectMetricsConfig()
+    success = success_curve(errors, config)
     assert success[[0, 1, 20]].tolist() == [1.0, 0.5, 0.5]  # at least 0 are both
     assert area_under(success) == pytest.approx(0.5 + 0.5 / 40)
-    precision = precision_curve(errors, rule)
+    precision = precision_curve(errors, config)
     assert precision.tolist() == [0.5] * 21
     assert single_object_metrics(errors).precision == pytest.approx(0.5)
 
@@ -241,4 +241,4 @@ def test_what_cannot_be_measured_is_refused():
         TrueTrack(np.arange(3), np.zeros(2), boxes([1, 2]), np.zeros((2, 4)), np.zeros((2, 2)), np.zeros(2, int))  # fmt: skip
     for bad in ({"overlap": 1.0}, {"heading_deg": 0.0}, {"steps": 1}):
         with pytest.raises(UsageError, match="limits over 0"):
-            FollowRule(**bad)
+            SingleObjectMetricsConfig(**bad)

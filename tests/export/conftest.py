@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from export.depthcn import random_inputs
-from train.networks.depthcn import FORMS, make_verifier
+from train.networks.depthcn import VERIFIER_INPUTS, make_verifier
 
 
 def spread(verifier, crops):
@@ -24,7 +24,7 @@ def spread(verifier, crops):
 
 def checkpoint_of(method):
     verifier = make_verifier(method)
-    planes = len(FORMS[method].channels)
+    planes = len(VERIFIER_INPUTS[method].channels)
     crops = random_inputs(planes, 16, np.random.default_rng(0))["crops"]
     with torch.no_grad():
         spread(verifier, torch.from_numpy(crops))

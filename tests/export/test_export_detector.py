@@ -16,7 +16,7 @@ from export.detector import (
     random_pictures,
 )
 from export.detector_precision import measure_forms
-from export.exported import ExportOrder
+from export.exported import ExportConfig
 from export.forms import Form
 from export.parity import compare, in_torch
 from perception.cli.main import main
@@ -197,12 +197,12 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
         assert inputs["pictures"].shape == (1, 1, 64, 96)
         return {"boxes_px": np.zeros((1, 1, 4)), "scores": np.zeros((1, 1, 1))}
 
-    order = ExportOrder(tmp_path / "any.ckpt", opened)
-    found = measure_forms(order, {"fp32": seer, "int8": blind}, detector)
+    config = ExportConfig(tmp_path / "any.ckpt", opened)
+    found = measure_forms(config, {"fp32": seer, "int8": blind}, detector)
     # Every car was found: as much as four cars with one score can reach at 40 recalls.
     assert found["fp32"]["Car 0.7"]["moderate"] == pytest.approx(5.0)
     assert found["int8"]["Car 0.7"]["moderate"] == 0.0
-    assert measure_forms(ExportOrder(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
+    assert measure_forms(ExportConfig(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
 
 
 def test_another_size_is_a_file_of_that_size(checkpoint, exported):
@@ -219,9 +219,9 @@ def test_another_size_is_a_file_of_that_size(checkpoint, exported):
 
 def test_frames_are_spread_over_the_drive(drive, tmp_path):
     opened = open_drive(write_car_frames(tmp_path / "more", frames=5))
-    order = ExportOrder(tmp_path / "any.ckpt", opened, frames=3)
-    assert [frame.index for frame in order.read("test")] == [0, 2, 4]
-    assert [frame.index for frame in order.read("test", most=2)] == [0, 4]
+    config = ExportConfig(tmp_path / "any.ckpt", opened, frames=3)
+    assert [frame.index for frame in config.read("test")] == [0, 2, 4]
+    assert [frame.index for frame in config.read("test", most=2)] == [0, 4]
 
 
 @pytest.fixture

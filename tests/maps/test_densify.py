@@ -9,7 +9,7 @@ from benchmarks.naive_maps import (
     fill_natural_by_discs,
     fill_nearest_by_search,
 )
-from perception.maps.beam_rows import ColumnRules
+from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns
 from perception.maps.densify import FILLINGS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
@@ -109,8 +109,8 @@ def test_what_shows_through_a_nearer_surface_is_left_out():
 @pytest.mark.parametrize("seed", range(4))
 def test_columns_equal_a_loop(seed):
     sparse = random_returns(seed, (23, 14), 4 + 12 * seed)
-    for rules in (ColumnRules(), ColumnRules(1, 5, 1.5, 0.02, 1.0)):
-        fast, plain = fill_columns(sparse, rules), fill_columns_by_loop(sparse, rules)
+    for config in (ColumnFillingConfig(), ColumnFillingConfig(1, 5, 1.5, 0.02, 1.0)):
+        fast, plain = fill_columns(sparse, config), fill_columns_by_loop(sparse, config)
         np.testing.assert_allclose(fast.reflectance, plain.reflectance, atol=2e-6)
         np.testing.assert_allclose(fast.depth_m, plain.depth_m, rtol=2e-5)
 

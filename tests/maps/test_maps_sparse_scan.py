@@ -6,7 +6,7 @@ import pytest
 from benchmarks.maps import held_out_errors
 from benchmarks.naive_maps import fill_columns_by_loop
 from data.synthetic.drive import SyntheticDrive
-from perception.maps.beam_rows import ColumnRules
+from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns
 from perception.maps.densify import densify
 from perception.maps.projection import SparseMaps, project_frame
@@ -41,8 +41,8 @@ def test_part_of_sixteen_beams_equals_a_loop(sparse):
     shifted = SparseMaps(
         part.pixels - [left, 0], part.depth_m, part.reflectance, (width, sparse.size_px[1])
     )
-    rules = ColumnRules()
-    fast, plain = fill_columns(shifted, rules), fill_columns_by_loop(shifted, rules)
+    config = ColumnFillingConfig()
+    fast, plain = fill_columns(shifted, config), fill_columns_by_loop(shifted, config)
     assert (fast.depth_m > 0).any()
     np.testing.assert_allclose(fast.depth_m, plain.depth_m, rtol=2e-5)
     np.testing.assert_allclose(fast.reflectance, plain.reflectance, atol=2e-6)

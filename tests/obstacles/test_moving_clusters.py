@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from perception.obstacles.free_space import History
-from perception.obstacles.moving_clusters import MotionRules, moving_voxels, vote
+from perception.obstacles.moving_clusters import MovingClusterConfig, moving_voxels, vote
 
-RULES = MotionRules()
+CONFIG = MovingClusterConfig()
 AGES_S = np.array([0.5, 1.0, 1.5])
 NOWHERE = np.zeros((0, 3), np.float32)
 
@@ -31,7 +31,7 @@ def test_older_scans_decide_and_the_youngest_where_they_are_blind():
 def moves(states, voxels=12, before=NOWHERE, **options):
     places = column(5.0, 0.0, voxels)
     word_for_each = [states] * voxels if isinstance(states, str) else states
-    return moving_voxels(places, history(*word_for_each, **options), before, RULES, gap_m=0.2)
+    return moving_voxels(places, history(*word_for_each, **options), before, CONFIG, gap_m=0.2)
 
 
 @pytest.mark.parametrize(
@@ -65,14 +65,14 @@ def test_a_leaving_thing_is_told_from_one_that_a_passer_by_hid(gaps_m, expected)
 def test_a_slow_car_s_side_moves_with_its_front():
     places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(6)])
     came = ["FFF"] * 24 + ["HHH"] * 12
-    assert moving_voxels(places, history(*came), NOWHERE, RULES, gap_m=0.2).all()
+    assert moving_voxels(places, history(*came), NOWHERE, CONFIG, gap_m=0.2).all()
 
 
 def test_a_walker_does_not_make_the_wall_beside_him_move():
     wall = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(12)])
     places = np.vstack([wall, column(6.0, 0.3, 14)])
     states = history(*["HHH"] * 72, *["FFF"] * 14)
-    assert moving_voxels(places, states, NOWHERE, RULES, gap_m=0.2).tolist() == [
+    assert moving_voxels(places, states, NOWHERE, CONFIG, gap_m=0.2).tolist() == [
         *[False] * 72,
         *[True] * 14,
     ]
@@ -81,4 +81,4 @@ def test_a_walker_does_not_make_the_wall_beside_him_move():
 def test_without_history_nothing_moves():
     empty = np.zeros((0, 12), bool)
     none = History(np.zeros(0), empty, empty, empty, empty.astype(np.float32))
-    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, RULES, gap_m=0.2).any()
+    assert not moving_voxels(column(5, 0, 12), none, NOWHERE, CONFIG, gap_m=0.2).any()

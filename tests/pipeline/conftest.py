@@ -8,7 +8,7 @@ import pytest
 
 from data.synthetic.drive import SyntheticDrive
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionChoice
+from perception.pipeline.detection_choice import DetectionConfig
 from perception.types import MODALITIES
 from tests.detection.bright_cells import bright_cells
 
@@ -35,4 +35,4 @@ def everything(tmp_path_factory) -> PipelineConfig:
     for modality in MODALITIES:
         files[f"{modality}_model"] = folder / f"{modality}.onnx"
         files[f"{modality}_model"].write_bytes(bright_cells(modality))
-    return PipelineConfig(detection=DetectionChoice(modalities=MODALITIES, **files))
+    return PipelineConfig(detection=DetectionConfig(modalities=MODALITIES, **files))

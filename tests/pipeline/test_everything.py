@@ -14,7 +14,7 @@ from perception.detection.detectors.modalities import picture_of
 from perception.errors import ModelError, PoseError, UsageError
 from perception.maps.densify import densify
 from perception.pipeline import Pipeline, PipelineConfig, detection_chain
-from perception.pipeline.detection_choice import NO_DETECTION, DetectionChoice
+from perception.pipeline.detection_choice import NO_DETECTION, DetectionConfig
 from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.types import MODALITIES
 
@@ -192,7 +192,7 @@ def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
     unused = replace(NO_DETECTION, rgb_model=nowhere, depthcn_model=nowhere)
     Pipeline(config=PipelineConfig(detection=unused)).close()
     with pytest.raises(ModelError, match=r"nowhere\.onnx"):
-        Pipeline(config=PipelineConfig(detection=DetectionChoice(rgb_model=nowhere)))
+        Pipeline(config=PipelineConfig(detection=DetectionConfig(rgb_model=nowhere)))
 
 
 def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
@@ -205,11 +205,11 @@ def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
     monkeypatch.setattr(ObstacleProcess, "close", close_and_tell)
     with pytest.raises(ModelError, match=r"nowhere\.onnx"):
         Pipeline(
-            config=PipelineConfig(detection=DetectionChoice(rgb_model=tmp_path / "nowhere.onnx"))
+            config=PipelineConfig(detection=DetectionConfig(rgb_model=tmp_path / "nowhere.onnx"))
         )
     assert len(ended) == 1
 
 
 def test_a_modality_twice_is_refused():
     with pytest.raises(UsageError, match="each once"):
-        DetectionChoice(modalities=(*MODALITIES, "dm"))
+        DetectionConfig(modalities=(*MODALITIES, "dm"))

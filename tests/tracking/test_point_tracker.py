@@ -36,8 +36,8 @@ class Drive:
 
 
 @PRESETS
-def test_a_thing_is_a_track_from_its_second_frame_on(rules):
-    drive = Drive(PointTracker(rules))
+def test_a_thing_is_a_track_from_its_second_frame_on(config):
+    drive = Drive(PointTracker(config))
     assert len(drive.scan((10, 0))) == 0
     tracks = drive.scan((10, 0))
     assert tracks.ids.tolist() == [0]
@@ -91,9 +91,9 @@ def test_the_author_brakes_through_misses():
 def test_the_gate_is_around_where_the_rules_say():
     # Thing and vehicle drive at 30 m/s: 3 m a frame, by which the two rules' centres differ.
     poses = [from_euler(0, 0, 0, np.array([3.0 * frame, 0, 0])) for frame in range(120)]
-    for rules, center_m in ((THESIS, 10.0), (AUTHOR, 7.0)):
+    for config, center_m in ((THESIS, 10.0), (AUTHOR, 7.0)):
         for away_m, expected in ((3.9, [True]), (4.1, [False]), (-3.9, [True]), (-4.1, [False])):
-            drive = Drive(PointTracker(rules))
+            drive = Drive(PointTracker(config))
             for pose in poses[:-1]:
                 drive.scan((10, 0), pose=pose)
             tracks = drive.scan((center_m + away_m, 0.0), pose=poses[-1])
@@ -102,8 +102,8 @@ def test_the_gate_is_around_where_the_rules_say():
 
 
 @PRESETS
-def test_leaving_the_grid_takes_a_track_out_of_view(rules):
-    drive = Drive(PointTracker(rules))
+def test_leaving_the_grid_takes_a_track_out_of_view(config):
+    drive = Drive(PointTracker(config))
     for frame in range(6):
         tracks = drive.scan((27 + 0.5 * frame, 0))
     assert tracks.ids.tolist() == [0]
@@ -111,8 +111,8 @@ def test_leaving_the_grid_takes_a_track_out_of_view(rules):
 
 
 def test_the_thesis_forgets_who_left_and_the_author_does_not():
-    for rules, expected in ((THESIS, [1]), (AUTHOR, [0])):
-        drive = Drive(PointTracker(rules))
+    for config, expected in ((THESIS, [1]), (AUTHOR, [0])):
+        drive = Drive(PointTracker(config))
         for x in (29.0, 29.0, 30.6, 30.6, 30.6, 29.0, 29.0):
             tracks = drive.scan((x, 0))
         assert tracks.ids.tolist() == expected
@@ -141,9 +141,9 @@ def test_positions_and_velocities_are_in_the_axes_of_the_scan():
 
 
 @PRESETS
-def test_it_is_the_plain_tracker(rules):
+def test_it_is_the_plain_tracker(config):
     rng = np.random.default_rng(11)
-    fast, plain = Drive(PointTracker(rules)), Drive(PlainPointTracker(rules))
+    fast, plain = Drive(PointTracker(config)), Drive(PlainPointTracker(config))
     places_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
     shown = 0
     for frame in range(60):
@@ -162,8 +162,8 @@ def test_it_is_the_plain_tracker(rules):
 
 
 @PRESETS
-def test_a_repeated_frame_changes_nothing(rules):
-    drive = Drive(PointTracker(rules))
+def test_a_repeated_frame_changes_nothing(config):
+    drive = Drive(PointTracker(config))
     drive.scan((10, 0))
     assert len(drive.scan((10, 0), after_s=0.0)) == 0  # not its own confirmation
     first = drive.scan((10.2, 0))
@@ -194,8 +194,8 @@ def test_the_author_loses_the_thing_in_a_gap():
 
 
 @PRESETS
-def test_an_hour_without_frames_or_without_detections_does_no_harm(rules):
-    drive = Drive(PointTracker(rules))
+def test_an_hour_without_frames_or_without_detections_does_no_harm(config):
+    drive = Drive(PointTracker(config))
     for frame in range(5):
         drive.scan((frame * 0.5, 2.0), (10, -3))
     drive.scan(after_s=3600.0)
@@ -209,14 +209,14 @@ def test_an_hour_without_frames_or_without_detections_does_no_harm(rules):
 
 
 @PRESETS
-def test_no_detections_at_all(rules):
-    drive = Drive(PointTracker(rules))
+def test_no_detections_at_all(config):
+    drive = Drive(PointTracker(config))
     assert [len(drive.scan()) for _ in range(3)] == [0, 0, 0]
 
 
 @PRESETS
-def test_ending_all_begins_anew_with_new_ids(rules):
-    drive = Drive(PointTracker(rules))
+def test_ending_all_begins_anew_with_new_ids(config):
+    drive = Drive(PointTracker(config))
     for _ in range(3):
         drive.scan((10, 0), (5, 5))
     drive.tracker.end_all()
@@ -228,8 +228,8 @@ def test_ending_all_begins_anew_with_new_ids(rules):
 
 
 @PRESETS
-def test_ids_rise_and_are_never_given_twice(rules):
-    rng, drive = np.random.default_rng(2), Drive(PointTracker(rules))
+def test_ids_rise_and_are_never_given_twice(config):
+    rng, drive = np.random.default_rng(2), Drive(PointTracker(config))
     ended: set[int] = set()
     before: set[int] = set()
     for _ in range(150):
@@ -237,7 +237,7 @@ def test_ids_rise_and_are_never_given_twice(rules):
         ids = drive.scan(*places).ids.tolist()
         assert ids == sorted(set(ids))
         assert not ended & set(ids)
-        if rules is THESIS:  # the author's tracks are hidden outside, not ended
+        if config is THESIS:  # the author's tracks are hidden outside, not ended
             ended |= before - set(ids)
         before = set(ids)
 

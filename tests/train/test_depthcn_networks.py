@@ -6,7 +6,7 @@ import torch
 
 from perception.errors import ModelError
 from train.networks.depthcn import (
-    FORMS,
+    VERIFIER_INPUTS,
     AroundCandidate,
     ThesisVerifier,
     Verifier,
@@ -93,7 +93,7 @@ def test_the_default_box_is_a_share_of_the_window():
 @pytest.mark.parametrize("method", ["default", "thesis"])
 def test_bytes_and_numbers_are_judged_alike(method):
     network = make_verifier(method).eval()
-    crops = crops_of(2, len(FORMS[method].channels))
+    crops = crops_of(2, len(VERIFIER_INPUTS[method].channels))
     for of_bytes, of_numbers in zip(
         network(crops, WINDOWS_PX), network(crops.float(), WINDOWS_PX), strict=True
     ):
@@ -103,7 +103,7 @@ def test_bytes_and_numbers_are_judged_alike(method):
 @pytest.mark.parametrize("method", ["default", "thesis"])
 def test_a_frame_without_candidates_has_no_boxes(method):
     network = make_verifier(method).eval()
-    crops = crops_of(0, len(FORMS[method].channels))
+    crops = crops_of(0, len(VERIFIER_INPUTS[method].channels))
     logits, boxes_px = network(crops, torch.zeros(0, 4))
     assert logits.shape == (0,)
     assert boxes_px.shape == (0, 4)
@@ -154,7 +154,7 @@ def saved(path, method, of_model="depthcn"):
 def test_a_checkpoint_gives_the_network_back(tmp_path, method):
     written = saved(tmp_path / "best.ckpt", method)
     network, notes = load_verifier(tmp_path / "best.ckpt")
-    crops = crops_of(2, len(FORMS[method].channels))
+    crops = crops_of(2, len(VERIFIER_INPUTS[method].channels))
     assert torch.equal(network(crops, WINDOWS_PX)[0], written(crops, WINDOWS_PX)[0])
     assert notes["method"] == method
     assert notes["window"] == {"default": "metric", "thesis": "box"}[method]

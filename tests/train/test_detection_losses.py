@@ -10,7 +10,7 @@ from train.box_overlap import (  # noqa: E402
     pairwise_iou,
     pairwise_share,
 )
-from train.detector.losses import DetectionLossOptions, detection_loss  # noqa: E402
+from train.detector.losses import DetectionLossConfig, detection_loss  # noqa: E402
 from train.detector.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
 from train.networks.compact import CompactDetector  # noqa: E402
 from train.networks.grid_head import GridHead  # noqa: E402
@@ -32,8 +32,8 @@ def zeros(batch=1):
     return torch.zeros(batch, 2, 7, 2, 3)
 
 
-def loss_of(raw, labels, images_seen=LATER, **options):
-    return detection_loss(raw, labels, HEAD, DetectionLossOptions(**options), images_seen)
+def loss_of(raw, labels, images_seen=LATER, **config):
+    return detection_loss(raw, labels, HEAD, DetectionLossConfig(**config), images_seen)
 
 
 def test_terms_of_a_box_already_right():
@@ -178,10 +178,10 @@ def test_half_precision_is_computed_in_full():
 
 @pytest.mark.parametrize(
     "options",
-    [DetectionLossOptions(), DetectionLossOptions(box="ciou", objectness="focal")],
+    [DetectionLossConfig(), DetectionLossConfig(box="ciou", objectness="focal")],
     ids=["published", "ciou, focal"],
 )
-def test_one_batch_is_learned_by_heart(options):
+def test_one_batch_is_learned_by_heart(config):
     torch.manual_seed(0)
     anchors_px = [(16.0, 12.0), (32.0, 20.0)]
     network = CompactDetector(
@@ -200,7 +200,7 @@ def test_one_batch_is_learned_by_heart(options):
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-2, total_steps=150)
     losses = []
     for _ in range(150):
-        loss = detection_loss(network(pictures), labels, network.head, options, LATER).total
+        loss = detection_loss(network(pictures), labels, network.head, config, LATER).total
         losses.append(loss.item())
         optimizer.zero_grad()
         loss.backward()

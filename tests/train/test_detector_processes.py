@@ -21,16 +21,16 @@ import torch
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.detector import networks
 from train.detector.descent import PRESETS, Descent
-from train.detector.networks import DetectorForm
+from train.detector.networks import DetectorNetworkConfig
 from train.detector.run import train_detector
-from train.detector.training import DetectorPlan
-from train.trainer import TrainerPlan
+from train.detector.training import DetectorTrainingConfig
+from train.trainer import TrainerConfig
 torch.set_num_threads(1)
 networks.NETWORKS["tiny"] = tiny_network
-form = DetectorForm("dm", "tiny", ("Car",), SIZE)
-plan = DetectorPlan(form, Descent(learning_rate=0.02, averaging=0.8), PRESETS["default"].loss)
-trainer_plan = TrainerPlan(2, "cpu", devices=2, watched="validation/moderate")
-trained = train_detector(ToyPictures(4, repeats=16), plan, trainer_plan, Path(sys.argv[1]))
+form = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
+plan = DetectorTrainingConfig(form, Descent(learning_rate=0.02, averaging=0.8), PRESETS["default"].loss)
+trainer_config = TrainerConfig(2, "cpu", devices=2, watched="validation/moderate")
+trained = train_detector(ToyPictures(4, repeats=16), plan, trainer_config, Path(sys.argv[1]))
 if trained is not None:
     print(json.dumps({"epoch": trained.epoch, **trained.counts}))
 """

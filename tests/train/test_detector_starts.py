@@ -129,7 +129,7 @@ def test_unreadable_weights_are_refused(detector, tmp_path):
 
 
 def test_without_a_net_the_file_is_asked_for(detector, monkeypatch):
-    def unreachable(*args, **options):
+    def unreachable(*args, **config):
         raise URLError("no route to host")
 
     monkeypatch.setattr("torchvision.models._api.load_state_dict_from_url", unreachable)

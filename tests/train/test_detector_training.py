@@ -20,17 +20,17 @@ from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.anchors import fit_anchors
 from train.detector.descent import PRESETS, Descent
-from train.detector.networks import MODEL, DetectorForm, load_detector
+from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
 from train.detector.pictures import draw_seen
-from train.detector.run import FirstWeights, callbacks, train_detector
-from train.detector.training import DetectorPlan
+from train.detector.run import InitialWeights, callbacks, train_detector
+from train.detector.training import DetectorTrainingConfig
 from train.networks.depthcn import load_verifier
-from train.trainer import TrainerPlan, fastest_precision, fit, make_trainer
-from train.verifier.training import PLANS, VerifierTraining
+from train.trainer import TrainerConfig, fastest_precision, fit, make_trainer
+from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
 QUICK = Descent(learning_rate=0.01, averaging=0.8)
-PLAN = DetectorPlan(
-    DetectorForm("dm", "tiny", ("Car",), SIZE),
+PLAN = DetectorTrainingConfig(
+    DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE),
     QUICK,
     PRESETS["default"].loss,
     scales=(0.5, 1.0),
@@ -44,27 +44,27 @@ def tiny(monkeypatch, one_torch_thread):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
 
 
-def plan_of(epochs, **other):
-    return TrainerPlan(epochs=epochs, accelerator="cpu", watched="validation/moderate", **other)
+def config_of(epochs, **other):
+    return TrainerConfig(epochs=epochs, accelerator="cpu", watched="validation/moderate", **other)
 
 
-def train(out, epochs=1, plan=PLAN, data=None, **other):
-    return train_detector(data or ToyPictures(), plan, plan_of(epochs), out, **other)
+def train(out, epochs=1, config=PLAN, data=None, **other):
+    return train_detector(data or ToyPictures(), config, config_of(epochs), out, **other)
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
 def test_everything_fits_together(tmp_path, modality, channels):
-    plan = replace(PLAN, form=replace(PLAN.form, modality=modality))
+    config = replace(PLAN, network_config=replace(PLAN.network_config, modality=modality))
     data = ToyPictures(channels=channels)
-    trained = train_detector(data, plan, plan_of(1, is_trial=True), tmp_path)
+    trained = train_detector(data, config, config_of(1, is_trial=True), tmp_path)
     assert trained is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_batch_is_learned_by_heart(tmp_path):
-    plan = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
     trained = train(
-        tmp_path, 3, plan, ToyPictures(11, repeats=40)
+        tmp_path, 3, config, ToyPictures(11, repeats=40)
     )  # 44 labels: 41 points of recall
     metrics = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
     assert trained.precision == {"Car 0.7": metrics, "Car 0.5": metrics}
@@ -74,9 +74,9 @@ def test_a_batch_is_learned_by_heart(tmp_path):
 
 
 def test_half_precision_learns_as_well(tmp_path):
-    plan = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
-    trainer_plan = replace(plan_of(1), precision="bf16-mixed")
-    trained = train_detector(ToyPictures(11, repeats=40), plan, trainer_plan, tmp_path)
+    config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    trainer_config = replace(config_of(1), precision="bf16-mixed")
+    trained = train_detector(ToyPictures(11, repeats=40), config, trainer_config, tmp_path)
     assert trained.precision["Car 0.5"]["moderate"] > 90
 
 
@@ -85,7 +85,8 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
     killed = tmp_path / "killed"
     with monkeypatch.context() as patch:
         patch.setattr(
-            "train.detector.run.callbacks", lambda plan: [*callbacks(plan), KilledAfter(2 * 2 + 1)]
+            "train.detector.run.callbacks",
+            lambda config: [*callbacks(config), KilledAfter(2 * 2 + 1)],
         )
         with pytest.raises(KeyboardInterrupt):
             train(killed, 4)
@@ -114,7 +115,7 @@ def test_the_anchors_are_those_of_the_labels(tmp_path):
 
 
 def test_a_checkpoint_says_what_it_is(tmp_path):
-    trained = train(tmp_path, plan=replace(PLAN, anchors="default"))
+    trained = train(tmp_path, config=replace(PLAN, anchors="default"))
     detector, facts = load_detector(trained.checkpoint)
     assert not detector.training
     assert facts == {
@@ -130,7 +131,7 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
         "revision": "unknown",
         "epochs": "1",
     }
-    assert DetectorForm.of_facts(facts) == PLAN.form
+    assert DetectorNetworkConfig.of_facts(facts) == PLAN.network_config
 
 
 def test_the_loaded_network_sees_what_was_measured(tmp_path):
@@ -147,7 +148,7 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
 def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
     train(tmp_path / "first", 3)
     still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12))
-    start = FirstWeights(checkpoint=tmp_path / "first" / "best.ckpt")
+    start = InitialWeights(checkpoint=tmp_path / "first" / "best.ckpt")
     train(tmp_path / "second", 1, still, ToyPictures(5), first=start)  # of other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
     after, _ = load_detector(tmp_path / "second" / "last.ckpt")
@@ -158,7 +159,7 @@ def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
 
 def test_training_ends_when_it_gets_no_better(tmp_path, monkeypatch):
     monkeypatch.setattr("train.detector.training.mean_precision", lambda judged: {"moderate": 1.0})
-    train_detector(ToyPictures(), PLAN, replace(plan_of(9), patience=2), tmp_path)
+    train_detector(ToyPictures(), PLAN, replace(config_of(9), patience=2), tmp_path)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
 
 
@@ -211,7 +212,7 @@ def checkpoint(tmp_path):
 
 
 def other_form(**changes):
-    return replace(PLAN, form=replace(PLAN.form, **changes))
+    return replace(PLAN, network_config=replace(PLAN.network_config, **changes))
 
 
 @pytest.mark.parametrize(
@@ -223,20 +224,20 @@ def other_form(**changes):
     ],
 )
 @pytest.mark.parametrize("how", ["resume", "start"])
-def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, plan, sentence, how):
-    given = {"resume": checkpoint} if how == "resume" else {"first": FirstWeights(checkpoint)}
+def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, config, sentence, how):
+    given = {"resume": checkpoint} if how == "resume" else {"first": InitialWeights(checkpoint)}
     with pytest.raises(ModelError, match=sentence):
-        train(tmp_path / "out", plan=plan, **given)
+        train(tmp_path / "out", config=config, **given)
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
-    trainer = make_trainer(tmp_path, TrainerPlan(1, "cpu"))
-    fit(trainer, VerifierTraining(PLANS["default"]), ToyCandidates(8))
+    trainer = make_trainer(tmp_path, TrainerConfig(1, "cpu"))
+    fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCandidates(8))
     verifier = tmp_path / "last.ckpt"
     for refuses in (
         lambda: load_detector(verifier),
         lambda: train(tmp_path / "out", resume=verifier),
-        lambda: train(tmp_path / "out", first=FirstWeights(verifier)),
+        lambda: train(tmp_path / "out", first=InitialWeights(verifier)),
     ):
         with pytest.raises(ModelError, match="a checkpoint of detector, found one of depthcn"):
             refuses()
@@ -279,14 +280,14 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, checkpoint, monkeypatc
 
 def test_only_one_start(tmp_path):
     with pytest.raises(UsageError, match="at most one kind, found checkpoint, darknet"):
-        FirstWeights(checkpoint=Path("a"), darknet=Path("b"))
+        InitialWeights(checkpoint=Path("a"), darknet=Path("b"))
 
 
 @pytest.mark.parametrize(
     ("first", "sentence"),
     [
-        (FirstWeights(darknet=Path("a")), "Darknet weights: expected network yolov2, found tiny"),
-        (FirstWeights(backbone=Path("a")), "expected a trunk of torchvision, found tiny"),
+        (InitialWeights(darknet=Path("a")), "Darknet weights: expected network yolov2, found tiny"),
+        (InitialWeights(backbone=Path("a")), "expected a trunk of torchvision, found tiny"),
     ],
 )
 def test_weights_of_another_kind_of_network_are_refused(tmp_path, first, sentence):
@@ -296,9 +297,9 @@ def test_weights_of_another_kind_of_network_are_refused(tmp_path, first, sentenc
 
 def test_other_names_are_refused(tmp_path):
     with pytest.raises(UsageError, match=r"compact, yolov2, .* such as resnet18, found resnet19"):
-        train(tmp_path, plan=other_form(network="resnet19"))
+        train(tmp_path, config=other_form(network="resnet19"))
     with pytest.raises(UsageError, match="rgb or dm or rm, found lidar"):
-        DetectorForm("lidar")
+        DetectorNetworkConfig("lidar")
 
 
 def test_the_thesis_trained_like_this():
@@ -319,5 +320,5 @@ def test_only_weights_decay():
 
 
 def test_several_machines_share_a_training(tmp_path):
-    trainer = make_trainer(tmp_path, plan_of(1, nodes=3, devices=2))
+    trainer = make_trainer(tmp_path, config_of(1, nodes=3, devices=2))
     assert (trainer.num_nodes, trainer.world_size) == (3, 6)

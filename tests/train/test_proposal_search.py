@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.errors import (
     CalibrationError,
     DriveError,
@@ -21,7 +21,7 @@ from tests.car_frames import write_car_frames
 from train.proposal_search import search as searching
 from train.proposal_search.counting import count_part
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.search import SearchPlan, search
+from train.proposal_search.search import SearchConfig, search
 from train.proposal_search.survey import survey
 from train.proposal_search.workers import run_parts
 
@@ -35,16 +35,16 @@ def frames(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def plan(frames: Path) -> SearchPlan:
-    return SearchPlan(survey([frames], "Car"), GRID, "thesis", chunk_frames=3)
+def config(frames: Path) -> SearchConfig:
+    return SearchConfig(survey([frames], "Car"), GRID, "thesis", chunk_frames=3)
 
 
 def rows(ledger: Path) -> list[str]:
     return ledger.read_text().splitlines()
 
 
-def test_the_best_setting_reaches_most_with_fewest_proposals(plan, tmp_path):
-    table = search(plan, tmp_path / "counts.jsonl")
+def test_the_best_setting_reaches_most_with_fewest_proposals(config, tmp_path):
+    table = search(config, tmp_path / "counts.jsonl")
     assert len(table) == len(GRID) == 8
     assert table[0].rules.radius_m == 0.5
     assert (table[0].objects, table[0].frames, table[0].unread) == (8, 4, 0)
@@ -56,8 +56,8 @@ def test_the_best_setting_reaches_most_with_fewest_proposals(plan, tmp_path):
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
 def test_sharing_the_ground_changes_nothing(frames, method):
-    plan = SearchPlan(survey([frames], "Car"), GRID, method, chunk_frames=4)
-    for part in plan.parts():
+    config = SearchConfig(survey([frames], "Car"), GRID, method, chunk_frames=4)
+    for part in config.parts():
         for count in count_part(part):
             found = [
                 propose(frame.points_velo, *camera_of(frame), count.rules, method)
@@ -66,26 +66,26 @@ def test_sharing_the_ground_changes_nothing(frames, method):
             assert count.proposals == sum(map(len, found)) > 0
 
 
-def test_rows_are_one_a_setting_and_chunk(plan, tmp_path):
+def test_rows_are_one_a_setting_and_chunk(config, tmp_path):
     ledger = tmp_path / "made" / "counts.jsonl"
-    table = search(plan, ledger)
+    table = search(config, ledger)
     header, *counts = map(json.loads, rows(ledger))
     assert header["search"]["of_class"] == "car"
     assert header["search"]["drives"][0]["labels"] == {"car": 8}
     assert len(counts) == 8 * 2  # four frames are a chunk of three and one of one
-    best = [row for row in counts if ProposalRules(**row["rules"]) == table[0].rules]
+    best = [row for row in counts if ProposalConfig(**row["rules"]) == table[0].rules]
     assert [(row["chunk"], row["frames"], row["objects"]) for row in best] == [(0, 3, 6), (1, 1, 2)]
 
 
-def test_two_workers_come_to_what_one_does(plan, tmp_path):
-    one = search(plan, tmp_path / "one.jsonl", workers=1)
-    two = search(plan, tmp_path / "two.jsonl", workers=2)
+def test_two_workers_come_to_what_one_does(config, tmp_path):
+    one = search(config, tmp_path / "one.jsonl", workers=1)
+    two = search(config, tmp_path / "two.jsonl", workers=2)
     assert one == two
     assert sorted(rows(tmp_path / "one.jsonl")) == sorted(rows(tmp_path / "two.jsonl"))
 
 
-def test_a_search_that_was_killed_goes_on_where_it_stopped(plan, tmp_path, monkeypatch):
-    whole = search(plan, tmp_path / "whole.jsonl")
+def test_a_search_that_was_killed_goes_on_where_it_stopped(config, tmp_path, monkeypatch):
+    whole = search(config, tmp_path / "whole.jsonl")
     ledger = tmp_path / "counts.jsonl"
     done = []
 
@@ -97,7 +97,7 @@ def test_a_search_that_was_killed_goes_on_where_it_stopped(plan, tmp_path, monke
 
     monkeypatch.setattr(searching, "count_part", die_in_the_third_part)
     with pytest.raises(KeyboardInterrupt):
-        search(plan, ledger)
+        search(config, ledger)
     assert len(rows(ledger)) == 1 + 2 * 4
     again = []
 
@@ -108,7 +108,7 @@ def test_a_search_that_was_killed_goes_on_where_it_stopped(plan, tmp_path, monke
     monkeypatch.setattr(searching, "count_part", count_and_tell)
     told = []
     table = search(
-        plan, ledger, progress=lambda finished, *told_now: told.append(told_now) or finished
+        config, ledger, progress=lambda finished, *told_now: told.append(told_now) or finished
     )
     assert table == whole
     assert len(again) == 2
@@ -117,27 +117,27 @@ def test_a_search_that_was_killed_goes_on_where_it_stopped(plan, tmp_path, monke
 
 
 @pytest.mark.parametrize("kept", [0.2, 0.5, 0.99])
-def test_a_row_that_was_half_written_is_counted_again(plan, tmp_path, kept):
+def test_a_row_that_was_half_written_is_counted_again(config, tmp_path, kept):
     ledger = tmp_path / "counts.jsonl"
-    whole = search(plan, ledger)
+    whole = search(config, ledger)
     before = ledger.read_text()
     last = before.rstrip("\n").rpartition("\n")[2]
     ledger.write_text(before[: -len(last) - 1] + last[: int(kept * len(last))])
-    assert search(plan, ledger) == whole
+    assert search(config, ledger) == whole
     assert set(rows(ledger)) == set(before.splitlines())
 
 
-def test_a_file_that_ends_in_its_first_row_begins_anew(plan, tmp_path):
+def test_a_file_that_ends_in_its_first_row_begins_anew(config, tmp_path):
     ledger = tmp_path / "counts.jsonl"
     ledger.write_text('{"search": {"dri')
-    assert search(plan, ledger) == search(plan, tmp_path / "other.jsonl")
+    assert search(config, ledger) == search(config, tmp_path / "other.jsonl")
 
 
-def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
+def test_more_values_go_on_from_fewer(config, frames, tmp_path):
     ledger = tmp_path / "counts.jsonl"
-    search(plan, ledger)
+    search(config, ledger)
     more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.min_points, (0.05, 0.5, 0.6))
-    wider = SearchPlan(plan.survey, more, "thesis", chunk_frames=3)
+    wider = SearchConfig(config.survey, more, "thesis", chunk_frames=3)
     assert search(wider, ledger) == search(wider, tmp_path / "fresh.jsonl")
 
 
@@ -151,14 +151,14 @@ def test_more_values_go_on_from_fewer(plan, frames, tmp_path):
         ({"on_bad_frame": "skip"}, "on_bad_frame"),
     ],
 )
-def test_counts_of_another_search_are_refused(plan, tmp_path, change, name):
+def test_counts_of_another_search_are_refused(config, tmp_path, change, name):
     ledger = tmp_path / "counts.jsonl"
-    search(plan, ledger)
+    search(config, ledger)
     before = ledger.read_bytes()
-    found = plan.survey
+    found = config.survey
     if change.pop("drive", False):
         found = survey([write_car_frames(tmp_path / "other")], "Car")
-    other = SearchPlan(found, GRID, **{"method": "thesis", "chunk_frames": 3, **change})
+    other = SearchConfig(found, GRID, **{"method": "thesis", "chunk_frames": 3, **change})
     with pytest.raises(UsageError, match=rf"found those of another, by its {name}; choose"):
         search(other, ledger)
     assert ledger.read_bytes() == before
@@ -172,21 +172,21 @@ def test_counts_of_another_search_are_refused(plan, tmp_path, change, name):
         ('{"chunk": 0, "rules": {"cell_m": 0.5, "wheels": 4}}', "row 3: expected the counts"),
     ],
 )
-def test_a_damaged_row_in_the_middle_is_named(plan, tmp_path, row, complaint):
+def test_a_damaged_row_in_the_middle_is_named(config, tmp_path, row, complaint):
     ledger = tmp_path / "counts.jsonl"
-    search(plan, ledger)
+    search(config, ledger)
     lines = rows(ledger)
     lines[2] = row
     ledger.write_text("\n".join(lines) + "\n")
     with pytest.raises(UsageError, match=complaint):
-        search(plan, ledger)
+        search(config, ledger)
 
 
-def test_a_file_of_something_else_is_refused(plan, tmp_path):
+def test_a_file_of_something_else_is_refused(config, tmp_path):
     ledger = tmp_path / "counts.jsonl"
     ledger.write_text("a diary\n")
     with pytest.raises(UsageError, match="expected the counts of a search"):
-        search(plan, ledger)
+        search(config, ledger)
     assert ledger.read_text() == "a diary\n"
 
 
@@ -236,24 +236,24 @@ def test_a_drive_named_twice_and_no_step_are_refused(frames, twice, every):
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_damaged_scan_stops_the_search(frames, tmp_path, workers):
     (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
-    plan = SearchPlan(survey([frames], "Car"), GRID, chunk_frames=1)
+    config = SearchConfig(survey([frames], "Car"), GRID, chunk_frames=1)
     with pytest.raises(ScanError, match=r"000001\.bin"):
-        search(plan, tmp_path / "counts.jsonl", workers)
+        search(config, tmp_path / "counts.jsonl", workers)
 
 
 def test_a_damaged_scan_is_left_out_where_that_is_wanted(frames, tmp_path):
     (frames / "training" / "velodyne" / "000001.bin").write_bytes(b"12345")
-    plan = SearchPlan(survey([frames], "Car"), GRID, chunk_frames=2, on_bad_frame="skip")
-    table = search(plan, tmp_path / "counts.jsonl")
+    config = SearchConfig(survey([frames], "Car"), GRID, chunk_frames=2, on_bad_frame="skip")
+    table = search(config, tmp_path / "counts.jsonl")
     assert {(count.frames, count.unread, count.objects) for count in table} == {(3, 1, 6)}
 
 
 def test_without_a_frame_that_can_be_read_there_is_no_best(frames, tmp_path):
     for path in (frames / "training" / "velodyne").iterdir():
         path.write_bytes(b"12345")
-    plan = SearchPlan(survey([frames], "Car"), GRID, on_bad_frame="skip")
+    config = SearchConfig(survey([frames], "Car"), GRID, on_bad_frame="skip")
     with pytest.raises(LabelError, match="found none, as 4 frames cannot be read"):
-        search(plan, tmp_path / "counts.jsonl")
+        search(config, tmp_path / "counts.jsonl")
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_values_that_cannot_work_are_refused(values):
 def test_the_default_grid_holds_the_thesis_values():
     grid = SearchGrid()
     assert len(grid) == 400
-    assert ProposalRules(0.5, 0.01, 5, 0.5) in grid.rules()
+    assert ProposalConfig(0.5, 0.01, 5, 0.5) in grid.rules()
 
 
 def test_a_worker_that_is_ended_is_told_of():

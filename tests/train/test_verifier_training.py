@@ -15,27 +15,27 @@ from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
 from train.schedules import stepped, warm_cosine
-from train.trainer import TrainerPlan, checkpoint_to_resume, fit, make_trainer
+from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
 from train.verifier.pictures import JudgedCrops, VerifierPictures, draw_judged
-from train.verifier.training import PLANS, VerifierTraining
+from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
 pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
-def plan_of(epochs, **other):
-    return TrainerPlan(epochs=epochs, accelerator="cpu", **other)
+def config_of(epochs, **other):
+    return TrainerConfig(epochs=epochs, accelerator="cpu", **other)
 
 
 def module_of(method="default", seed=0):
     torch.manual_seed(seed)
-    return VerifierTraining(PLANS[method])
+    return VerifierTraining(VERIFIER_CONFIGS[method])
 
 
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
 def test_everything_fits_together(tmp_path, method, channels):
-    trainer = make_trainer(tmp_path, plan_of(1, is_trial=True))
+    trainer = make_trainer(tmp_path, config_of(1, is_trial=True))
     fit(trainer, module_of(method), ToyCandidates(8, channels))
     assert trainer.global_step == 1
     assert list(tmp_path.iterdir()) == []
@@ -44,7 +44,7 @@ def test_everything_fits_together(tmp_path, method, channels):
 def test_a_batch_is_learned_by_heart():
     module, batch = module_of(), toy_batch(8, 3)
     module.network.full[-1].p = 0.0  # dropout
-    module.log_dict = lambda *args, **options: None
+    module.log_dict = lambda *args, **config: None
     descent = torch.optim.SGD(module.parameters(), lr=0.02, momentum=0.9)
     rate = torch.optim.lr_scheduler.LambdaLR(descent, partial(warm_cosine, steps=80))
     for _ in range(80):
@@ -59,15 +59,15 @@ def test_a_batch_is_learned_by_heart():
 
 
 def weights_after(folder, epochs, killed_at=None):
-    trainer = make_trainer(folder / "whole", plan_of(epochs))
+    trainer = make_trainer(folder / "whole", config_of(epochs))
     fit(trainer, module_of(), ToyCandidates())
     with pytest.raises(KeyboardInterrupt):
         fit(
-            make_trainer(folder / "killed", plan_of(epochs), [KilledAfter(killed_at)]),
+            make_trainer(folder / "killed", config_of(epochs), [KilledAfter(killed_at)]),
             module_of(),
             ToyCandidates(),
         )
-    again = make_trainer(folder / "killed", plan_of(epochs))
+    again = make_trainer(folder / "killed", config_of(epochs))
     fit(again, module_of(seed=9), ToyCandidates(), folder / "killed" / "last.ckpt")
     return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
 
@@ -81,7 +81,7 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path):
 
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
-    trainer = make_trainer(tmp_path, plan_of(3))
+    trainer = make_trainer(tmp_path, config_of(3))
     fit(trainer, module_of(), ToyCandidates())
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
@@ -92,7 +92,7 @@ def test_the_best_epoch_and_the_last_are_kept(tmp_path):
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
-    fit(make_trainer(tmp_path, plan_of(1)), module_of(), ToyCandidates())
+    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCandidates())
     before = (tmp_path / "last.ckpt").read_bytes()
 
     def full(path, content):
@@ -102,15 +102,18 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
     monkeypatch.setattr("train.checkpoint_writer.write_whole", full)
     with pytest.raises(ModelError, match="No space left on device; make room and go on"):
         fit(
-            make_trainer(tmp_path, plan_of(2)), module_of(), ToyCandidates(), tmp_path / "last.ckpt"
+            make_trainer(tmp_path, config_of(2)),
+            module_of(),
+            ToyCandidates(),
+            tmp_path / "last.ckpt",
         )
     assert (tmp_path / "last.ckpt").read_bytes() == before
     load_verifier(tmp_path / "last.ckpt")
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    fit(make_trainer(tmp_path, plan_of(1)), module_of(), ToyCandidates())
-    trainer = make_trainer(tmp_path / "thesis", plan_of(2))
+    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCandidates())
+    trainer = make_trainer(tmp_path / "thesis", config_of(2))
     with pytest.raises(ModelError, match=r"weights of this depthcn, found those of .* \(default\)"):
         fit(trainer, module_of("thesis"), ToyCandidates(channels=1), tmp_path / "last.ckpt")
 
@@ -125,7 +128,7 @@ def test_a_training_is_not_written_over(tmp_path):
 
 def test_tensorboard_shows_what_is_promised(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    trainer = make_trainer(tmp_path, plan_of(2), [VerifierPictures(lambda: grids)])
+    trainer = make_trainer(tmp_path, config_of(2), [VerifierPictures(lambda: grids)])
     fit(trainer, module_of(), ToyCandidates())
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
@@ -140,7 +143,7 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):
-    fit(make_trainer(tmp_path, plan_of(2)), module_of(), ToyCandidates())
+    fit(make_trainer(tmp_path, config_of(2)), module_of(), ToyCandidates())
     printed = capfd.readouterr()
     assert printed.out == ""
     lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
@@ -167,7 +170,7 @@ def test_the_default_rate_rises_and_falls():
 def test_the_thesis_network_learns_what_to_subtract(tmp_path):
     data = ToyCandidates(8, 1)
     module = module_of("thesis")
-    fit(make_trainer(tmp_path, plan_of(1)), module, data)
+    fit(make_trainer(tmp_path, config_of(1)), module, data)
     torch.testing.assert_close(module.network.mean_picture, data.mean_crop())
     network, _ = load_verifier(tmp_path / "last.ckpt")
     torch.testing.assert_close(network.mean_picture, data.mean_crop())

@@ -17,10 +17,10 @@ from train.networks.yolov2 import (  # noqa: E402
 COCO_CLASSES = tuple(f"class {number}" for number in range(80))
 
 
-def on_paper(*arguments, **options) -> YOLOv2:
+def on_paper(*arguments, **config) -> YOLOv2:
     """Build the network without memory for its weights: shapes alone."""
     with torch.device("meta"):
-        return YOLOv2(*arguments, **options)
+        return YOLOv2(*arguments, **config)
 
 
 def numbers(network: nn.Module) -> int:

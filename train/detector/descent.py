@@ -8,7 +8,7 @@ from typing import Literal
 from torch import nn
 from torch.optim import SGD, AdamW, Optimizer
 
-from train.detector.losses import DetectionLossOptions
+from train.detector.losses import DetectionLossConfig
 from train.schedules import burnt_in_steps, warm_cosine
 
 Preset = Literal["default", "thesis"]
@@ -54,7 +54,7 @@ class Descent:
 
 
 @dataclass(frozen=True)
-class DescentPreset:
+class TrainingPreset:
     """All that a word stands for.
 
     Attributes:
@@ -64,18 +64,18 @@ class DescentPreset:
     """
 
     descent: Descent = field(default_factory=Descent)
-    loss: DetectionLossOptions = field(default_factory=DetectionLossOptions)
+    loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
     batch_size: int = 16
 
 
-PRESETS: dict[Preset, DescentPreset] = {
-    "default": DescentPreset(
-        Descent(), DetectionLossOptions(box="ciou", objectness="focal", box_weight=2.0)
+PRESETS: dict[Preset, TrainingPreset] = {
+    "default": TrainingPreset(
+        Descent(), DetectionLossConfig(box="ciou", objectness="focal", box_weight=2.0)
     ),
     # 7.2.2: 80200 iterations with these figures; they are those of yolo-voc.cfg, and so its schedule.
-    "thesis": DescentPreset(
+    "thesis": TrainingPreset(
         Descent("sgd", 0.001, 0.9, 0.0005, "published", averaging=0, longest_gradient=0),
-        DetectionLossOptions(),
+        DetectionLossConfig(),
         batch_size=64,
     ),
 }

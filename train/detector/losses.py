@@ -20,7 +20,7 @@ _MOSTLY = 0.5  # of a box that lies in an ignored area
 
 
 @dataclass(frozen=True)
-class DetectionLossOptions:
+class DetectionLossConfig:
     """What is summed, and with which weight. The defaults are those of `yolov2.cfg`.
 
     Attributes:
@@ -72,7 +72,7 @@ def detection_loss(
     raw: Tensor,
     labels: BatchLabels,
     head: GridHead,
-    options: DetectionLossOptions,
+    config: DetectionLossConfig,
     images_seen: int,
 ) -> DetectionLoss:
     """Return the loss of a batch, in float32 whatever the precision of the network.
@@ -90,31 +90,31 @@ def detection_loss(
         targets = assign_targets(labels, head.anchors_px, Grid(rows, columns, head.stride_px))
         corners = box_corners(head.decode_boxes(raw))
         terms = (
-            options.box_weight * _box_term(raw, corners, targets, options),
-            options.object_weight * _object_term(raw, corners, targets, options),
-            options.no_object_weight * _no_object_term(raw, corners, labels, targets, options),
-            options.class_weight * _class_term(raw, targets),
-            _prior_term(raw, targets, options, images_seen),
+            config.box_weight * _box_term(raw, corners, targets, config),
+            config.object_weight * _object_term(raw, corners, targets, config),
+            config.no_object_weight * _no_object_term(raw, corners, labels, targets, config),
+            config.class_weight * _class_term(raw, targets),
+            _prior_term(raw, targets, config, images_seen),
         )
         of_one = [term / len(raw) for term in terms]
     return DetectionLoss(torch.stack(of_one).sum(), *of_one)
 
 
 def _box_term(
-    raw: Tensor, corners: Tensor, targets: GridTargets, options: DetectionLossOptions
+    raw: Tensor, corners: Tensor, targets: GridTargets, config: DetectionLossConfig
 ) -> Tensor:
     weight = 2 - targets.area_shares.clamp(max=1)
-    if options.box == "ciou":
+    if config.box == "ciou":
         return (weight * (1 - paired_complete_iou(_at(corners, targets), targets.boxes_px))).sum()
     return (weight * _squared(_corrections(_at(raw, targets)), targets.offsets).sum(dim=1)).sum()
 
 
 def _object_term(
-    raw: Tensor, corners: Tensor, targets: GridTargets, options: DetectionLossOptions
+    raw: Tensor, corners: Tensor, targets: GridTargets, config: DetectionLossConfig
 ) -> Tensor:
     """Ask for an objectness equal to the overlap that the box reaches."""
     reached = paired_iou(_at(corners, targets), targets.boxes_px).detach()
-    return _objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, options).sum()
+    return _objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, config).sum()
 
 
 def _no_object_term(
@@ -122,12 +122,12 @@ def _no_object_term(
     corners: Tensor,
     labels: BatchLabels,
     targets: GridTargets,
-    options: DetectionLossOptions,
+    config: DetectionLossConfig,
 ) -> Tensor:
     """Ask for no objectness of those that neither answer for a label nor lie on one."""
-    is_free = _lies_on_label(corners.detach(), labels, options.free_iou) | _answers(raw, targets)
+    is_free = _lies_on_label(corners.detach(), labels, config.free_iou) | _answers(raw, targets)
     logits = raw[:, :, OBJECTNESS]
-    errors = _objectness_error(logits, torch.zeros_like(logits), options)
+    errors = _objectness_error(logits, torch.zeros_like(logits), config)
     return errors.masked_fill(is_free, 0).sum()
 
 
@@ -136,24 +136,24 @@ def _class_term(raw: Tensor, targets: GridTargets) -> Tensor:
 
 
 def _prior_term(
-    raw: Tensor, targets: GridTargets, options: DetectionLossOptions, images_seen: int
+    raw: Tensor, targets: GridTargets, config: DetectionLossConfig, images_seen: int
 ) -> Tensor:
-    if images_seen >= options.prior_images:
+    if images_seen >= config.prior_images:
         return raw.new_zeros(())
     corrections = _corrections(raw[:, :, BOX].movedim(2, -1))
     of_anchor = corrections.new_tensor([0.5, 0.5, 0, 0]).expand_as(corrections)
     errors = _squared(corrections, of_anchor).sum(dim=-1)
-    return options.prior_weight * errors.masked_fill(_answers(raw, targets), 0).sum()
+    return config.prior_weight * errors.masked_fill(_answers(raw, targets), 0).sum()
 
 
-def _objectness_error(logits: Tensor, wanted: Tensor, options: DetectionLossOptions) -> Tensor:
+def _objectness_error(logits: Tensor, wanted: Tensor, config: DetectionLossConfig) -> Tensor:
     scores = logits.sigmoid()
-    if options.objectness == "squared":
+    if config.objectness == "squared":
         return _squared(scores, wanted)
     # The continuous form of the focal loss, for wanted values between 0 and 1 (Li et al.,
     # "Generalized focal loss", NeurIPS 2020, eq. 3).
     entropy = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
-    return (wanted - scores).abs() ** options.focal_power * entropy
+    return (wanted - scores).abs() ** config.focal_power * entropy
 
 
 def _lies_on_label(corners: Tensor, labels: BatchLabels, free_iou: float) -> Tensor:

@@ -27,7 +27,7 @@ NETWORKS: dict[str, Callable[[Sequence[str], int], GridDetector]] = {
 
 
 @dataclass(frozen=True)
-class DetectorForm:
+class DetectorNetworkConfig:
     """What a detector looks at and for.
 
     Attributes:
@@ -75,21 +75,23 @@ class DetectorForm:
         )
 
 
-def make_detector(form: DetectorForm) -> GridDetector:
+def make_detector(network_config: DetectorNetworkConfig) -> GridDetector:
     """Return a network with random weights.
 
     Raises:
         UsageError: there is none of this name.
     """
-    channels = CHANNELS[form.modality]
-    if form.network in NETWORKS:
-        return NETWORKS[form.network](form.class_names, channels)
-    if form.network in trunk_names():
-        return TorchvisionDetector(form.network, form.class_names, channels=channels)
+    channels = CHANNELS[network_config.modality]
+    if network_config.network in NETWORKS:
+        return NETWORKS[network_config.network](network_config.class_names, channels)
+    if network_config.network in trunk_names():
+        return TorchvisionDetector(
+            network_config.network, network_config.class_names, channels=channels
+        )
     raise UsageError(
         "network",
         expected=f"{', '.join(NETWORKS)}, or a trunk of torchvision such as resnet18",
-        found=form.network,
+        found=network_config.network,
     )
 
 
@@ -101,16 +103,18 @@ def load_detector(checkpoint: Path) -> tuple[GridDetector, dict[str, str]]:
     """
     content = read_checkpoint(checkpoint, MODEL)
     noted = content["hyper_parameters"]
-    form = DetectorForm.of_facts(noted)
-    detector = make_detector(form)
+    network_config = DetectorNetworkConfig.of_facts(noted)
+    detector = make_detector(network_config)
     try:
         detector.load_state_dict(weights_of(content, "network"))
     except RuntimeError as error:
         found = "weights of other sizes"
-        raise ModelError(checkpoint, expected=f"weights of {form.network}", found=found) from error
+        raise ModelError(
+            checkpoint, expected=f"weights of {network_config.network}", found=found
+        ) from error
     told = {name: str(noted[name]) for name in ("training_data", "revision")}
     anchors = {"anchors": anchor_words(detector), "epochs": str(content["epoch"] + 1)}
-    return detector.eval(), form.facts | anchors | told
+    return detector.eval(), network_config.facts | anchors | told
 
 
 def anchor_words(detector: GridDetector) -> str:
@@ -119,7 +123,7 @@ def anchor_words(detector: GridDetector) -> str:
     return ",".join(f"{width:.1f}x{height:.1f}" for width, height in sizes)
 
 
-def require_same_form(checkpoint: Path, form: DetectorForm) -> None:
+def require_same_form(checkpoint: Path, network_config: DetectorNetworkConfig) -> None:
     """Refuse to go on, or to start, from a detector of other pictures, classes or layers.
 
     Another size of the input or another filling of the maps is no hindrance.
@@ -129,7 +133,7 @@ def require_same_form(checkpoint: Path, form: DetectorForm) -> None:
     """
     noted = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        wanted, found = form.facts[name], str(noted[name])
+        wanted, found = network_config.facts[name], str(noted[name])
         if wanted != found:
             raise ModelError(
                 checkpoint,

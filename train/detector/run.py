@@ -16,17 +16,17 @@ from train.checkpoints import read_checkpoint
 from train.detector.darknet_start import start_from_darknet
 from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
 from train.detector.pictures import DetectorPictures
-from train.detector.training import DetectorPlan, DetectorTraining
+from train.detector.training import DetectorTraining, DetectorTrainingConfig
 from train.networks.grid_detector import GridDetector
 from train.networks.torchvision_detector import TorchvisionDetector, start_from_classifier
 from train.networks.yolov2 import YOLOv2
-from train.trainer import BEST, TrainerPlan, fit, make_trainer
+from train.trainer import BEST, TrainerConfig, fit, make_trainer
 
 WATCHED = "validation/moderate"
 
 
 @dataclass(frozen=True)
-class FirstWeights:
+class InitialWeights:
     """Where a training starts, at most one of them; without, from random weights.
 
     Attributes:
@@ -65,18 +65,18 @@ class TrainedDetector:
 
 def train_detector(
     data: PictureData,
-    plan: DetectorPlan,
-    trainer_plan: TrainerPlan,
+    config: DetectorTrainingConfig,
+    trainer_config: TrainerConfig,
     out: Path,
     resume: Path | None = None,
-    first: FirstWeights = FirstWeights(),
+    first: InitialWeights = InitialWeights(),
 ) -> TrainedDetector | None:
     """Train; return what came of it, or None in all processes but the first, and of a trial.
 
     Args:
         data: labelled pictures of one modality.
         plan: which network, and how it descends.
-        trainer_plan: how long and on what.
+        trainer_config: how long and on what.
         out: the folder.
         resume: a checkpoint to go on from.
         first: where it starts.
@@ -86,48 +86,50 @@ def train_detector(
         PerceptionError: the data cannot be read or used.
     """
     if resume is not None:
-        require_same_form(resume, plan.form)
+        require_same_form(resume, config.network_config)
     if first.checkpoint is not None:
         # What its numbers mean hangs on the anchors.
-        plan = replace(plan, anchors="default")
-    torch.manual_seed(trainer_plan.seed)
-    module = DetectorTraining(plan, first_network(plan, first))
-    trainer: Trainer = make_trainer(out, trainer_plan, callbacks(plan))
+        config = replace(config, anchors="default")
+    torch.manual_seed(trainer_config.seed)
+    module = DetectorTraining(config, first_network(config, first))
+    trainer: Trainer = make_trainer(out, trainer_config, callbacks(config))
     fit(trainer, module, data, resume)
-    if trainer_plan.is_trial or not trainer.is_global_zero:
+    if trainer_config.is_trial or not trainer.is_global_zero:
         return None
     return _best(data, out / BEST)
 
 
-def first_network(plan: DetectorPlan, first: FirstWeights) -> GridDetector:
+def first_network(config: DetectorTrainingConfig, first: InitialWeights) -> GridDetector:
     """Return the network that a training starts with.
 
     Raises:
         ModelError: weights cannot be read, or are of another network.
         UsageError: weights of a kind that this network does not take.
     """
-    form = plan.form
+    network_config = config.network_config
     if first.checkpoint is not None:
-        require_same_form(first.checkpoint, form)
+        require_same_form(first.checkpoint, network_config)
         network, _ = load_detector(first.checkpoint)
         return network.train()
-    network = make_detector(form)
+    network = make_detector(network_config)
     if first.darknet is not None:
         if not isinstance(network, YOLOv2):
-            raise UsageError("Darknet weights", expected="network yolov2", found=form.network)
+            raise UsageError(
+                "Darknet weights", expected="network yolov2", found=network_config.network
+            )
         start_from_darknet(network, first.darknet)
     if first.backbone is not None:
         if not isinstance(network, TorchvisionDetector):
             raise UsageError(
-                "backbone weights", expected="a trunk of torchvision", found=form.network
+                "backbone weights", expected="a trunk of torchvision", found=network_config.network
             )
-        start_from_classifier(network, form.network, first.backbone)
+        start_from_classifier(network, network_config.network, first.backbone)
     return network
 
 
-def callbacks(plan: DetectorPlan) -> list[Callback]:
+def callbacks(config: DetectorTrainingConfig) -> list[Callback]:
     """Return what draws, and what averages the weights."""
-    averaging = plan.descent.averaging
+    averaging = config.descent.averaging
     averages = [WeightAveraging(avg_fn=partial(_averaged, kept=averaging))] if averaging else []
     return [*averages, DetectorPictures()]
 

@@ -26,8 +26,8 @@ from train.detector.input_sizes import (
     scaled_sizes,
     size_of_batch,
 )
-from train.detector.losses import DetectionLoss, DetectionLossOptions, detection_loss
-from train.detector.networks import ANCHORS, MODEL, DetectorForm
+from train.detector.losses import DetectionLoss, DetectionLossConfig, detection_loss
+from train.detector.networks import ANCHORS, MODEL, DetectorNetworkConfig
 from train.detector.targets import BatchLabels
 from train.networks.grid_detector import GridDetector
 
@@ -35,7 +35,7 @@ Batch = dict[str, Tensor]  # pictures, boxes_px, classes, is_ignored, numbers
 
 
 @dataclass(frozen=True)
-class DetectorPlan:
+class DetectorTrainingConfig:
     """Which detector is trained, and how.
 
     Attributes:
@@ -49,9 +49,9 @@ class DetectorPlan:
         revision: of the program, for the model file.
     """
 
-    form: DetectorForm
+    network_config: DetectorNetworkConfig
     descent: Descent = field(default_factory=Descent)
-    loss: DetectionLossOptions = field(default_factory=DetectionLossOptions)
+    loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
     anchors: Literal["auto", "default"] = "auto"
     scales: tuple[float, float] = (0.75, 1.25)
     seed: int = 0
@@ -62,18 +62,18 @@ class DetectorPlan:
 class DetectorTraining(LightningModule):
     """One detector, its loss at several scales, its descent, and the figures by which it is followed."""
 
-    def __init__(self, plan: DetectorPlan, network: GridDetector) -> None:
+    def __init__(self, config: DetectorTrainingConfig, network: GridDetector) -> None:
         """Take a network as it is."""
         super().__init__()
-        self.save_hyperparameters(_noted(plan))
-        self.plan = plan
+        self.save_hyperparameters(_noted(config))
+        self.config = config
         # Measured on a CPU with bfloat16, half the time of rows of channels.
         self.network = network.to(memory_format=torch.channels_last)
-        self.sizes = scaled_sizes(plan.form.size, *plan.scales)
+        self.sizes = scaled_sizes(config.network_config.size, *config.scales)
         self.judged: DetectionMetrics | None = None
         """What came of the last validation."""
         self._truth: TrueBoxes | None = None
-        self.boxes = ValidationBoxes(plan.form.class_names)
+        self.boxes = ValidationBoxes(config.network_config.class_names)
 
     @property
     def data(self) -> PictureData:
@@ -83,8 +83,8 @@ class DetectorTraining(LightningModule):
 
     def on_fit_start(self) -> None:
         """Fit the anchors to the labels that are to be learned, where a training begins."""
-        if self.trainer.ckpt_path is None and self.plan.anchors == "auto":
-            rng = np.random.default_rng(self.plan.seed)
+        if self.trainer.ckpt_path is None and self.config.anchors == "auto":
+            rng = np.random.default_rng(self.config.seed)
             fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
             self.network.head.anchors_px.copy_(torch.from_numpy(fitted))
 
@@ -95,12 +95,12 @@ class DetectorTraining(LightningModule):
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Return the loss of a batch, at one of the sizes."""
-        form, step = self.plan.form, self.trainer.global_step
-        size = size_of_batch(self.sizes, step, self.plan.seed)
+        network_config, step = self.config.network_config, self.trainer.global_step
+        size = size_of_batch(self.sizes, step, self.config.seed)
         before = InputSize(*batch["pictures"].shape[-2:])
         pictures, labels = batch["pictures"].float(), _labels(batch)
         if size != before:
-            how: Interpolation = "bilinear" if form.modality == "rgb" else "nearest"
+            how: Interpolation = "bilinear" if network_config.modality == "rgb" else "nearest"
             pictures = resize_pictures(pictures, size, how)
             labels = resize_labels(labels, before, size)
         seen = step * len(pictures) * self.trainer.world_size
@@ -111,7 +111,7 @@ class DetectorTraining(LightningModule):
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
         """Judge a batch; return what is `seen` in each picture, in pixels of the input."""
         raw = self(batch["pictures"].float())
-        loss = self._loss(raw, _labels(batch), self.plan.loss.prior_images)
+        loss = self._loss(raw, _labels(batch), self.config.loss.prior_images)
         self._log_loss("validation", loss, len(raw))
         seen = self._detections(raw, InputSize(*batch["pictures"].shape[-2:]))
         self.boxes.update(seen, batch["numbers"], self.global_rank)
@@ -119,13 +119,13 @@ class DetectorTraining(LightningModule):
 
     def on_validation_epoch_end(self) -> None:
         """Log KITTI's measure over the validation set."""
-        form, samples = self.plan.form, self.data.validation
+        network_config, samples = self.config.network_config, self.data.validation
         if self._truth is None:
             self._truth = samples.truth()
         sizes_px = np.array([samples.picture_size_px(row) for row in range(len(samples))])
-        found = self.boxes.gathered(form.size, sizes_px)
+        found = self.boxes.gathered(network_config.size, sizes_px)
         self.boxes.reset()
-        self.judged = measure(self._truth, found, len(samples), form.class_names)
+        self.judged = measure(self._truth, found, len(samples), network_config.class_names)
         metrics = mean_precision(self.judged)
         self.log_dict({f"validation/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
@@ -136,9 +136,9 @@ class DetectorTraining(LightningModule):
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
         """Return the descent and its rate, which changes with every step."""
-        optimizer = self.plan.descent.make_optimizer(self.network)
+        optimizer = self.config.descent.make_optimizer(self.network)
         steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(optimizer, self.plan.descent.rate_of_step(steps))
+        rate = LambdaLR(optimizer, self.config.descent.rate_of_step(steps))
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
 
     def configure_gradient_clipping(
@@ -148,12 +148,12 @@ class DetectorTraining(LightningModule):
         gradient_clip_algorithm: str | None = None,
     ) -> None:
         """Shorten what a few odd labels would make of a step."""
-        longest = self.plan.descent.longest_gradient
+        longest = self.config.descent.longest_gradient
         if longest:
             self.clip_gradients(optimizer, longest, "norm")
 
     def _loss(self, raw: Tensor, labels: BatchLabels, images_seen: int) -> DetectionLoss:
-        return detection_loss(raw, labels, self.network.head, self.plan.loss, images_seen)
+        return detection_loss(raw, labels, self.network.head, self.config.loss, images_seen)
 
     def _log_loss(self, stage: str, loss: DetectionLoss, count: int) -> None:
         terms = {"loss": loss.total} | {
@@ -169,7 +169,7 @@ class DetectorTraining(LightningModule):
 
     def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
-        names = self.plan.form.class_names
+        names = self.config.network_config.class_names
         return [seen_objects(*one, names, size) for one in zip(boxes_px, scores, strict=True)]
 
 
@@ -177,11 +177,11 @@ def _labels(batch: Batch) -> BatchLabels:
     return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
 
 
-def _noted(plan: DetectorPlan) -> dict[str, Any]:
+def _noted(config: DetectorTrainingConfig) -> dict[str, Any]:
     """Return what a checkpoint says of itself, in plain values."""
-    parts = {name: asdict(getattr(plan, name)) for name in ("descent", "loss")}
+    parts = {name: asdict(getattr(config, name)) for name in ("descent", "loss")}
     others = {
-        name: getattr(plan, name)
+        name: getattr(config, name)
         for name in ("anchors", "scales", "seed", "training_data", "revision")
     }
-    return {"model": MODEL} | plan.form.facts | parts | others
+    return {"model": MODEL} | config.network_config.facts | parts | others

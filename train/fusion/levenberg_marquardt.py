@@ -45,7 +45,7 @@ class LeastSquares(Protocol):
 
 
 @dataclass(frozen=True)
-class Damping:
+class LevenbergMarquardtConfig:
     """How the damping follows success, and when there is nothing left to gain.
 
     Attributes:
@@ -85,7 +85,10 @@ class Step:
 
 
 def descend(
-    problem: LeastSquares, start: Float64, damping: Damping = Damping(), first: int = 0
+    problem: LeastSquares,
+    start: Float64,
+    damping: LevenbergMarquardtConfig = LevenbergMarquardtConfig(),
+    first: int = 0,
 ) -> Iterator[Step]:
     """Yield the start and then ever lower places, until none is found; who looks on may stop earlier.
 

@@ -17,7 +17,7 @@ MODEL = "fusion"  # what the checkpoints say that they are of
 
 
 @dataclass(frozen=True)
-class MlpForm:
+class MlpConfig:
     """Which network.
 
     Attributes:
@@ -44,13 +44,13 @@ class RescoringMlp(nn.Module):
     lows: Tensor
     scales: Tensor
 
-    def __init__(self, form: MlpForm) -> None:
+    def __init__(self, network_config: MlpConfig) -> None:
         super().__init__()
-        count = len(FEATURES[form.variant])
-        self.form = form
+        count = len(FEATURES[network_config.variant])
+        self.network_config = network_config
         self.register_buffer("lows", torch.zeros(count))
         self.register_buffer("scales", torch.ones(count))
-        sizes = (count, *form.hidden)
+        sizes = (count, *network_config.hidden)
         self.hidden = nn.ModuleList(nn.Linear(before, after) for before, after in pairwise(sizes))
         self.last = nn.Linear(sizes[-1], len(MODALITIES))
         for layer in (*self.hidden, self.last):
@@ -75,7 +75,7 @@ class RescoringMlp(nn.Module):
             values = torch.tanh(layer(values))
         raw: Tensor = self.last(values)
         # What no training set holds shall still be between 0 and 1; fitnet's output is linear.
-        return torch.sigmoid(raw) if self.form.variant == "default" else raw
+        return torch.sigmoid(raw) if self.network_config.variant == "default" else raw
 
 
 def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
@@ -86,20 +86,20 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
     """
     content = read_checkpoint(checkpoint, MODEL)
     notes = content["hyper_parameters"]
-    form = MlpForm(notes["variant"], tuple(notes["hidden"]))
-    network = RescoringMlp(form)
+    network_config = MlpConfig(notes["variant"], tuple(notes["hidden"]))
+    network = RescoringMlp(network_config)
     try:
         network.load_state_dict(weights_of(content, "network"))
     except RuntimeError as error:
         raise ModelError(
-            checkpoint, expected=f"weights of {form}", found="those of another network"
+            checkpoint, expected=f"weights of {network_config}", found="those of another network"
         ) from error
     facts = {
         "kind": MODEL,
         "modalities": ",".join(MODALITIES),
-        "variant": form.variant,
-        "features": ",".join(FEATURES[form.variant]),
-        "hidden": ",".join(map(str, form.hidden)),
+        "variant": network_config.variant,
+        "features": ",".join(FEATURES[network_config.variant]),
+        "hidden": ",".join(map(str, network_config.hidden)),
         "calibration": content.get("calibration", str(Calibrations())),
         "optimiser": str(notes["optimiser"]),
         "training_data": str(notes["training_data"]),

@@ -5,15 +5,15 @@ from typing import Any, Literal
 
 import torch
 
-from train.fusion.levenberg_marquardt import Damping
-from train.fusion.mlp import MODEL, MlpForm, RescoringMlp
+from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
+from train.fusion.mlp import MODEL, MlpConfig, RescoringMlp
 from train.fusion.targets import FusionRows
 
 Optimiser = Literal["lm", "adamw"]
 
 
 @dataclass(frozen=True)
-class FusionPlan:
+class FusionTrainingConfig:
     """Which network is fitted, and how.
 
     Attributes:
@@ -30,9 +30,9 @@ class FusionPlan:
         revision: of the program, for the model file.
     """
 
-    form: MlpForm = field(default_factory=MlpForm)
+    network_config: MlpConfig = field(default_factory=MlpConfig)
     optimiser: Optimiser = "lm"
-    damping: Damping = field(default_factory=Damping)
+    damping: LevenbergMarquardtConfig = field(default_factory=LevenbergMarquardtConfig)
     checks: int = 6
     learning_rate: float = 0.01
     weight_decay: float = 0.1
@@ -45,14 +45,17 @@ class FusionPlan:
     @property
     def notes(self) -> dict[str, Any]:
         """What a checkpoint says of it."""
-        form = {"variant": self.form.variant, "hidden": list(self.form.hidden)}
+        network_config = {
+            "variant": self.network_config.variant,
+            "hidden": list(self.network_config.hidden),
+        }
         kept = ("optimiser", "seed", "training_data", "detectors", "revision")
-        return {"model": MODEL, **form, **{name: asdict(self)[name] for name in kept}}
+        return {"model": MODEL, **network_config, **{name: asdict(self)[name] for name in kept}}
 
     def first_network(self, training: FusionRows) -> RescoringMlp:
         """Return a network of random weights that knows the ranges of its inputs."""
         torch.manual_seed(self.seed)
-        network = RescoringMlp(self.form)
+        network = RescoringMlp(self.network_config)
         network.fit_inputs(training.features)
         return network
 

@@ -15,7 +15,7 @@ from torch.utils.data import DataLoader, Sampler, TensorDataset
 
 from perception.types import Int
 from train.fusion.mlp import RescoringMlp
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.targets import FusionRows
 from train.schedules import warm_cosine
 
@@ -25,11 +25,11 @@ WATCHED = "validation/explained"
 class FusionTraining(LightningModule):
     """One network and its descent by AdamW."""
 
-    def __init__(self, plan: FusionPlan, network: RescoringMlp) -> None:
+    def __init__(self, config: FusionTrainingConfig, network: RescoringMlp) -> None:
         """Take a network as it is."""
         super().__init__()
-        self.save_hyperparameters(plan.notes)
-        self.plan, self.network = plan, network
+        self.save_hyperparameters(config.notes)
+        self.config, self.network = config, network
 
     def training_step(self, batch: list[Tensor], batch_idx: int) -> Tensor:
         """Return the error of a batch."""
@@ -54,10 +54,10 @@ class FusionTraining(LightningModule):
         weights = [w for w in self.parameters() if w.ndim > 1]
         biases = [w for w in self.parameters() if w.ndim <= 1]
         groups = [
-            {"params": weights, "weight_decay": self.plan.weight_decay},
+            {"params": weights, "weight_decay": self.config.weight_decay},
             {"params": biases, "weight_decay": 0.0},
         ]
-        descent = AdamW(groups, lr=self.plan.learning_rate)
+        descent = AdamW(groups, lr=self.config.learning_rate)
         steps = int(self.trainer.estimated_stepping_batches)
         rate = LambdaLR(descent, partial(warm_cosine, steps=steps))
         return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
@@ -87,9 +87,9 @@ class ShuffledRows(Sampler[Int]):
 class FusionBatches(LightningDataModule):
     """Combinations in batches; what was kept back is one."""
 
-    def __init__(self, sets: FusionSets, plan: FusionPlan) -> None:
+    def __init__(self, sets: FusionSets, config: FusionTrainingConfig) -> None:
         super().__init__()
-        self._sets, self._plan = sets, plan
+        self._sets, self._plan = sets, config
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Return what is learned from, in a new order each time."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.whole_steps import lowest
 
 Hidden = tuple[int, ...]
@@ -32,12 +32,15 @@ def hidden_sizes(one: Sequence[int], two: Sequence[int]) -> list[Hidden]:
 
 
 def sweep(
-    sets: FusionSets, plan: FusionPlan, sizes: Sequence[Hidden], progress: Progress = iter
+    sets: FusionSets,
+    config: FusionTrainingConfig,
+    sizes: Sequence[Hidden],
+    progress: Progress = iter,
 ) -> list[SweptSize]:
     """Fit a network of each size by Levenberg-Marquardt, all from the same seed."""
     swept = []
     for hidden in progress(sizes):
-        sized = replace(plan, form=replace(plan.form, hidden=hidden))
+        sized = replace(config, network_config=replace(config.network_config, hidden=hidden))
         best = lowest(sets, sized)
         swept.append(SweptSize(hidden, best.training, best.validation))
     return swept

@@ -8,7 +8,7 @@ import numpy as np
 from data.detections.detected_frames import DetectedFrames
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant, tri_box_features
-from perception.detection.fusion.rescoring import RULES
+from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -103,7 +103,7 @@ def _rows_of(frames: DetectedFrames, variant: Variant, weight: float) -> Sequenc
 def _scene_rows(
     scene: DetectedScene, truth: TrueBoxes, variant: Variant, weight: float
 ) -> FusionRows:
-    rows = tri_boxes(scene, RULES[variant])
+    rows = tri_boxes(scene, TRI_BOX_CONFIGS[variant])
     places = scene.merged.places(rows)
     is_seen = places >= 0
     targets = box_targets(scene, truth)

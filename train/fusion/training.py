@@ -20,11 +20,11 @@ from train.checkpoint_writer import require_same_network
 from train.checkpoints import read_checkpoint
 from train.fusion.mlp import MODEL
 from train.fusion.mlp_squares import MlpSquares
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.small_steps import FusionBatches, FusionTraining
 from train.fusion.whole_steps import Descent, lowest
 from train.progress import step_bar
-from train.trainer import BEST, LAST, TrainerPlan, fit, make_trainer
+from train.trainer import BEST, LAST, TrainerConfig, fit, make_trainer
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class FittedFusion:
 
 def fit_fusion(
     sets: FusionSets,
-    plan: FusionPlan,
+    config: FusionTrainingConfig,
     out: Path,
-    trainer: TrainerPlan,
+    trainer: TrainerConfig,
     resume: Path | None = None,
 ) -> FittedFusion:
     """Fit a network in a folder; how long and on what is asked of adamw only.
@@ -63,13 +63,13 @@ def fit_fusion(
     Raises:
         ModelError: the checkpoint is damaged, or of another network or way to fit.
     """
-    torch.manual_seed(plan.seed)
-    module = FusionTraining(plan, plan.first_network(sets.training))
+    torch.manual_seed(config.seed)
+    module = FusionTraining(config, config.first_network(sets.training))
     if resume is not None:
         _require_same_fit(resume, module)
-    if plan.optimiser == "lm":
-        return _by_whole_steps(sets, plan, out, resume)
-    fit(make_trainer(out, trainer, []), module, FusionBatches(sets, plan), resume)
+    if config.optimiser == "lm":
+        return _by_whole_steps(sets, config, out, resume)
+    fit(make_trainer(out, trainer, []), module, FusionBatches(sets, config), resume)
     content = read_checkpoint(out / BEST, MODEL)
     module.load_state_dict(content["state_dict"])
     errors = [MlpSquares(module.network, rows) for rows in (sets.training, sets.validation)]
@@ -83,14 +83,14 @@ def note_calibrations(checkpoint: Path, calibrations: Calibrations) -> None:
 
 
 def _by_whole_steps(
-    sets: FusionSets, plan: FusionPlan, out: Path, resume: Path | None
+    sets: FusionSets, config: FusionTrainingConfig, out: Path, resume: Path | None
 ) -> FittedFusion:
-    problem = MlpSquares(plan.first_network(sets.training), sets.training)
+    problem = MlpSquares(config.first_network(sets.training), sets.training)
 
     def content(parameters: Float64, step: int) -> dict[str, Any]:
         weights = problem.network_of(parameters).state_dict()
         state = {f"network.{name}": weight for name, weight in weights.items()}
-        return {"state_dict": state, "hyper_parameters": plan.notes, "epoch": step}
+        return {"state_dict": state, "hyper_parameters": config.notes, "epoch": step}
 
     def keep(descent: Descent, validation: float) -> None:
         last, best = descent.last, descent.best
@@ -113,8 +113,8 @@ def _by_whole_steps(
         begun = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
         _write(out / BEST, content(begun.best.parameters, begun.best.step))
     first = 0 if begun is None else begun.last.number
-    with SummaryWriter(str(out)) as writer, step_bar(plan.damping.max_steps, first) as bar:
-        best = lowest(sets, plan, keep, begun)
+    with SummaryWriter(str(out)) as writer, step_bar(config.damping.max_steps, first) as bar:
+        best = lowest(sets, config, keep, begun)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
 
@@ -123,10 +123,10 @@ def _require_same_fit(checkpoint: Path, module: FusionTraining) -> None:
     require_same_network(checkpoint, module)
     content = read_checkpoint(checkpoint, MODEL)
     states = {"lm": "descent", "adamw": "optimizer_states"}
-    if states[module.plan.optimiser] not in content:
+    if states[module.config.optimiser] not in content:
         raise ModelError(
             checkpoint,
-            expected=f"a checkpoint to go on from by {module.plan.optimiser}",
+            expected=f"a checkpoint to go on from by {module.config.optimiser}",
             found=f"one by {content['hyper_parameters']['optimiser']} without its state",
             advice="go on from last.ckpt with the options that it was made with",
         )

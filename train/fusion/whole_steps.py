@@ -10,7 +10,7 @@ from perception.geometry.threads import one_blas_thread
 from perception.types import Float64
 from train.fusion.levenberg_marquardt import Step, descend
 from train.fusion.mlp_squares import MlpSquares
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Descent:
 
 def lowest(
     sets: FusionSets,
-    plan: FusionPlan,
+    config: FusionTrainingConfig,
     watch: Callable[[Descent, float], None] | None = None,
     begun: Descent | None = None,
 ) -> Lowest:
@@ -62,10 +62,10 @@ def lowest(
         watch: is told of each step and of its error on what was kept back.
         begun: a descent to go on with, from its last step.
     """
-    network = plan.first_network(sets.training)
+    network = config.first_network(sets.training)
     problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
     best = None if begun is None else begun.best
-    start, damping, first = problem.start, plan.damping, 0
+    start, damping, first = problem.start, config.damping, 0
     if begun is not None:
         start, first = begun.last.parameters, begun.last.number
         damping = replace(damping, first=begun.last.damping)
@@ -76,7 +76,7 @@ def lowest(
                 best = Lowest(step.number, step.parameters, step.mean_square, error)
             if watch is not None:
                 watch(Descent(step, best), error)
-            if step.number - best.step >= plan.checks:
+            if step.number - best.step >= config.checks:
                 break
     assert best is not None  # the start is one
     return best

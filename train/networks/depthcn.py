@@ -175,7 +175,7 @@ def _block(
 
 
 @dataclass(frozen=True)
-class VerifierForm:
+class VerifierInputConfig:
     """What one of the networks looks at.
 
     Attributes:
@@ -187,9 +187,9 @@ class VerifierForm:
     window: WindowKind
 
 
-FORMS: dict[Method, VerifierForm] = {
-    "default": VerifierForm(CHANNELS, "metric"),
-    "thesis": VerifierForm(CHANNELS[:1], "box"),
+VERIFIER_INPUTS: dict[Method, VerifierInputConfig] = {
+    "default": VerifierInputConfig(CHANNELS, "metric"),
+    "thesis": VerifierInputConfig(CHANNELS[:1], "box"),
 }
 
 
@@ -217,12 +217,12 @@ def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
 
 def _notes(noted: dict[str, object]) -> dict[str, str]:
     method: Method = "thesis" if noted["method"] == "thesis" else "default"
-    form = FORMS[method]
+    input_config = VERIFIER_INPUTS[method]
     kept = {"training_data": "unknown", "revision": "unknown"}
     kept |= {name: str(noted[name]) for name in kept if name in noted}
     looks = {
         "method": method,
-        "window": form.window,
-        "channels": ",".join(form.channels),
+        "window": input_config.window,
+        "channels": ",".join(input_config.channels),
     }
     return kept | dict(CONTRACT.facts) | looks

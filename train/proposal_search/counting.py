@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
-from perception.detection.depthcn.proposals import ProposalRules, box, cut
+from perception.detection.depthcn.proposals import ProposalConfig, box, cut
 from perception.detection.depthcn.standing import find_standing
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_reached
@@ -30,7 +30,7 @@ class Part:
 
     chunk: int
     frames: FrameSet
-    rules: tuple[ProposalRules, ...]
+    rules: tuple[ProposalConfig, ...]
     method: Method
     of_class: str
     overlaps: tuple[float, ...]
@@ -50,7 +50,7 @@ class Count:
         proposals: of all frames together.
     """
 
-    rules: ProposalRules
+    rules: ProposalConfig
     frames: int
     unread: int
     objects: int
@@ -114,5 +114,5 @@ def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
         yield Count(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
 
 
-def _nothing(rules: ProposalRules, part: Part) -> Count:
+def _nothing(rules: ProposalConfig, part: Part) -> Count:
     return Count(rules, 0, 0, 0, (0,) * len(part.overlaps), 0)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import product
 
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import UsageError
 
 
@@ -38,14 +38,14 @@ class SearchGrid:
         """Return how many settings there are."""
         return len(self.rules())
 
-    def rules(self) -> list[ProposalRules]:
+    def rules(self) -> list[ProposalConfig]:
         """Return every combination; those that share their ground removal lie together."""
         return [rules for ground in self.grounds() for rules in ground]
 
-    def grounds(self) -> Iterator[list[ProposalRules]]:
+    def grounds(self) -> Iterator[list[ProposalConfig]]:
         """Yield the combinations that share their ground removal: one cell, one least variance."""
         for cell_m, variance_m2 in product(self.cell_m, self.least_variance_m2):
             yield [
-                ProposalRules(cell_m, variance_m2, points, radius_m)
+                ProposalConfig(cell_m, variance_m2, points, radius_m)
                 for points, radius_m in product(self.min_points, self.radius_m)
             ]

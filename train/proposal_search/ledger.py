@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from data.whole_file import write_whole
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import UsageError
 from train.proposal_search.counting import Count, Part
 
-Key = tuple[int, ProposalRules]
+Key = tuple[int, ProposalConfig]
 
 
 class Ledger:
@@ -78,7 +78,7 @@ class Ledger:
         try:
             chunk = int(row["chunk"])
             count = Count(
-                rules=ProposalRules(**row["rules"]),
+                rules=ProposalConfig(**row["rules"]),
                 reached=tuple(map(int, row["reached"])),
                 **{name: int(row[name]) for name in ("frames", "unread", "objects", "proposals")},
             )

@@ -9,13 +9,13 @@ from data.drive import Labels
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
-from perception.detection.depthcn.proposals import ProposalRules, propose
+from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
 from perception.types import Detections, Frame, Method
 from train.proposal_search.counting import read_or_skip
-from train.proposal_search.search import SearchPlan
+from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet
 from train.proposal_search.workers import run_parts
 
@@ -32,7 +32,7 @@ class Setting:
         method: default or thesis.
     """
 
-    rules: ProposalRules = field(default_factory=ProposalRules)
+    rules: ProposalConfig = field(default_factory=ProposalConfig)
     method: Method = "default"
 
 
@@ -69,7 +69,7 @@ class Candidates:
 
 
 def measure_recall(
-    plan: SearchPlan,
+    config: SearchConfig,
     settings: Sequence[Setting],
     order: ProposalOrder,
     workers: int = 1,
@@ -81,8 +81,8 @@ def measure_recall(
         PerceptionError: a frame cannot be read.
     """
     gatherings = [
-        Gathering(chunk, frames, tuple(settings), order, plan.on_bad_frame)
-        for chunk, frames in enumerate(plan.survey.chunks(plan.chunk_frames))
+        Gathering(chunk, frames, tuple(settings), order, config.on_bad_frame)
+        for chunk, frames in enumerate(config.survey.chunks(config.chunk_frames))
     ]
     gathered = progress(run_parts(gather, gatherings, workers), len(gatherings))
     by_chunk = {gathering.chunk: frames for gathering, frames in gathered}
@@ -93,8 +93,8 @@ def measure_recall(
             truths,
             DetectedBoxes.of_frames([frame.proposals[number] for frame in frames]),
             len(frames),
-            plan.survey.of_class,
-            plan.overlaps,
+            config.survey.of_class,
+            config.overlaps,
         )
         for number in range(len(settings))
     ]

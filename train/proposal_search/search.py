@@ -10,7 +10,7 @@ from typing import Any
 from data.frames import OnBadFrame
 from perception import __version__
 from perception.errors import LabelError, UsageError
-from perception.evaluation.detection.proposal_recall import OVERLAPS, require_iou
+from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS, require_iou
 from perception.types import Method
 from train.proposal_search.counting import Count, Part, count_part
 from train.proposal_search.grid import SearchGrid
@@ -23,7 +23,7 @@ SearchProgress = Callable[[Finished, int, int], Finished]
 
 
 @dataclass(frozen=True)
-class SearchPlan:
+class SearchConfig:
     """What is tried, and how.
 
     Attributes:
@@ -38,7 +38,7 @@ class SearchPlan:
     survey: Survey
     grid: SearchGrid = field(default_factory=SearchGrid)
     method: Method = "default"
-    overlaps: tuple[float, ...] = OVERLAPS
+    overlaps: tuple[float, ...] = IOU_THRESHOLDS
     chunk_frames: int = 10
     on_bad_frame: OnBadFrame = "stop"
 
@@ -88,7 +88,7 @@ class SearchPlan:
 
 
 def search(
-    plan: SearchPlan,
+    config: SearchConfig,
     ledger: Path,
     workers: int = 1,
     progress: SearchProgress = lambda finished, done, parts: finished,
@@ -107,21 +107,21 @@ def search(
     Raises:
         PerceptionError: a frame cannot be read, or the ledger is of another search.
     """
-    counts = Ledger(ledger, plan.identity())
-    parts = plan.parts()
+    counts = Ledger(ledger, config.identity())
+    parts = config.parts()
     missing = [part for part in parts if not counts.holds(part)]
     finished = run_parts(count_part, missing, workers)
     for part, of_part in progress(finished, len(parts) - len(missing), len(parts)):
         counts.add(part.chunk, of_part)
-    chunks = range(len(plan.survey.chunks(plan.chunk_frames)))
+    chunks = range(len(config.survey.chunks(config.chunk_frames)))
     sums = [
         reduce(add, (counts.counts[chunk, rules] for chunk in chunks))
-        for rules in plan.grid.rules()
+        for rules in config.grid.rules()
     ]
     if not sums[0].objects:
         raise LabelError(
-            f"{plan.survey.frames} frames",
-            expected=f"{plan.survey.of_class} labels in those that can be read",
+            f"{config.survey.frames} frames",
+            expected=f"{config.survey.of_class} labels in those that can be read",
             found=f"none, as {sums[0].unread} frames cannot be read",
         )
     return sorted(sums, key=_worth)

@@ -13,10 +13,10 @@ from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.module import CandidateData
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
-from train.trainer import BEST, TrainerPlan, fit, make_trainer
+from train.trainer import BEST, TrainerConfig, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
 from train.verifier.pictures import VerifierPictures
-from train.verifier.training import VerifierPlan, VerifierTraining
+from train.verifier.training import VerifierTraining, VerifierTrainingConfig
 
 _SHOWN_SAMPLES = 8
 _JUDGED_AT_ONCE = 256
@@ -45,8 +45,8 @@ class TrainedVerifier:
 
 def train_verifier(
     data: CandidateData,
-    plan: VerifierPlan,
-    trainer_plan: TrainerPlan,
+    config: VerifierTrainingConfig,
+    trainer_config: TrainerConfig,
     out: Path,
     resume: Path | None = None,
 ) -> TrainedVerifier | None:
@@ -55,16 +55,16 @@ def train_verifier(
     Args:
         data: candidates.
         plan: which network, and how it descends.
-        trainer_plan: how long and on what.
+        trainer_config: how long and on what.
         out: the folder.
         resume: a checkpoint to go on from.
     """
-    torch.manual_seed(trainer_plan.seed)
-    module = VerifierTraining(plan)
+    torch.manual_seed(trainer_config.seed)
+    module = VerifierTraining(config)
     pictures = VerifierPictures(lambda: _augmentations(data))
-    trainer: Trainer = make_trainer(out, trainer_plan, [pictures])
+    trainer: Trainer = make_trainer(out, trainer_config, [pictures])
     fit(trainer, module, data, resume)
-    if trainer_plan.is_trial or not trainer.is_global_zero:
+    if trainer_config.is_trial or not trainer.is_global_zero:
         return None
     return _judge_best(data, out / BEST)
 

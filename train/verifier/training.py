@@ -21,7 +21,7 @@ Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, box_share
 
 
 @dataclass(frozen=True)
-class VerifierPlan:
+class VerifierTrainingConfig:
     """How a network is trained, by stochastic gradient descent.
 
     Attributes:
@@ -46,9 +46,11 @@ class VerifierPlan:
 
 
 # The thesis' own figures: 7.2.1, the rate and its steps and L2 from the author's code.
-PLANS: dict[Method, VerifierPlan] = {
-    "default": VerifierPlan(),
-    "thesis": VerifierPlan("thesis", 0.001, "stepped", weight_decay=0.004, box_weight=0.0),
+VERIFIER_CONFIGS: dict[Method, VerifierTrainingConfig] = {
+    "default": VerifierTrainingConfig(),
+    "thesis": VerifierTrainingConfig(
+        "thesis", 0.001, "stepped", weight_decay=0.004, box_weight=0.0
+    ),
 }
 _EPOCHS_A_STAGE = 8
 
@@ -56,12 +58,12 @@ _EPOCHS_A_STAGE = 8
 class VerifierTraining(LightningModule):
     """One network, its loss, its descent, and the figures by which it is followed."""
 
-    def __init__(self, plan: VerifierPlan) -> None:
+    def __init__(self, config: VerifierTrainingConfig) -> None:
         """Make the network anew."""
         super().__init__()
-        self.save_hyperparameters({"model": MODEL} | asdict(plan))
-        self.plan = plan
-        self.network = make_verifier(plan.method)
+        self.save_hyperparameters({"model": MODEL} | asdict(config))
+        self.config = config
+        self.network = make_verifier(config.method)
         self.training_metrics, self.validation_metrics = VerifierMetrics(), VerifierMetrics()
 
     def on_fit_start(self) -> None:
@@ -103,10 +105,10 @@ class VerifierTraining(LightningModule):
         losses = {
             "class_loss": functional.binary_cross_entropy_with_logits(logits, is_vehicle.float())
         }
-        if self.plan.box_weight:
+        if self.config.box_weight:
             has_box = is_vehicle.bool() & batch["box_share"].isfinite().all(1)
             losses["box_loss"] = box_loss(shares[has_box], batch["box_share"][has_box])
-        loss = losses["class_loss"] + self.plan.box_weight * losses.get("box_loss", 0.0)
+        loss = losses["class_loss"] + self.config.box_weight * losses.get("box_loss", 0.0)
         named = {f"{stage}/{name}": value for name, value in {"loss": loss, **losses}.items()}
         self.log_dict(
             named,
@@ -132,16 +134,16 @@ class VerifierTraining(LightningModule):
         kept = [weight for weight in self.parameters() if weight.ndim > 1]
         free = [weight for weight in self.parameters() if weight.ndim <= 1]
         groups = [
-            {"params": kept, "weight_decay": self.plan.weight_decay},
+            {"params": kept, "weight_decay": self.config.weight_decay},
             {"params": free, "weight_decay": 0.0},
         ]
-        descent = SGD(groups, lr=self.plan.learning_rate, momentum=self.plan.momentum)
+        descent = SGD(groups, lr=self.config.learning_rate, momentum=self.config.momentum)
         rate = LambdaLR(descent, self._rate())
         return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
 
     def _rate(self) -> Callable[[int], float]:
         steps = int(self.trainer.estimated_stepping_batches)
-        if self.plan.schedule == "stepped":
+        if self.config.schedule == "stepped":
             epochs = self.trainer.max_epochs or 1
             return partial(stepped, steps_a_stage=_EPOCHS_A_STAGE * max(steps // epochs, 1))
         return partial(warm_cosine, steps=steps)

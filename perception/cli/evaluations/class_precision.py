@@ -9,7 +9,7 @@ import numpy as np
 from data.kitti.detection_rows import DetectionSet
 from perception.cli.evaluations.detection import (
     DETECTION_PROTOCOL,
-    Resampling,
+    BootstrapConfig,
     measure_detections,
 )
 from perception.cli.evaluations.detection_figures import (
@@ -37,7 +37,7 @@ PROTOCOL_WORDS = {
 
 
 @dataclass(frozen=True)
-class MeasureRules:
+class MetricConfig:
     """How detections are measured.
 
     Attributes:
@@ -46,9 +46,9 @@ class MeasureRules:
         resampling: which gives intervals.
     """
 
-    overlaps: tuple[float, ...] = (0.7, 0.5)
-    averaged: RecallPoints = 40
-    resampling: Resampling = field(default_factory=Resampling)
+    iou_thresholds: tuple[float, ...] = (0.7, 0.5)
+    recall_points: RecallPoints = 40
+    resampling: BootstrapConfig = field(default_factory=BootstrapConfig)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class ClassPrecision:
 
     @classmethod
     def of(
-        cls, found: DetectionSet, of_class: DetectionClass, rules: MeasureRules
+        cls, found: DetectionSet, of_class: DetectionClass, config: MetricConfig
     ) -> "ClassPrecision":
         """Measure at every overlap."""
         frames = len(found.numbers)
@@ -76,16 +76,16 @@ class ClassPrecision:
             {one.name: count_objects(found.truths, frames, of_class, one) for one in DIFFICULTIES},
             {
                 iou: measure_detections(
-                    found, (of_class.at_iou(iou),), (rules.averaged,), rules.resampling
+                    found, (of_class.at_iou(iou),), (config.recall_points,), config.resampling
                 )
-                for iou in rules.overlaps
+                for iou in config.iou_thresholds
             },
         )
 
     @property
-    def averaged(self) -> RecallPoints:
+    def recall_points(self) -> RecallPoints:
         """Over how many points precision is averaged."""
-        return next(iter(self.reports.values())).averaged[0]
+        return next(iter(self.reports.values())).recall_points[0]
 
     def curve(self, iou: float, difficulty: str) -> PrecisionCurve | None:
         """Return the curve, or None where nothing was detected."""
@@ -96,14 +96,14 @@ class ClassPrecision:
         if not self.objects[difficulty]:
             return float("nan")
         curve = self.curve(iou, difficulty)
-        return curve.ap(self.averaged) if curve else 0.0
+        return curve.ap(self.recall_points) if curve else 0.0
 
     def samples(self, iou: float, difficulty: str) -> Float64:
         """Return (N,) averages over the choices of frames that were asked for; NaN without an object."""
         report = self.reports[iou]
         if not report.samples or difficulty not in report.samples[0]:
             return np.zeros(0)
-        return report.samples[0][difficulty].percent[self.averaged]
+        return report.samples[0][difficulty].percent[self.recall_points]
 
     def interval(self, iou: float, difficulty: str) -> Interval:
         """Return between which averages most choices of frames lie; NaN where that is not known."""
@@ -120,9 +120,9 @@ class ClassPrecision:
                     f"{iou:g}",
                     objects,
                     percent(curve.matches, curve.truths) if curve else None,
-                    f"{curve.ap(self.averaged):.2f}" if curve and curve.truths else None,
+                    f"{curve.ap(self.recall_points):.2f}" if curve and curve.truths else None,
                     *([interval_cell(self.interval(iou, difficulty))] if report.samples else []),
-                    f"{best_ap(objects, self.averaged):.1f}" if objects else None,
+                    f"{best_ap(objects, self.recall_points):.1f}" if objects else None,
                 ]
 
     def to_json(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class ClassPrecision:
         return {
             one.name: {
                 "objects": self.objects[one.name],
-                "at_most_percent": best_ap(self.objects[one.name], self.averaged),
+                "at_most_percent": best_ap(self.objects[one.name], self.recall_points),
                 "detections": found.get(one.name),
             }
             for one in DIFFICULTIES
@@ -159,7 +159,7 @@ def precision_header(measured: ClassPrecision, *facts: str) -> list[str]:
         "IoU",
         "objects",
         "found",
-        f"AP R{measured.averaged} %",
+        f"AP R{measured.recall_points} %",
         *interval,
         "of at most",
     ]

@@ -12,7 +12,7 @@ from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_measured
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
-from perception.evaluation.multi_object.moving_scene import MovingObjectRule
+from perception.evaluation.multi_object.moving_scene import MovingObjectConfig
 from perception.pipeline import PipelineConfig
 
 
@@ -45,8 +45,8 @@ def datmo(  # noqa: PLR0913 - flags of a command
         min_points: that an object's box must hold to count.
         json: gets the same figures with protocol, data and configuration.
     """
-    chosen = _methods_named(methods)
-    protocol = DatmoProtocol(rule=MovingObjectRule(min_points=min_points), view=view)
+    chosen = _parse_methods(methods)
+    protocol = DatmoProtocol(targets=MovingObjectConfig(min_points=min_points), view=view)
     drive = open_measured(root, sequence, sensor, frames)
     run = DriveRun(drive, PipelineConfig.for_motion("none"), frames, on_bad_frame)
     steps = datmo_steps(drive, run.config, chosen, limit=frames, on_bad_frame=on_bad_frame)
@@ -58,7 +58,7 @@ def datmo(  # noqa: PLR0913 - flags of a command
         run.write(json, evaluated, Evaluation("datmo", words, datmo_results(reports)))
 
 
-def _methods_named(words: str) -> tuple[DatmoMethod, ...]:
+def _parse_methods(words: str) -> tuple[DatmoMethod, ...]:
     known = [method for method in get_args(DatmoMethod) if method != "none"]
     chosen = [word.strip() for word in words.split(",")]
     if not set(chosen) <= set(known) or len(set(chosen)) < len(chosen):

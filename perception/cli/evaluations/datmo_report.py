@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from data.derived.motion_labels import MotionThresholds
+from data.derived.motion_labels import MotionLabelConfig
 from data.derived.moving_truth import MovingTruth, View, moving_truth
 from data.drive import Drive
 from perception.evaluation.multi_object.false_tracks import (
@@ -23,7 +23,7 @@ from perception.evaluation.multi_object.followed import (
     track_errors,
 )
 from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
-from perception.evaluation.multi_object.moving_scene import MovingObjectRule, MovingScene
+from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.types import Float64, Frame, Result, Tracks
 
@@ -81,8 +81,8 @@ class DatmoProtocol:
         loose_overlap_threshold: another of the overlap, for boxes that hold what was seen of an object.
     """
 
-    rule: MovingObjectRule = field(default_factory=MovingObjectRule)
-    motion: MotionThresholds = field(default_factory=MotionThresholds)
+    targets: MovingObjectConfig = field(default_factory=MovingObjectConfig)
+    motion: MotionLabelConfig = field(default_factory=MotionLabelConfig)
     view: View = "camera"
     distance_threshold: float = 0.5
     overlap_threshold: float = 0.5
@@ -185,7 +185,7 @@ def compare_datmo(
     truth = moving_truth(drive, protocol.view, protocol.motion)
     judges = {method: _Judge(protocol) for method in methods}
     for step in steps:
-        scene = truth.scene(step.frame, protocol.rule.clearance_m)
+        scene = truth.scene(step.frame, protocol.targets.clearance_m)
         if scene is None:
             continue
         for method, judge_ in judges.items():
@@ -206,11 +206,11 @@ class _Judge:
 
     def see(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
         """Judge the tracks of the next frame."""
-        rule = self._protocol.rule
-        judgement = judge(scene, tracks, rule)
+        targets = self._protocol.targets
+        judgement = judge(scene, tracks, targets)
         self._stamps_s.append(frame.stamp_s)
         self._seconds.append(seconds)
-        self._judged.append(likeness_frames(scene, tracks, judgement, rule))
+        self._judged.append(likeness_frames(scene, tracks, judgement, targets))
         self._target_errors.append(target_errors(frame.stamp_s, scene, tracks, judgement))
         self._verdicts.append(verdicts(tracks, judgement))
 

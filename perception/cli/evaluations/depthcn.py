@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision, MeasureRules
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrecision, MetricConfig
 from perception.cli.evaluations.depthcn_figures import (
     DepthCnMetrics,
     depthcn_panels,
@@ -12,10 +12,10 @@ from perception.cli.evaluations.depthcn_figures import (
 )
 from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
 from perception.cli.evaluations.document import Evaluation, write_evaluation
-from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
-from perception.cli.evaluations.measure_flags import MeasureFlags
-from perception.cli.vehicle_detector import DetectorChoice
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
+from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
+from perception.cli.vehicle_detector import DepthCnConfig
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
@@ -34,10 +34,10 @@ def depthcn(
     *,
     method: Method = "default",
     model: Path | None = None,
-    rules: ProposalRules | None = None,
+    rules: ProposalConfig | None = None,
     plot: Path | None = None,
     json: Path | None = None,
-    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
+    **flags: Any,  # noqa: ANN401 - fields of DetectionEvaluationConfig
 ) -> None:
     """Detect cars by DepthCN in labelled drives and measure them by KITTI's 2D protocol.
 
@@ -52,23 +52,23 @@ def depthcn(
         rules: how proposals are found; --rules.radius_m 0.6 for one of them.
         plot: gets the precision-recall curves as PNG.
         json: gets the same figures with protocol, data and configuration.
-        flags: as MeasureFlags says.
+        flags: as DetectionEvaluationConfig says.
     """
-    asked = MeasureFlags(**flags)
-    reading, measuring = asked.reading, asked.measuring
-    choice = DetectorChoice(method, model, rules)
+    evaluation_config = DetectionEvaluationConfig(**flags)
+    reading, measuring = evaluation_config.reading, evaluation_config.measuring
+    detector_config = DepthCnConfig(method, model, rules)
     measured, facts = [], {}
-    for place in labelled_places(drives, reading.sequence):
-        drive = open_labelled(place, reading)
-        detector = choice.open(drive.sensor)
+    for source in drive_sources(drives, reading.sequence):
+        drive = open_labelled(source, reading)
+        detector = detector_config.open(drive.sensor)
         facts = dict(detector.facts)
-        found = find_cars(place.name, drive, detector, reading)
+        found = find_cars(source.name, drive, detector, reading)
         measured.append(measure_cars(found, measuring))
     print(depthcn_table(measured))
     if plot is not None:
         plot_precision(plot, f"DepthCN, {facts.get('method', 'default')}", depthcn_panels(measured))
     if json is not None:
-        configuration = {"detector": choice, "network": facts}
+        configuration = {"detector": detector_config, "network": facts}
         words = {**PROTOCOL_WORDS, **_OWN_WORDS}
         values = {"difficulties": DIFFICULTIES, **vars(measuring)}
         metrics = Evaluation("depthcn", {**words, "values": values}, depthcn_results(measured))
@@ -76,8 +76,10 @@ def depthcn(
         write_evaluation(json, [one.found.data for one in measured], configuration, metrics, split)
 
 
-def measure_cars(found: FoundCars, rules: MeasureRules) -> DepthCnMetrics:
+def measure_cars(found: FoundCars, rules: MetricConfig) -> DepthCnMetrics:
     """Measure detections at every overlap, and what their proposals reach."""
     frames = found.data.frames_evaluated
-    recall = proposal_recall(found.boxes.truths, found.proposals, frames, VEHICLE, rules.overlaps)
+    recall = proposal_recall(
+        found.boxes.truths, found.proposals, frames, VEHICLE, rules.iou_thresholds
+    )
     return DepthCnMetrics(found, ClassPrecision.of(found.boxes, _CAR, rules), recall)

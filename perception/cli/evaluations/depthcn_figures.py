@@ -76,7 +76,7 @@ def depthcn_table(measured: Sequence[DepthCnMetrics]) -> str:
         "data": "real",
         "frames": THESIS_FRAMES,
         "IoU": f"{_THESIS_IOU:g}",
-        f"AP R{measured[0].precision.averaged} %": f"{THESIS_EASY_PERCENT:.2f}",
+        f"AP R{measured[0].precision.recall_points} %": f"{THESIS_EASY_PERCENT:.2f}",
         "of at most": "100.0",
     }
     rows.append([thesis.get(column) for column in header])

@@ -6,7 +6,7 @@ import numpy as np
 
 from data.drive import Drive
 from data.kitti.detection_rows import DetectionSet
-from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingRules, see_drive
+from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingConfig, see_drive
 from perception.cli.vehicle_detector import Sighting, VehicleDetector
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.box_rows import DetectedBoxes
@@ -30,7 +30,9 @@ class FoundCars:
     seconds: Float64
 
 
-def find_cars(name: str, drive: Drive, detector: VehicleDetector, rules: ReadingRules) -> FoundCars:
+def find_cars(
+    name: str, drive: Drive, detector: VehicleDetector, config: ReadingConfig
+) -> FoundCars:
     """Detect in the frames of a drive, and put their labels beside.
 
     Args:
@@ -42,7 +44,7 @@ def find_cars(name: str, drive: Drive, detector: VehicleDetector, rules: Reading
     Raises:
         PerceptionError: a frame or its labels cannot be read or used, or no frame can.
     """
-    seen = see_drive(name, drive, lambda frame: _KeptSighting.of(detector.look(frame)), rules)
+    seen = see_drive(name, drive, lambda frame: _KeptSighting.of(detector.look(frame)), config)
     return FoundCars(
         data=seen.data,
         boxes=seen.beside([one.detections for one in seen.looks]),

@@ -84,7 +84,7 @@ def detection(  # noqa: PLR0913 - flags of a command
     chosen = tuple(_class_named(name, iou) for name in names)
     numbers = None if frames_list is None else read_frame_list(frames_list)
     found = read_detection_set(results, labels, numbers, frame_bar("reading"))
-    resampling = Resampling(bootstrap, seed)
+    resampling = BootstrapConfig(bootstrap, seed)
     report = measure_detections(found, chosen, _AVERAGED[recall_points], resampling)
     print(f"{_describe(results, found)}\n\n{detection_table(report)}")
     if plot is not None:
@@ -125,7 +125,7 @@ class DetectionsUsed:
 
 
 @dataclass(frozen=True)
-class Resampling:
+class BootstrapConfig:
     """How intervals are found.
 
     Attributes:
@@ -145,8 +145,8 @@ class Resampling:
 def measure_detections(
     found: DetectionSet,
     classes: tuple[DetectionClass, ...] = KITTI_CLASSES,
-    averaged: tuple[RecallPoints, ...] = (11, 40),
-    resampling: Resampling = Resampling(),
+    recall_points: tuple[RecallPoints, ...] = (11, 40),
+    resampling: BootstrapConfig = BootstrapConfig(),
 ) -> DetectionReport:
     """Match once, and measure all frames and what other choices of them would have given."""
     tallies = match_detections(found.truths, found.detections, len(found.numbers), classes)
@@ -155,10 +155,10 @@ def measure_detections(
         generator = np.random.default_rng(resampling.seed)
         shown = partial(bar, words="bootstrap", unit="choice", delay_s=2)
         samples = resample_precision(tallies, resampling.choices, generator, shown)
-    return DetectionReport(tallies.metrics(), samples, averaged)
+    return DetectionReport(tallies.metrics(), samples, recall_points)
 
 
-def _protocol(classes: tuple[DetectionClass, ...], resampling: Resampling) -> dict[str, Any]:
+def _protocol(classes: tuple[DetectionClass, ...], resampling: BootstrapConfig) -> dict[str, Any]:
     values = {
         "classes": classes,
         "difficulties": DIFFICULTIES,

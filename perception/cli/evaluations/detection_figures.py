@@ -26,7 +26,7 @@ class DetectionReport:
 
     metrics: DetectionMetrics
     samples: tuple[dict[str, PrecisionSamples], ...]
-    averaged: tuple[RecallPoints, ...]
+    recall_points: tuple[RecallPoints, ...]
 
     def rows(self) -> Iterator[tuple[ClassMetrics, str, PrecisionSamples | None]]:
         """Yield each class at each difficulty that has figures."""
@@ -38,7 +38,7 @@ class DetectionReport:
 
 def detection_table(report: DetectionReport) -> str:
     """Return one row for each class and difficulty, and what one has to know of them."""
-    averages = [name for points in report.averaged for name in _columns(report, points)]
+    averages = [name for points in report.recall_points for name in _columns(report, points)]
     header = ("", "IoU", "truths", "found", *averages)
     rows: list[list[Cell]] = []
     for metrics, difficulty, samples in report.rows():
@@ -63,7 +63,7 @@ def _columns(report: DetectionReport, points: RecallPoints) -> Iterator[str]:
 def _averages(
     report: DetectionReport, curve: PrecisionCurve, samples: PrecisionSamples | None
 ) -> Iterator[Cell]:
-    for points in report.averaged:
+    for points in report.recall_points:
         yield f"{curve.ap(points):.2f}"
         if samples is not None:
             interval = samples.interval(points, CONFIDENCE)
@@ -114,7 +114,7 @@ def _curve_results(
 ) -> dict[str, Any]:
     curve = metrics.curves[difficulty]
     results: dict[str, Any] = {}
-    for points in report.averaged:
+    for points in report.recall_points:
         results[f"ap_r{points}_percent"] = curve.ap(points)
         results[f"aos_r{points}_percent"] = curve.aos(points)
         if samples is not None:
@@ -124,7 +124,7 @@ def _curve_results(
 
 def detection_panels(report: DetectionReport) -> list[PrecisionPanel]:
     """Return what is drawn: one panel a class."""
-    points = report.averaged[-1]
+    points = report.recall_points[-1]
     return [
         PrecisionPanel(
             title=f"{metrics.of_class.name}, IoU over {metrics.of_class.iou:g}",

@@ -13,8 +13,8 @@ from perception.cli.evaluations.detector_figures import (
 from perception.cli.evaluations.detector_pictures import draw_worst
 from perception.cli.evaluations.detector_steps import classes_of, measure_detector, open_detector
 from perception.cli.evaluations.document import Evaluation, write_evaluation
-from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled
-from perception.cli.evaluations.measure_flags import MeasureFlags
+from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
+from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import plot_precision
@@ -30,7 +30,7 @@ def detector(  # noqa: PLR0913 - flags of a command
     worst: int = 12,
     plot: Path | None = None,
     json: Path | None = None,
-    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
+    **flags: Any,  # noqa: ANN401 - fields of DetectionEvaluationConfig
 ) -> None:
     """Detect by the network of one modality in labelled drives and measure it by KITTI's 2D protocol.
 
@@ -46,18 +46,18 @@ def detector(  # noqa: PLR0913 - flags of a command
         worst: how many of each drive and class are drawn.
         plot: gets the precision-recall curves as PNG.
         json: gets the same figures with protocol, data and configuration.
-        flags: as MeasureFlags says.
+        flags: as DetectionEvaluationConfig says.
     """
     if worst < 1:
         raise UsageError("--worst", expected="at least 1", found=str(worst))
-    asked = MeasureFlags(**flags)
-    reading, measuring = asked.reading, asked.measuring
+    evaluation_config = DetectionEvaluationConfig(**flags)
+    reading, measuring = evaluation_config.reading, evaluation_config.measuring
     network = open_detector(model)
     wanted = classes_of(network, classes)
     measured = []
-    for place in labelled_places(drives, reading.sequence):
-        drive = open_labelled(place, reading)
-        one = measure_detector(place.name, drive, network, wanted, reading, measuring)
+    for source in drive_sources(drives, reading.sequence):
+        drive = open_labelled(source, reading)
+        one = measure_detector(source.name, drive, network, wanted, reading, measuring)
         measured.append(one)
         if pictures is not None:
             draw_worst(pictures, drive, network, one, worst)

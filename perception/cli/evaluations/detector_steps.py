@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from data.drive import Drive
-from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
-from perception.cli.evaluations.labelled_drives import ReadingRules, SeenDrive, see_drive
+from perception.cli.evaluations.class_precision import ClassPrecision, MetricConfig
+from perception.cli.evaluations.labelled_drives import ReadingConfig, SeenDrive, see_drive
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.errors import UsageError
@@ -87,8 +87,8 @@ def measure_detector(
     drive: Drive,
     network: ModalityDetector,
     classes: tuple[DetectionClass, ...],
-    reading: ReadingRules,
-    measuring: MeasureRules,
+    reading: ReadingConfig,
+    measuring: MetricConfig,
 ) -> MeasuredDetector:
     """Detect in the frames of a drive and measure every class.
 

@@ -8,13 +8,13 @@ from typing import Any
 from data.array_store import ArrayStore
 from data.detections.gathering import MarkedLooker, detected_scene
 from data.drive import Drive
-from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MeasureRules
+from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MetricConfig
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
-from perception.cli.evaluations.labelled_drives import labelled_places, open_labelled, see_drive
-from perception.cli.evaluations.measure_flags import MeasureFlags
+from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled, see_drive
+from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
@@ -44,7 +44,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     plot: Path | None = None,
     reliability_plot: Path | None = None,
     json: Path | None = None,
-    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
+    **flags: Any,  # noqa: ANN401 - fields of DetectionEvaluationConfig
 ) -> None:
     """Measure three detectors alone, merged and fused, and with modalities lost (Table 7.10).
 
@@ -62,25 +62,25 @@ def fusion(  # noqa: PLR0913 - flags of a command
         plot: gets the precision-recall curves of the first drive as PNG, and those of Fig. 7.14.
         reliability_plot: gets how often detections of a score are right, as PNG.
         json: gets the same figures with protocol, data and configuration.
-        flags: as MeasureFlags says.
+        flags: as DetectionEvaluationConfig says.
     """
-    asked = MeasureFlags(bootstrap=bootstrap, **flags)
-    reading, measuring = asked.reading, asked.measuring
+    evaluation_config = DetectionEvaluationConfig(bootstrap=bootstrap, **flags)
+    reading, measuring = evaluation_config.reading, evaluation_config.measuring
     files = models or FusionFiles()
     detector = files.open_detectors()
     fusions = files.open_fusions(detector)
     marked, store = MarkedLooker(detector, files.mark()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
-    for place in labelled_places(drives, reading.sequence):
-        drive = open_labelled(place, reading)
-        seen = see_drive(place.name, drive, _SceneOfFrame(drive, marked, store), reading)
+    for source in drive_sources(drives, reading.sequence):
+        drive = open_labelled(source, reading)
+        seen = see_drive(source.name, drive, _SceneOfFrame(drive, marked, store), reading)
         measured.append(measure_fusion(seen, fusions, kitti_class(class_name), measuring))
         print(fusion_tables(measured[-1]))
     first = measured[0]
     if plot is not None:
         plot_precision(plot, f"{first.data.name} ({first.data.kind})", fusion_panels(first))
     if reliability_plot is not None:
-        title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.overlaps[0]:g}"
+        title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.iou_thresholds[0]:g}"
         plot_reliability(reliability_plot, title, first.reliability)
     if json is not None:
         facts = {str(name): one.facts for name, one in detector.detectors.items()}
@@ -92,7 +92,7 @@ def _write(
     path: Path,
     measured: Sequence[MeasuredFusion],
     configuration: Mapping[str, Any],
-    measuring: MeasureRules,
+    measuring: MetricConfig,
 ) -> None:
     """Write all figures with what they rest on."""
     values = {"difficulties": DIFFICULTIES, **asdict(measuring)}

@@ -31,10 +31,10 @@ _STEPS_AT = "moderate"
 
 def fusion_tables(measured: MeasuredFusion) -> str:
     """Return for each IoU the rows, what they gain, and what is left where a modality is lost; then notes."""
-    overlaps = next(iter(measured.rows.values())).reports
+    iou_thresholds = next(iter(measured.rows.values())).reports
     tables = [
         table
-        for iou in overlaps
+        for iou in iou_thresholds
         for table in (_rows_table(measured, iou), _losses_table(measured, iou))
     ]
     return "\n\n".join([*tables, "\n".join(_notes(measured))])
@@ -48,9 +48,9 @@ def _rows_table(measured: MeasuredFusion, iou: float) -> str:
     for name in _fused_names(measured):
         gains = [measured.gain(name, iou, level) for level in _LEVELS]
         rows.append([f"{name}, gain", *_gain_cells(gains), *_thesis_gains(name, iou)])
-    data, averaged = measured.data, next(iter(measured.rows.values())).averaged
+    data, recall_points = measured.data, next(iter(measured.rows.values())).recall_points
     title = (
-        f"{data.name} ({data.kind}, {data.frames_evaluated} frames): AP R{averaged} %, IoU over {iou:g}; "
+        f"{data.name} ({data.kind}, {data.frames_evaluated} frames): AP R{recall_points} %, IoU over {iou:g}; "
         "gain over the best modality"
     )
     header = ["", *_level_columns(), *(f"thesis {level}" for level in _LEVELS)]
@@ -100,7 +100,7 @@ def _perfect_cells(measured: MeasuredFusion) -> Iterator[Cell]:
     first = next(iter(measured.rows.values()))
     for level in _LEVELS:
         objects = first.objects[level]
-        yield f"{best_ap(objects, first.averaged):.2f}" if objects else None
+        yield f"{best_ap(objects, first.recall_points):.2f}" if objects else None
         yield None
 
 
@@ -131,7 +131,7 @@ def _notes(measured: MeasuredFusion) -> Iterator[str]:
 
 def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
     """Return all figures for programs."""
-    overlaps = next(iter(measured.rows.values())).reports
+    iou_thresholds = next(iter(measured.rows.values())).reports
     return {
         "data": measured.data.kind,
         "frames": measured.data.frames_evaluated,
@@ -139,7 +139,7 @@ def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
         "gain_points": {
             name: {
                 f"{iou:g}": {level: measured.gain(name, iou, level) for level in _LEVELS}
-                for iou in overlaps
+                for iou in iou_thresholds
             }
             for name in _fused_names(measured)
         },
@@ -148,7 +148,7 @@ def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
                 "iou": one.to_json(),
                 "gain_points": {
                     f"{iou:g}": {level: measured.left_gain(left, iou, level) for level in _LEVELS}
-                    for iou in overlaps
+                    for iou in iou_thresholds
                 },
             }
             for left, one in measured.losses.items()

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.cli.evaluations.class_precision import ClassPrecision, MeasureRules
-from perception.cli.evaluations.detection import Resampling
+from perception.cli.evaluations.class_precision import ClassPrecision, MetricConfig
+from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.evaluations.detection_figures import CONFIDENCE
 from perception.cli.evaluations.fusion_steps import (
     MODALITY_NAMES,
@@ -78,20 +78,20 @@ def measure_fusion(
     seen: SeenDrive[DetectedScene],
     fusions: Mapping[Variant, Fusion],
     of_class: DetectionClass,
-    rules: MeasureRules,
+    config: MetricConfig,
 ) -> MeasuredFusion:
     """Measure every row on the same detections."""
     ours = fusions["default"]
-    without_intervals = replace(rules, resampling=Resampling())
+    without_intervals = replace(config, resampling=BootstrapConfig())
     detections = dict(table_rows(seen, fusions))
     boxes = {name: seen.beside(of_row) for name, of_row in detections.items()}
-    frames, judged = len(seen.looks), of_class.at_iou(rules.overlaps[0])
+    frames, judged = len(seen.looks), of_class.at_iou(config.iou_thresholds[0])
     return MeasuredFusion(
         data=seen.data,
         modalities=modalities_of(seen),
-        rows={name: ClassPrecision.of(found, of_class, rules) for name, found in boxes.items()},
+        rows={name: ClassPrecision.of(found, of_class, config) for name, found in boxes.items()},
         losses={
-            left: ClassPrecision.of(seen.beside(of_row), of_class, rules)
+            left: ClassPrecision.of(seen.beside(of_row), of_class, config)
             for left, of_row in loss_rows(seen, ours)
         },
         steps={

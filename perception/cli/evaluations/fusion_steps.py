@@ -6,7 +6,7 @@ from itertools import combinations
 from pathlib import Path
 
 from perception.cli.evaluations.labelled_drives import SeenDrive
-from perception.cli.training.fusion_data import DetectorFiles
+from perception.cli.training.fusion_data import DetectorModelPaths
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
 from perception.detection.fusion.detected_scene import DetectedScene
@@ -30,7 +30,7 @@ Fuse = Callable[[DetectedScene], Detections]
 
 
 @dataclass(frozen=True)
-class FusionFiles(DetectorFiles):
+class FusionFiles(DetectorModelPaths):
     """Networks in the place of those that ship.
 
     Attributes:

@@ -68,7 +68,7 @@ class SeenDrive(Generic[Look]):
 
 
 @dataclass(frozen=True)
-class LabelledPlace:
+class DriveSource:
     """Where a drive lies.
 
     Attributes:
@@ -83,7 +83,7 @@ class LabelledPlace:
 
 
 @dataclass(frozen=True)
-class ReadingRules:
+class ReadingConfig:
     """How drives are read.
 
     Attributes:
@@ -105,7 +105,7 @@ class ReadingRules:
         require_positive("--frames", self.frames)
 
 
-def labelled_places(paths: Sequence[Path], sequence: str | None) -> Iterator[LabelledPlace]:
+def drive_sources(paths: Sequence[Path], sequence: str | None) -> Iterator[DriveSource]:
     """Name every drive of every path; a sequence is asked of those that have several.
 
     Raises:
@@ -117,20 +117,20 @@ def labelled_places(paths: Sequence[Path], sequence: str | None) -> Iterator[Lab
         names = sequences_in(path)
         if names == [None] or sequence is not None:
             asked = sequence if names != [None] or len(paths) == 1 else None
-            yield LabelledPlace(" ".join(filter(None, (str(path), asked))), path, asked)
+            yield DriveSource(" ".join(filter(None, (str(path), asked))), path, asked)
             continue
         for name in names:
-            yield LabelledPlace(f"{path} {name}", path, name)
+            yield DriveSource(f"{path} {name}", path, name)
 
 
-def open_labelled(place: LabelledPlace, rules: ReadingRules) -> Drive:
+def open_labelled(source: DriveSource, config: ReadingConfig) -> Drive:
     """Open a drive that has labelled boxes.
 
     Raises:
         DriveError: it has none.
     """
     drive = open_drive(
-        place.path, sequence=place.sequence, sensor=rules.sensor, images=rules.images
+        source.path, sequence=source.sequence, sensor=config.sensor, images=config.images
     )
     if not drive.has_labels:
         raise DriveError(
@@ -143,7 +143,7 @@ def open_labelled(place: LabelledPlace, rules: ReadingRules) -> Drive:
 
 
 def see_drive(
-    name: str, drive: Drive, look: Callable[[Frame], Look], rules: ReadingRules
+    name: str, drive: Drive, look: Callable[[Frame], Look], config: ReadingConfig
 ) -> SeenDrive[Look]:
     """Look at the frames of a drive, and put their labels beside.
 
@@ -159,7 +159,7 @@ def see_drive(
     indices: list[int] = []
     labels: list[Labels] = []
     seen: list[Look] = []
-    for frame, one in looks(drive, look, limit=rules.frames, on_bad_frame=rules.on_bad_frame):
+    for frame, one in looks(drive, look, limit=config.frames, on_bad_frame=config.on_bad_frame):
         indices.append(frame.index)
         labels.append(drive.labels(frame.index))
         seen.append(one)

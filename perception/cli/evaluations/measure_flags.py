@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from data.frames import OnBadFrame
-from perception.cli.evaluations.class_precision import MeasureRules
-from perception.cli.evaluations.detection import Resampling
-from perception.cli.evaluations.labelled_drives import ReadingRules
+from perception.cli.evaluations.class_precision import MetricConfig
+from perception.cli.evaluations.detection import BootstrapConfig
+from perception.cli.evaluations.labelled_drives import ReadingConfig
 from perception.evaluation.detection.curve import RecallPoints
 
 RecallOption = Literal["11", "40"]
@@ -15,7 +15,7 @@ _AVERAGED: Mapping[RecallOption, RecallPoints] = {"11": 11, "40": 40}
 
 
 @dataclass(frozen=True)
-class MeasureFlags:
+class DetectionEvaluationConfig:
     """Which frames are looked at, and how detections are measured; commands hand their `**flags` on to this.
 
     Attributes:
@@ -39,13 +39,13 @@ class MeasureFlags:
     on_bad_frame: OnBadFrame = "stop"
 
     @property
-    def reading(self) -> ReadingRules:
+    def reading(self) -> ReadingConfig:
         """How drives are read."""
-        return ReadingRules(self.sequence, self.sensor, self.frames, self.on_bad_frame)
+        return ReadingConfig(self.sequence, self.sensor, self.frames, self.on_bad_frame)
 
     @property
-    def measuring(self) -> MeasureRules:
+    def measuring(self) -> MetricConfig:
         """How detections are measured."""
-        overlaps = (self.iou,) if isinstance(self.iou, float | int) else tuple(self.iou)
-        resampling = Resampling(self.bootstrap, self.seed)
-        return MeasureRules(overlaps, _AVERAGED[self.recall_points], resampling)
+        iou_thresholds = (self.iou,) if isinstance(self.iou, float | int) else tuple(self.iou)
+        resampling = BootstrapConfig(self.bootstrap, self.seed)
+        return MetricConfig(iou_thresholds, _AVERAGED[self.recall_points], resampling)

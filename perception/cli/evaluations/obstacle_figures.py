@@ -47,21 +47,21 @@ def _what_is_missing(report: ObstacleReport) -> list[str]:
 def _object_tables(report: ObstacleReport) -> list[str]:
     if report.observed is None:
         return []
-    rule = report.protocol.objects
+    config = report.protocol.objects
     by_points = {
         f"{counts.min_points} points and more": counts for counts in report.counts_by_min_points()
     }
     return [
         _object_table(
-            f"Labelled objects, once a frame; found to move at {100 * rule.moving_share:g} % of points",
+            f"Labelled objects, once a frame; found to move at {100 * config.moving_share:g} % of points",
             by_points,
         ),
         _object_table(
-            f"Of {rule.min_points} points and more, by share of points that must move",
+            f"Of {config.min_points} points and more, by share of points that must move",
             report.counts_by_moving_share(),
         ),
         _object_table(
-            f"Of {rule.min_points} points and more, by frames", report.counts_by_warm_up()
+            f"Of {config.min_points} points and more, by frames", report.counts_by_warm_up()
         ),
     ]
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from data.derived.motion_labels import MotionLabels, MotionThresholds, label_drive_motion
+from data.derived.motion_labels import MotionLabelConfig, MotionLabels, label_drive_motion
 from data.drive import Drive, Labels
 from data.kitti.sequence import KittiSequence
 from perception.evaluation.false_clusters import (
-    ClusterRule,
+    ClusterConfig,
     MovingClusters,
     Surroundings,
     is_false,
@@ -19,14 +19,14 @@ from perception.evaluation.false_clusters import (
 from perception.evaluation.objects import LabelledObjects, Motion
 from perception.evaluation.obstacles import (
     ObjectCounts,
+    ObjectMatchConfig,
     ObjectObservations,
-    ObjectRule,
     PointMotion,
     count_objects,
     observe_objects,
     point_motion,
 )
-from perception.evaluation.shadows import PlacesLeft, ShadowRule, Shadows
+from perception.evaluation.shadows import PlacesLeft, ShadowConfig, Shadows
 from perception.geometry.grids import LocalArea
 from perception.types import Frame, Result
 
@@ -76,10 +76,10 @@ class ObstacleProtocol:
         other_cluster_points: counted beside cluster_points.
     """
 
-    objects: ObjectRule = field(default_factory=ObjectRule)
-    clusters: ClusterRule = field(default_factory=ClusterRule)
-    motion: MotionThresholds = field(default_factory=MotionThresholds)
-    shadows: ShadowRule = field(default_factory=ShadowRule)
+    objects: ObjectMatchConfig = field(default_factory=ObjectMatchConfig)
+    clusters: ClusterConfig = field(default_factory=ClusterConfig)
+    motion: MotionLabelConfig = field(default_factory=MotionLabelConfig)
+    shadows: ShadowConfig = field(default_factory=ShadowConfig)
     cluster_points: int = 5
     warm_up: int = 1
     other_min_points: tuple[int, ...] = (1, 5, 50)
@@ -167,9 +167,9 @@ class ObstacleReport:
         return [self._false_clusters(self.clusters, size) for size in sorted(sizes)]
 
     def _false_clusters(self, clusters: MovingClusters, size: int) -> FalseClusters:
-        rule = self.protocol.clusters
-        false = clusters[is_false(clusters, size, rule, excuse_dont_care=True)]
-        everywhere = is_false(clusters, size, rule, excuse_dont_care=False)
+        config = self.protocol.clusters
+        false = clusters[is_false(clusters, size, config, excuse_dont_care=True)]
+        everywhere = is_false(clusters, size, config, excuse_dont_care=False)
         return FalseClusters(
             min_points=size,
             clusters=len(false),
@@ -217,7 +217,7 @@ def measure_obstacles(
     )
 
 
-def _motion_of(drive: Drive, thresholds: MotionThresholds) -> MotionLabels | None:
+def _motion_of(drive: Drive, thresholds: MotionLabelConfig) -> MotionLabels | None:
     if isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses:
         return label_drive_motion(drive, thresholds)
     return None

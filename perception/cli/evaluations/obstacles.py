@@ -11,7 +11,7 @@ from perception.cli.evaluations.obstacle_report import (
     ObstacleProtocol,
     measure_obstacles,
 )
-from perception.evaluation.obstacles import ObjectRule
+from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.pipeline import PipelineConfig
 from perception.types import Method
 
@@ -48,8 +48,8 @@ def obstacles(  # noqa: PLR0913 - flags of a command
         warm_up: first frames that are counted apart too.
         json: gets the same figures with protocol, data and configuration.
     """
-    rule = ObjectRule(min_points=min_points, moving_share=moving_share)
-    protocol = ObstacleProtocol(objects=rule, warm_up=warm_up)
+    config = ObjectMatchConfig(min_points=min_points, moving_share=moving_share)
+    protocol = ObstacleProtocol(objects=config, warm_up=warm_up)
     drive = open_measured(root, sequence, sensor, frames)
     run = DriveRun(drive, PipelineConfig.for_obstacles(method), frames, on_bad_frame)
     report = measure_obstacles(run.drive, run.results(), run.config.area, protocol)

@@ -7,9 +7,9 @@ from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.otd_figures import absent_lines, otd_results, otd_tables
 from perception.cli.evaluations.otd_objects import (
-    ObjectRequest,
     ObjectsAtHand,
     ObjectSet,
+    ObjectSetConfig,
     objects_at_hand,
 )
 from perception.cli.evaluations.otd_plots import write_plots
@@ -56,11 +56,11 @@ def otd(  # noqa: PLR0913 - flags of a command
         plots: gets the plots of Figs A.1 to A.3 and of one-pass evaluation as PNG.
         json: gets the same figures with protocol, data and configuration.
     """
-    chosen = trackers_named(trackers)
-    request = ObjectRequest(root, set, sequence, track_id, frames, sensor)
-    found = objects_at_hand(request)
+    chosen = parse_trackers(trackers)
+    config = ObjectSetConfig(root, set, sequence, track_id, frames, sensor)
+    found = objects_at_hand(config)
     report = measure_otd(found, chosen, on_bad_frame=on_bad_frame)
-    print(f"{_describe(request, found)}\n\n{otd_tables(report)}")
+    print(f"{_describe(config, found)}\n\n{otd_tables(report)}")
     if plots is not None:
         for path in write_plots(plots, f"{root.name}, set {set}", report):
             print(path)
@@ -68,7 +68,7 @@ def otd(  # noqa: PLR0913 - flags of a command
         words = {**PROTOCOL_WORDS, "values": report.protocol}
         evaluation = Evaluation("otd", words, otd_results(report, found.absent))
         used = {"trackers": chosen, "pipeline": pipeline_config()}
-        write_evaluation(json, _data_used(request, found), used, evaluation)
+        write_evaluation(json, _data_used(config, found), used, evaluation)
 
 
 def measure_otd(
@@ -104,13 +104,13 @@ class ObjectsUsed:
         drives: name, LiDAR and number of frames of each drive that was read.
     """
 
-    request: ObjectRequest
+    config: ObjectSetConfig
     drives: list[dict[str, str | int]]
 
 
-def _data_used(request: ObjectRequest, found: ObjectsAtHand) -> ObjectsUsed:
+def _data_used(config: ObjectSetConfig, found: ObjectsAtHand) -> ObjectsUsed:
     return ObjectsUsed(
-        request,
+        config,
         [
             {"drive": one.drive.name, "sensor": one.drive.sensor.name, "frames": len(one.drive)}
             for one in found.drives
@@ -118,13 +118,13 @@ def _data_used(request: ObjectRequest, found: ObjectsAtHand) -> ObjectsUsed:
     )
 
 
-def _describe(request: ObjectRequest, found: ObjectsAtHand) -> str:
+def _describe(config: ObjectSetConfig, found: ObjectsAtHand) -> str:
     count = sum(len(one.objects) for one in found.drives)
-    line = f"{request.root}: {count} of {count + len(found.absent)} sequences of the set {request.objects}"
+    line = f"{config.root}: {count} of {count + len(found.absent)} sequences of the set {config.objects}"
     return f"{line}; absent:\n{absent_lines(found.absent)}" if found.absent else line
 
 
-def trackers_named(words: str | None) -> tuple[str, ...]:
+def parse_trackers(words: str | None) -> tuple[str, ...]:
     """Split names at commas; all trackers where none is named.
 
     Raises:

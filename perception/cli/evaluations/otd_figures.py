@@ -9,7 +9,7 @@ from data.derived.challenges import Challenge
 from perception.cli.evaluations.otd_objects import AbsentObject
 from perception.cli.evaluations.otd_report import ObjectReport, OtdReport
 from perception.cli.table import Cell, format_table
-from perception.evaluation.single_object.curves import FollowRule
+from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
 from perception.evaluation.single_object.scores import SingleObjectMetrics
 
 _TOGETHER = "together"
@@ -81,7 +81,7 @@ class _Comparison:
     printed: str | None = None
 
 
-def _comparisons(rule: FollowRule) -> list[_Comparison]:
+def _comparisons(config: SingleObjectMetricsConfig) -> list[_Comparison]:
     return [
         _Comparison(
             "E3D (7.3): mean distance of the box centres [m]",
@@ -100,15 +100,15 @@ def _comparisons(rule: FollowRule) -> list[_Comparison]:
         ),
         _Comparison("Heading error, mean, 0..pi [rad]", lambda s: s.heading_rad),
         _Comparison(
-            f"Overlap success (A.1): frames with 3D IoU above {rule.overlap:.0%}, in percent",
+            f"Overlap success (A.1): frames with 3D IoU above {config.overlap:.0%}, in percent",
             lambda s: _percent(s.overlap_success),
         ),
         _Comparison(
-            f"Heading success (A.2): frames within {rule.heading_deg:g}°, in percent",
+            f"Heading success (A.2): frames within {config.heading_deg:g}°, in percent",
             lambda s: _percent(s.heading_success),
         ),
         _Comparison(
-            f"Location success (A.3): frames within {rule.location_px:g} px, in percent",
+            f"Location success (A.3): frames within {config.location_px:g} px, in percent",
             lambda s: _percent(s.location_success),
         ),
         _Comparison(
@@ -116,7 +116,7 @@ def _comparisons(rule: FollowRule) -> list[_Comparison]:
             lambda s: _percent(s.success),
         ),
         _Comparison(
-            f"Precision, one-pass evaluation: area under centre error 0..{rule.reach_m:g} m, in percent",
+            f"Precision, one-pass evaluation: area under centre error 0..{config.reach_m:g} m, in percent",
             lambda s: _percent(s.precision),
         ),
     ]

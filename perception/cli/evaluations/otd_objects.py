@@ -19,7 +19,7 @@ ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 
 
 @dataclass(frozen=True)
-class ObjectRequest:
+class ObjectSetConfig:
     """Which objects are asked for, and of which drives.
 
     Attributes:
@@ -85,51 +85,51 @@ class ObjectsAtHand:
     absent: Sequence[AbsentObject]
 
 
-def objects_at_hand(request: ObjectRequest) -> ObjectsAtHand:
+def objects_at_hand(config: ObjectSetConfig) -> ObjectsAtHand:
     """Open the drives of a request and find its objects in them.
 
     Raises:
         DriveError: there is no object to follow.
         PerceptionError: a drive cannot be opened, or its labels not be read.
     """
-    if request.objects == "present":
-        found = ObjectsAtHand(list(_present(request)), ())
+    if config.objects == "present":
+        found = ObjectsAtHand(list(_present(config)), ())
     else:
-        found = _published(request)
+        found = _published(config)
     if not found.drives:
         reasons = sorted({one.reason for one in found.absent})
         raise DriveError(
-            request.root,
-            expected=f"labelled objects of the set {request.objects}",
-            found="; ".join(reasons) or f"none with {request.min_frames} labelled frames",
+            config.root,
+            expected=f"labelled objects of the set {config.objects}",
+            found="; ".join(reasons) or f"none with {config.min_frames} labelled frames",
             advice="follow whatever is labelled with --set present" if reasons else None,
         )
     return found
 
 
-def _present(request: ObjectRequest) -> Iterator[DriveAtHand]:
-    names = sequences_in(request.root) if request.sequence is None else [request.sequence]
+def _present(config: ObjectSetConfig) -> Iterator[DriveAtHand]:
+    names = sequences_in(config.root) if config.sequence is None else [config.sequence]
     for name in names:
-        drive = _open(request, name)
+        drive = _open(config, name)
         labelled = DriveObjects.of(drive)
-        wanted = [one for one in labelled.sequences(request.min_frames) if _is_asked(one, request)]
-        cut = [_cut(one, drive, labelled, request.frames) for one in wanted]
-        objects = [one for one in cut if one is not None and len(one.truth) >= request.min_frames]
+        wanted = [one for one in labelled.sequences(config.min_frames) if _is_asked(one, config)]
+        cut = [_cut(one, drive, labelled, config.frames) for one in wanted]
+        objects = [one for one in cut if one is not None and len(one.truth) >= config.min_frames]
         if objects:
             yield DriveAtHand(drive, objects)
 
 
-def _published(request: ObjectRequest) -> ObjectsAtHand:
+def _published(config: ObjectSetConfig) -> ObjectsAtHand:
     tables = {
         "table-3.2": table_3_2(),
         "3d-otd": table_a_1(),
         "all": without_repeats([*table_3_2(), *table_a_1()]),
     }
-    here = {str(name) for name in sequences_in(request.root)}
+    here = {str(name) for name in sequences_in(config.root)}
     by_drive: dict[str, list[ObjectSequence]] = {}
-    for one in tables[request.objects]:
-        asked = request.sequence is None or request.sequence.zfill(4) == one.sequence
-        if asked and _is_asked(one, request):
+    for one in tables[config.objects]:
+        asked = config.sequence is None or config.sequence.zfill(4) == one.sequence
+        if asked and _is_asked(one, config):
             by_drive.setdefault(one.sequence, []).append(one)
     drives: list[DriveAtHand] = []
     absent: list[AbsentObject] = []
@@ -137,7 +137,7 @@ def _published(request: ObjectRequest) -> ObjectsAtHand:
         if name not in here:
             absent += [AbsentObject(one, f"no scans of sequence {name}") for one in wanted]
             continue
-        found = _published_of(_open(request, name), wanted, request.frames)
+        found = _published_of(_open(config, name), wanted, config.frames)
         drives += found.drives
         absent += found.absent
     return ObjectsAtHand(drives, absent)
@@ -172,12 +172,12 @@ def _cut(
     return TargetObject(cut, truth, wanted.frame_count) if len(truth) >= 2 else None
 
 
-def _is_asked(one: ObjectSequence, request: ObjectRequest) -> bool:
-    return request.track_id is None or request.track_id == one.track_id
+def _is_asked(one: ObjectSequence, config: ObjectSetConfig) -> bool:
+    return config.track_id is None or config.track_id == one.track_id
 
 
-def _open(request: ObjectRequest, sequence: str | None) -> KittiSequence:
-    drive = open_drive(request.root, sequence=sequence, sensor=request.sensor)
+def _open(config: ObjectSetConfig, sequence: str | None) -> KittiSequence:
+    drive = open_drive(config.root, sequence=sequence, sensor=config.sensor)
     if isinstance(drive, ObjectFrames):
         raise DriveError(
             drive.root,

@@ -24,19 +24,19 @@ _LAST_LOCATION_PX = 50
 
 def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
     """Draw all plots; return their paths."""
-    rule = report.protocol.metrics
+    config = report.protocol.metrics
     paths = {
         name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
     }
     plot_success(
         paths["overlap"],
-        f"{title}: 3D overlap above {rule.overlap:.0%} (Fig. A.1)",
-        _cumulative_panels(report, lambda errors: right_frames(errors, rule).overlap),
+        f"{title}: 3D overlap above {config.overlap:.0%} (Fig. A.1)",
+        _cumulative_panels(report, lambda errors: right_frames(errors, config).overlap),
     )
     plot_success(
         paths["heading"],
-        f"{title}: heading within {rule.heading_deg:g}° (Fig. A.2)",
-        _cumulative_panels(report, lambda errors: right_frames(errors, rule).heading),
+        f"{title}: heading within {config.heading_deg:g}° (Fig. A.2)",
+        _cumulative_panels(report, lambda errors: right_frames(errors, config).heading),
     )
     plot_success(
         paths["location"],
@@ -84,20 +84,20 @@ def _location_panel(report: OtdReport) -> SuccessPanel:
 
 
 def _one_pass_panels(report: OtdReport) -> list[SuccessPanel]:
-    rule = report.protocol.metrics
+    config = report.protocol.metrics
     return [
         _panel(
             report,
             ("Success: area under the curve", "3D overlap, at least"),
             1.0,
-            lambda errors: success_curve(errors, rule),
+            lambda errors: success_curve(errors, config),
             lambda scores: f"{scores.success:.3f}",
         ),
         _panel(
             report,
             ("Precision: area under the curve, as a share", "distance of the centres [m], at most"),
-            rule.reach_m,
-            lambda errors: precision_curve(errors, rule),
+            config.reach_m,
+            lambda errors: precision_curve(errors, config),
             lambda scores: f"{scores.precision:.3f}",
         ),
     ]

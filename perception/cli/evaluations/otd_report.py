@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from data.derived.challenges import (
     CHALLENGE_WORDS,
     Challenge,
-    ChallengeRule,
+    ChallengeConfig,
     Variations,
     variations,
 )
 from data.derived.single_object import ObjectSequence
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun
-from perception.evaluation.single_object.curves import FollowRule
+from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.scores import PROTOCOL_WORDS as METRIC_WORDS
 from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
@@ -33,8 +33,8 @@ class OtdProtocol:
         challenges: from where on a variation of the labels is one.
     """
 
-    metrics: FollowRule = field(default_factory=FollowRule)
-    challenges: ChallengeRule = field(default_factory=ChallengeRule)
+    metrics: SingleObjectMetricsConfig = field(default_factory=SingleObjectMetricsConfig)
+    challenges: ChallengeConfig = field(default_factory=ChallengeConfig)
 
 
 @dataclass(frozen=True)

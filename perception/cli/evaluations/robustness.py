@@ -11,12 +11,12 @@ from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, ClassPrec
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
+    DriveSource,
     LabelledDrive,
-    LabelledPlace,
     open_labelled,
     see_drive,
 )
-from perception.cli.evaluations.measure_flags import MeasureFlags
+from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.cli.evaluations.robustness_steps import (
     UNDISTURBED,
     Disturbance,
@@ -54,7 +54,7 @@ def robustness(  # noqa: PLR0913 - flags of a command
     iou: float = 0.7,
     plot: Path | None = None,
     json: Path | None = None,
-    **flags: Any,  # noqa: ANN401 - fields of MeasureFlags
+    **flags: Any,  # noqa: ANN401 - fields of DetectionEvaluationConfig
 ) -> None:
     """Measure detectors and fusion over darkness, lost rays, and errors of the calibration.
 
@@ -68,19 +68,19 @@ def robustness(  # noqa: PLR0913 - flags of a command
         iou: overlap that a detection must exceed.
         plot: gets the curves as PNG.
         json: gets the same figures with protocol, data and configuration.
-        flags: as MeasureFlags says.
+        flags: as DetectionEvaluationConfig says.
     """
-    asked = MeasureFlags(iou=iou, **flags)
-    reading, measuring = asked.reading, asked.measuring
+    evaluation_config = DetectionEvaluationConfig(iou=iou, **flags)
+    reading, measuring = evaluation_config.reading, evaluation_config.measuring
     chosen, files = levels or DisturbanceLevels(), models or FusionFiles()
     name = " ".join(filter(None, (str(drive), reading.sequence)))
-    place = LabelledPlace(name, drive, reading.sequence)
-    opened = open_labelled(place, reading)
+    source = DriveSource(name, drive, reading.sequence)
+    opened = open_labelled(source, reading)
     disturbances = chosen.disturbances(has_images=opened.has_images)
     undisturbed = files.open_detectors()
     fusion = files.open_fusions(undisturbed)["default"]
-    detector = DisturbedDetector(undisturbed, disturbances, asked.seed)
-    seen = see_drive(place.name, opened, detector.see, reading)
+    detector = DisturbedDetector(undisturbed, disturbances, evaluation_config.seed)
+    seen = see_drive(source.name, opened, detector.see, reading)
     of_class = kitti_class(class_name)
     measured = {
         key: {
@@ -93,13 +93,13 @@ def robustness(  # noqa: PLR0913 - flags of a command
     if plot is not None:
         panels = [_panel(one, measured, iou) for one in disturbances]
         title = f"{seen.data.name} ({seen.data.kind}, {seen.data.frames_evaluated} frames), {class_name}"
-        value_name = f"AP R{measuring.averaged} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
+        value_name = f"AP R{measuring.recall_points} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
         plot_levels(plot, title, value_name, panels)
     if json is not None:
         values = {
             "difficulties": DIFFICULTIES,
             "levels": chosen,
-            "seed": asked.seed,
+            "seed": evaluation_config.seed,
             **asdict(measuring),
         }
         words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}

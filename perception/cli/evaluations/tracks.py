@@ -19,7 +19,7 @@ from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (
     NEIGHBOURS,
     KittiClass,
-    KittiRules,
+    KittiTrackingConfig,
     kitti_frames,
 )
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
@@ -63,7 +63,7 @@ def tracks(
         seqmap: a file that names the sequences and their numbers of frames.
         json: gets the same figures with protocol and data.
     """
-    folder, chosen = label_folder(labels), _classes_named(classes)
+    folder, chosen = label_folder(labels), _parse_classes(classes)
     report = measure_tracks(pair_with_labels(results, folder, seqmap), chosen)
     print(
         f"{results}: {len(report.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
@@ -107,7 +107,7 @@ class TracksReport:
 
     frame_counts: dict[str, int]
     by_class: dict[str, dict[str, MotMetrics]]
-    rules: KittiRules
+    config: KittiTrackingConfig
     threshold: float
 
     def combined(self, class_name: str) -> MotMetrics:
@@ -118,22 +118,22 @@ class TracksReport:
 def measure_tracks(
     sequences: Sequence[TrackedSequenceFiles],
     classes: Sequence[KittiClass],
-    rules: KittiRules | None = None,
+    config: KittiTrackingConfig | None = None,
 ) -> TracksReport:
     """Read and measure sequence after sequence.
 
     Raises:
         LabelError: a file cannot be used.
     """
-    rules, frame_counts = rules or KittiRules(), {}
+    config, frame_counts = config or KittiTrackingConfig(), {}
     by_class: dict[str, dict[str, MotMetrics]] = {name: {} for name in classes}
     for files in bar(sequences, "tracks", unit="sequence", delay_s=2):
         rows = files.read()
         frame_counts[files.name] = rows.frame_count
         for name in classes:
-            frames = kitti_frames(rows.labels, rows.results, name, rows.frame_count, rules)
-            by_class[name][files.name] = evaluate_tracks(frames, rules.min_iou)
-    return TracksReport(frame_counts, by_class, rules, rules.min_iou)
+            frames = kitti_frames(rows.labels, rows.results, name, rows.frame_count, config)
+            by_class[name][files.name] = evaluate_tracks(frames, config.min_iou)
+    return TracksReport(frame_counts, by_class, config, config.min_iou)
 
 
 def tracks_tables(report: TracksReport) -> str:
@@ -160,7 +160,7 @@ def tracks_results(report: TracksReport) -> dict[str, dict[str, Any]]:
     return results
 
 
-def _classes_named(words: str) -> list[KittiClass]:
+def _parse_classes(words: str) -> list[KittiClass]:
     """Split names at commas, each taken once."""
     wanted = {word.strip().lower() for word in words.split(",")}
     if not wanted <= set(NEIGHBOURS):
@@ -170,5 +170,5 @@ def _classes_named(words: str) -> list[KittiClass]:
 
 
 def _protocol(report: TracksReport) -> dict[str, Any]:
-    values = {"rules": report.rules, "threshold": report.threshold, "alphas": ALPHAS}
+    values = {"rules": report.config, "threshold": report.threshold, "alphas": ALPHAS}
     return {**_PROTOCOL_WORDS, "values": values}

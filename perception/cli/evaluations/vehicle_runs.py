@@ -13,7 +13,7 @@ from perception.detection.depthcn.detector import DepthCn
 from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionChoice
+from perception.pipeline.detection_choice import DetectionConfig
 from perception.types import MODALITIES, Detections, Frame, FusedDetections, Result
 
 VehicleSource = Literal["fused", "depthcn", "labels"]
@@ -71,7 +71,7 @@ def vehicle_frames(
         PerceptionError: a frame cannot be read or used.
     """
     if source == "fused":
-        config = PipelineConfig(detection=DetectionChoice(depthcn=False))
+        config = PipelineConfig(detection=DetectionConfig(depthcn=False))
         for result in drive_results(drive, config, limit=limit, on_bad_frame=on_bad_frame):
             if result.vehicles is not None:
                 yield VehicleFrame(

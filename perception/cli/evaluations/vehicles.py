@@ -25,7 +25,7 @@ from perception.cli.evaluations.vehicle_runs import (
 )
 from perception.errors import DriveError
 from perception.evaluation.located_vehicles import LocationErrors, location_errors
-from perception.evaluation.multi_object.kitti_protocol import KittiRules, kitti_frames
+from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
 from perception.evaluation.multi_object.tracking_scores import evaluate_tracks
 from perception.geometry.box_overlap_ground import iou_ground
 from perception.maps.projection import camera_of
@@ -119,13 +119,13 @@ def measure_vehicles(
         meetings.append(_meetings(one))
     if not answers:
         raise DriveError(drive.root, expected="frames with a camera to detect in", found="none")
-    rules = KittiRules()
+    config = KittiTrackingConfig()
     read = labels[np.isin(labels.frames, numbers)]
-    sequence = kitti_frames(read, TrackingRows.concatenate(answers), "car", len(drive), rules)
+    sequence = kitti_frames(read, TrackingRows.concatenate(answers), "car", len(drive), config)
     met, agreed = np.sum(meetings, axis=0).tolist()
     return VehiclesReport(
         len(answers),
-        evaluate_tracks(sequence, rules.min_iou),
+        evaluate_tracks(sequence, config.min_iou),
         LocationErrors.concatenate(errors),
         met,
         agreed,

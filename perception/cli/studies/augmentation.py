@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
-from perception.cli.training.trainer_choice import trainer_plan
-from perception.cli.training.verifier_plan import VerifierData, run_training
+from perception.cli.training.trainer_choice import trainer_config
+from perception.cli.training.verifier_plan import VerifierDataConfig, run_training
 from perception.render.training_plots import plot_accuracies
 from perception.types import Method
 
@@ -22,7 +22,7 @@ _LOGGED = ("train/accuracy", "validation/accuracy")
 
 
 @dataclass(frozen=True)
-class AugmentationPlan:
+class AugmentationStudyConfig:
     """What is trained twice.
 
     Attributes:
@@ -38,30 +38,32 @@ class AugmentationPlan:
     resume: bool = False
 
 
-def study_augmentation(data: VerifierData, picture: Path, plan: AugmentationPlan) -> Study:
+def study_augmentation(
+    data: VerifierDataConfig, picture: Path, config: AugmentationStudyConfig
+) -> Study:
     """Train without and with augmentation in two folders beside the picture, and compare."""
     trained = {
-        is_augmented: _train(data, picture, plan, is_augmented) for is_augmented in (False, True)
+        is_augmented: _train(data, picture, config, is_augmented) for is_augmented in (False, True)
     }
-    _plot(picture, plan, trained)
+    _plot(picture, config, trained)
     return Study(
         name="augmentation",
         repeats="Table 7.8",
-        table=_table(plan, trained),
+        table=_table(config, trained),
         numbers={_FOLDERS[key]: asdict(one) for key, one in trained.items()},
-        conditions={"data": data, "plan": plan, "thesis_percent": _by_folder(THESIS_PERCENT)},
+        conditions={"data": data, "plan": config, "thesis_percent": _by_folder(THESIS_PERCENT)},
     )
 
 
 def _train(
-    data: VerifierData, picture: Path, plan: AugmentationPlan, is_augmented: bool
+    data: VerifierDataConfig, picture: Path, config: AugmentationStudyConfig, is_augmented: bool
 ) -> "TrainedVerifier":
     out = picture.with_suffix("") / _FOLDERS[is_augmented]
-    is_begun = plan.resume and (out / "last.ckpt").exists()
+    is_begun = config.resume and (out / "last.ckpt").exists()
     trained = run_training(
         replace(data, augment=is_augmented),
-        plan.method,
-        trainer_plan(epochs=plan.epochs, seed=plan.seed),
+        config.method,
+        trainer_config(epochs=config.epochs, seed=config.seed),
         out,
         "last" if is_begun else None,
     )
@@ -69,7 +71,7 @@ def _train(
     return trained
 
 
-def _table(plan: AugmentationPlan, trained: "dict[bool, TrainedVerifier]") -> str:
+def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]") -> str:
     rows: list[list[Cell]] = []
     for is_augmented, one in trained.items():
         ours = [100 * metrics["accuracy"] for metrics in (one.training, one.validation)]
@@ -78,7 +80,7 @@ def _table(plan: AugmentationPlan, trained: "dict[bool, TrainedVerifier]") -> st
         rows.append([_NAMES[is_augmented], one.epoch, *(f"{cell:.2f}" for cell in cells)])
     counts = next(iter(trained.values())).counts
     title = (
-        f"Accuracy in %, {plan.method} network: {counts['training_candidates']} candidates to learn from, "
+        f"Accuracy in %, {config.method} network: {counts['training_candidates']} candidates to learn from, "
         f"{counts['validation_candidates']} to judge by"
     )
     header = (
@@ -93,14 +95,18 @@ def _table(plan: AugmentationPlan, trained: "dict[bool, TrainedVerifier]") -> st
     return format_table(title, header, rows)
 
 
-def _plot(picture: Path, plan: AugmentationPlan, trained: "dict[bool, TrainedVerifier]") -> None:
+def _plot(
+    picture: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
+) -> None:
     from train.history import logged
 
     accuracies = {}
     for is_augmented, one in trained.items():
         found = logged(one.checkpoint.parent, _LOGGED)
         accuracies[_NAMES[is_augmented]] = (found[_LOGGED[0]], found[_LOGGED[1]])
-    title = f"Accuracy while learning, {plan.method} network (training: as changed, half vehicles)"
+    title = (
+        f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"
+    )
     plot_accuracies(picture, title, accuracies)
 
 

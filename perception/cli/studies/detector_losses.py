@@ -7,8 +7,8 @@ from typing import Literal
 
 from perception.cli.studies.detector_variants import (
     Judging,
-    TrainingConditions,
     Variant,
+    VariantTrainingConfig,
     study_variants,
 )
 from perception.cli.studies.output import Study
@@ -31,7 +31,7 @@ def loss_variants(base: Variant) -> list[Variant]:
 
 
 def study_detector_losses(
-    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and print average precision at every overlap."""
     metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from data.whole_file import write_whole
 from perception.cli.documents import to_plain, write_json
-from perception.cli.evaluations.class_precision import MeasureRules
+from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detector_steps import MeasuredDetector, measure_detector
 from perception.cli.evaluations.labelled_drives import (
-    ReadingRules,
-    labelled_places,
+    ReadingConfig,
+    drive_sources,
     open_labelled,
 )
 from perception.cli.training.detector_plan import (
-    DetectorChoice,
-    FirstChoice,
+    DetectorModelConfig,
+    InitialWeightsConfig,
     PictureChoice,
     run_training,
 )
-from perception.cli.training.trainer_choice import trainer_plan
+from perception.cli.training.trainer_choice import trainer_config
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import kitti_class
@@ -49,13 +49,13 @@ class Variant:
     """
 
     name: str
-    detector: DetectorChoice
+    detector: DetectorModelConfig
     pictures: PictureChoice
     epochs: int
 
 
 @dataclass(frozen=True)
-class TrainingConditions:
+class VariantTrainingConfig:
     """What is the same for all variants of a study.
 
     Attributes:
@@ -77,7 +77,7 @@ class Judging:
     """
 
     drives: tuple[Path, ...]
-    rules: MeasureRules
+    rules: MetricConfig
 
     def __post_init__(self) -> None:
         """Refuse no drive to measure on."""
@@ -118,7 +118,7 @@ class VariantMetrics:
 
 
 def study_variants(
-    variants: Sequence[Variant], conditions: TrainingConditions, judging: Judging, out: Path
+    variants: Sequence[Variant], conditions: VariantTrainingConfig, judging: Judging, out: Path
 ) -> dict[str, VariantMetrics]:
     """Train and measure all variants, in their order; those that are done are not done again.
 
@@ -134,7 +134,9 @@ def study_variants(
     return metrics
 
 
-def _trained(variant: Variant, conditions: TrainingConditions, folder: Path) -> Mapping[str, Any]:
+def _trained(
+    variant: Variant, conditions: VariantTrainingConfig, folder: Path
+) -> Mapping[str, Any]:
     """Train, go on, or read what is done."""
     settings = to_plain({"variant": asdict(variant), "conditions": conditions})
     known = _read(folder / "settings.json")
@@ -155,8 +157,8 @@ def _trained(variant: Variant, conditions: TrainingConditions, folder: Path) -> 
     return found
 
 
-def _train(variant: Variant, conditions: TrainingConditions, folder: Path) -> "TrainedDetector":
-    plan = trainer_plan(
+def _train(variant: Variant, conditions: VariantTrainingConfig, folder: Path) -> "TrainedDetector":
+    config = trainer_config(
         epochs=variant.epochs,
         accelerator=conditions.accelerator,
         precision="auto",
@@ -167,8 +169,8 @@ def _train(variant: Variant, conditions: TrainingConditions, folder: Path) -> "T
     trained = run_training(
         variant.pictures,
         variant.detector,
-        FirstChoice(),
-        plan,
+        InitialWeightsConfig(),
+        config,
         folder,
         "last" if is_begun else None,
     )
@@ -198,12 +200,12 @@ def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> Varia
 def _measure(model: Path, judging: Judging) -> list[MeasuredDetector]:
     network = ModalityDetector(model)
     classes = (kitti_class(network.class_names[0]),)
-    reading = ReadingRules()
+    reading = ReadingConfig()
     return [
         measure_detector(
             place.name, open_labelled(place, reading), network, classes, reading, judging.rules
         )
-        for place in labelled_places(judging.drives, None)
+        for place in drive_sources(judging.drives, None)
     ]
 
 

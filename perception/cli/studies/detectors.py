@@ -4,18 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from perception.cli.evaluations.class_precision import MeasureRules
-from perception.cli.evaluations.detection import Resampling
+from perception.cli.evaluations.class_precision import MetricConfig
+from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.flags import require_positive
-from perception.cli.studies.augmentation import AugmentationPlan, study_augmentation
+from perception.cli.studies.augmentation import AugmentationStudyConfig, study_augmentation
 from perception.cli.studies.detector_losses import loss_variants, study_detector_losses
-from perception.cli.studies.detector_variants import Judging, TrainingConditions, Variant
+from perception.cli.studies.detector_variants import Judging, Variant, VariantTrainingConfig
 from perception.cli.studies.output import RESULTS, publish
 from perception.cli.studies.reflectance_maps import map_variants, study_reflectance_maps
 from perception.cli.studies.sim_to_real import share_variants, study_sim_to_real
-from perception.cli.training.detector_plan import DetectorChoice, PictureChoice
+from perception.cli.training.detector_plan import DetectorModelConfig, PictureChoice
 from perception.cli.training.trainer_choice import listed
-from perception.cli.training.verifier_plan import VerifierData
+from perception.cli.training.verifier_plan import VerifierDataConfig
 from perception.types import Method, Modality
 
 _OVERLAPS = (0.7, 0.5)
@@ -48,12 +48,12 @@ class TrainingFlags:
         require_positive("--epochs", self.epochs)
 
     @property
-    def conditions(self) -> TrainingConditions:
+    def conditions(self) -> VariantTrainingConfig:
         """What is the same for all variants."""
-        return TrainingConditions(self.seed, self.accelerator)
+        return VariantTrainingConfig(self.seed, self.accelerator)
 
     def base(
-        self, detector: DetectorChoice, drives: list[Path], validation: Path | list[Path]
+        self, detector: DetectorModelConfig, drives: list[Path], validation: Path | list[Path]
     ) -> Variant:
         """Return what the variants are changes of."""
         pictures = PictureChoice(
@@ -68,7 +68,7 @@ class TrainingFlags:
     def judging(self, *drives: Path) -> Judging:
         """Return by what the variants are measured."""
         return Judging(
-            drives, MeasureRules(_OVERLAPS, resampling=Resampling(self.bootstrap, self.seed))
+            drives, MetricConfig(_OVERLAPS, resampling=BootstrapConfig(self.bootstrap, self.seed))
         )
 
 
@@ -101,8 +101,12 @@ def augmentation(  # noqa: PLR0913 - flags of a command
         cache: folder for pictures and candidates of the frames; else the user's cache folder.
         out: the picture; the numbers and both trainings are written beside it.
     """
-    data = VerifierData(tuple(drives), listed(validation), batch, workers=workers, cache=cache)
-    publish(study_augmentation(data, out, AugmentationPlan(method, epochs, seed, resume)), out)
+    data = VerifierDataConfig(
+        tuple(drives), listed(validation), batch, workers=workers, cache=cache
+    )
+    publish(
+        study_augmentation(data, out, AugmentationStudyConfig(method, epochs, seed, resume)), out
+    )
 
 
 def reflectance_maps(  # noqa: PLR0913 - flags of a command
@@ -133,7 +137,7 @@ def reflectance_maps(  # noqa: PLR0913 - flags of a command
         training: as TrainingFlags says.
     """
     flags = TrainingFlags(**training)
-    choice = DetectorChoice("rm", network, size, preset=preset)
+    choice = DetectorModelConfig("rm", network, size, preset=preset)
     variants = map_variants(flags.base(choice, drives, validation), wide_size)
     judging = flags.judging(*listed(validation))
     publish(study_reflectance_maps(variants, flags.conditions, judging, out), out)
@@ -165,7 +169,7 @@ def detector_losses(
         training: as TrainingFlags says.
     """
     flags = TrainingFlags(**training)
-    base = flags.base(DetectorChoice(modality, network, size), drives, validation)
+    base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
     judging = flags.judging(*listed(validation))
     publish(study_detector_losses(loss_variants(base), flags.conditions, judging, out), out)
 
@@ -201,7 +205,7 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
         training: as TrainingFlags says.
     """
     flags = TrainingFlags(**training)
-    base = flags.base(DetectorChoice(modality, network, size), drives, validation)
+    base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
     judging = flags.judging(*listed(validation), *listed(real))
     publish(study_sim_to_real(share_variants(base, shares), flags.conditions, judging, out), out)
 

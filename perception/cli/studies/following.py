@@ -12,7 +12,7 @@ from data.synthetic.scenarios import TARGET_ID, Kind, Scenario, ScenarioDrive, a
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun, track_objects
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
-from perception.evaluation.single_object.curves import FollowRule
+from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
 from perception.evaluation.single_object.track import TrueTrack
@@ -22,7 +22,7 @@ from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
 # After an object was hidden, it is found again once it is seen and so much of both boxes is shared (A.1).
-_REACQUIRED_IOU = FollowRule().overlap
+_REACQUIRED_IOU = SingleObjectMetricsConfig().overlap
 _COLUMNS = (
     *("scene", "tracker", "E3D m", "E2D px", "heading deg"),
     *("seen", "predicted", "lost", "beside it", "found again", "ms"),
@@ -89,27 +89,27 @@ class _Scene:
         return TrackingErrorPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
 
 
-def study_single_object(picture: Path, plan: SingleObjectStudyConfig) -> Study:
+def study_single_object(picture: Path, config: SingleObjectStudyConfig) -> Study:
     """Let trackers follow the same object through every scene, and draw how far off they are."""
-    scenes = [_measure(one, plan) for one in all_scenarios(plan.kind, plan.duration_s)]
-    title = f"Following a {plan.kind.lower()} by {plan.sensor.name}: centre error over time"
+    scenes = [_measure(one, config) for one in all_scenarios(config.kind, config.duration_s)]
+    title = f"Following a {config.kind.lower()} by {config.sensor.name}: centre error over time"
     plot_tracking_errors(picture, title, [scene.panel() for scene in scenes])
     return Study(
         name="following",
         repeats="the challenges of Table 3.2 and A.1, on scenes with exact truth",
-        table=_table(plan, scenes),
+        table=_table(config, scenes),
         numbers={scene.scenario.name: dict(scene.metrics) for scene in scenes},
-        conditions={"plan": plan, "found_again_overlap": _REACQUIRED_IOU},
+        conditions={"plan": config, "found_again_overlap": _REACQUIRED_IOU},
     )
 
 
-def _measure(scenario: Scenario, plan: SingleObjectStudyConfig) -> _Scene:
-    drive = ScenarioDrive(scenario, seed=plan.seed, sensor=plan.sensor)
+def _measure(scenario: Scenario, config: SingleObjectStudyConfig) -> _Scene:
+    drive = ScenarioDrive(scenario, seed=config.seed, sensor=config.sensor)
     truth = true_track(drive)
     last = len(drive) - 1
     sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, last)
     wanted = TargetObject(sequence, truth, len(drive))
-    (followings,) = track_objects(drive, [wanted], plan.trackers)
+    (followings,) = track_objects(drive, [wanted], config.trackers)
     errors = {
         name: single_object_errors(truth, following.track, drive.calibration)
         for name, following in followings.items()
@@ -151,7 +151,7 @@ def _at(times_s: Float64, truth: TrueTrack, errors: SingleObjectErrors) -> Float
     return found
 
 
-def _table(plan: SingleObjectStudyConfig, scenes: Sequence[_Scene]) -> str:
+def _table(config: SingleObjectStudyConfig, scenes: Sequence[_Scene]) -> str:
     rows: list[list[Cell]] = [
         [scene.scenario.name, name, *_cells(metrics)]
         for scene in scenes
@@ -159,7 +159,7 @@ def _table(plan: SingleObjectStudyConfig, scenes: Sequence[_Scene]) -> str:
     ]
     frames = len(scenes[0].truth)
     title = (
-        f"following a {plan.kind.lower()} by {plan.sensor.name}, {frames} frames a scene; errors are means "
+        f"following a {config.kind.lower()} by {config.sensor.name}, {frames} frames a scene; errors are means "
         f"over all frames, hidden ones too; found again: s until seen with an overlap over {_REACQUIRED_IOU:g}"
     )
     return format_table(title, _COLUMNS, rows)

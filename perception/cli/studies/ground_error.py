@@ -23,7 +23,7 @@ Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
 
 
 @dataclass(frozen=True)
-class GroundErrorPlan:
+class GroundErrorConfig:
     """What to measure.
 
     Attributes:
@@ -42,21 +42,21 @@ class GroundErrorPlan:
 
 
 def study_ground_error(
-    drive: Drive, picture: Path, plan: GroundErrorPlan, progress: Progress
+    drive: Drive, picture: Path, config: GroundErrorConfig, progress: Progress
 ) -> Study:
     """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
-    errors = measure_ground_errors(drive, plan, progress)
+    errors = measure_ground_errors(drive, config, progress)
     metrics = {pair: mean_displacement(rows) for pair, rows in errors.items()}
     mde_m = np.array(
-        [[metrics[m, eta].mde_m for eta in plan.steps_per_slice] for m in plan.previous_scans]
+        [[metrics[m, eta].mde_m for eta in config.steps_per_slice] for m in config.previous_scans]
     )
     any_metrics = next(iter(metrics.values()))
     title = f"Ground error of the thesis' method, {drive.name}, {any_metrics.frames} frames"
     grid = Grid(
         row_name="merged scans before the newest, m",
-        rows=plan.previous_scans,
+        rows=config.previous_scans,
         column_name="elevation steps a slice, η",
-        columns=plan.steps_per_slice,
+        columns=config.steps_per_slice,
         values=1e3 * mde_m,
         value_name="mDE [mm]",
         digits=1,
@@ -65,18 +65,18 @@ def study_ground_error(
     return Study(
         name="ground-error",
         repeats="Fig. 7.1",
-        table=_table(title, plan, mde_m),
+        table=_table(title, config, mde_m),
         numbers={
             "mde_m": mde_m,
             "frames": any_metrics.frames,
             "objects": any_metrics.objects,
         },
-        conditions={"drive": drive.name, "plan": plan, "area": LocalArea()},
+        conditions={"drive": drive.name, "plan": config, "area": LocalArea()},
     )
 
 
 def measure_ground_errors(
-    drive: Drive, plan: GroundErrorPlan, progress: Progress
+    drive: Drive, config: GroundErrorConfig, progress: Progress
 ) -> dict[tuple[int, int], FootErrors]:
     """Return the errors at labelled objects for each pair (m, η).
 
@@ -91,16 +91,16 @@ def measure_ground_errors(
             advice="use a KITTI tracking sequence or a synthetic drive",
         )
     area, localizer = LocalArea(), Localizer()
-    window = ScanWindow(max(plan.previous_scans))
+    window = ScanWindow(max(config.previous_scans))
     errors: dict[tuple[int, int], list[FootErrors]] = {
-        (m, eta): [] for m in plan.previous_scans for eta in plan.steps_per_slice
+        (m, eta): [] for m in config.previous_scans for eta in config.steps_per_slice
     }
-    for number, frame in enumerate(progress(read_frames(drive, limit=plan.frames))):
+    for number, frame in enumerate(progress(read_frames(drive, limit=config.frames))):
         pose = localizer.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
         window.push(PosedScan(frame.points_velo, pose.world_SE3_velo))
         feet_m = drive.labels(frame.index).boxes_velo.bottom_m
-        if number % plan.every == 0 and area.contains_xy(feet_m).any():
-            _measure_frame(drive, merge(window, area), feet_m, frame.index, plan.seed, errors)
+        if number % config.every == 0 and area.contains_xy(feet_m).any():
+            _measure_frame(drive, merge(window, area), feet_m, frame.index, config.seed, errors)
     return {pair: FootErrors.concatenate(parts) for pair, parts in errors.items()}
 
 
@@ -121,10 +121,10 @@ def _measure_frame(
         rows.append(foot_errors(index, planes, feet_m, area))
 
 
-def _table(title: str, plan: GroundErrorPlan, mde_m: Float64) -> str:
+def _table(title: str, config: GroundErrorConfig, mde_m: Float64) -> str:
     rows: list[list[Cell]] = [
         [f"m = {m}", *(f"{1e3 * value:.1f}" for value in values)]
-        for m, values in zip(plan.previous_scans, mde_m, strict=True)
+        for m, values in zip(config.previous_scans, mde_m, strict=True)
     ]
-    header = ("mDE [mm]", *(f"η = {eta}" for eta in plan.steps_per_slice))
+    header = ("mDE [mm]", *(f"η = {eta}" for eta in config.steps_per_slice))
     return format_table(title, header, rows)

@@ -23,7 +23,7 @@ from perception.sensor import HDL_64E, LidarModel
 
 
 @dataclass(frozen=True)
-class InsErrorPlan:
+class InsErrorConfig:
     """What to measure.
 
     Attributes:
@@ -50,19 +50,21 @@ class InsErrorPlan:
 MetricsByNoise = dict[InsNoise, dict[str, StudyTrackingMetrics]]
 
 
-def study_ins_error(picture: Path, plan: InsErrorPlan) -> Study:
+def study_ins_error(picture: Path, config: InsErrorConfig) -> Study:
     """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
-    metrics = _measure(plan)
-    drives = drives_named(plan.seeds, plan.frames)
-    title = f"Tracks of moving objects over the error of the INS, {plan.sensor.name}, {drives}"
-    positions = [metrics[InsNoise(position_m, 0.0)] for position_m in plan.positions_m]
-    angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in plan.angles_deg]
+    metrics = _measure(config)
+    drives = drives_named(config.seeds, config.frames)
+    title = f"Tracks of moving objects over the error of the INS, {config.sensor.name}, {drives}"
+    positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
+    angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
     plot_conditions(
         picture,
         title,
         [
-            Condition("position error of the INS, σ [m]", plan.positions_m, by_measure(positions)),
-            Condition("angle error of the INS, σ [°]", plan.angles_deg, by_measure(angles)),
+            Condition(
+                "position error of the INS, σ [m]", config.positions_m, by_measure(positions)
+            ),
+            Condition("angle error of the INS, σ [°]", config.angles_deg, by_measure(angles)),
         ],
     )
     return Study(
@@ -70,17 +72,17 @@ def study_ins_error(picture: Path, plan: InsErrorPlan) -> Study:
         repeats="7.1.1, tolerance to localization error",
         table=_table(title, metrics),
         numbers=_numbers(metrics),
-        conditions={"plan": plan, "protocol": study_protocol()},
+        conditions={"plan": config, "protocol": study_protocol()},
     )
 
 
-def _measure(plan: InsErrorPlan) -> MetricsByNoise:
+def _measure(config: InsErrorConfig) -> MetricsByNoise:
     parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {
-        case: [] for case in plan.cases()
+        case: [] for case in config.cases()
     }
-    for seed in plan.seeds:
+    for seed in config.seeds:
         drive = RememberedDrive(
-            plan.frames, seed=seed, sensor=plan.sensor, noise=InsNoise(0.0, 0.0)
+            config.frames, seed=seed, sensor=config.sensor, noise=InsNoise(0.0, 0.0)
         )
         for noise, drives in parts.items():
             drives.append(measure_methods(drive.with_ins(noise)))

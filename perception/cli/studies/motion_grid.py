@@ -19,7 +19,7 @@ from perception.render.grid_plots import CameraView, MotionGridScene, plot_motio
 from perception.types import Boxes3D, Frame
 
 Preset = Literal["thesis", "author"]
-_RULES = {"thesis": THESIS, "author": AUTHOR}
+_CONFIG = {"thesis": THESIS, "author": AUTHOR}
 _SOURCES = {"thesis": "Table 7.4", "author": "the author's code"}
 
 
@@ -40,11 +40,11 @@ def study_motion_grid(
         frame: which one, else the middle one.
         preset: whose values.
     """
-    rules = _RULES[preset]
+    config = _CONFIG[preset]
     newest = _existing(drive, frame)
-    detector = GridDetector(drive.sensor, rules)
+    detector = GridDetector(drive.sensor, config)
     chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion())
-    first = max(newest - rules.background.scans, 0)
+    first = max(newest - config.background.scans, 0)
     for seen in progress(drive[index] for index in range(first, newest + 1)):
         _, scan = chain.segment(seen)
         found = detector.detect(scan)
@@ -61,7 +61,7 @@ def study_motion_grid(
         repeats="Fig. 5.10",
         table=format_table(title, ("", "cells"), rows) + "\n\n" + _list(found.moving, boxes),
         numbers={"cells": counts, "things": _things(found.moving, boxes)},
-        conditions={"drive": drive.name, "frame": newest, "preset": preset, "rules": rules},
+        conditions={"drive": drive.name, "frame": newest, "preset": preset, "rules": config},
     )
 
 
@@ -95,7 +95,7 @@ def _camera(frame: Frame, drive: Drive) -> CameraView | None:
 
 def _counts(grids: MotionGrids) -> dict[str, int]:
     """Return how many cells each step leaves in the area of objects."""
-    part = grids.work_cells.part(grids.rules.area)
+    part = grids.work_cells.part(grids.config.area)
     steps = {
         "seen": grids.elevation.points[part],
         "standing, E": grids.elevation.height_m[part],

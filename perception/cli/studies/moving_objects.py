@@ -4,14 +4,14 @@ from pathlib import Path
 from typing import Literal
 
 from data.synthetic.scenarios import KINDS, Kind
-from perception.cli.evaluations.otd import trackers_named
+from perception.cli.evaluations.otd import parse_trackers
 from perception.cli.flags import require_positive
 from perception.cli.studies.drives import scan_bar, study_drive
 from perception.cli.studies.following import SingleObjectStudyConfig, study_single_object
-from perception.cli.studies.ins_error import InsErrorPlan, study_ins_error
+from perception.cli.studies.ins_error import InsErrorConfig, study_ins_error
 from perception.cli.studies.motion_grid import Preset, study_motion_grid
 from perception.cli.studies.output import RESULTS, publish
-from perception.cli.studies.sensors import SensorsPlan, study_sensors
+from perception.cli.studies.sensors import SensorsConfig, study_sensors
 from perception.sensor import sensor_named
 
 _KINDS: dict[str, Kind] = {kind.lower(): kind for kind in KINDS}
@@ -60,8 +60,8 @@ def ins_error(
     require_positive("--frames", frames)
     require_positive("--drives", drives)
     seeds = tuple(range(seed, seed + drives))
-    plan = InsErrorPlan(frames, seeds, sensor_named(sensor))
-    publish(study_ins_error(out, plan), out)
+    config = InsErrorConfig(frames, seeds, sensor_named(sensor))
+    publish(study_ins_error(out, config), out)
 
 
 def sensors(
@@ -83,7 +83,7 @@ def sensors(
     require_positive("--frames", frames)
     require_positive("--drives", drives)
     seeds = tuple(range(seed, seed + drives))
-    publish(study_sensors(out, SensorsPlan(frames, seeds)), out)
+    publish(study_sensors(out, SensorsConfig(frames, seeds)), out)
 
 
 def following(
@@ -106,10 +106,10 @@ def following(
         sensor: HDL-64E, HDL-32E, VLP-16 or a .json file.
         out: the picture; the numbers are written beside it.
     """
-    plan = SingleObjectStudyConfig(
-        trackers_named(trackers), _KINDS[kind], duration, seed, sensor_named(sensor)
+    config = SingleObjectStudyConfig(
+        parse_trackers(trackers), _KINDS[kind], duration, seed, sensor_named(sensor)
     )
-    publish(study_single_object(out, plan), out)
+    publish(study_single_object(out, config), out)
 
 
 COMMANDS = {

@@ -9,10 +9,10 @@ from perception.cli.flags import require_positive
 from perception.cli.studies.dense_cloud import study_dense_cloud
 from perception.cli.studies.drives import scan_bar, study_drive
 from perception.cli.studies.gates import study_gates
-from perception.cli.studies.ground_error import GroundErrorPlan, study_ground_error
+from perception.cli.studies.ground_error import GroundErrorConfig, study_ground_error
 from perception.cli.studies.masks import study_masks
 from perception.cli.studies.output import RESULTS, publish
-from perception.cli.studies.speed import SpeedPlan, study_speed
+from perception.cli.studies.speed import SpeedConfig, study_speed
 from perception.cli.studies.stages import study_stages
 
 
@@ -37,10 +37,10 @@ def ground_error(
         out: the picture; the numbers are written beside it.
     """
     require_positive("--every", every)
-    plan = GroundErrorPlan(every=every, frames=frames, seed=seed)
+    config = GroundErrorConfig(every=every, frames=frames, seed=seed)
     opened = study_drive(drive, sequence)
     count = len(opened) if frames is None else min(frames, len(opened))
-    publish(study_ground_error(opened, out, plan, partial(scan_bar, total=count)), out)
+    publish(study_ground_error(opened, out, config, partial(scan_bar, total=count)), out)
 
 
 def speed(
@@ -60,8 +60,8 @@ def speed(
         out: the picture; the numbers are written beside it.
     """
     require_positive("--frames", frames)
-    plan = SpeedPlan(frames=frames)
-    publish(study_speed(study_drive(drive, sequence), out, plan, scan_bar), out)
+    config = SpeedConfig(frames=frames)
+    publish(study_speed(study_drive(drive, sequence), out, config, scan_bar), out)
 
 
 def stages(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
     Judging,
-    TrainingConditions,
     Variant,
+    VariantTrainingConfig,
     study_variants,
 )
 from perception.cli.studies.output import Study
@@ -59,7 +59,7 @@ def map_variants(base: Variant, wide_size: str) -> list[Variant]:
 
 
 def study_reflectance_maps(
-    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and print Tables B.1, B.2 and B.3."""
     metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))

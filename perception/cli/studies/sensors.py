@@ -21,7 +21,7 @@ from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 
 
 @dataclass(frozen=True)
-class SensorsPlan:
+class SensorsConfig:
     """What to measure.
 
     Attributes:
@@ -35,18 +35,18 @@ class SensorsPlan:
     sensors: Sequence[LidarModel] = (HDL_64E, HDL_32E, VLP_16)
 
 
-def study_sensors(picture: Path, plan: SensorsPlan) -> Study:
+def study_sensors(picture: Path, config: SensorsConfig) -> Study:
     """Measure all methods on the same streets seen by one LiDAR after another, and draw bars."""
     metrics = {
         sensor.name: total(
             [
-                measure_methods(SyntheticDrive(plan.frames, seed=s, sensor=sensor, images=False))
-                for s in plan.seeds
+                measure_methods(SyntheticDrive(config.frames, seed=s, sensor=sensor, images=False))
+                for s in config.seeds
             ]
         )
-        for sensor in plan.sensors
+        for sensor in config.sensors
     }
-    title = f"Tracks of moving objects by LiDAR, {drives_named(plan.seeds, plan.frames)}"
+    title = f"Tracks of moving objects by LiDAR, {drives_named(config.seeds, config.frames)}"
     plot_groups(picture, title, list(metrics), by_measure(list(metrics.values())))
     return Study(
         name="sensors",
@@ -56,7 +56,7 @@ def study_sensors(picture: Path, plan: SensorsPlan) -> Study:
             sensor: {method: found.measures() for method, found in methods.items()}
             for sensor, methods in metrics.items()
         },
-        conditions={"plan": plan, "protocol": study_protocol()},
+        conditions={"plan": config, "protocol": study_protocol()},
     )
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
     Judging,
-    TrainingConditions,
     Variant,
+    VariantTrainingConfig,
     study_variants,
 )
 from perception.cli.studies.output import Study
@@ -42,7 +42,7 @@ def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
 
 
 def study_sim_to_real(
-    variants: list[Variant], conditions: TrainingConditions, judging: Judging, picture: Path
+    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
 ) -> Study:
     """Train all, and draw average precision over the number of frames learned from."""
     metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))

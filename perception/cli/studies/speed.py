@@ -21,7 +21,7 @@ from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class SpeedPlan:
+class SpeedConfig:
     """What to measure.
 
     Attributes:
@@ -35,39 +35,43 @@ class SpeedPlan:
     frames: int = 5
 
 
-def study_speed(drive: Drive, picture: Path, plan: SpeedPlan, progress: Progress) -> Study:
+def study_speed(drive: Drive, picture: Path, config: SpeedConfig, progress: Progress) -> Study:
     """Time the thesis' method for each pair, the default method for each m, and draw the curves."""
-    cases = [ThesisCase(m, size) for size in plan.voxel_sizes_m for m in plan.previous_scans]
-    measured = time_thesis(drive, cases, plan.frames, progress)
-    across = (len(plan.voxel_sizes_m), len(plan.previous_scans))
+    cases = [ThesisCase(m, size) for size in config.voxel_sizes_m for m in config.previous_scans]
+    measured = time_thesis(drive, cases, config.frames, progress)
+    across = (len(config.voxel_sizes_m), len(config.previous_scans))
     thesis = np.array([frames_per_s(measured[case]) for case in cases]).reshape(across)
-    longest = max(plan.previous_scans)
+    longest = max(config.previous_scans)
     default = np.array(
         [
-            frames_per_s(time_default(drive, m, longest, plan.frames, progress))
-            for m in plan.previous_scans
+            frames_per_s(time_default(drive, m, longest, config.frames, progress))
+            for m in config.previous_scans
         ]
     )
-    title = f"Speed over merged scans and voxel size, {drive.name}, {plan.frames} frames"
+    title = f"Speed over merged scans and voxel size, {drive.name}, {config.frames} frames"
     curves = [
-        Curve(f"thesis, υ = {100 * size:g} cm", plan.previous_scans, speeds)
-        for size, speeds in zip(plan.voxel_sizes_m, thesis, strict=True)
+        Curve(f"thesis, υ = {100 * size:g} cm", config.previous_scans, speeds)
+        for size, speeds in zip(config.voxel_sizes_m, thesis, strict=True)
     ]
-    curves.append(Curve("default, υ = 10 cm", plan.previous_scans, default, is_emphasised=True))
+    curves.append(Curve("default, υ = 10 cm", config.previous_scans, default, is_emphasised=True))
     plot_curves(picture, title, curves, ("merged scans before the newest, m", "frames/s"))
     return Study(
         name="speed",
         repeats="Fig. 7.3",
-        table=_table(title, plan, thesis, default),
+        table=_table(title, config, thesis, default),
         numbers={"thesis_frames_per_s": thesis, "default_frames_per_s": default},
-        conditions={"drive": drive.name, "plan": plan, "timing": "stages alone, reading left out"},
+        conditions={
+            "drive": drive.name,
+            "plan": config,
+            "timing": "stages alone, reading left out",
+        },
     )
 
 
-def _table(title: str, plan: SpeedPlan, thesis: Float64, default: Float64) -> str:
-    names = [f"thesis, υ = {100 * size:g} cm" for size in plan.voxel_sizes_m]
+def _table(title: str, config: SpeedConfig, thesis: Float64, default: Float64) -> str:
+    names = [f"thesis, υ = {100 * size:g} cm" for size in config.voxel_sizes_m]
     rows: list[list[Cell]] = [
         [name, *(f"{speed:.2f}" for speed in speeds)]
         for name, speeds in zip([*names, "default"], [*thesis, default], strict=True)
     ]
-    return format_table(title, ("frames/s", *(f"m = {m}" for m in plan.previous_scans)), rows)
+    return format_table(title, ("frames/s", *(f"m = {m}" for m in config.previous_scans)), rows)

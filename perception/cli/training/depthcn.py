@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Literal
 from data.frames import OnBadFrame
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
-from perception.cli.training.trainer_choice import listed, trainer_plan
-from perception.cli.training.verifier_plan import VerifierData, run_training
+from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
+from perception.cli.training.verifier_plan import VerifierDataConfig, run_training
 from perception.types import Method
 
 if TYPE_CHECKING:
@@ -58,13 +58,13 @@ def depthcn(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, or leave it out and say so.
         cache: folder for pictures and candidates of the frames; else the user's cache folder.
     """
-    data = VerifierData(
-        tuple(drives), listed(validation), batch, augment, workers, on_bad_frame, cache
+    data = VerifierDataConfig(
+        tuple(drives), as_path_tuple(validation), batch, augment, workers, on_bad_frame, cache
     )
-    plan = trainer_plan(
+    config = trainer_config(
         epochs=epochs, accelerator=accelerator, devices=devices, precision=precision, seed=seed
     )
-    trained = run_training(data, method, plan, out, resume)
+    trained = run_training(data, method, config, out, resume)
     if trained is None:
         return
     write_json(out / "figures.json", trained)

@@ -8,12 +8,12 @@ from data.splitting import SplitBy
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.detector_plan import (
-    DetectorChoice,
-    FirstChoice,
+    DetectorModelConfig,
+    InitialWeightsConfig,
     PictureChoice,
     run_training,
 )
-from perception.cli.training.trainer_choice import listed, trainer_plan
+from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
 from perception.detection.detectors.modalities import MapFilling
 from perception.types import Modality
 
@@ -102,7 +102,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, or leave it out and say so.
         cache: folder for the pictures; else the user's cache folder.
     """
-    plan = trainer_plan(
+    config = trainer_config(
         epochs=epochs,
         accelerator=accelerator,
         devices=devices,
@@ -114,7 +114,7 @@ def detector(  # noqa: PLR0913 - flags of a command
     )
     pictures = PictureChoice(
         tuple(drives),
-        listed(validation),
+        as_path_tuple(validation),
         validation_share,
         test_share,
         split,
@@ -126,7 +126,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         on_bad_frame,
         cache,
     )
-    choice = DetectorChoice(
+    model = DetectorModelConfig(
         modality,
         network,
         size,
@@ -138,15 +138,15 @@ def detector(  # noqa: PLR0913 - flags of a command
         learning_rate,
         anchors,
     )
-    first = FirstChoice(start, darknet_weights, backbone_weights)
-    trained = run_training(pictures, choice, first, plan, out, resume)
+    first = InitialWeightsConfig(start, darknet_weights, backbone_weights)
+    trained = run_training(pictures, model, first, config, out, resume)
     if trained is None:
         return
     write_json(out / "figures.json", trained)
-    print(f"{metrics_table(choice, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
+    print(f"{metrics_table(model, trained)}\n\n{trained.checkpoint}\n{out / 'figures.json'}")
 
 
-def metrics_table(choice: DetectorChoice, trained: "TrainedDetector") -> str:
+def metrics_table(model: DetectorModelConfig, trained: "TrainedDetector") -> str:
     """Return average precision of the best epoch as a table."""
     frames = trained.counts["validation_frames"]
     rows: list[list[Cell]] = [
@@ -154,7 +154,7 @@ def metrics_table(choice: DetectorChoice, trained: "TrainedDetector") -> str:
         for name, of_difficulty in trained.precision.items()
     ]
     title = (
-        f"{choice.network} on {choice.modality}, epoch {trained.epoch}: "
+        f"{model.network} on {model.modality}, epoch {trained.epoch}: "
         f"AP in percent on {frames} validation frames"
     )
     return format_table(title, ("class, IoU over", "easy", "moderate", "hard"), rows)

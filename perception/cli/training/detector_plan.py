@@ -16,8 +16,8 @@ from perception.types import Modality
 if TYPE_CHECKING:
     from data.pictures.module import PictureData
     from train.detector.run import TrainedDetector
-    from train.detector.training import DetectorPlan
-    from train.trainer import TrainerPlan
+    from train.detector.training import DetectorTrainingConfig
+    from train.trainer import TrainerConfig
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class PictureChoice:
 
 
 @dataclass(frozen=True)
-class DetectorChoice:
+class DetectorModelConfig:
     """Which detector, and how it learns; None takes what the preset says.
 
     Attributes:
@@ -89,7 +89,7 @@ class DetectorChoice:
 
 
 @dataclass(frozen=True)
-class FirstChoice:
+class InitialWeightsConfig:
     """Where a training starts; without any, from random weights.
 
     Attributes:
@@ -105,59 +105,61 @@ class FirstChoice:
 
 def run_training(
     pictures: PictureChoice,
-    choice: DetectorChoice,
-    first: FirstChoice,
-    trainer: "TrainerPlan",
+    model: DetectorModelConfig,
+    first: InitialWeightsConfig,
+    trainer: "TrainerConfig",
     out: Path,
     resume: str | None = None,
 ) -> "TrainedDetector | None":
     """Train a detector in a folder; return what came of it, in the first process only."""
-    from train.detector.run import FirstWeights, train_detector
+    from train.detector.run import InitialWeights, train_detector
     from train.trainer import checkpoint_to_resume
 
     checkpoint = checkpoint_to_resume(out, resume)
-    plan = detector_plan(choice, pictures, trainer.seed)
-    weights = FirstWeights(first.start, first.darknet_weights, _backbone(first.backbone_weights))
-    module = picture_data(pictures, choice, plan, trainer.seed)
+    config = detector_training_config(model, pictures, trainer.seed)
+    weights = InitialWeights(first.start, first.darknet_weights, _backbone(first.backbone_weights))
+    module = picture_data(pictures, model, config, trainer.seed)
     write_training_configuration(
         out,
         data=pictures,
         loading=module.loading,
         augmentation=module.augmentation,
-        network=plan,
+        network=config,
         first_weights=weights,
         trainer=trainer,
         resumed_from=checkpoint,
     )
-    return train_detector(module, plan, trainer, out, checkpoint, weights)
+    return train_detector(module, config, trainer, out, checkpoint, weights)
 
 
-def detector_plan(choice: DetectorChoice, pictures: PictureChoice, seed: int) -> "DetectorPlan":
+def detector_training_config(
+    model: DetectorModelConfig, pictures: PictureChoice, seed: int
+) -> "DetectorTrainingConfig":
     """Return which network, and how it descends."""
     from train.detector.descent import PRESETS
-    from train.detector.networks import DetectorForm
-    from train.detector.training import DetectorPlan
+    from train.detector.networks import DetectorNetworkConfig
+    from train.detector.training import DetectorTrainingConfig
     from train.revision import program_revision
 
-    preset = PRESETS[choice.preset]
-    form = DetectorForm(
-        modality=choice.modality,
-        network=choice.network,
-        class_names=tuple(name.strip() for name in choice.classes.split(",") if name.strip()),
-        size=InputSize.parse(choice.size),
-        filling=choice.filling,
+    preset = PRESETS[model.preset]
+    network_config = DetectorNetworkConfig(
+        modality=model.modality,
+        network=model.network,
+        class_names=tuple(name.strip() for name in model.classes.split(",") if name.strip()),
+        size=InputSize.parse(model.size),
+        filling=model.filling,
     )
-    return DetectorPlan(
-        form=form,
+    return DetectorTrainingConfig(
+        network_config=network_config,
         descent=replace(
-            preset.descent, learning_rate=choice.learning_rate or preset.descent.learning_rate
+            preset.descent, learning_rate=model.learning_rate or preset.descent.learning_rate
         ),
         loss=replace(
             preset.loss,
-            box=choice.box_loss or preset.loss.box,
-            objectness=choice.objectness or preset.loss.objectness,
+            box=model.box_loss or preset.loss.box,
+            objectness=model.objectness or preset.loss.objectness,
         ),
-        anchors=choice.anchors,
+        anchors=model.anchors,
         seed=seed,
         training_data=", ".join(str(path) for path in pictures.drives),
         revision=program_revision(),
@@ -165,18 +167,18 @@ def detector_plan(choice: DetectorChoice, pictures: PictureChoice, seed: int) ->
 
 
 def picture_data(
-    pictures: PictureChoice, choice: DetectorChoice, plan: "DetectorPlan", seed: int
+    pictures: PictureChoice, model: DetectorModelConfig, config: "DetectorTrainingConfig", seed: int
 ) -> "PictureData":
     """Return the batches of a detector."""
     from data.pictures.augmentation import PictureAugmentation
     from data.pictures.making import PictureRules
     from data.pictures.module import PictureData, PictureLoading
-    from data.training_drives import Sources
+    from data.training_drives import TrainingDrives
     from train.detector.descent import PRESETS
 
-    form = plan.form
+    network_config = config.network_config
     loading = PictureLoading(
-        batch_size=PRESETS[choice.preset].batch_size if pictures.batch is None else pictures.batch,
+        batch_size=PRESETS[model.preset].batch_size if pictures.batch is None else pictures.batch,
         workers=pictures.workers,
         validation_share=pictures.validation_share,
         test_share=pictures.test_share,
@@ -187,8 +189,14 @@ def picture_data(
         seed=seed,
     )
     return PictureData(
-        Sources(pictures.drives, pictures.validation, pictures.cache),
-        PictureRules(form.modality, form.class_names, form.size, form.filling, pictures.jpeg),
+        TrainingDrives(pictures.drives, pictures.validation, pictures.cache),
+        PictureRules(
+            network_config.modality,
+            network_config.class_names,
+            network_config.size,
+            network_config.filling,
+            pictures.jpeg,
+        ),
         PictureAugmentation() if pictures.augment else None,
         loading,
         frame_bar("pictures"),

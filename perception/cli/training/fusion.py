@@ -9,7 +9,11 @@ from data.frames import OnBadFrame
 from data.splitting import SplitBy
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
-from perception.cli.training.fusion_data import DetectorFiles, FusionData, split_detections
+from perception.cli.training.fusion_data import (
+    DetectorModelPaths,
+    FusionDataConfig,
+    split_detections,
+)
 from perception.cli.training.fusion_pictures import (
     draw_reliability,
     draw_rescoring,
@@ -17,24 +21,24 @@ from perception.cli.training.fusion_pictures import (
     draw_steps,
 )
 from perception.cli.training.fusion_plan import (
-    FusionChoice,
+    FusionModelConfig,
     TrainedFusion,
-    TrainingPlace,
+    TrainingFolder,
     run_training,
 )
-from perception.cli.training.trainer_choice import listed, trainer_plan
+from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.curve import PrecisionCurve
 from perception.evaluation.detection.protocol import DIFFICULTIES
 
-_SHIPPED = DetectorFiles()
+_SHIPPED = DetectorModelPaths()
 
 
 def fusion(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
-    models: DetectorFiles = _SHIPPED,
+    models: DetectorModelPaths = _SHIPPED,
     validation: Path | list[Path] | None = None,
     validation_share: float = 0.25,
     split: SplitBy = "frames",
@@ -77,17 +81,23 @@ def fusion(  # noqa: PLR0913 - flags of a command
         resume: a checkpoint to go on from, or the word last for that of the folder.
         out: folder of the results.
     """
-    trainer = trainer_plan(
+    trainer = trainer_config(
         epochs=epochs, accelerator="cpu", seed=seed, watched="validation/explained"
     )
-    place = TrainingPlace.of_flags(out, resume)
-    data = FusionData(
-        tuple(drives), listed(validation), validation_share, split, models, on_bad_frame, cache
+    place = TrainingFolder.of_flags(out, resume)
+    data = FusionDataConfig(
+        tuple(drives),
+        as_path_tuple(validation),
+        validation_share,
+        split,
+        models,
+        on_bad_frame,
+        cache,
     )
     sizes = (hidden,) if isinstance(hidden, int) else hidden
-    choice = FusionChoice(variant, sizes, optimiser, tuple(sweep), tuple(sweep_two))
+    model = FusionModelConfig(variant, sizes, optimiser, tuple(sweep), tuple(sweep_two))
     found = split_detections(data, seed)
-    trained = run_training(data, choice, found, trainer, place)
+    trained = run_training(data, model, found, trainer, place)
     network, frames = Fusion(trained.file), found.judged
     fused = fuse_frames(frames.scenes, network)
     curves = curves_beside(frames, fused)

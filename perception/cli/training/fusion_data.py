@@ -9,7 +9,7 @@ from data.detections.detected_frames import DetectedFrames
 from data.detections.gathering import MarkedLooker, detect_drives, models_mark, require_unseen
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
-from data.training_drives import Sources, open_drives
+from data.training_drives import TrainingDrives, open_drives
 from perception.cli.flags import require_drives
 from perception.cli.progress import frame_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -23,7 +23,7 @@ _SPLIT = 0xF  # stream of random numbers
 
 
 @dataclass(frozen=True)
-class DetectorFiles:
+class DetectorModelPaths:
     """Which detectors are fused; those that ship where no file is named.
 
     Attributes:
@@ -54,7 +54,7 @@ class DetectorFiles:
 
 
 @dataclass(frozen=True)
-class FusionData:
+class FusionDataConfig:
     """What a fusion learns from.
 
     Attributes:
@@ -71,7 +71,7 @@ class FusionData:
     validation: tuple[Path, ...] = ()
     validation_share: float = 0.25
     split: SplitBy = "frames"
-    models: DetectorFiles = DetectorFiles()
+    models: DetectorModelPaths = DetectorModelPaths()
     on_bad_frame: OnBadFrame = "stop"
     cache: Path | None = None
 
@@ -99,7 +99,7 @@ class SplitDetections:
     detectors: str
 
 
-def split_detections(data: FusionData, seed: int) -> SplitDetections:
+def split_detections(data: FusionDataConfig, seed: int) -> SplitDetections:
     """Let the detectors look at all frames, or read what they saw; keep some frames back.
 
     Raises:
@@ -108,7 +108,7 @@ def split_detections(data: FusionData, seed: int) -> SplitDetections:
     """
     detectors = data.models.open()
     marked = MarkedLooker(MultimodalDetector(detectors), data.models.mark())
-    sources = Sources(data.drives, data.validation, data.cache)
+    sources = TrainingDrives(data.drives, data.validation, data.cache)
     parts = []
     for paths in sources.parts:
         drives = open_drives(paths)

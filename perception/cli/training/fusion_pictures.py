@@ -14,7 +14,7 @@ from data.detections.fused_frames import (
     precision_curves,
 )
 from perception.detection.fusion.features import tri_box_features
-from perception.detection.fusion.rescoring import RULES, Fusion
+from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS, Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.evaluation.detection.reliability import Reliability, measure_reliability
@@ -82,7 +82,7 @@ def _usual_features(frames: DetectedFrames, fusion: Fusion) -> Float64:
     means = []
     for wanted in (3, 1):
         for scene in frames.scenes:
-            rows = tri_boxes(scene, RULES[fusion.variant])
+            rows = tri_boxes(scene, TRI_BOX_CONFIGS[fusion.variant])
             rows = rows[(rows >= 0).sum(axis=1) >= wanted]
             means.append(tri_box_features(scene, rows, fusion.variant))
         if any(map(len, means)):

@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Literal
 
 from data.whole_file import write_whole
 from perception.cli.progress import bar
-from perception.cli.training.fusion_data import FusionData, SplitDetections
+from perception.cli.training.fusion_data import FusionDataConfig, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.fusion.features import Variant
 from perception.types import MODALITIES
 
 if TYPE_CHECKING:
-    from train.fusion.plan import FusionPlan, FusionSets
+    from train.fusion.plan import FusionSets, FusionTrainingConfig
     from train.fusion.sweep import SweptSize
     from train.fusion.training import FittedFusion
-    from train.trainer import TrainerPlan
+    from train.trainer import TrainerConfig
 
 Optimiser = Literal["lm", "adamw"]
 
 
 @dataclass(frozen=True)
-class FusionChoice:
+class FusionModelConfig:
     """Which network, and how it is fitted; None takes what its variant has.
 
     Attributes:
@@ -51,7 +51,7 @@ _USUAL: Mapping[Variant, tuple[tuple[int, ...], Optimiser]] = {
 
 
 @dataclass(frozen=True)
-class TrainingPlace:
+class TrainingFolder:
     """Where a training is.
 
     Attributes:
@@ -63,7 +63,7 @@ class TrainingPlace:
     resumed: Path | None = None
 
     @classmethod
-    def of_flags(cls, out: Path, resume: str | None) -> "TrainingPlace":
+    def of_flags(cls, out: Path, resume: str | None) -> "TrainingFolder":
         """Find the checkpoint, and refuse to begin where another training lies, before any work is done.
 
         Raises:
@@ -94,34 +94,34 @@ class TrainedFusion:
 
 
 def run_training(
-    data: FusionData,
-    choice: FusionChoice,
+    data: FusionDataConfig,
+    model: FusionModelConfig,
     found: SplitDetections,
-    trainer: "TrainerPlan",
-    place: TrainingPlace,
+    trainer: "TrainerConfig",
+    place: TrainingFolder,
 ) -> "TrainedFusion":
     """Fit a fusion in a folder, and write it as a model file whose scores are calibrated.
 
     Raises:
         ModelError: a checkpoint to go on from is damaged, or of another training.
     """
-    from export.exported import ExportOrder
+    from export.exported import ExportConfig
     from export.fusion import export_fusion
     from train.fusion.plan import FusionSets
     from train.fusion.targets import fusion_rows
     from train.fusion.training import fit_fusion
 
     sets = FusionSets(
-        fusion_rows(found.training, choice.variant, doubts=_DOUBTS),
-        fusion_rows(found.validation, choice.variant),
+        fusion_rows(found.training, model.variant, doubts=_DOUBTS),
+        fusion_rows(found.validation, model.variant),
     )
-    asked = replace(fusion_plan(data, choice, trainer.seed), detectors=found.detectors)
-    plan, swept = _swept(choice, sets, asked)
+    asked = replace(fusion_training_config(data, model, trainer.seed), detectors=found.detectors)
+    config, swept = _swept(model, sets, asked)
     write_training_configuration(
-        place.out, data=data, network=plan, trainer=trainer, resumed_from=place.resumed
+        place.out, data=data, network=config, trainer=trainer, resumed_from=place.resumed
     )
-    fitted = fit_fusion(sets, plan, place.out, trainer, place.resumed)
-    exported = export_fusion(ExportOrder(fitted.checkpoint))
+    fitted = fit_fusion(sets, config, place.out, trainer, place.resumed)
+    exported = export_fusion(ExportConfig(fitted.checkpoint))
     file = place.out / "fusion.onnx"
     exported.require_parity(file.name)
     write_whole(file, exported.models["fp32"])
@@ -133,21 +133,23 @@ def run_training(
         counts |= {f"{name}_frames": len(frames), f"{name}_combinations": len(rows)}
     counts["judged_frames"] = len(found.judged)
     facts = exported.facts
-    if choice.variant == "default":  # the thesis' scores stay as they are printed
+    if model.variant == "default":  # the thesis' scores stay as they are printed
         facts = facts | {"calibration": _calibrate(file, fitted.checkpoint, found)}
     return TrainedFusion(file, facts, fitted, swept, counts)
 
 
-def fusion_plan(data: FusionData, choice: FusionChoice, seed: int) -> "FusionPlan":
+def fusion_training_config(
+    data: FusionDataConfig, model: FusionModelConfig, seed: int
+) -> "FusionTrainingConfig":
     """Return which network, and how it is fitted."""
-    from train.fusion.mlp import MlpForm
-    from train.fusion.plan import FusionPlan
+    from train.fusion.mlp import MlpConfig
+    from train.fusion.plan import FusionTrainingConfig
     from train.revision import program_revision
 
-    hidden, optimiser = _USUAL[choice.variant]
-    return FusionPlan(
-        MlpForm(choice.variant, choice.hidden or hidden),
-        choice.optimiser or optimiser,
+    hidden, optimiser = _USUAL[model.variant]
+    return FusionTrainingConfig(
+        MlpConfig(model.variant, model.hidden or hidden),
+        model.optimiser or optimiser,
         seed=seed,
         training_data=", ".join(str(path) for path in data.drives),
         revision=program_revision(),
@@ -155,17 +157,19 @@ def fusion_plan(data: FusionData, choice: FusionChoice, seed: int) -> "FusionPla
 
 
 def _swept(
-    choice: FusionChoice, sets: "FusionSets", plan: "FusionPlan"
-) -> tuple["FusionPlan", tuple["SweptSize", ...]]:
+    model: FusionModelConfig, sets: "FusionSets", config: "FusionTrainingConfig"
+) -> tuple["FusionTrainingConfig", tuple["SweptSize", ...]]:
     """Return the plan with the best of the sizes to be tried."""
     from train.fusion.sweep import hidden_sizes, sweep
 
-    sizes = hidden_sizes(choice.sweep, choice.sweep_two)
-    swept = sweep(sets, plan, sizes, partial(bar, words="sizes", unit="network", delay_s=2))
+    sizes = hidden_sizes(model.sweep, model.sweep_two)
+    swept = sweep(sets, config, sizes, partial(bar, words="sizes", unit="network", delay_s=2))
     if not swept:
-        return plan, ()
+        return config, ()
     best = min(swept, key=lambda one: one.validation)
-    return replace(plan, form=replace(plan.form, hidden=best.hidden)), tuple(swept)
+    return replace(
+        config, network_config=replace(config.network_config, hidden=best.hidden)
+    ), tuple(swept)
 
 
 def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from perception.cli.table import Cell, format_table, percent
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
 from train.proposal_search.counting import Count
 from train.proposal_search.recall import Setting
@@ -94,7 +94,7 @@ def _any_difficulty(recalls: Mapping[str, ProposalRecall]) -> RecallMetrics:
     return next(iter(next(iter(recalls.values())).difficulties.values()))
 
 
-def _rule_cells(rules: ProposalRules) -> list[Cell]:
+def _rule_cells(rules: ProposalConfig) -> list[Cell]:
     return [
         f"{rules.cell_m:g}",
         f"{rules.least_variance_m2:g}",

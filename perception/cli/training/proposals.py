@@ -17,13 +17,13 @@ from perception.cli.training.proposal_figures import (
     search_document,
 )
 from perception.detection.depthcn.proposal_order import ProposalOrder
-from perception.evaluation.detection.proposal_recall import OVERLAPS
+from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
 from perception.types import Method
 from train.proposal_search.counting import Count
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.recall import Gathered, Setting, measure_recall
-from train.proposal_search.search import Finished, SearchPlan, search
+from train.proposal_search.search import Finished, SearchConfig, search
 from train.proposal_search.survey import Survey, survey
 
 _ORDERS: dict[ProposalOrder, str] = {"size": "most like a car", "points": "most returns"}
@@ -41,7 +41,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
     grid: SearchGrid = _GRID,
     method: Method = "default",
     object_class: str = "Car",
-    iou: tuple[float, ...] = OVERLAPS,
+    iou: tuple[float, ...] = IOU_THRESHOLDS,
     order: ProposalOrder = "size",
     every: int = 1,
     workers: int | None = None,
@@ -69,12 +69,12 @@ def proposals(  # noqa: PLR0913 - flags of a command
     """
     processes = usable_cores() if workers is None else workers
     found = survey(drives, object_class, every=every, progress=frame_bar("labels"))
-    plan = SearchPlan(found, grid, method, iou, on_bad_frame=on_bad_frame)
-    table = search(plan, out / "counts.jsonl", processes, _search_bar)
+    config = SearchConfig(found, grid, method, iou, on_bad_frame=on_bad_frame)
+    table = search(config, out / "counts.jsonl", processes, _search_bar)
     write_yaml(out / "rules.yaml", table[0].rules)
     print(f"{_describe(found, table[0])}\n\n{best_table(table, iou)}\n", flush=True)
     settings = _settings(Setting(table[0].rules, method))
-    measured = measure_recall(plan, list(settings.values()), order, processes, _recall_bar)
+    measured = measure_recall(config, list(settings.values()), order, processes, _recall_bar)
     recalls = dict(zip(settings, measured, strict=True))
     print(recall_table(recalls))
     title = f"Proposals of {table[0].frames} frames, {table[0].objects} {object_class} labels"
@@ -83,7 +83,7 @@ def proposals(  # noqa: PLR0913 - flags of a command
     document = {
         "program": f"trifuse {__version__}",
         "objective": _OBJECTIVE,
-        "search": plan.identity(),
+        "search": config.identity(),
         "grid": grid,
         "settings": search_document(table, iou),
         "order": f"{_ORDERS[order]} first",

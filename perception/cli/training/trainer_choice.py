@@ -8,17 +8,17 @@ from perception.cli.documents import write_yaml
 from perception.errors import MissingDependencyError
 
 if TYPE_CHECKING:
-    from train.trainer import TrainerPlan
+    from train.trainer import TrainerConfig
 
 
-def trainer_plan(**choices: Any) -> "TrainerPlan":  # noqa: ANN401 - fields of the plan
+def trainer_config(**choices: Any) -> "TrainerConfig":  # noqa: ANN401 - fields of the plan
     """Return how long and on what, or say what has to be installed first.
 
     Raises:
         MissingDependencyError: without the packages that train.
     """
     try:
-        from train.trainer import TrainerPlan, fastest_precision
+        from train.trainer import TrainerConfig, fastest_precision
     except ImportError as error:
         raise MissingDependencyError(
             "torch, lightning and tensorboard",
@@ -28,7 +28,7 @@ def trainer_plan(**choices: Any) -> "TrainerPlan":  # noqa: ANN401 - fields of t
         ) from error
     if choices.get("precision") == "auto":
         choices["precision"] = fastest_precision(choices["accelerator"])
-    return TrainerPlan(**choices)
+    return TrainerConfig(**choices)
 
 
 def write_training_configuration(out: Path, **effective: object) -> None:
@@ -39,7 +39,7 @@ def write_training_configuration(out: Path, **effective: object) -> None:
         write_yaml(out / "config.yaml", {"program": f"trifuse {__version__}", **effective})
 
 
-def listed(paths: Path | list[Path] | None) -> tuple[Path, ...]:
+def as_path_tuple(paths: Path | list[Path] | None) -> tuple[Path, ...]:
     """Return the paths of a flag that takes one or several."""
     if paths is None:
         return ()

@@ -12,12 +12,12 @@ from perception.types import Method
 
 if TYPE_CHECKING:
     from data.candidates.module import CandidateData
-    from train.trainer import TrainerPlan
+    from train.trainer import TrainerConfig
     from train.verifier.run import TrainedVerifier
 
 
 @dataclass(frozen=True)
-class VerifierData:
+class VerifierDataConfig:
     """What a network is shown.
 
     Attributes:
@@ -49,9 +49,9 @@ class VerifierData:
 
 
 def run_training(
-    data: VerifierData,
+    data: VerifierDataConfig,
     method: Method,
-    trainer: "TrainerPlan",
+    trainer: "TrainerConfig",
     out: Path,
     resume: str | None = None,
 ) -> "TrainedVerifier | None":
@@ -59,32 +59,36 @@ def run_training(
     from train.revision import program_revision
     from train.trainer import checkpoint_to_resume
     from train.verifier.run import train_verifier
-    from train.verifier.training import PLANS
+    from train.verifier.training import VERIFIER_CONFIGS
 
     checkpoint = checkpoint_to_resume(out, resume)
-    plan = replace(PLANS[method], training_data=data.names, revision=program_revision())
+    config = replace(
+        VERIFIER_CONFIGS[method], training_data=data.names, revision=program_revision()
+    )
     write_training_configuration(
-        out, data=data, network=plan, trainer=trainer, resumed_from=checkpoint
+        out, data=data, network=config, trainer=trainer, resumed_from=checkpoint
     )
     module = candidate_data(data, method, trainer.seed)
-    return train_verifier(module, plan, trainer, out, checkpoint)
+    return train_verifier(module, config, trainer, out, checkpoint)
 
 
-def candidate_data(data: VerifierData, method: Method, seed: int) -> "CandidateData":
+def candidate_data(data: VerifierDataConfig, method: Method, seed: int) -> "CandidateData":
     """Return the batches of one of the networks."""
     from data.candidates.augmentation import Augmentation
-    from data.candidates.gathering import GatheringRules
-    from data.candidates.labelled_frames import FrameRules
-    from data.candidates.module import CandidateData, CandidateRules, Loading
-    from data.training_drives import Sources
-    from train.networks.depthcn import FORMS
+    from data.candidates.gathering import CropSamplingConfig
+    from data.candidates.labelled_frames import FrameConfig
+    from data.candidates.module import CandidateData, CropConfig, CropLoadingConfig
+    from data.training_drives import TrainingDrives
+    from train.networks.depthcn import VERIFIER_INPUTS
 
-    form = FORMS[method]
-    gathering = GatheringRules(window=form.window, on_bad_frame=data.on_bad_frame, seed=seed)
+    input_config = VERIFIER_INPUTS[method]
+    sampling = CropSamplingConfig(
+        window=input_config.window, on_bad_frame=data.on_bad_frame, seed=seed
+    )
     return CandidateData(
-        Sources(data.drives, data.validation, data.cache),
-        CandidateRules(FrameRules(method), gathering),
+        TrainingDrives(data.drives, data.validation, data.cache),
+        CropConfig(FrameConfig(method), sampling),
         Augmentation() if data.augment else None,
-        Loading(form.channels, data.batch, data.workers, seed=seed),
+        CropLoadingConfig(input_config.channels, data.batch, data.workers, seed=seed),
         frame_bar("candidates"),
     )

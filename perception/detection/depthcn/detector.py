@@ -10,7 +10,7 @@ from importlib.abc import Traversable
 import numpy as np
 
 from perception.detection.depthcn.picture import camera_picture
-from perception.detection.depthcn.proposals import ProposalRules, Proposals, propose
+from perception.detection.depthcn.proposals import ProposalConfig, Proposals, propose
 from perception.detection.depthcn.verifier import VEHICLE, Judgement, Verifier
 from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
@@ -22,7 +22,7 @@ from perception.types import Calibration, Detections, Float64, Frame, Int, Metho
 
 
 @dataclass(frozen=True)
-class DetectionRules:
+class NmsConfig:
     """Which of the candidates that the network has judged are detections.
 
     Attributes:
@@ -80,8 +80,8 @@ class DepthCn:
         model: Traversable | Method = "default",
         sensor: LidarModel = HDL_64E,
         *,
-        proposal_rules: ProposalRules | None = None,
-        detection_rules: DetectionRules | None = None,
+        proposal_config: ProposalConfig | None = None,
+        nms_config: NmsConfig | None = None,
         threads: int = 2,
     ) -> None:
         """Open the network.
@@ -89,8 +89,8 @@ class DepthCn:
         Args:
             model: file of a network, or default for the one that ships.
             sensor: LiDAR that the scans are from.
-            proposal_rules: how candidates are found; else as the network's method does.
-            detection_rules: which of them are detections.
+            proposal_config: how candidates are found; else as the network's method does.
+            nms_config: which of them are detections.
             threads: that the network runs on.
 
         Raises:
@@ -99,8 +99,8 @@ class DepthCn:
         self.verifier = Verifier(model, threads)
         self._sensor = sensor
         self._method = self.verifier.method
-        self._proposal_rules = proposal_rules
-        self._detection_rules = detection_rules or DetectionRules()
+        self._proposal_config = proposal_config
+        self._nms_config = nms_config or NmsConfig()
 
     def detect(self, frame: Frame) -> Detections:
         """Return the vehicles in view of a frame's camera, best first; its image is not needed.
@@ -125,7 +125,7 @@ class DepthCn:
     def propose(self, frame: Frame) -> Proposals:
         """Find the candidates of a frame."""
         calibration, size_px = camera_of(frame)
-        return propose(frame.points_velo, calibration, size_px, self._proposal_rules, self._method)
+        return propose(frame.points_velo, calibration, size_px, self._proposal_config, self._method)
 
     def densify(self, frame: Frame) -> DenseMaps:
         """Make the maps of a frame."""
@@ -146,9 +146,9 @@ class DepthCn:
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
         """Return the rows that are likely, show in the image, and are the best of their place."""
         shows = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(shows & (scores >= self._detection_rules.min_score))
+        rows = np.flatnonzero(shows & (scores >= self._nms_config.min_score))
         likely = _vehicles(boxes_px[rows], scores[rows])
-        return np.asarray(rows[suppress(likely, self._detection_rules.max_iou)])
+        return np.asarray(rows[suppress(likely, self._nms_config.max_iou)])
 
 
 def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:

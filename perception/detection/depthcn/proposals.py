@@ -26,7 +26,7 @@ _SPLIT = 0.5  # of the radius
 
 
 @dataclass(frozen=True)
-class ProposalRules:
+class ProposalConfig:
     """The four parameters that the thesis searches for jointly (6.1.4).
 
     The values are the author's, but for the radius: the search prefers a smaller one where it grows with
@@ -61,9 +61,9 @@ class ProposalRules:
             )
 
 
-RULES: Mapping[Method, ProposalRules] = {
-    "default": ProposalRules(),
-    "thesis": ProposalRules(radius_m=0.5),
+PROPOSAL_CONFIGS: Mapping[Method, ProposalConfig] = {
+    "default": ProposalConfig(),
+    "thesis": ProposalConfig(radius_m=0.5),
 }
 
 
@@ -97,15 +97,15 @@ def propose(
     points_velo: Float32,
     calibration: Calibration,
     size_px: tuple[int, int],
-    rules: ProposalRules | None = None,
+    config: ProposalConfig | None = None,
     method: Method = "default",
 ) -> Proposals:
     """Find the candidates of an (N, 4) scan in an image of (width, height), by the method's own rules or others."""
-    rules = rules or RULES[method]
+    config = config or PROPOSAL_CONFIGS[method]
     standing = find_standing(
-        points_velo, calibration, size_px, rules.cell_m, rules.least_variance_m2, method
+        points_velo, calibration, size_px, config.cell_m, config.least_variance_m2, method
     )
-    return box(standing, cut(standing, rules.radius_m, rules.min_points, method))
+    return box(standing, cut(standing, config.radius_m, config.min_points, method))
 
 
 def cut(standing: Standing, radius_m: float, min_points: int, method: Method = "default") -> Int:

@@ -13,7 +13,7 @@ import numpy as np
 from perception.detection.fusion.calibration import Calibrations
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
-from perception.detection.fusion.tri_boxes import TriBoxRules, tri_boxes
+from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
 from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
@@ -37,10 +37,10 @@ CONTRACT = ModelContract(
     inputs={"features": Input(np.float32, (None, None))},
     outputs=("scores",),
 )
-RULES: Mapping[Variant, TriBoxRules] = {
-    "scores": TriBoxRules(),
-    "features": TriBoxRules(),
-    "default": TriBoxRules(min_iou=0.3, by_set=False, max_partners=1),
+TRI_BOX_CONFIGS: Mapping[Variant, TriBoxConfig] = {
+    "scores": TriBoxConfig(),
+    "features": TriBoxConfig(),
+    "default": TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
 }
 MAX_IOU = 0.5  # of two detections that both stay (6.2.4)
 _MIN_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
@@ -118,7 +118,7 @@ class Fusion:
             scene: with at least one box.
         """
         merged = scene.merged
-        rows = tri_boxes(scene, RULES[self.variant])
+        rows = tri_boxes(scene, TRI_BOX_CONFIGS[self.variant])
         places = merged.places(rows)
         tri_scores = self._tri_scores(scene, rows)
         flat, is_seen = places.ravel(), places.ravel() >= 0

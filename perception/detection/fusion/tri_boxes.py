@@ -19,7 +19,7 @@ from perception.types import MODALITIES, Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class TriBoxRules:
+class TriBoxConfig:
     """Which boxes are combined.
 
     Attributes:
@@ -44,7 +44,7 @@ class TriBoxRules:
             )
 
 
-def tri_boxes(scene: DetectedScene, rules: TriBoxRules = TriBoxRules()) -> Int:
+def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TriBoxConfig()) -> Int:
     """Return (T, 3) rows in the detections of each of `MODALITIES`, -1 where a modality has no box there.
 
     Each of the M boxes is in at least one combination. There are at most K² for each, of K partners.
@@ -54,10 +54,10 @@ def tri_boxes(scene: DetectedScene, rules: TriBoxRules = TriBoxRules()) -> Int:
         return np.zeros((0, len(MODALITIES)), np.int64)
     boxes_px, types = merged.detections.boxes_px, merged.detections.types
     iou = iou_px(boxes_px, boxes_px)
-    is_same = (iou > rules.min_iou) & (types[:, None] == types)
-    if rules.by_set:
+    is_same = (iou > config.min_iou) & (types[:, None] == types)
+    if config.by_set:
         is_same = _in_one_set(is_same)
-    partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), rules.max_partners)
+    partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
     # Every choice of one of the K of each modality, for every box: (M, K, K, K).
     first, second, third = (partners[:, column] for column in range(len(MODALITIES)))
     is_row: Bool = (

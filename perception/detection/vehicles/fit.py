@@ -16,7 +16,7 @@ from perception.types import Float32, Float64, Int
 
 
 @dataclass(frozen=True)
-class FitRules:
+class LShapeFitConfig:
     """What is believed of vehicles, and of what is measured of them.
 
     Attributes:
@@ -118,7 +118,7 @@ class _Reaches:
 
 
 def fit_rectangles(
-    xy_m: Float64, owners: Int, spans: ImageSpans, rules: FitRules = FitRules()
+    xy_m: Float64, owners: Int, spans: ImageSpans, config: LShapeFitConfig = LShapeFitConfig()
 ) -> Rectangles:
     """Fit a rectangle to the points of each of F vehicles.
 
@@ -129,13 +129,13 @@ def fit_rectangles(
         rules: every choice.
     """
     # Single precision is a tenth of a millimetre at most, and takes half of the time.
-    samples = _sampled(xy_m, owners, rules.samples).astype(np.float32)
-    step_rad = np.pi / 2 / rules.directions
-    coarse = np.tile(np.arange(rules.directions) * step_rad, (len(samples), 1)).astype(np.float32)
-    first, first_rad = _best_rectangles(_reach(samples, coarse, rules), spans, rules)
-    turns_rad = np.linspace(-step_rad, step_rad, rules.finer + 2)[1:-1].astype(np.float32)
-    finer = _reach(samples, first_rad[:, None] + turns_rad, rules)
-    return _best_rectangles(finer, spans, rules)[0] if len(samples) else first
+    samples = _sampled(xy_m, owners, config.samples).astype(np.float32)
+    step_rad = np.pi / 2 / config.directions
+    coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
+    first, first_rad = _best_rectangles(_reach(samples, coarse, config), spans, config)
+    turns_rad = np.linspace(-step_rad, step_rad, config.finer + 2)[1:-1].astype(np.float32)
+    finer = _reach(samples, first_rad[:, None] + turns_rad, config)
+    return _best_rectangles(finer, spans, config)[0] if len(samples) else first
 
 
 def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
@@ -146,12 +146,12 @@ def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
     return np.asarray(xy_m[starts[:, None] + picked.astype(np.int64)])
 
 
-def _reach(samples: Float32, yaw_rad: Float32, rules: FitRules) -> _Reaches:
+def _reach(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Reaches:
     """Measure samples (F, P, 2) along directions (F, D)."""
     vehicles, count = samples.shape[:2]
     ways = _ways(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
     turned = (ways @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
-    beyond = int(rules.trimmed * count)
+    beyond = int(config.trimmed * count)
     # So few are sorted in a tenth of the time that it takes to find two of them (np.partition).
     ordered = np.sort(turned, axis=-1)
     low_m, high_m = ordered[..., beyond], ordered[..., count - 1 - beyond]
@@ -159,8 +159,8 @@ def _reach(samples: Float32, yaw_rad: Float32, rules: FitRules) -> _Reaches:
     side_m = np.where(low_m > 0, low_m, np.where(high_m < 0, high_m, np.inf))
     off_m = np.abs(turned - side_m[..., None])
     off_m = np.minimum(off_m[:, :, 0], off_m[:, :, 1])
-    off = np.minimum(off_m, rules.inner_m) / rules.side_m
-    costs = rules.side_weight * (off**2).mean(axis=-1)
+    off = np.minimum(off_m, config.inner_m) / config.side_m
+    costs = config.side_weight * (off**2).mean(axis=-1)
     return _Reaches(yaw_rad, low_m, high_m, costs)
 
 
@@ -171,14 +171,14 @@ def _ways(yaw_rad: Float32) -> Float32:
 
 
 def _best_rectangles(
-    reaches: _Reaches, spans: ImageSpans, rules: FitRules
+    reaches: _Reaches, spans: ImageSpans, config: LShapeFitConfig
 ) -> tuple[Rectangles, Float32]:
     """Try sizes and places; return the best and the direction (F,) along which it was measured."""
-    reaches = reaches.best(rules.kept)
+    reaches = reaches.best(config.kept)
     # Few numbers of many: what there are few of comes first, and vehicles and directions come last.
-    sizes_m, size_costs = _sizes(reaches, rules)  # (2, O, F, T), (O, F, T)
-    centers_m, place_costs = _places(reaches, sizes_m, rules)  # (3, 2, O, F, T), (3, 2, F, T)
-    costs = _span_costs(reaches.yaw_rad, sizes_m, centers_m, spans, rules)  # (3, 3, O, F, T)
+    sizes_m, size_costs = _sizes(reaches, config)  # (2, O, F, T), (O, F, T)
+    centers_m, place_costs = _places(reaches, sizes_m, config)  # (3, 2, O, F, T), (3, 2, F, T)
+    costs = _span_costs(reaches.yaw_rad, sizes_m, centers_m, spans, config)  # (3, 3, O, F, T)
     costs += reaches.costs + size_costs
     costs += (place_costs[:, None, 0] + place_costs[None, :, 1])[:, :, None]
     costs = costs.transpose(3, 4, 2, 0, 1)
@@ -193,7 +193,7 @@ def _best_rectangles(
         ]
     )
     chosen_m = sizes_m[:, size, vehicles, way].T.astype(np.float64)
-    is_across = size >= len(rules.lengths_m)
+    is_across = size >= len(config.lengths_m)
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
         np.column_stack(
@@ -205,21 +205,23 @@ def _best_rectangles(
     return rectangles, direction
 
 
-def _sizes(reaches: _Reaches, rules: FitRules) -> tuple[Float32, Float32]:
+def _sizes(reaches: _Reaches, config: LShapeFitConfig) -> tuple[Float32, Float32]:
     """Return (2, O, F, T) sizes along and left, first with the length along, and what they cost."""
-    lengths_m = np.array(rules.lengths_m, np.float32)
-    widths_m = np.full_like(lengths_m, rules.width_m[0])
+    lengths_m = np.array(config.lengths_m, np.float32)
+    widths_m = np.full_like(lengths_m, config.width_m[0])
     either_m = np.stack([np.append(lengths_m, widths_m), np.append(widths_m, lengths_m)])
     seen_m = (reaches.high_m - reaches.low_m).transpose(2, 0, 1).copy()
     sizes_m = np.maximum(either_m[:, :, None, None], seen_m[:, None])
     along, across = sizes_m[:, : len(lengths_m)], sizes_m[::-1, len(lengths_m) :]
     length_m, width_m = np.concatenate([along, across], axis=1)
-    off_length = (length_m - rules.length_m[0]) / rules.length_m[1]
-    off_width = (width_m - rules.width_m[0]) / rules.width_m[1]
+    off_length = (length_m - config.length_m[0]) / config.length_m[1]
+    off_width = (width_m - config.width_m[0]) / config.width_m[1]
     return sizes_m, off_length**2 + off_width**2
 
 
-def _places(reaches: _Reaches, sizes_m: Float32, rules: FitRules) -> tuple[Float32, Float32]:
+def _places(
+    reaches: _Reaches, sizes_m: Float32, config: LShapeFitConfig
+) -> tuple[Float32, Float32]:
     """Return (3, 2, O, F, T) centres that begin at the low end, lie evenly, end at the high end; and costs."""
     low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (reaches.low_m, reaches.high_m))
     half_m = sizes_m / 2
@@ -229,14 +231,18 @@ def _places(reaches: _Reaches, sizes_m: Float32, rules: FitRules) -> tuple[Float
     places_m[2] = high_m[:, None] - half_m
     costs = np.empty((3, *low_m.shape), np.float32)
     is_low_seen, is_high_seen = low_m > 0, high_m < 0
-    costs[0] = np.where(is_high_seen, rules.hidden, 0.0)
-    costs[1] = np.where(is_low_seen | is_high_seen, rules.middle, 0.0)
-    costs[2] = np.where(is_low_seen, rules.hidden, 0.0)
+    costs[0] = np.where(is_high_seen, config.hidden, 0.0)
+    costs[1] = np.where(is_low_seen | is_high_seen, config.middle, 0.0)
+    costs[2] = np.where(is_low_seen, config.hidden, 0.0)
     return places_m, costs
 
 
 def _span_costs(
-    yaw_rad: Float32, sizes_m: Float32, centers_m: Float32, spans: ImageSpans, rules: FitRules
+    yaw_rad: Float32,
+    sizes_m: Float32,
+    centers_m: Float32,
+    spans: ImageSpans,
+    config: LShapeFitConfig,
 ) -> Float32:
     """Return (3, 3, O, F, T) how much the projection misses the sides of the box in the image."""
     rows = spans.image_P_velo[[0, 2]].astype(np.float32)
@@ -252,7 +258,7 @@ def _span_costs(
     u, w = np.stack([middle + sums, middle - sums, middle + differences, middle - differences], 1)
     columns = u / np.maximum(w, np.float32(0.1))  # (4, 3, 3, O, F, T)
     left_px, right_px = spans.left_right_px.astype(np.float32).T[:, :, None]
-    deviation_px = rules.edge_px + rules.edge_share * (right_px - left_px)
+    deviation_px = config.edge_px + config.edge_share * (right_px - left_px)
     # Of what is beyond the image's sides, the box ends there.
     off_left = np.clip(columns.min(axis=0), 0, spans.width_px - 1) - left_px
     off_right = np.clip(columns.max(axis=0), 0, spans.width_px - 1) - right_px

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from perception.detection.vehicles.fit import FitRules, ImageSpans, fit_rectangles
+from perception.detection.vehicles.fit import ImageSpans, LShapeFitConfig, fit_rectangles
 from perception.detection.vehicles.points import VehiclePoints, find_points
-from perception.detection.vehicles.points_in_boxes import PointRules
+from perception.detection.vehicles.points_in_boxes import VehiclePointsConfig
 from perception.geometry.angles import wrap
 from perception.maps.projection import camera_of
 from perception.types import (
@@ -22,7 +22,7 @@ from perception.types import (
 
 
 @dataclass(frozen=True)
-class LocateRules:
+class LocateConfig:
     """Every choice of `locate`.
 
     Attributes:
@@ -33,8 +33,8 @@ class LocateRules:
             be taken from what may be.
     """
 
-    points: PointRules = field(default_factory=PointRules)
-    fit: FitRules = field(default_factory=FitRules)
+    points: VehiclePointsConfig = field(default_factory=VehiclePointsConfig)
+    fit: LShapeFitConfig = field(default_factory=LShapeFitConfig)
     min_score: float = 0.1
 
 
@@ -42,7 +42,7 @@ def locate(
     fused: FusedDetections,
     frame: Frame,
     ground: GroundModel | None,
-    rules: LocateRules | None = None,
+    config: LocateConfig | None = None,
 ) -> Vehicles:
     """Find each detection in the scan.
 
@@ -58,10 +58,10 @@ def locate(
     Raises:
         CalibrationError: the frame has no camera, or nothing says how large its image is.
     """
-    rules, camera, count = rules or LocateRules(), camera_of(frame), len(fused)
+    config, camera, count = config or LocateConfig(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
-    likely = np.flatnonzero(fused.detections.scores >= rules.min_score)
-    found = find_points(frame.points_velo, boxes_px[likely], camera, ground, rules.points)
+    likely = np.flatnonzero(fused.detections.scores >= config.min_score)
+    found = find_points(frame.points_velo, boxes_px[likely], camera, ground, config.points)
     found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)
     owners[found.rows] = found.owners
@@ -71,7 +71,7 @@ def locate(
     return Vehicles(
         fused=fused,
         ids=np.full(count, -1),
-        boxes=_boxes(found, boxes_px, camera, rules.fit),
+        boxes=_boxes(found, boxes_px, camera, config.fit),
         distances_m=np.where(np.isfinite(distances_m), distances_m, np.nan),
         velocities_m_s=np.full((count, 2), np.nan),
         owners=owners,
@@ -82,20 +82,20 @@ def _boxes(
     found: VehiclePoints,
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
-    rules: FitRules,
+    config: LShapeFitConfig,
 ) -> Boxes3D:
     """Return (M) boxes; rows of NaN where there are too few points."""
     count = len(boxes_px)
     bottom_m, size_m = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     yaw_rad = np.full(count, np.nan)
     counts = np.bincount(found.owners, minlength=count)
-    shown = np.flatnonzero(counts >= rules.min_points)
+    shown = np.flatnonzero(counts >= config.min_points)
     if len(shown):
         order, owners = _of_vehicles(found.owners, shown, count)
         xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
         ground_m = np.add.reduceat(found.ground_m[order], starts) / counts[shown]
         top_m = np.maximum.reduceat(xyz_m[:, 2], starts)
-        heights_m = np.maximum(top_m - ground_m, rules.height_m)
+        heights_m = np.maximum(top_m - ground_m, config.height_m)
         calibration, size_px = camera
         spans = ImageSpans(
             boxes_px[shown][:, [0, 2]],
@@ -103,7 +103,7 @@ def _boxes(
             size_px[0],
             ground_m + heights_m / 2,
         )
-        rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, rules)
+        rectangles = fit_rectangles(xyz_m[:, :2], owners, spans, config)
         bottom_m[shown] = np.column_stack([rectangles.centers_m, ground_m])
         size_m[shown] = np.column_stack([rectangles.sizes_m, heights_m])
         yaw_rad[shown] = wrap(rectangles.yaw_rad, np.pi)

@@ -14,8 +14,8 @@ import numpy as np
 from perception.detection.clustering import connected_parts
 from perception.detection.point_cells import spread
 from perception.detection.vehicles.points_in_boxes import (
-    PointRules,
     PointsInBoxes,
+    VehiclePointsConfig,
     beyond_borders,
     find_points_in_boxes,
 )
@@ -45,7 +45,7 @@ def find_points(
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
-    rules: PointRules,
+    config: VehiclePointsConfig,
 ) -> VehiclePoints:
     """Find the points of the vehicles in (M, 4) boxes.
 
@@ -59,10 +59,10 @@ def find_points(
     if not len(boxes_px):
         none = np.zeros(0, np.int64)
         return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
-    reached_px = beyond_borders(boxes_px, camera[1][0], rules)
-    near = find_points_in_boxes(points_velo, reached_px, camera, ground, rules)
-    claims = _Claims.of(near, reached_px, rules)
-    likely = _likelihoods(near, boxes_px, claims, camera, rules)
+    reached_px = beyond_borders(boxes_px, camera[1][0], config)
+    near = find_points_in_boxes(points_velo, reached_px, camera, ground, config)
+    claims = _Claims.of(near, reached_px, config)
+    likely = _likelihoods(near, boxes_px, claims, camera, config)
     claimed = np.bincount(claims.some_points, likely, len(near.rows))[claims.some_points]
     say = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
     # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle in whose box it is
@@ -95,15 +95,15 @@ class _Claims:
     labels: Int
 
     @classmethod
-    def of(cls, near: PointsInBoxes, boxes_px: Float64, rules: PointRules) -> Self:
+    def of(cls, near: PointsInBoxes, boxes_px: Float64, config: VehiclePointsConfig) -> Self:
         """Pair boxes with points, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
         box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
         along_m, left_m = _along_sight(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
-        some = _some_of_each(box, rules.samples)
-        labels = _clusters(along_m[some], left_m[some], box[some], rules)
+        some = _some_of_each(box, config.samples)
+        labels = _clusters(along_m[some], left_m[some], box[some], config)
         return cls(box, point, along_m, left_m, some, labels)
 
     @property
@@ -144,7 +144,7 @@ def _likelihoods(
     boxes_px: Float64,
     claims: _Claims,
     camera: tuple[Calibration, tuple[int, int]],
-    rules: PointRules,
+    config: VehiclePointsConfig,
 ) -> Float64:
     """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
     (calibration, size_px), box, point = camera, claims.some_boxes, claims.some_points
@@ -154,12 +154,12 @@ def _likelihoods(
         half_px = np.maximum((high_px - low_px) / 2, 0.5)
         off_center += ((place_px[point] - ((low_px + high_px) / 2)[box]) / half_px[box]) ** 2
     focal_px = float(calibration.image_P_cam[1, 1])
-    expected_m = focal_px * rules.height_m / np.maximum(y2 - y1, 1.0)
+    expected_m = focal_px * config.height_m / np.maximum(y2 - y1, 1.0)
     is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
-    nearer = np.where(is_cut, rules.cut_off, rules.nearer)[box]
-    deviation = np.where(ratio < 0, nearer, rules.farther)
-    return np.asarray(np.exp(-(off_center / rules.centrality**2 + (ratio / deviation) ** 2) / 2))
+    nearer = np.where(is_cut, config.cut_off, config.nearer)[box]
+    deviation = np.where(ratio < 0, nearer, config.farther)
+    return np.asarray(np.exp(-(off_center / config.centrality**2 + (ratio / deviation) ** 2) / 2))
 
 
 def _along_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
@@ -184,7 +184,7 @@ _CELLS_PER_GAP = 3
 _STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 
 
-def _clusters(along_m: Float64, left_m: Float64, box: Int, rules: PointRules) -> Int:
+def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePointsConfig) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
     Points lie in cells that are a share of a gap wide, of each box its own; cells are joined that are about
@@ -193,7 +193,7 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, rules: PointRules) ->
     if not len(box):
         return np.zeros(0, np.int64)
     away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
-    cell_m = ((rules.gap_m + rules.gap_per_m * away_m) / _CELLS_PER_GAP)[box]
+    cell_m = ((config.gap_m + config.gap_per_m * away_m) / _CELLS_PER_GAP)[box]
     along = np.floor(along_m / cell_m).astype(np.int64)
     left = np.floor(left_m / cell_m).astype(np.int64)
     along, left = along - along.min(), left - left.min()

@@ -11,7 +11,7 @@ from perception.types import Bool, Calibration, Float32, Float64, GroundModel, I
 
 
 @dataclass(frozen=True)
-class PointRules:
+class VehiclePointsConfig:
     """What tells the points of a vehicle.
 
     Attributes:
@@ -77,7 +77,7 @@ def find_points_in_boxes(
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
-    rules: PointRules,
+    config: VehiclePointsConfig,
 ) -> PointsInBoxes:
     """Find what stands on the ground in (M, 4) boxes, and how high the ground is there.
 
@@ -97,20 +97,20 @@ def find_points_in_boxes(
     xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
     pixels, depths_m = project(window_P_velo, xyz_m)
     is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
-    around = np.flatnonzero((depths_m > 0) & (depths_m <= rules.farthest_m) & is_around)
+    around = np.flatnonzero((depths_m > 0) & (depths_m <= config.farthest_m) & is_around)
     rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
     pixels = pixels.T.take(around, axis=1).T + low_px
-    cells = HeightCells.of(xyz_m, rules.cell_m)
-    lowest_m = cells.lowest_m(rules.reach_m)
+    cells = HeightCells.of(xyz_m, config.cell_m)
+    lowest_m = cells.lowest_m(config.reach_m)
     ground_m = lowest_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
         # A model goes on beyond what it was fitted to, but does not hold there.
-        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= rules.model_reach_m
-        holds = is_near & (np.abs(model_m - lowest_m) < rules.model_error_m)
+        is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= config.model_reach_m
+        holds = is_near & (np.abs(model_m - lowest_m) < config.model_error_m)
         ground_m = np.where(holds, model_m, lowest_m)
     over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
-    kept = np.flatnonzero((over_m >= rules.clearance_m) & (over_m <= rules.highest_m))
+    kept = np.flatnonzero((over_m >= config.clearance_m) & (over_m <= config.highest_m))
     return PointsInBoxes(
         rows[kept],
         xyz_m.take(kept, axis=0),
@@ -120,10 +120,10 @@ def find_points_in_boxes(
     )
 
 
-def beyond_borders(boxes_px: Float64, width_px: int, rules: PointRules) -> Float64:
+def beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePointsConfig) -> Float64:
     """Return (M, 4) boxes; those that a side of the image cuts go on beyond it."""
     x1, y1, x2, y2 = np.clip(boxes_px.T, -width_px, 2 * width_px)
-    reach_px = rules.beyond * (y2 - y1)
+    reach_px = config.beyond * (y2 - y1)
     return np.column_stack(
         [
             np.where(x1 <= 1, x1 - reach_px, x1),

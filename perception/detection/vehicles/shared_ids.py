@@ -20,7 +20,7 @@ _REMEMBERED = 1000
 
 
 @dataclass(frozen=True)
-class SharingRules:
+class SharedIdsConfig:
     """When a vehicle and a moving object are one.
 
     Attributes:
@@ -35,8 +35,8 @@ class SharingRules:
 class SharedIds:
     """Gives ids to vehicles and to moving objects, scan after scan."""
 
-    def __init__(self, rules: SharingRules | None = None) -> None:
-        self._rules = rules or SharingRules()
+    def __init__(self, config: SharedIdsConfig | None = None) -> None:
+        self._config = config or SharedIdsConfig()
         self._next_id = 0
         self.forget()
 
@@ -77,7 +77,7 @@ class SharedIds:
 
     def _partners(self, overlap: Float64) -> dict[int, int]:
         """Return the row of the moving object that each vehicle shares its place with."""
-        pairs = assign_optimally(1.0 - overlap, overlap >= self._rules.min_iou)
+        pairs = assign_optimally(1.0 - overlap, overlap >= self._config.min_iou)
         return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
 
     def _with_new(
@@ -110,7 +110,7 @@ class SharedIds:
                 continue
             pair = (vehicle, number)
             together[pair] = self._together.get(pair, 0) + 1
-            if together[pair] >= self._rules.scans and vehicle not in self._held_by(numbers):
+            if together[pair] >= self._config.scans and vehicle not in self._held_by(numbers):
                 self._name(number, vehicle)
                 del together[pair]
         self._together = together
@@ -124,7 +124,7 @@ class SharedIds:
             if row is None or overlap[row, track] > 0.0:
                 continue
             apart[number] = self._apart.get(number, 0) + 1
-            if apart[number] >= self._rules.scans:
+            if apart[number] >= self._config.scans:
                 self._name(number, self._take_next())
                 del apart[number]
         self._apart = apart

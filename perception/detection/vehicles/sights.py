@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from perception.detection.vehicles.table import VehicleRules, VehicleTable
+from perception.detection.vehicles.table import VehicleTable, VehicleTrackerConfig
 from perception.geometry import se3
 from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
@@ -58,12 +58,12 @@ class Sights:
     noise: Float64
 
     @classmethod
-    def of(cls, vehicles: Vehicles, view: View, rules: VehicleRules) -> Self:
+    def of(cls, vehicles: Vehicles, view: View, config: VehicleTrackerConfig) -> Self:
         """Put vehicles into the world."""
         points = np.maximum(vehicles.point_counts, 1)
         away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
         variances = (
-            rules.place_m**2 + (rules.place_per_m * away_m) ** 2 + rules.sparse_m**2 / points
+            config.place_m**2 + (config.place_per_m * away_m) ** 2 + config.sparse_m**2 / points
         )
         detections = vehicles.fused.detections
         return cls(
@@ -89,9 +89,9 @@ class Sights:
         return np.asarray(np.isfinite(self.boxes_world.bottom_m[:, 0]))
 
 
-def predict(tracks: VehicleTable, elapsed_s: float, rules: VehicleRules) -> VehicleTable:
+def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig) -> VehicleTable:
     """Let everything on the ground go on as it went."""
-    states = motion_model.predict(tracks.states, elapsed_s, rules.motion)
+    states = motion_model.predict(tracks.states, elapsed_s, config.motion)
     return replace(tracks, mean=states.mean, covariance=states.covariance)
 
 
@@ -109,19 +109,19 @@ def expected_boxes_px(tracks: VehicleTable, view: View) -> Float64:
     return np.where(tracks.is_located[:, None], on_ground, in_image)
 
 
-def begin(sights: Sights, view: View, rules: VehicleRules) -> VehicleTable:
+def begin(sights: Sights, view: View, config: VehicleTrackerConfig) -> VehicleTable:
     """Return the tracks that D detections begin."""
     tracks = VehicleTable.seen_in_image(sights.boxes_px, sights.scores, view.stamp_s)
-    return _seen_on_ground(tracks, sights, view, rules)
+    return _seen_on_ground(tracks, sights, view, config)
 
 
 def see_again(
-    tracks: VehicleTable, sights: Sights, view: View, rules: VehicleRules
+    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it."""
     elapsed_s = np.maximum(view.stamp_s - tracks.seen_s, 1e-3)[:, None]
     speeds_px_s = (sights.boxes_px - tracks.boxes_px) / elapsed_s
-    gain = rules.image_speed_gain
+    gain = config.image_speed_gain
     tracks = replace(
         tracks,
         evidence=tracks.evidence + sights.scores,
@@ -129,22 +129,22 @@ def see_again(
         boxes_px=sights.boxes_px,
         speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
     )
-    return _seen_on_ground(tracks, sights, view, rules)
+    return _seen_on_ground(tracks, sights, view, config)
 
 
 def _seen_on_ground(
-    tracks: VehicleTable, sights: Sights, view: View, rules: VehicleRules
+    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
 ) -> VehicleTable:
     """Correct those that the LiDAR found where they were expected; place anew those that it found not."""
     distances = np.diagonal(place_distances(tracks, sights))
-    is_expected = tracks.is_located & (distances <= rules.motion.gate)
-    is_lost = view.stamp_s - tracks.located_s > rules.replacing_s
+    is_expected = tracks.is_located & (distances <= config.motion.gate)
+    is_lost = view.stamp_s - tracks.located_s > config.replacing_s
     anew = np.flatnonzero(sights.is_located & ~is_expected & (is_lost | ~tracks.is_located))
     if len(anew):
-        tracks = tracks.replaced(anew, _placed(tracks[anew], sights[anew], rules))
+        tracks = tracks.replaced(anew, _placed(tracks[anew], sights[anew], config))
     rows = np.flatnonzero(sights.is_located & is_expected)
     if len(rows):
-        tracks = tracks.replaced(rows, _corrected(tracks[rows], sights[rows], view, rules))
+        tracks = tracks.replaced(rows, _corrected(tracks[rows], sights[rows], view, config))
     both = np.concatenate([anew, rows])
     located_s = tracks.located_s.copy()
     located_s[both] = view.stamp_s
@@ -161,10 +161,10 @@ def place_distances(tracks: VehicleTable, sights: Sights) -> Float64:
     return np.where(tracks.is_located[:, None] & sights.is_located, distances, np.nan)
 
 
-def _placed(tracks: VehicleTable, sights: Sights, rules: VehicleRules) -> VehicleTable:
+def _placed(tracks: VehicleTable, sights: Sights, config: VehicleTrackerConfig) -> VehicleTable:
     boxes = sights.boxes_world
     states = motion_model.begin(
-        boxes.bottom_m[:, :2], sights.noise, boxes.size_m[:, :2], rules.motion
+        boxes.bottom_m[:, :2], sights.noise, boxes.size_m[:, :2], config.motion
     )
     return replace(
         tracks,
@@ -180,13 +180,13 @@ def _placed(tracks: VehicleTable, sights: Sights, rules: VehicleRules) -> Vehicl
 
 
 def _corrected(
-    tracks: VehicleTable, sights: Sights, view: View, rules: VehicleRules
+    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
 ) -> VehicleTable:
     boxes = sights.boxes_world
-    sizings = np.minimum(tracks.sizings + 1, rules.size_sights)
+    sizings = np.minimum(tracks.sizings + 1, config.size_sights)
     share = 1.0 / sizings
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
-    axis = rules.axis_memory * tracks.axis + _doubled(boxes.yaw_rad)
+    axis = config.axis_memory * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     shift_m = _hidden_shift_m(boxes, sizes_m, view.world_SE3_velo[:2, 3])
     states = motion_model.correct(tracks.states, boxes.bottom_m[:, :2] + shift_m, sights.noise)
@@ -200,17 +200,17 @@ def _corrected(
         sizings=sizings,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
-    return _turned_to_way(tracks, rules)
+    return _turned_to_way(tracks, config)
 
 
-def _turned_to_way(tracks: VehicleTable, rules: VehicleRules) -> VehicleTable:
+def _turned_to_way(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
     """Let a velocity that is well known tell front from rear and, once fast, the heading."""
     way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    tells = (excess_m_s >= rules.way_speed_m_s)[:, None]
+    tells = (excess_m_s >= config.way_speed_m_s)[:, None]
     axis = tracks.axis + np.where(tells, _doubled(way_rad), 0.0)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
-    ahead_rad = np.where(excess_m_s >= rules.sign_speed_m_s, way_rad, tracks.yaw_rad)
+    ahead_rad = np.where(excess_m_s >= config.sign_speed_m_s, way_rad, tracks.yaw_rad)
     return replace(tracks, axis=axis, yaw_rad=_nearer_end(yaw_rad, ahead_rad))
 
 
@@ -241,9 +241,9 @@ def boxes_in_scan(tracks: VehicleTable, view: View) -> Boxes3D:
     return Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad))
 
 
-def velocities_in_scan(tracks: VehicleTable, view: View, rules: VehicleRules) -> Float64:
+def velocities_in_scan(tracks: VehicleTable, view: View, config: VehicleTrackerConfig) -> Float64:
     """Return (T, 2) over the ground along x and y of the scan; NaN while they are hardly known."""
     turn_rad = np.arctan2(view.world_SE3_velo[1, 0], view.world_SE3_velo[0, 0])
     velocities_m_s = from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad))
-    is_known = tracks.is_located & (tracks.speed_deviations_m_s <= rules.known_speed_m_s)
+    is_known = tracks.is_located & (tracks.speed_deviations_m_s <= config.known_speed_m_s)
     return np.where(is_known[:, None], velocities_m_s, np.nan)

@@ -6,12 +6,12 @@ from typing import Self
 import numpy as np
 
 from perception.tracking.columns import OnGround
-from perception.tracking.motion_model import MotionModel
+from perception.tracking.motion_model import MotionModelConfig
 from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class VehicleRules:
+class VehicleTrackerConfig:
     """Every choice of the tracker of vehicles.
 
     Attributes:
@@ -41,7 +41,7 @@ class VehicleRules:
         image_speed_gain: share of the way to a new motion in the image of what is nowhere on the ground.
     """
 
-    motion: MotionModel = field(default_factory=MotionModel)
+    motion: MotionModelConfig = field(default_factory=MotionModelConfig)
     min_score: float = 0.1
     beginning_score: float = 0.3
     sure_score: float = 0.5

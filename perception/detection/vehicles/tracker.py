@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.detection.vehicles.shared_ids import SharedIds, SharingRules
+from perception.detection.vehicles.shared_ids import SharedIds, SharedIdsConfig
 from perception.detection.vehicles.sights import (
     Sights,
     View,
@@ -21,7 +21,7 @@ from perception.detection.vehicles.sights import (
     see_again,
     velocities_in_scan,
 )
-from perception.detection.vehicles.table import VehicleRules, VehicleTable
+from perception.detection.vehicles.table import VehicleTable, VehicleTrackerConfig
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_worthwhile
@@ -47,7 +47,7 @@ class VehicleTracker:
     """Follows detected vehicles, and gives ids to them and to what moves."""
 
     def __init__(
-        self, rules: VehicleRules | None = None, sharing: SharingRules | None = None
+        self, config: VehicleTrackerConfig | None = None, sharing: SharedIdsConfig | None = None
     ) -> None:
         """Begin without a track.
 
@@ -55,7 +55,7 @@ class VehicleTracker:
             rules: how vehicles are followed.
             sharing: when a vehicle and a moving object are one.
         """
-        self._rules = rules or VehicleRules()
+        self._config = config or VehicleTrackerConfig()
         self._shared_ids = SharedIds(sharing)
         self.end_all()
 
@@ -87,7 +87,7 @@ class VehicleTracker:
             self.end_all()
         calibration, _ = camera_of(frame)
         view = View(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
-        sights = Sights.of(vehicles, view, self._rules)
+        sights = Sights.of(vehicles, view, self._config)
         self._predict(view)
         self._continue_and_begin(sights, view)
         tracks = self._give_ids(view, tracks or Tracks.empty())
@@ -97,47 +97,47 @@ class VehicleTracker:
         """Move what goes on to now; ends what nobody has seen for too long."""
         elapsed_s = 0.0 if self._stamp_s is None else view.stamp_s - self._stamp_s
         self._stamp_s = view.stamp_s
-        tracks, rules = self._tracks, self._rules
-        limit_s = np.where(tracks.ids >= 0, rules.coasting_s, rules.confirming_s)
+        tracks, config = self._tracks, self._config
+        limit_s = np.where(tracks.ids >= 0, config.coasting_s, config.confirming_s)
         goes_on = view.stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
-        self._tracks = predict(tracks[goes_on], elapsed_s, rules)
+        self._tracks = predict(tracks[goes_on], elapsed_s, config)
 
     def _continue_and_begin(self, sights: Sights, view: View) -> None:
         """Let detections continue tracks, the surer ones first; the others begin new ones."""
-        rules = self._rules
+        config = self._config
         self._row_of = np.full(len(sights), -1)
-        sure = sights.scores >= rules.sure_score
-        doubtful = ~sure & (sights.scores >= rules.min_score)
+        sure = sights.scores >= config.sure_score
+        doubtful = ~sure & (sights.scores >= config.min_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
                 continue
             pairs = self._match(self._tracks[free], sights[chosen], view)
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
-            corrected = see_again(self._tracks[rows], sights[seen], view, rules)
+            corrected = see_again(self._tracks[rows], sights[seen], view, config)
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
             free = free[pairs.unmatched_tracks]
-        is_left = (self._row_of < 0) & (sights.scores >= rules.beginning_score)
+        is_left = (self._row_of < 0) & (sights.scores >= config.beginning_score)
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
-            self._tracks = self._tracks.joined(begin(sights[new], view, rules))
+            self._tracks = self._tracks.joined(begin(sights[new], view, config))
 
     def _match(self, tracks: VehicleTable, sights: Sights, view: View) -> Association:
-        rules = self._rules
+        config = self._config
         expected_px = np.nan_to_num(expected_boxes_px(tracks, view))
         iou = iou_px(expected_px, sights.boxes_px)
-        on_ground, gate = place_distances(tracks, sights), rules.motion.gate
+        on_ground, gate = place_distances(tracks, sights), config.motion.gate
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
-        in_image = _side_distances(expected_px, sights.boxes_px, rules)
-        return assign_worthwhile(in_image + on_ground, iou >= rules.min_iou, rules.most_apart)
+        in_image = _side_distances(expected_px, sights.boxes_px, config)
+        return assign_worthwhile(in_image + on_ground, iou >= config.min_iou, config.most_apart)
 
     def _give_ids(self, view: View, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""
         tracks = self._tracks
-        is_new = (tracks.ids < 0) & (tracks.evidence >= self._rules.confirming_evidence)
+        is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.confirming_evidence)
         boxes = _where_known(boxes_in_scan(tracks, view), tracks)
         ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
         self._tracks = replace(tracks, ids=ids)
@@ -149,18 +149,20 @@ class VehicleTracker:
         tracks = self._tracks[self._row_of[seen]]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
-        velocities_m_s[seen] = velocities_in_scan(tracks, view, self._rules)
+        velocities_m_s[seen] = velocities_in_scan(tracks, view, self._config)
         boxes = _overwritten(vehicles.boxes, seen, tracks, boxes_in_scan(tracks, view), view)
         return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
 
 
-def _side_distances(expected_px: Float64, seen_px: Float64, rules: VehicleRules) -> Float64:
+def _side_distances(
+    expected_px: Float64, seen_px: Float64, config: VehicleTrackerConfig
+) -> Float64:
     """Return (T, D) squared distances of the four sides, in their standard deviations.
 
     Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
     """
-    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], rules.min_size_px)
-    deviations_px = rules.side_share * np.tile(sizes_px, 2)[:, None]
+    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
+    deviations_px = config.side_share * np.tile(sizes_px, 2)[:, None]
     off = (seen_px - expected_px[:, None]) / deviations_px
     return np.asarray((off**2).sum(axis=2))
 

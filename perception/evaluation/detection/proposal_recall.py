@@ -19,7 +19,7 @@ from perception.types import Float64, Int
 
 # Whatever is labelled, as the thesis counts (6.1.4); 2 is the highest level of KITTI's tracking labels.
 EVERY_LABEL = Difficulty("all", min_height_px=0, max_occlusion=3, max_truncation=2)
-OVERLAPS = (0.7, 0.5)
+IOU_THRESHOLDS = (0.7, 0.5)
 IOU_STEPS = np.linspace(0, 1, 101)
 
 
@@ -85,7 +85,7 @@ def proposal_recall(
     proposals: DetectedBoxes,
     frames: int,
     of_class: str,
-    overlaps: Sequence[float] = OVERLAPS,
+    overlaps: Sequence[float] = IOU_THRESHOLDS,
     difficulties: Sequence[Difficulty] = (*DIFFICULTIES, EVERY_LABEL),
 ) -> ProposalRecall:
     """Measure which objects of a class have a proposal, and how soon it comes.

@@ -30,7 +30,7 @@ _ROUNDING = np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
-class KittiRules:
+class KittiTrackingConfig:
     """The values of the benchmark.
 
     Attributes:
@@ -87,7 +87,7 @@ def kitti_frames(
     answers: BoxRows,
     class_name: KittiClass,
     frame_count: int,
-    rules: KittiRules = KittiRules(),
+    config: KittiTrackingConfig = KittiTrackingConfig(),
 ) -> list[TrackedFrame]:
     """Return what is judged of each frame, its similarity the IoU in the image.
 
@@ -106,8 +106,8 @@ def kitti_frames(
     answered = (answered_types == class_name) & (answers.ids >= 0)
     is_judged = (
         (true_types == class_name)
-        & (truth.truncation <= rules.max_truncation)
-        & (truth.occlusion <= rules.max_occlusion)
+        & (truth.truncation <= config.max_truncation)
+        & (truth.occlusion <= config.max_occlusion)
     )
     slices = zip(
         _by_frame(truth.frames, near, frame_count),
@@ -121,7 +121,7 @@ def kitti_frames(
             truth.boxes_px[regions],
             answers.ids[given],
             answers.boxes_px[given],
-            rules,
+            config,
         )
         for true, regions, given in slices
     ]
@@ -151,17 +151,17 @@ class _TrueBoxes:
 
 
 def _judge(
-    true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, rules: KittiRules
+    true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, config: KittiTrackingConfig
 ) -> TrackedFrame:
     """Leave out what is neither right nor wrong."""
     iou = iou_px(true.boxes_px, boxes_px)
-    is_near = iou >= rules.min_iou - _ROUNDING
+    is_near = iou >= config.min_iou - _ROUNDING
     rows, columns = linear_sum_assignment(np.where(is_near, iou, 0), maximize=True)
     is_pair = is_near[rows, columns]
     rows, columns = rows[is_pair], columns[is_pair]
-    is_low = boxes_px[:, 3] - boxes_px[:, 1] <= rules.min_height_px
+    is_low = boxes_px[:, 3] - boxes_px[:, 1] <= config.min_height_px
     share = intersection_over_area_px(boxes_px, regions_px)
-    is_wrong_at_worst = ~is_low & ~(share > rules.max_dont_care + _ROUNDING).any(axis=1)
+    is_wrong_at_worst = ~is_low & ~(share > config.max_dont_care + _ROUNDING).any(axis=1)
     # A matched answer is judged if its true box is, whatever its height and place.
     is_judged = is_wrong_at_worst
     is_judged[columns] = true.is_judged[rows]

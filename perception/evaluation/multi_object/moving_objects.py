@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from perception.evaluation.multi_object.moving_scene import (
-    MovingObjectRule,
+    MovingObjectConfig,
     MovingScene,
     is_labelled_there,
     must_be_tracked,
@@ -61,22 +61,22 @@ class Judgement:
     on_parked: Int
 
 
-def judge(scene: MovingScene, tracks: Tracks, rule: MovingObjectRule) -> Judgement:
+def judge(scene: MovingScene, tracks: Tracks, config: MovingObjectConfig) -> Judgement:
     """Apply the protocol of this file to the tracks of one frame."""
-    boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, rule)
-    likeness = _likeness(boxes, tracks.boxes, rule)
+    boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, config)
+    likeness = _likeness(boxes, tracks.boxes, config)
     must_rows = np.flatnonzero(must)
-    pairs = _best_pairs(likeness[must_rows], rule.min_likeness)
+    pairs = _best_pairs(likeness[must_rows], config.min_likeness)
     own = np.zeros(len(tracks))
     own[pairs[1]] = likeness[must_rows][pairs]
 
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
     may = ~must & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
-    is_candidate = (likeness >= rule.min_likeness) | lies_on
+    is_candidate = (likeness >= config.min_likeness) | lies_on
     rival = np.where(is_candidate[may], likeness[may], 0.0).max(axis=0, initial=0.0)
     excused = rival > own
-    left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, rule)
+    left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, config)
     judged = ~excused & ~left_out
     kept = ~excused[pairs[1]]
     return Judgement(
@@ -103,22 +103,22 @@ class JudgedTwice:
 
 
 def likeness_frames(
-    scene: MovingScene, tracks: Tracks, judgement: Judgement, rule: MovingObjectRule
+    scene: MovingScene, tracks: Tracks, judgement: Judgement, config: MovingObjectConfig
 ) -> JudgedTwice:
     """Return what is to be judged of one frame, by distance and by overlap."""
     truth = scene.objects.boxes_velo[judgement.must]
     answered = tracks[judgement.judged]
     ids = scene.objects.track_ids[judgement.must], answered.ids
-    near = distance_likeness(center_distances_m(truth, answered.boxes), rule.reach_m)
+    near = distance_likeness(center_distances_m(truth, answered.boxes), config.reach_m)
     return JudgedTwice(
         by_distance=TrackedFrame(*ids, near),
         by_overlap=TrackedFrame(*ids, iou_ground(truth, answered.boxes)),
     )
 
 
-def _likeness(boxes: Boxes3D, tracks: Boxes3D, rule: MovingObjectRule) -> Float64:
+def _likeness(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
     """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
-    near = distance_likeness(center_distances_m(boxes, tracks), rule.reach_m)
+    near = distance_likeness(center_distances_m(boxes, tracks), config.reach_m)
     return np.maximum(near, iou_ground(boxes, tracks))
 
 

@@ -15,7 +15,7 @@ _DONT_CARE_SHARE = 0.5  # of a box in the image, from which on it is in a DontCa
 
 
 @dataclass(frozen=True)
-class MovingObjectRule:
+class MovingObjectConfig:
     """Which objects must be tracked, and how near a track must be.
 
     Attributes:
@@ -93,26 +93,26 @@ def points_above_feet(boxes_velo: Boxes3D, points_velo: Float, clearance_m: floa
     return np.asarray(np.count_nonzero(points_inside(raised, points_velo), axis=1), np.int64)
 
 
-def must_be_tracked(scene: MovingScene, rule: MovingObjectRule) -> Bool:
+def must_be_tracked(scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell (M,) which objects of a scene must be tracked."""
     boxes = scene.objects.boxes_velo
     moves = (scene.objects.motions == Motion.MOVING) & (scene.objects.track_ids >= 0)
-    is_seen = scene.points >= rule.min_points
-    return np.asarray(moves & is_seen & _is_watched(boxes, scene, rule))
+    is_seen = scene.points >= config.min_points
+    return np.asarray(moves & is_seen & _is_watched(boxes, scene, config))
 
 
-def _is_watched(boxes: Boxes3D, scene: MovingScene, rule: MovingObjectRule) -> Bool:
+def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell which boxes are in the area and in the labelled view."""
-    is_near = rule.area.contains_xy(boxes.bottom_m)
+    is_near = config.area.contains_xy(boxes.bottom_m)
     if scene.view is None:
         return is_near
     middle = boxes.bottom_m + boxes.size_m * (0, 0, 0.5)
     return is_near & is_in_view(scene.view.calibration, middle, scene.view.image_size_px)
 
 
-def is_labelled_there(boxes: Boxes3D, scene: MovingScene, rule: MovingObjectRule) -> Bool:
+def is_labelled_there(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell where an object would have been labelled: in area and view, and in no DontCare region."""
-    is_watched = _is_watched(boxes, scene, rule)
+    is_watched = _is_watched(boxes, scene, config)
     if scene.view is None or len(boxes) == 0:
         return is_watched
     return is_watched & ~_is_in_dont_care(boxes, scene.view)

@@ -10,7 +10,7 @@ from perception.types import Bool, Float64
 
 
 @dataclass(frozen=True)
-class FollowRule:
+class SingleObjectMetricsConfig:
     """What counts as right.
 
     Attributes:
@@ -53,27 +53,27 @@ class RightFrames:
     location: Bool
 
 
-def right_frames(errors: SingleObjectErrors, rule: FollowRule) -> RightFrames:
+def right_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> RightFrames:
     """Tell which frames are right."""
     in_space = slice(None) if errors.gives_boxes else slice(0)
     in_image = np.isfinite(errors.overlap_px)
     # What is missing is NaN, and NaN is never right.
     return RightFrames(
-        overlap=errors.overlap[in_space] > rule.overlap,
-        heading=np.abs(errors.heading_rad[in_space]) < np.radians(rule.heading_deg),
-        location=errors.center_px[in_image] < rule.location_px,
+        overlap=errors.overlap[in_space] > config.overlap,
+        heading=np.abs(errors.heading_rad[in_space]) < np.radians(config.heading_deg),
+        location=errors.center_px[in_image] < config.location_px,
     )
 
 
-def success_curve(errors: SingleObjectErrors, rule: FollowRule) -> Float64:
+def success_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
     """Return (steps,) shares of frames whose overlap is at least a threshold, from 0 to 1."""
-    thresholds = np.linspace(0, 1, rule.steps)
+    thresholds = np.linspace(0, 1, config.steps)
     return _shares(errors.overlap[:, None] >= thresholds, errors)
 
 
-def precision_curve(errors: SingleObjectErrors, rule: FollowRule) -> Float64:
+def precision_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
     """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
-    thresholds = np.linspace(0, rule.reach_m, rule.steps)
+    thresholds = np.linspace(0, config.reach_m, config.steps)
     return _shares(errors.center_m[:, None] <= thresholds, errors)
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.single_object.curves import (
-    FollowRule,
+    SingleObjectMetricsConfig,
     area_under,
     precision_curve,
     right_frames,
@@ -104,11 +104,11 @@ class SingleObjectMetrics:
 
 
 def single_object_metrics(
-    errors: SingleObjectErrors, rule: FollowRule | None = None
+    errors: SingleObjectErrors, config: SingleObjectMetricsConfig | None = None
 ) -> SingleObjectMetrics:
     """Sum up the errors of one sequence, or of several together."""
-    rule = rule or FollowRule()
-    size_rad, right = np.abs(errors.heading_rad), right_frames(errors, rule)
+    config = config or SingleObjectMetricsConfig()
+    size_rad, right = np.abs(errors.heading_rad), right_frames(errors, config)
     shares = {state: _mean(errors.states == state) for state in TrackStatus}
     return SingleObjectMetrics(
         frames=len(errors),
@@ -122,8 +122,8 @@ def single_object_metrics(
         overlap_success=_mean(right.overlap),
         heading_success=_mean(right.heading),
         location_success=_mean(right.location),
-        success=area_under(success_curve(errors, rule)),
-        precision=area_under(precision_curve(errors, rule)),
+        success=area_under(success_curve(errors, config)),
+        precision=area_under(precision_curve(errors, config)),
         seen=shares[TrackStatus.SEEN],
         predicted=shares[TrackStatus.PREDICTED],
         lost=shares[TrackStatus.LOST],

@@ -21,11 +21,11 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.followed_box import BoxTrack
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
 from perception.tracking.single_object.object_motion import motion_of
-from perception.tracking.single_object.object_shape import ObjectShape, ShapeRules
+from perception.tracking.single_object.object_shape import ObjectShape, ObjectShapeConfig
 from perception.tracking.single_object.point_model import PointModel, answer, check_start_box
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
-    SearchRules,
+    PoseSearchConfig,
     Support,
     search,
     squared_distance,
@@ -77,16 +77,16 @@ class BoxFitTrackerConfig:
     return_share: float = 0.25
     return_top_m: float = 0.25
     lost_after_s: float = 3.0
-    shape: ShapeRules = field(default_factory=ShapeRules)
-    search: SearchRules = field(default_factory=SearchRules)
+    shape: ObjectShapeConfig = field(default_factory=ObjectShapeConfig)
+    search: PoseSearchConfig = field(default_factory=PoseSearchConfig)
 
 
 class BoxFitTracker:
     """Follows one object by fitting its box; implements `SingleObjectTracker`."""
 
-    def __init__(self, sensor: LidarModel, rules: BoxFitTrackerConfig | None = None) -> None:
+    def __init__(self, sensor: LidarModel, config: BoxFitTrackerConfig | None = None) -> None:
         self._sensor = sensor
-        self._rules = rules or BoxFitTrackerConfig()
+        self._config = config or BoxFitTrackerConfig()
         self._track: BoxTrack | None = None
 
     def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
@@ -97,17 +97,17 @@ class BoxFitTracker:
         """
         check_start_box(box_velo)
         _log_lidar_only()
-        rules, box_world = self._rules, transform_boxes(tracker_input.world_SE3_velo, box_velo)
+        config, box_world = self._config, transform_boxes(tracker_input.world_SE3_velo, box_velo)
         size_m = box_world.size_m[0].astype(np.float64)
         pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
-        spread = np.array([rules.start_m, rules.start_m, rules.start_rad])
+        spread = np.array([config.start_m, config.start_m, config.start_rad])
         self._motion = motion_of(size_m)
         self._track = BoxTrack(
             stamp_s=tracker_input.stamp_s,
             seen_s=tracker_input.stamp_s,
             state=self._motion.begin(pose, spread),
             ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
-            shape=ObjectShape.of_box(size_m, rules.shape),
+            shape=ObjectShape.of_box(size_m, config.shape),
             surroundings=Surroundings(),
         )
         _, sight = self._look(tracker_input, self._track)
@@ -143,26 +143,26 @@ class BoxFitTracker:
     def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
         if self._is_lost(before):
             return replace(before, stamp_s=stamp_s)  # the last guess stays
-        elapsed_s = min(stamp_s - before.stamp_s, 2 * self._rules.lost_after_s)
+        elapsed_s = min(stamp_s - before.stamp_s, 2 * self._config.lost_after_s)
         state = self._motion.predict(before.state, elapsed_s)
         way_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
         return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
 
     def _look(self, tracker_input: TrackerInput, expected: BoxTrack) -> tuple[BoxTrack, Sight]:
         """Return the object with the ground below it, and what is seen above that ground."""
-        rules, size_m = self._rules, expected.shape.size_m
+        config, size_m = self._config, expected.shape.size_m
         deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
-        look_m = np.clip(rules.search.reach * deviation_m, *rules.look_around_m)
+        look_m = np.clip(config.search.reach * deviation_m, *config.look_around_m)
         reach_m = expected.shape.radius_m + float(look_m)
         around = points_around(tracker_input, expected.place_world, reach_m)
         ground = ground_seen(
             expected.ground, expected.place_world, float(size_m[0]), tracker_input, around
         )
         above_m = around[:, 2] - ground.z_world_m
-        stands = (above_m > rules.clearance_m) & (above_m < size_m[2] + rules.headroom_m)
-        sight = sight_of(around[stands], tracker_input.world_SE3_velo[:2, 3], rules.thin_m)
+        stands = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
+        sight = sight_of(around[stands], tracker_input.world_SE3_velo[:2, 3], config.thin_m)
         known = expected.surroundings.hold(sight.points_xy_m)
-        return replace(expected, ground=ground), sight.doubting(known, rules.known_weight)
+        return replace(expected, ground=ground), sight.doubting(known, config.known_weight)
 
     def _find(
         self, before: BoxTrack, expected: BoxTrack, sight: Sight
@@ -170,15 +170,15 @@ class BoxFitTracker:
         """Return where the object is seen and what supports it, or None."""
         if len(sight) == 0:
             return None
-        rules, usual_reward = self._rules, expected.usual_reward_in(sight)
+        config, usual_reward = self._config, expected.usual_reward_in(sight)
         priors = self._priors(before, expected)
-        belief = search(expected.shape, sight, priors, usual_reward, rules.search)
+        belief = search(expected.shape, sight, priors, usual_reward, config.search)
         support = expected.support(sight, belief.pose)
-        share = rules.return_share if before.is_hidden else rules.min_share
-        least = max(rules.min_reward, rules.min_contrast * support.penalty, share * usual_reward)
+        share = config.return_share if before.is_hidden else config.min_share
+        least = max(config.min_reward, config.min_contrast * support.penalty, share * usual_reward)
         fits = (
             support.reward >= least
-            and min(squared_distance(belief, prior) for prior in priors) <= rules.gate
+            and min(squared_distance(belief, prior) for prior in priors) <= config.gate
             and (not before.is_hidden or self._is_as_high(expected, sight, support.top_m))
         )
         return (belief, support) if fits else None
@@ -194,10 +194,10 @@ class BoxFitTracker:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
         missed_m = self._sensor.elevation_step_rad * sight.distance_m(expected.pose[:2])
         off_m = top_m - expected.ground.z_world_m - expected.usual_top_m
-        return bool(abs(off_m) <= self._rules.return_top_m + missed_m)
+        return bool(abs(off_m) <= self._config.return_top_m + missed_m)
 
     def _is_lost(self, track: BoxTrack) -> bool:
-        return track.stamp_s - track.seen_s > self._rules.lost_after_s
+        return track.stamp_s - track.seen_s > self._config.lost_after_s
 
     def _answer(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
         size_m, velocity = track.shape.size_m, self._motion.velocity_m_s(track.state)

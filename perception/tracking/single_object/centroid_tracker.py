@@ -8,10 +8,13 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.sensor import LidarModel
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
-from perception.tracking.single_object.heading_of_way import freeze_rules_of, heading_of_way
+from perception.tracking.single_object.heading_of_way import (
+    heading_freeze_config_for,
+    heading_of_way,
+)
 from perception.tracking.single_object.localizer import Localizer, View
 from perception.tracking.single_object.near_obstacles import obstacles_near
-from perception.tracking.single_object.pitch_ground import PitchFilter, PitchRules
+from perception.tracking.single_object.pitch_ground import PitchFilter, PitchFilterConfig
 from perception.tracking.single_object.point_model import (
     PointModel,
     answer,
@@ -24,7 +27,7 @@ from perception.types import Boxes3D, Float64, GroundModel
 
 
 @dataclass(frozen=True)
-class CentroidTrackerRules:
+class CentroidTrackerConfig:
     """What all trackers of a point have in common.
 
     Attributes:
@@ -38,7 +41,7 @@ class CentroidTrackerRules:
     """
 
     ground: Literal["pitch", "stage"] = "pitch"
-    pitch: PitchRules = field(default_factory=PitchRules)
+    pitch: PitchFilterConfig = field(default_factory=PitchFilterConfig)
     min_height_m: float = 0.20  # d_min, Table 7.5
     headroom_m: float = 0.5  # ours; the author's local grid ends 2 m up, for all objects
     gate: float = 2.0  # author's code: the best gate of App. A reaches one box to each side
@@ -47,7 +50,7 @@ class CentroidTrackerRules:
 
 
 @dataclass(frozen=True)
-class MotionRules:
+class PointMotionConfig:
     """The filter of the point's motion (5.17); values of the author's code.
 
     Attributes:
@@ -114,8 +117,8 @@ class CentroidTracker:
         self,
         localizer: Localizer,
         sensor: LidarModel,
-        rules: CentroidTrackerRules | None = None,
-        motion: MotionRules | None = None,
+        config: CentroidTrackerConfig | None = None,
+        motion: PointMotionConfig | None = None,
     ) -> None:
         """Set up.
 
@@ -126,7 +129,7 @@ class CentroidTracker:
             motion: how its motion is filtered; without, the point is where it was found.
         """
         self._localizer, self._sensor = localizer, sensor
-        self._rules, self._motion_rules = rules or CentroidTrackerRules(), motion
+        self._config, self._motion_config = config or CentroidTrackerConfig(), motion
         self._model: PointModel | None = None
 
     def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
@@ -137,7 +140,7 @@ class CentroidTracker:
                 what it cannot do without.
         """
         check_start_box(box_velo)
-        self._pitch = PitchFilter(self._sensor.height_m, self._rules.pitch)
+        self._pitch = PitchFilter(self._sensor.height_m, self._config.pitch)
         self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
         self._model = point_model_of(box_velo, tracker_input.world_SE3_velo)
         place = self._localizer.begin(self._view(tracker_input, self._model, 0.0))
@@ -164,23 +167,23 @@ class CentroidTracker:
     def _updated(
         self, last: PointModel, tracker_input: TrackerInput, elapsed_s: float
     ) -> PointModel:
-        if not 0 < elapsed_s <= self._rules.longest_gap_s:
+        if not 0 < elapsed_s <= self._config.longest_gap_s:
             return self._lose(last)
-        noise = self._motion_rules.noise if self._motion_rules else NoiseLevels(0.0, 0.0)
+        noise = self._motion_config.noise if self._motion_config else NoiseLevels(0.0, 0.0)
         expected = self._memory.predicted(elapsed_s, noise)
         place = self._localizer.locate(
             self._view(tracker_input, replace(last, place_m=expected.place), elapsed_s)
         )
         if place is None:
             return self._miss(last, expected, elapsed_s)
-        variance = self._motion_rules.measured_variance if self._motion_rules else 0.0
+        variance = self._motion_config.measured_variance if self._motion_config else 0.0
         self._state, self._unseen_s = TrackStatus.SEEN, 0.0
         return self._move(last, expected.corrected(place[None], np.array([variance])), elapsed_s)
 
     def _miss(self, last: PointModel, expected: Memory, elapsed_s: float) -> PointModel:
         """Let the prediction stand, but not for ever."""
         self._unseen_s += elapsed_s
-        if self._unseen_s > self._rules.lost_after_s:
+        if self._unseen_s > self._config.lost_after_s:
             return self._lose(last)
         self._state = TrackStatus.PREDICTED
         return self._move(last, expected, elapsed_s)
@@ -195,29 +198,29 @@ class CentroidTracker:
     def _move(self, last: PointModel, memory: Memory, elapsed_s: float) -> PointModel:
         """Remember the point, and turn its box along the way from where it was remembered before."""
         way_m = memory.place - self._memory.place
-        rules = freeze_rules_of(last.size_m)
-        yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, rules)
+        config = heading_freeze_config_for(last.size_m)
+        yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, config)
         self._memory = memory
         return PointModel(memory.place, last.size_m, yaw_rad, memory.velocity)
 
     def _remembered(self, place_m: Float64) -> Memory:
-        if self._motion_rules is None:
+        if self._motion_config is None:
             return LastPlace(place_m, np.zeros(3))
-        return EvenAcceleration.at_rest(place_m, self._motion_rules.noise)
+        return EvenAcceleration.at_rest(place_m, self._motion_config.noise)
 
     def _view(self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float) -> View:
-        rules = self._rules
+        config = self._config
         window = Window(model.place_m, model.size_m[:2], model.yaw_rad)
-        gate = window.scaled(rules.gate)
+        gate = window.scaled(config.gate)
         # From the middle of the gate to beyond its corners, by as much as a window may leave it.
         reach_m = float(np.hypot(*gate.size_m) + np.hypot(*window.size_m)) / 2
-        heights_m = (rules.min_height_m, float(model.size_m[2]) + rules.headroom_m)
+        heights_m = (config.min_height_m, float(model.size_m[2]) + config.headroom_m)
         ground = self._ground(tracker_input, elapsed_s)
         around = obstacles_near(tracker_input, ground, model.place_m, reach_m, heights_m)
         return View(tracker_input, around, window, gate, elapsed_s)
 
     def _ground(self, tracker_input: TrackerInput, elapsed_s: float) -> GroundModel:
-        if self._rules.ground == "pitch":
+        if self._config.ground == "pitch":
             return self._pitch.update(tracker_input.points_velo, elapsed_s)
         if tracker_input.ground is None:
             raise PerceptionError(

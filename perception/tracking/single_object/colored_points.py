@@ -7,13 +7,13 @@ from perception.geometry.camera import project
 from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
-    CentroidTrackerRules,
-    MotionRules,
+    CentroidTrackerConfig,
+    PointMotionConfig,
 )
 from perception.tracking.single_object.color_model import BINS, color_bins
 from perception.tracking.single_object.lidar_baselines import mean_over
 from perception.tracking.single_object.localizer import Localizer, View
-from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
 from perception.types import Bool, Float64, Int
 
 
@@ -25,8 +25,8 @@ class ColoredPointsLocalizer(Localizer):
     the same.
     """
 
-    def __init__(self, rules: ClimbRules) -> None:
-        self._rules = rules
+    def __init__(self, config: MeanShiftConfig) -> None:
+        self._config = config
         self._counts: Float64 = np.zeros(BINS)
 
     def begin(self, view: View) -> Float64 | None:
@@ -49,7 +49,7 @@ class ColoredPointsLocalizer(Localizer):
 
     def locate(self, view: View) -> Float64 | None:
         """Climb from the expected place; None beyond the gate."""
-        climbed = climb(view.around.points_world, view.window, self._rules, self._weights(view))
+        climbed = climb(view.around.points_world, view.window, self._config, self._weights(view))
         if climbed is None or not view.gate.holds(climbed.place_m[None])[0]:
             return None
         return climbed.place_m
@@ -78,7 +78,9 @@ def colors_of_points(view: View) -> tuple[Int, Bool]:
 
 
 def colored_points_tracker(
-    sensor: LidarModel, rules: CentroidTrackerRules | None = None
+    sensor: LidarModel, config: CentroidTrackerConfig | None = None
 ) -> CentroidTracker:
     """Make the tracker L-Fus."""
-    return CentroidTracker(ColoredPointsLocalizer(ClimbRules()), sensor, rules, MotionRules())
+    return CentroidTracker(
+        ColoredPointsLocalizer(MeanShiftConfig()), sensor, config, PointMotionConfig()
+    )

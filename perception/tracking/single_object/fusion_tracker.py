@@ -8,19 +8,19 @@ from perception.sensor import LidarModel
 from perception.tracking.single_object.back_projection import back_project
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
-    CentroidTrackerRules,
-    MotionRules,
+    CentroidTrackerConfig,
+    PointMotionConfig,
 )
 from perception.tracking.single_object.color_side import ColorSide
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
 from perception.tracking.single_object.localizer import Localizer, View
-from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class FusionRules:
+class FusedLocalizerConfig:
     """How two places become one, (5.15) and (5.16).
 
     Noise and variances are those of the author's later trials, which trust the scan more. With his first
@@ -34,7 +34,7 @@ class FusionRules:
         search: size of the area whose points tell how far away a place in the image is, in boxes.
     """
 
-    climb: ClimbRules = field(default_factory=ClimbRules)  # Table 7.5
+    climb: MeanShiftConfig = field(default_factory=MeanShiftConfig)  # Table 7.5
     noise: NoiseLevels = field(default_factory=lambda: NoiseLevels(process=3.0, first=1.0))
     lidar_variance: float = 1.0
     image_variance: float = 3.0
@@ -42,7 +42,7 @@ class FusionRules:
 
 
 @dataclass(frozen=True)
-class FusionTrackerRules:
+class FusionTrackerConfig:
     """Every value of the fusion tracker, beside those of the images: `color_model`, `image_mean_shift`.
 
     Attributes:
@@ -51,17 +51,17 @@ class FusionTrackerRules:
         motion: how the fused point moves.
     """
 
-    point: CentroidTrackerRules = field(default_factory=CentroidTrackerRules)
-    fusion: FusionRules = field(default_factory=FusionRules)
-    motion: MotionRules = field(default_factory=MotionRules)
+    point: CentroidTrackerConfig = field(default_factory=CentroidTrackerConfig)
+    fusion: FusedLocalizerConfig = field(default_factory=FusedLocalizerConfig)
+    motion: PointMotionConfig = field(default_factory=PointMotionConfig)
 
 
 class FusedLocalizer(Localizer):
     """Finds an object in scan and image, each on its own, and fuses both places."""
 
-    def __init__(self, rules: FusionRules) -> None:
-        self._rules = rules
-        self._point = EvenAcceleration.at_rest(np.zeros(3), rules.noise)
+    def __init__(self, config: FusedLocalizerConfig) -> None:
+        self._config = config
+        self._point = EvenAcceleration.at_rest(np.zeros(3), config.noise)
         self.colors = ColorSide()
 
     def begin(self, view: View) -> Float64 | None:
@@ -75,11 +75,11 @@ class FusedLocalizer(Localizer):
 
     def locate(self, view: View) -> Float64 | None:
         """Fuse what is found within the gate; alone, each of both is enough."""
-        rules = self._rules
-        self._point = self._point.predicted(view.elapsed_s, rules.noise)
+        config = self._config
+        self._point = self._point.predicted(view.elapsed_s, config.noise)
         seen = (
-            (self._in_scan(view), rules.lidar_variance),
-            (self._in_image(view), rules.image_variance),
+            (self._in_scan(view), config.lidar_variance),
+            (self._in_image(view), config.image_variance),
         )
         places = [place for place, _ in seen if _is_in_gate(place, view)]
         variances = [variance for place, variance in seen if _is_in_gate(place, view)]
@@ -91,17 +91,17 @@ class FusedLocalizer(Localizer):
 
     def wait(self, place_m: Float64) -> None:
         """Let the fused point rest."""
-        self._point = EvenAcceleration.at_rest(place_m, self._rules.noise)
+        self._point = EvenAcceleration.at_rest(place_m, self._config.noise)
 
     def _in_scan(self, view: View) -> Float64 | None:
-        climbed = climb(view.around.points_world, view.window, self._rules.climb)
+        climbed = climb(view.around.points_world, view.window, self._config.climb)
         return None if climbed is None else middle_of(view.around.points_world, climbed)
 
     def _in_image(self, view: View) -> Float64 | None:
         center_px = self.colors.locate(view.tracker_input, view.window.place_m)
         if center_px is None or view.tracker_input.image_P_velo is None:
             return None
-        near = view.window.scaled(self._rules.search).holds(view.around.points_world)
+        near = view.window.scaled(self._config.search).holds(view.around.points_world)
         place_velo = back_project(
             center_px, view.around.points_velo[near], view.tracker_input.image_P_velo
         )
@@ -133,10 +133,10 @@ def middle_of(points_world: Float64, window: Window) -> Float64 | None:
 class FusionTracker(CentroidTracker):
     """H-Fus; implements `SingleObjectTracker`. Where there is no camera, the LiDAR alone finds the object."""
 
-    def __init__(self, sensor: LidarModel, rules: FusionTrackerRules | None = None) -> None:
-        rules = rules or FusionTrackerRules()
-        self._fused = FusedLocalizer(rules.fusion)
-        super().__init__(self._fused, sensor, rules.point, rules.motion)
+    def __init__(self, sensor: LidarModel, config: FusionTrackerConfig | None = None) -> None:
+        config = config or FusionTrackerConfig()
+        self._fused = FusedLocalizer(config.fusion)
+        super().__init__(self._fused, sensor, config.point, config.motion)
 
     @property
     def colors(self) -> ColorSide:

@@ -8,7 +8,7 @@ from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class FreezeRules:
+class HeadingFreezeConfig:
     """When a change of heading is taken for noise; values of the author's code.
 
     Attributes:
@@ -20,18 +20,18 @@ class FreezeRules:
     max_turn_rad: float
 
 
-_WALKERS_AND_CYCLISTS = FreezeRules(slow_m_s=0.5, max_turn_rad=0.4)
-_VEHICLES = FreezeRules(slow_m_s=4.0, max_turn_rad=0.15)
+_WALKERS_AND_CYCLISTS = HeadingFreezeConfig(slow_m_s=0.5, max_turn_rad=0.4)
+_VEHICLES = HeadingFreezeConfig(slow_m_s=4.0, max_turn_rad=0.15)
 _VEHICLE_VOLUME_M3 = 4.0
 
 
-def freeze_rules_of(size_m: Float64) -> FreezeRules:
+def heading_freeze_config_for(size_m: Float64) -> HeadingFreezeConfig:
     """Return the rules for an object of (3,) a size; the author's classes are volumes."""
     return _WALKERS_AND_CYCLISTS if size_m.prod() <= _VEHICLE_VOLUME_M3 else _VEHICLES
 
 
 def heading_of_way(
-    way_m: Float64, elapsed_s: float, last_yaw_rad: float, rules: FreezeRules
+    way_m: Float64, elapsed_s: float, last_yaw_rad: float, config: HeadingFreezeConfig
 ) -> float:
     """Return the direction of (2+,) a way, or the last heading where the way is too short to tell."""
     length_m = float(np.hypot(way_m[0], way_m[1]))
@@ -39,5 +39,5 @@ def heading_of_way(
         return last_yaw_rad
     yaw_rad = float(np.arctan2(way_m[1], way_m[0]))
     turn_rad = abs(np.angle(np.exp(1j * (yaw_rad - last_yaw_rad))))
-    is_slow = length_m < rules.slow_m_s * elapsed_s
-    return last_yaw_rad if is_slow and turn_rad > rules.max_turn_rad else yaw_rad
+    is_slow = length_m < config.slow_m_s * elapsed_s
+    return last_yaw_rad if is_slow and turn_rad > config.max_turn_rad else yaw_rad

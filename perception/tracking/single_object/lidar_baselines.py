@@ -5,11 +5,11 @@ import numpy as np
 from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import (
     CentroidTracker,
-    CentroidTrackerRules,
-    MotionRules,
+    CentroidTrackerConfig,
+    PointMotionConfig,
 )
 from perception.tracking.single_object.localizer import Localizer, View
-from perception.tracking.single_object.mean_shift_3d import ClimbRules, climb
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
@@ -29,8 +29,8 @@ class GateLocalizer(Localizer):
 class MeanShiftLocalizer(Localizer):
     """3D-MS: the object is where points are densest near its last place."""
 
-    def __init__(self, rules: ClimbRules) -> None:
-        self._rules = rules
+    def __init__(self, config: MeanShiftConfig) -> None:
+        self._config = config
 
     def begin(self, view: View) -> Float64 | None:
         """Take the mean of the points in the first box."""
@@ -38,7 +38,7 @@ class MeanShiftLocalizer(Localizer):
 
     def locate(self, view: View) -> Float64 | None:
         """Climb from the expected place."""
-        climbed = climb(view.around.points_world, view.window, self._rules)
+        climbed = climb(view.around.points_world, view.window, self._config)
         return None if climbed is None else climbed.place_m
 
 
@@ -49,14 +49,14 @@ def mean_over(window: Window, view: View) -> Float64 | None:
 
 
 def kalman_tracker(
-    sensor: LidarModel, rules: CentroidTrackerRules | None = None
+    sensor: LidarModel, config: CentroidTrackerConfig | None = None
 ) -> CentroidTracker:
     """Make the tracker 3D-KF: a filter with constant acceleration, and a gate."""
-    return CentroidTracker(GateLocalizer(), sensor, rules, MotionRules())
+    return CentroidTracker(GateLocalizer(), sensor, config, PointMotionConfig())
 
 
 def mean_shift_tracker(
-    sensor: LidarModel, rules: CentroidTrackerRules | None = None, iterations: int = 3
+    sensor: LidarModel, config: CentroidTrackerConfig | None = None, iterations: int = 3
 ) -> CentroidTracker:
     """Make the tracker 3D-MS: three shifts are its best (App. A.1), to 5 cm as in the author's code."""
-    return CentroidTracker(MeanShiftLocalizer(ClimbRules(iterations)), sensor, rules)
+    return CentroidTracker(MeanShiftLocalizer(MeanShiftConfig(iterations)), sensor, config)

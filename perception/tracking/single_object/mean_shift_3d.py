@@ -9,7 +9,7 @@ from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class ClimbRules:
+class MeanShiftConfig:
     """When a climb ends.
 
     Attributes:
@@ -22,7 +22,7 @@ class ClimbRules:
 
 
 def climb(
-    points_m: Float64, window: Window, rules: ClimbRules, weights: Float64 | None = None
+    points_m: Float64, window: Window, config: MeanShiftConfig, weights: Float64 | None = None
 ) -> Window | None:
     """Shift a window to the mean of the points within, until it moves less than a few centimetres.
 
@@ -39,7 +39,7 @@ def climb(
     """
     mass = np.ones(len(points_m)) if weights is None else weights
     is_found = False
-    for _ in range(rules.iterations):
+    for _ in range(config.iterations):
         held = window.holds(points_m)
         total = mass[held].sum()
         if not total > 0:
@@ -47,6 +47,6 @@ def climb(
         mean_m = mass[held] @ points_m[held] / total
         shift_m = float(np.linalg.norm(mean_m - window.place_m))
         window, is_found = window.moved(mean_m), True
-        if shift_m < rules.tolerance_m:
+        if shift_m < config.tolerance_m:
             break
     return window if is_found else None

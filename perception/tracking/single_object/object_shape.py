@@ -19,7 +19,7 @@ from perception.types import Float32, Float64
 
 
 @dataclass(frozen=True)
-class ShapeRules:
+class ObjectShapeConfig:
     """What a point is worth by its place.
 
     Attributes:
@@ -75,30 +75,30 @@ class ObjectShape:
     size_m: Float64
     seen: Float32
     scans: int
-    rules: ShapeRules
+    config: ObjectShapeConfig
 
     @classmethod
-    def of_box(cls, size_m: Float64, rules: ShapeRules) -> "ObjectShape":
+    def of_box(cls, size_m: Float64, config: ObjectShapeConfig) -> "ObjectShape":
         """Return the shape of an object of which only the box is known."""
-        reach_m = size_m[:2] / 2 + _clipped(rules.rim_share * size_m[1], rules.rim_m)
-        cells = np.ceil(reach_m / rules.cell_m).astype(int) * 2 + 3
-        return cls(size_m, np.zeros(cells, np.float32), 0, rules)
+        reach_m = size_m[:2] / 2 + _clipped(config.rim_share * size_m[1], config.rim_m)
+        cells = np.ceil(reach_m / config.cell_m).astype(int) * 2 + 3
+        return cls(size_m, np.zeros(cells, np.float32), 0, config)
 
     @property
     def radius_m(self) -> float:
         """How far from the middle points may say something."""
-        rim_m = _clipped(self.rules.rim_share * self.size_m[1], self.rules.rim_m)
+        rim_m = _clipped(self.config.rim_share * self.size_m[1], self.config.rim_m)
         return float(np.hypot(*(self.size_m[:2] / 2 + rim_m)))
 
     @property
     def own_margin_m(self) -> float:
         """How far outside the box points may still be the object's."""
-        return _clipped(self.rules.own_share * self.size_m[1], self.rules.own_m)
+        return _clipped(self.config.own_share * self.size_m[1], self.config.own_m)
 
     def cells_of(self, along_m: Float64, left_m: Float64) -> tuple[Float64, Float64]:
         """Return places in cells, not rounded, along both axes; the raster's middle is the box's."""
         rows, columns = self.seen.shape
-        scale = 1 / self.rules.cell_m
+        scale = 1 / self.config.cell_m
         return along_m * scale + (rows - 1) / 2, left_m * scale + (columns - 1) / 2
 
     def outside_m(self, along_m: Float64, left_m: Float64) -> Float64:
@@ -109,12 +109,12 @@ class ObjectShape:
     def remembering(self, sight: Sight, pose: Float64) -> "ObjectShape":
         """Return the shape with what one more scan showed, the object being at (3,) a pose."""
         along_m, left_m = into_frame(sight.points_xy_m, pose).T
-        rows = self.outside_m(along_m, left_m) < self.rules.tolerance_m
+        rows = self.outside_m(along_m, left_m) < self.config.tolerance_m
         u, v = self.cells_of(along_m[rows], left_m[rows])
         columns = self.seen.shape[1]
         cells = np.rint(u).astype(np.int64) * columns + np.rint(v).astype(np.int64)
         news = np.bincount(cells, sight.weights[rows], self.seen.size).reshape(self.seen.shape)
-        seen = (1 - self.rules.memory_fading) * self.seen + np.minimum(news, 1.0)
+        seen = (1 - self.config.memory_fading) * self.seen + np.minimum(news, 1.0)
         return replace(self, seen=seen.astype(np.float32), scans=self.scans + 1)
 
     def kept_by(self, blurred: Float32, table: Float32) -> float:
@@ -126,22 +126,22 @@ class ObjectShape:
         """Return (U, V) what a point in each cell is worth at (3,) a pose, seen from (2,) a place."""
         sensor_m = into_frame(sensor_xy_m[None], pose)[0]
         u, v = self._axes_m()
-        is_vehicle = self.size_m[1] >= self.rules.vehicle_width_m
+        is_vehicle = self.size_m[1] >= self.config.vehicle_width_m
         reward = self._sides(u, v, sensor_m) if is_vehicle else self._middle(u, v, sensor_m)
         if self.scans:
-            share = self.rules.memory_share * self.scans / (self.scans + self.rules.memory_scans)
+            share = self.config.memory_share * self.scans / (self.scans + self.config.memory_scans)
             reward = (1 - share) * reward + share * self._memory()
-        outside = (self.outside_m(u, v) - self.rules.tolerance_m) / self.rules.edge_m
+        outside = (self.outside_m(u, v) - self.config.tolerance_m) / self.config.edge_m
         rim = np.clip(outside, 0.0, 1.0)
-        reward = (1 - rim) * reward - rim * self.rules.rim_penalty
+        reward = (1 - rim) * reward - rim * self.config.rim_penalty
         reward[[0, -1]] = 0.0  # what lies farther away says nothing
         reward[:, [0, -1]] = 0.0
         return reward.astype(np.float32)
 
     def _axes_m(self) -> tuple[Float64, Float64]:
         rows, columns = self.seen.shape
-        u = (np.arange(rows) - (rows - 1) / 2) * self.rules.cell_m
-        v = (np.arange(columns) - (columns - 1) / 2) * self.rules.cell_m
+        u = (np.arange(rows) - (rows - 1) / 2) * self.config.cell_m
+        v = (np.arange(columns) - (columns - 1) / 2) * self.config.cell_m
         return u[:, None], v[None]
 
     def _sides(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
@@ -151,21 +151,21 @@ class ObjectShape:
             if abs(sensor) > size / 2:
                 depths_m.append(size / 2 - np.sign(sensor) * place + 0 * u + 0 * v)
         depth_m = np.minimum.reduce(depths_m) if depths_m else np.zeros_like(u + v)
-        near = np.exp(-0.5 * (depth_m / self.rules.side_deviation_m) ** 2)
-        deep = np.where(depth_m > 0, self.rules.deep_reward, 0.0)
+        near = np.exp(-0.5 * (depth_m / self.config.side_deviation_m) ** 2)
+        deep = np.where(depth_m > 0, self.config.deep_reward, 0.0)
         return np.asarray(np.maximum(near, deep))
 
     def _middle(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
         """Reward what lies near the middle of a body that does not fill its box."""
         sight_m = sensor_m / max(float(np.hypot(*sensor_m)), 1e-6)
-        push_m = self.rules.near_share * self.size_m[1] * sight_m
-        spread_m = self.rules.spread_share * self.size_m[:2]
+        push_m = self.config.near_share * self.size_m[1] * sight_m
+        spread_m = self.config.spread_share * self.size_m[:2]
         along, left = (u - push_m[0]) / spread_m[0], (v - push_m[1]) / spread_m[1]
         return np.asarray(np.exp(-0.5 * (along**2 + left**2)))
 
     def _memory(self) -> Float32:
         """Return how often each place was seen, against the places seen most."""
-        smooth = cv2.GaussianBlur(self.seen, (0, 0), self.rules.blur_m / self.rules.cell_m)
+        smooth = cv2.GaussianBlur(self.seen, (0, 0), self.config.blur_m / self.config.cell_m)
         seen = smooth[smooth > 0.02]
         top = float(np.quantile(seen, 0.9)) if len(seen) else 1.0
         return np.asarray(np.minimum(smooth / top, 1.0))

@@ -16,7 +16,7 @@ _MIN_PEAK = 0.25
 
 
 @dataclass(frozen=True)
-class PitchRules:
+class PitchFilterConfig:
     """How the angle is found and followed. Angles of noise in degrees, as in the author's code.
 
     Attributes:
@@ -66,22 +66,22 @@ class PitchedPlane:
 class PitchFilter:
     """Follows the pitch of the ground from scan to scan."""
 
-    def __init__(self, sensor_height_m: float, rules: PitchRules | None = None) -> None:
+    def __init__(self, sensor_height_m: float, config: PitchFilterConfig | None = None) -> None:
         self._sensor_height_m = sensor_height_m
-        self._rules = rules or PitchRules()
+        self._config = config or PitchFilterConfig()
         self._angle_deg: EvenAcceleration | None = None
         self._missed = 0
 
     def update(self, points_velo: Float, elapsed_s: float) -> PitchedPlane:
         """Find the ground of a scan that follows the last one after a while; at first, anywhere."""
-        rules = self._rules
-        angles_rad = angles_of(points_velo, self._sensor_height_m, rules)
+        config = self._config
+        angles_rad = angles_of(points_velo, self._sensor_height_m, config)
         if self._angle_deg is None:
             self._begin(most_frequent(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
         else:
-            self._angle_deg = self._angle_deg.predicted(elapsed_s, rules.noise)
+            self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise)
             expected_rad = float(np.radians(self._angle_deg.place[0]))
-            reach_rad = rules.gate_rad * (1 + self._missed)
+            reach_rad = config.gate_rad * (1 + self._missed)
             self._correct(
                 most_frequent(angles_rad, (expected_rad - reach_rad, expected_rad + reach_rad))
             )
@@ -90,26 +90,26 @@ class PitchFilter:
 
     def _begin(self, found_rad: float | None) -> None:
         if found_rad is not None:
-            self._angle_deg = EvenAcceleration.at_rest(np.degrees([found_rad]), self._rules.noise)
+            self._angle_deg = EvenAcceleration.at_rest(np.degrees([found_rad]), self._config.noise)
 
     def _correct(self, found_rad: float | None) -> None:
         """Take in an angle; without one the prediction stands."""
         self._missed = self._missed + 1 if found_rad is None else 0
         if found_rad is not None and self._angle_deg is not None:
             self._angle_deg = self._angle_deg.corrected(
-                np.degrees([[found_rad]]), np.array([self._rules.measured_variance])
+                np.degrees([[found_rad]]), np.array([self._config.measured_variance])
             )
 
 
-def angles_of(points_velo: Float, sensor_height_m: float, rules: PitchRules) -> Float:
+def angles_of(points_velo: Float, sensor_height_m: float, config: PitchFilterConfig) -> Float:
     """Return the angle of each point ahead over the level under the wheels (5.10).
 
     The lines go out from the ground under the sensor: from there all points of a plane are at one angle.
     """
     x, y = points_velo[:, 0], points_velo[:, 1]
     raised_m = points_velo[:, 2] + sensor_height_m
-    lowest_m, highest_m = rules.around_m
-    chosen = (x > rules.ahead_m) & (np.abs(y) < np.minimum(x, rules.side_m))
+    lowest_m, highest_m = config.around_m
+    chosen = (x > config.ahead_m) & (np.abs(y) < np.minimum(x, config.side_m))
     chosen &= (raised_m > lowest_m) & (raised_m < highest_m)
     return np.asarray(np.arctan2(raised_m[chosen], x[chosen]))
 

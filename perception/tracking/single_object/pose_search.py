@@ -20,7 +20,7 @@ _OWN_WORTH = 0.2  # a point that is worth more is the object's
 
 
 @dataclass(frozen=True)
-class SearchRules:
+class PoseSearchConfig:
     """How poses are searched.
 
     Attributes:
@@ -103,7 +103,7 @@ def search(
     sight: Sight,
     priors: tuple[PoseBelief, ...],
     usual_reward: float,
-    rules: SearchRules,
+    config: PoseSearchConfig,
 ) -> PoseBelief:
     """Return what is believed after a scan.
 
@@ -115,21 +115,21 @@ def search(
         rules: how to search.
     """
     table = shape.rewards(sight.sensor_xy_m, priors[0].pose)
-    lattice = _first_lattice(priors[0], shape, rules)
-    for steps in (*rules.later_steps, None):
-        smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.rules.cell_m)
+    lattice = _first_lattice(priors[0], shape, config)
+    for steps in (*config.later_steps, None):
+        smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.config.cell_m)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
-        near = sight.near(lattice.pose[:2], reach_m, rules.max_points)
+        near = sight.near(lattice.pose[:2], reach_m, config.max_points)
         judged = _judge(shape, smooth, near, lattice)
         kept = usual_reward * shape.kept_by(smooth, table)
-        score = _gains(judged.rewards, kept, rules) + _log_prior(judged.poses, priors)
+        score = _gains(judged.rewards, kept, config) + _log_prior(judged.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
         usual_reward = max(usual_reward, float(judged.rewards[best]))
-        belief = _moments(judged.poses, score, _around_best(score, best, rules.possible))
+        belief = _moments(judged.poses, score, _around_best(score, best, config.possible))
         if steps is not None:
-            lattice = _finer(lattice, belief, steps, rules)
+            lattice = _finer(lattice, belief, steps, config)
     axes = _turn(belief.pose[2])
-    floor = axes @ np.diag(np.square([rules.floor_m, rules.floor_m, rules.floor_rad])) @ axes.T
+    floor = axes @ np.diag(np.square([config.floor_m, config.floor_m, config.floor_rad])) @ axes.T
     return PoseBelief(belief.pose, belief.covariance + floor)
 
 
@@ -163,23 +163,23 @@ def support_at(shape: ObjectShape, sight: Sight, pose: Float64) -> Support:
     )
 
 
-def _first_lattice(prior: PoseBelief, shape: ObjectShape, rules: SearchRules) -> _Lattice:
-    least = np.array([rules.min_reach_m, rules.min_reach_m, rules.min_reach_rad])
-    most = np.array([rules.max_reach_m, rules.max_reach_m, np.pi / 2])
+def _first_lattice(prior: PoseBelief, shape: ObjectShape, config: PoseSearchConfig) -> _Lattice:
+    least = np.array([config.min_reach_m, config.min_reach_m, config.min_reach_rad])
+    most = np.array([config.max_reach_m, config.max_reach_m, np.pi / 2])
     spread = _spread(prior.pose[2], prior.covariance)
-    reach = np.clip(rules.reach * spread, least, most)
-    length_m, width_m = np.clip(rules.first_spacing * shape.size_m[:2], 0.1, 0.3)
-    spacing = np.array([length_m, width_m, rules.first_spacing_rad])
-    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, rules.first_steps)
+    reach = np.clip(config.reach * spread, least, most)
+    length_m, width_m = np.clip(config.first_spacing * shape.size_m[:2], 0.1, 0.3)
+    spacing = np.array([length_m, width_m, config.first_spacing_rad])
+    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, config.first_steps)
     return _Lattice(prior.pose, reach, (int(along), int(across), int(around)))
 
 
 def _finer(
-    lattice: _Lattice, belief: PoseBelief, steps: tuple[int, int, int], rules: SearchRules
+    lattice: _Lattice, belief: PoseBelief, steps: tuple[int, int, int], config: PoseSearchConfig
 ) -> _Lattice:
     spread = _spread(belief.pose[2], belief.covariance)
     reach = np.minimum(np.maximum(2.5 * spread, 1.5 * lattice.spacing), lattice.reach)
-    finest = np.array([rules.finest_m, rules.finest_m, rules.finest_rad])
+    finest = np.array([config.finest_m, config.finest_m, config.finest_rad])
     return _Lattice(belief.pose, np.maximum(reach, finest), steps)
 
 
@@ -199,7 +199,7 @@ def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) 
     x, y = (sight.points_xy_m - [x0, y0]).T
     u, v = shape.cells_of(cos * x + sin * y, cos * y - sin * x)
     rows, columns = table.shape
-    per_m = 1 / shape.rules.cell_m
+    per_m = 1 / shape.config.cell_m
     i = np.clip(np.rint(u[..., None] - per_m * along), 0, rows - 1).astype(np.int32)
     j = np.clip(np.rint(v[..., None] - per_m * across), 0, columns - 1).astype(np.int32)
     worth = table.ravel().take((i * np.int32(columns))[:, :, :, None] + j[:, :, None, :])
@@ -217,11 +217,11 @@ def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) 
     return _Judged(poses, rewards.astype(np.float64))
 
 
-def _gains(rewards: Float64, usual_reward: float, rules: SearchRules) -> Float64:
+def _gains(rewards: Float64, usual_reward: float, config: PoseSearchConfig) -> Float64:
     """Return what rewards say for poses; more than is usual for the object says little more."""
     usual = max(usual_reward, 1.0)
-    beyond = rules.surplus * np.log(np.maximum(rewards, usual) / usual)
-    share = rules.sharpness * min(1.0, rules.informative_points / usual)
+    beyond = config.surplus * np.log(np.maximum(rewards, usual) / usual)
+    share = config.sharpness * min(1.0, config.informative_points / usual)
     return np.asarray(share * np.minimum(rewards, usual) + beyond)
 
 

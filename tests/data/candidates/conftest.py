@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
-from data.candidates.labelled_frames import FrameRules, LabelledFrames
+from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.drive import Labels
 from data.kitti.calibration import DriveCalibration, format_benchmark_calibration
 from data.kitti.labels import format_object_labels
@@ -96,4 +96,4 @@ def make_street(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def street(make_street: Callable[..., Path], store: ArrayStore) -> LabelledFrames:
-    return LabelledFrames([open_drive(make_street())], FrameRules(), store)
+    return LabelledFrames([open_drive(make_street())], FrameConfig(), store)

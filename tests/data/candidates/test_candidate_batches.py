@@ -17,13 +17,13 @@ from torch.utils.data import DataLoader
 from data.candidates.augmentation import OPERATIONS, Augmentation
 from data.candidates.balance import BalancedLooks
 from data.candidates.dataset import CandidateDataset
-from data.candidates.gathering import GatheringRules, gather
+from data.candidates.gathering import CropSamplingConfig, gather
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
-from data.candidates.module import CandidateData, CandidateRules, Loading
+from data.candidates.module import CandidateData, CropConfig, CropLoadingConfig
 from data.looks import Ask
 from data.splitting import validation_frames
-from data.training_drives import Sources
+from data.training_drives import TrainingDrives
 from perception.detection.depthcn.crops import crop_windows
 from perception.errors import DriveError, LabelError, UsageError
 
@@ -32,18 +32,20 @@ FIELDS = {"crops", "windows_px", "is_vehicle", "box_share"}
 
 @pytest.fixture
 def dataset(street: LabelledFrames) -> CandidateDataset:
-    return CandidateDataset(street, gather(street, GatheringRules()), Augmentation(), seed=3)
+    return CandidateDataset(street, gather(street, CropSamplingConfig()), Augmentation(), seed=3)
 
 
 @pytest.fixture
 def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[..., CandidateData]:
-    def make(loading: Loading | None = None, **sources: tuple[Path, ...]) -> CandidateData:
+    def make(
+        loading: CropLoadingConfig | None = None, **sources: tuple[Path, ...]
+    ) -> CandidateData:
         named = {"training": (make_street(frames=5),)} | sources
         return CandidateData(
-            Sources(**named, cache=tmp_path / "cache"),
-            CandidateRules(gathering=GatheringRules(shaken=2)),
+            TrainingDrives(**named, cache=tmp_path / "cache"),
+            CropConfig(sampling=CropSamplingConfig(shaken=2)),
             Augmentation(),
-            loading or Loading(batch_size=4),
+            loading or CropLoadingConfig(batch_size=4),
         )
 
     return make
@@ -229,7 +231,7 @@ def test_a_split_by_drives_keeps_drives_whole():
 @pytest.mark.parametrize("loading", [{"batch_size": 1}, {"workers": -1}])
 def test_loading_that_cannot_be_is_refused(loading: dict[str, int]):
     with pytest.raises(UsageError, match="expected a batch size from 2 and workers from 0"):
-        Loading(**loading)
+        CropLoadingConfig(**loading)
 
 
 def test_grids_show_every_operation(dataset: CandidateDataset):

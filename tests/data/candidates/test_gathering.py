@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
-from data.candidates.gathering import CandidateSet, GatheringRules, gather
-from data.candidates.labelled_frames import FrameRules, LabelledFrames
+from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
+from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.open_drive import open_drive
 from perception.detection.depthcn.windows import WindowKind
 from perception.errors import DriveError, LabelError, ScanError, UsageError
@@ -16,12 +16,12 @@ from perception.geometry.box_overlap_px import iou_px
 
 
 def opened(folder: Path, store: ArrayStore) -> LabelledFrames:
-    return LabelledFrames([open_drive(folder)], FrameRules(), store)
+    return LabelledFrames([open_drive(folder)], FrameConfig(), store)
 
 
 @pytest.mark.parametrize("kind", ["metric", "box"])
 def test_a_street_gives_its_car_and_its_pole(street: LabelledFrames, kind: WindowKind):
-    found = gather(street, GatheringRules(window=kind, shaken=0))
+    found = gather(street, CropSamplingConfig(window=kind, shaken=0))
     of_frame = found[found.frames == 1]
     # The van is left out.
     assert sorted(of_frame.is_vehicle.tolist()) == [False, True]
@@ -33,16 +33,16 @@ def test_a_street_gives_its_car_and_its_pole(street: LabelledFrames, kind: Windo
 
 
 def test_the_window_is_of_the_kind_that_was_asked_for(street: LabelledFrames):
-    metric = gather(street, GatheringRules(shaken=0)).windows_px
+    metric = gather(street, CropSamplingConfig(shaken=0)).windows_px
     width, height = (metric[:, 2:] - metric[:, :2]).T
     np.testing.assert_allclose(width / height, 112 / 66, rtol=1e-5)
-    box = gather(street, GatheringRules(window="box", shaken=0)).windows_px
+    box = gather(street, CropSamplingConfig(window="box", shaken=0)).windows_px
     proposed = street.scene(0).boxes_px
     assert all((np.abs(proposed - window).max(axis=1) < 1e-3).any() for window in box)
 
 
 def test_shaken_labels_stay_on_their_vehicle(street: LabelledFrames):
-    found = gather(street, GatheringRules(window="box", shaken=20, shake=0.1))
+    found = gather(street, CropSamplingConfig(window="box", shaken=20, shake=0.1))
     shaken = found[found.is_shaken]
     assert len(shaken) == 3 * 20
     assert shaken.is_vehicle.all()
@@ -52,14 +52,14 @@ def test_shaken_labels_stay_on_their_vehicle(street: LabelledFrames):
 
 
 def test_the_same_seed_gathers_the_same(street: LabelledFrames):
-    first, second = gather(street, GatheringRules()), gather(street, GatheringRules())
+    first, second = gather(street, CropSamplingConfig()), gather(street, CropSamplingConfig())
     np.testing.assert_array_equal(first.windows_px, second.windows_px)
-    other = gather(street, GatheringRules(seed=1))
+    other = gather(street, CropSamplingConfig(seed=1))
     assert (first.windows_px != other.windows_px).any()
 
 
 def test_a_vehicle_with_few_returns_is_not_added(street: LabelledFrames):
-    found = gather(street, GatheringRules(min_points=100_000))
+    found = gather(street, CropSamplingConfig(min_points=100_000))
     assert not found.is_shaken.any()
 
 
@@ -71,7 +71,7 @@ def test_progress_goes_through_all_frames(street: LabelledFrames):
             seen.append(number)
             yield number
 
-    gather(street, GatheringRules(), progress)
+    gather(street, CropSamplingConfig(), progress)
     assert seen == [0, 1, 2]
 
 
@@ -87,13 +87,13 @@ def test_a_set_without_a_car_is_refused(
 ):
     frames = opened(make_street(things=things), store)
     with pytest.raises(LabelError, match=f"labels of 3 frames: expected at least one Car, {found}"):
-        gather(frames, GatheringRules())
+        gather(frames, CropSamplingConfig())
 
 
 def test_a_frame_without_objects_is_no_fault(make_street: Callable[..., Path], store: ArrayStore):
     folder = make_street()
     (folder / "training/label_2/000001.txt").write_text("")
-    found = gather(opened(folder, store), GatheringRules(shaken=0))
+    found = gather(opened(folder, store), CropSamplingConfig(shaken=0))
     # Nobody says that the car is one, nor that the van shall be left out.
     assert found.is_vehicle[found.frames == 1].tolist() == [False] * 3
 
@@ -104,7 +104,7 @@ def test_an_unreadable_label_stops_even_where_frames_are_skipped(
     folder = make_street()
     (folder / "training/label_2/000001.txt").write_text("Car nothing\n")
     with pytest.raises(LabelError, match=r"000001.txt row 1: expected 14 numbers"):
-        gather(opened(folder, store), GatheringRules(on_bad_frame="skip"))
+        gather(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
 
 
 def test_a_damaged_scan_stops_or_is_skipped(
@@ -113,20 +113,20 @@ def test_a_damaged_scan_stops_or_is_skipped(
     folder = make_street()
     (folder / "training/velodyne/000001.bin").write_bytes(b"12345")
     with pytest.raises(ScanError, match=r"000001.bin"):
-        gather(opened(folder, store), GatheringRules())
-    found = gather(opened(folder, store), GatheringRules(on_bad_frame="skip"))
+        gather(opened(folder, store), CropSamplingConfig())
+    found = gather(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
     assert np.unique(found.frames).tolist() == [0, 2]
     assert "skipped frame 1" in caplog.text
 
 
 def test_no_frames_are_refused(store: ArrayStore):
     with pytest.raises(DriveError, match="expected labelled frames, found none"):
-        gather(LabelledFrames([], FrameRules(), store), GatheringRules())
+        gather(LabelledFrames([], FrameConfig(), store), CropSamplingConfig())
 
 
 def test_rules_that_cannot_be_are_refused():
     with pytest.raises(UsageError, match="rules of gathering"):
-        GatheringRules(shake=0.5)
+        CropSamplingConfig(shake=0.5)
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import pytest
 
 from data.array_store import ArrayStore
 from data.candidates import labelled_frames
-from data.candidates.labelled_frames import FrameRules, LabelledFrames
+from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalRules
+from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import CalibrationError, DriveError
 
 
@@ -52,7 +52,7 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
 
     monkeypatch.setattr(labelled_frames, "_scene", never)
     monkeypatch.setattr(labelled_frames, "_picture", never)
-    again = LabelledFrames(street.drives, street.rules, street.store)
+    again = LabelledFrames(street.drives, street.config, street.store)
     np.testing.assert_array_equal(again.picture(1), picture)
     assert again.scene(1).focal_px == scene.focal_px
     np.testing.assert_array_equal(again.scene(1).shares, scene.shares)
@@ -61,17 +61,17 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
 @pytest.mark.parametrize(
     ("rules", "pictures", "scenes"),
     [
-        pytest.param(FrameRules(), 0, 0, id="nothing"),
-        pytest.param(FrameRules("thesis"), 1, 1, id="method"),
-        pytest.param(FrameRules(proposals=ProposalRules(radius_m=0.4)), 0, 1, id="proposals"),
+        pytest.param(FrameConfig(), 0, 0, id="nothing"),
+        pytest.param(FrameConfig("thesis"), 1, 1, id="method"),
+        pytest.param(FrameConfig(proposals=ProposalConfig(radius_m=0.4)), 0, 1, id="proposals"),
     ],
 )
 def test_other_settings_make_new_entries(
-    street: LabelledFrames, rules: FrameRules, pictures: int, scenes: int
+    street: LabelledFrames, config: FrameConfig, pictures: int, scenes: int
 ):
     street.picture(0), street.scene(0)
     before = entries(street.store)
-    other = LabelledFrames(street.drives, rules, street.store)
+    other = LabelledFrames(street.drives, config, street.store)
     other.picture(0)
     assert entries(street.store) == before + pictures
     other.scene(0)
@@ -82,9 +82,9 @@ def test_other_settings_make_new_entries(
 def test_other_files_make_new_entries(street: LabelledFrames, name: str):
     street.scene(0), street.scene(1)
     touch(street.drives[0].root / name)
-    LabelledFrames(street.drives, street.rules, street.store).scene(0)
+    LabelledFrames(street.drives, street.config, street.store).scene(0)
     assert entries(street.store) == 3
-    LabelledFrames(street.drives, street.rules, street.store).scene(1)
+    LabelledFrames(street.drives, street.config, street.store).scene(1)
     assert entries(street.store) == 3
 
 
@@ -102,7 +102,7 @@ def test_frames_of_several_drives_are_numbered_through(
         open_drive(make_street("first", frames=2)),
         open_drive(make_street("second", ["Car"])),
     ]
-    frames = LabelledFrames(drives, FrameRules(), store)
+    frames = LabelledFrames(drives, FrameConfig(), store)
     assert len(frames) == 5
     assert frames.drive_numbers.tolist() == [0, 0, 1, 1, 1]
     assert [len(frames.scene(number).label_types) for number in range(5)] == [2, 2, 1, 1, 1]
@@ -113,7 +113,7 @@ def test_without_a_camera_nothing_can_be_seen(make_street: Callable[..., Path], 
     for path in folder.iterdir():
         path.unlink()
     folder.rmdir()
-    frames = LabelledFrames([open_drive(folder.parent)], FrameRules(), store)
+    frames = LabelledFrames([open_drive(folder.parent)], FrameConfig(), store)
     with pytest.raises(CalibrationError, match="expected a camera's calibration, found none"):
         frames.picture(0)
 
@@ -121,6 +121,6 @@ def test_without_a_camera_nothing_can_be_seen(make_street: Callable[..., Path], 
 def test_without_labels_nothing_can_be_learned(make_street: Callable[..., Path], store: ArrayStore):
     folder = make_street() / "training" / "label_2"
     folder.rename(folder.with_name("elsewhere"))
-    frames = LabelledFrames([open_drive(folder.parent)], FrameRules(), store)
+    frames = LabelledFrames([open_drive(folder.parent)], FrameConfig(), store)
     with pytest.raises(DriveError, match="expected object frames with labels, found none"):
         frames.scene(0)

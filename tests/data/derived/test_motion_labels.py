@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from data.derived.motion_labels import (
-    MotionThresholds,
+    MotionLabelConfig,
     PosedLabels,
     TrackPositions,
     gather_tracks,
@@ -146,7 +146,7 @@ def test_objects_without_a_track_are_left_out():
 
 def test_thresholds_out_of_order_are_refused():
     with pytest.raises(UsageError, match="stop_mps <= start_mps"):
-        MotionThresholds(start_mps=0.5, stop_mps=0.8)
+        MotionLabelConfig(start_mps=0.5, stop_mps=0.8)
 
 
 def kitti_tracks(kitti_root, sequence: str, *, has_ins: bool) -> TrackPositions:

@@ -3,7 +3,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from data.derived.challenges import Challenge, ChallengeRule, variations
+from data.derived.challenges import Challenge, ChallengeConfig, variations
 from data.derived.object_truth import DriveObjects
 from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, without_repeats
 from data.kitti.calibration import read_benchmark_calibration
@@ -123,6 +123,6 @@ def test_challenges_of_sequence_0000(labelled):
     assert variations(cyclist).challenges() == (Challenge.POS, Challenge.DIS)
     assert variations(van).challenges() == tuple(Challenge)
     assert Challenge.RVL not in variations(parked).challenges()
-    assert variations(parked).challenges(ChallengeRule(occluded_share=0.9, turn_deg=180)) == (
+    assert variations(parked).challenges(ChallengeConfig(occluded_share=0.9, turn_deg=180)) == (
         Challenge.DIS,
     )

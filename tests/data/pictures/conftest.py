@@ -48,9 +48,9 @@ def make_pictures(
     """Open frames, written anew unless a root is given, as pictures of a modality."""
 
     def make(
-        modality: Modality = "dm", root: Path | None = None, **rules: object
+        modality: Modality = "dm", root: Path | None = None, **config: object
     ) -> LabelledPictures:
         drive = open_drive(root or make_frames())
-        return LabelledPictures([drive], PictureRules(modality, **{"size": SMALL, **rules}), store)
+        return LabelledPictures([drive], PictureRules(modality, **{"size": SMALL, **config}), store)
 
     return make

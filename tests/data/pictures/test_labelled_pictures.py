@@ -213,9 +213,9 @@ def test_boxes_without_an_area_are_left_out_and_told_once(
         ({"jpeg_quality": 0}, "JPEG quality: expected from 1 to 100, found 0"),
     ],
 )
-def test_rules_that_cannot_be_are_refused(rules: dict[str, object], sentence: str):
+def test_rules_that_cannot_be_are_refused(config: dict[str, object], sentence: str):
     with pytest.raises(UsageError, match=sentence):
-        PictureRules(**{"modality": "dm", **rules})
+        PictureRules(**{"modality": "dm", **config})
 
 
 def test_real_frames_in_all_views(kitti_root: Path, store: ArrayStore):

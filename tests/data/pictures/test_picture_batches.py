@@ -20,7 +20,7 @@ from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
 from data.pictures.module import PictureData, PictureLoading
 from data.process_share import ProcessShare
-from data.training_drives import Sources
+from data.training_drives import TrainingDrives
 from perception.errors import DriveError, LabelError, ScanError, UsageError
 from perception.types import MODALITIES, Modality
 from tests.car_frames import SIZE_PX
@@ -42,7 +42,7 @@ def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
     ) -> PictureData:
         named = (make_frames(),) if training is None else training
         return PictureData(
-            Sources(named, validation, cache=tmp_path / "cache"),
+            TrainingDrives(named, validation, cache=tmp_path / "cache"),
             PictureRules(modality, size=SMALL),
             augmentation,
             PictureLoading(**{"batch_size": 2, **loading}),
@@ -88,7 +88,7 @@ def test_no_augmentation_and_that_of_no_strength_are_plain(
     frames = make_pictures(modality)
     none = PictureAugmentation.none()
     rng = np.random.default_rng(0)
-    picture, labels = changed(frames.picture(0), frames.wanted(0), frames.rules, none, rng)
+    picture, labels = changed(frames.picture(0), frames.wanted(0), frames.config, none, rng)
     np.testing.assert_array_equal(picture, frames.picture(0))
     np.testing.assert_allclose(labels.boxes_px, frames.wanted(0).boxes_px)
     plain = PictureDataset(frames, np.arange(5))

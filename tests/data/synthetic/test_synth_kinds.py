@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data.synthetic import actors, clutter, world_kinds
-from data.synthetic.clutter import Clutter
+from data.synthetic.clutter import ClutterConfig
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
 from data.synthetic.road import Road, RoadShape
@@ -39,20 +39,20 @@ def test_no_two_vehicles_touch(kind):
 
 def test_a_place_full_of_clutter_has_all_of_it():
     road = Road(RoadShape(lanes=2, land_m=(1.5, -1.0), roughness_m=0.1))
-    everything = Clutter(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5)
+    everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5)
     parts = clutter.litter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
     assert len(parts) > 300
     heights = [
         part.mesh.vertices_m[:, 2].max() - part.mesh.vertices_m[:, 2].min() for part in parts
     ]
     assert max(heights) < 12
-    assert not clutter.litter(road, (0.0, 100.0), Clutter(), [], np.random.default_rng(0))
+    assert not clutter.litter(road, (0.0, 100.0), ClutterConfig(), [], np.random.default_rng(0))
 
 
 def test_bushes_do_not_grow_over_the_road():
     road = Road(RoadShape(pavement_m=0.5))
     parts = clutter.litter(
-        road, (0.0, 100.0), Clutter(bushes=30, conifers=10), [], np.random.default_rng(1)
+        road, (0.0, 100.0), ClutterConfig(bushes=30, conifers=10), [], np.random.default_rng(1)
     )
     for part in parts:
         _, side = road.locate(part.mesh.vertices_m[:, :2].astype(float))

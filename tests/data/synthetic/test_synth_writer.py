@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from data.synthetic.collection import Recipe, draw_drive, write_drives
+from data.synthetic.collection import SynthConfig, draw_drive, write_drives
 from data.synthetic.materials import SemanticClass
 from data.synthetic.writer import DATE, semantic_words
 from perception.errors import UsageError
@@ -15,11 +15,11 @@ FRAMES = 2
 
 @pytest.mark.parametrize("layout", ["raw", "tracking"])
 def test_a_sequence_round_trip(tmp_path, layout):
-    recipe = Recipe(layout=layout, frames=FRAMES, sensor=VLP_16, seed=7)
+    synth_config = SynthConfig(layout=layout, frames=FRAMES, sensor=VLP_16, seed=7)
     done = []
-    [folder] = write_drives(tmp_path, recipe, lambda: done.append(1))
-    assert len(done) == recipe.total_frames == FRAMES
-    read, made = open_drive(folder), draw_drive(recipe, 0, FRAMES)
+    [folder] = write_drives(tmp_path, synth_config, lambda: done.append(1))
+    assert len(done) == synth_config.total_frames == FRAMES
+    read, made = open_drive(folder), draw_drive(synth_config, 0, FRAMES)
     assert (len(read), read.sensor.name) == (FRAMES, "VLP-16")
     for index in range(FRAMES):
         ours, theirs = made[index], read[index]
@@ -43,19 +43,19 @@ def test_a_sequence_round_trip(tmp_path, layout):
 
 
 def test_raw_has_truth_poses_and_stamps(tmp_path):
-    recipe = Recipe(frames=FRAMES, sensor=VLP_16, seed=7, images=False)
-    [folder] = write_drives(tmp_path, recipe)
+    synth_config = SynthConfig(frames=FRAMES, sensor=VLP_16, seed=7, images=False)
+    [folder] = write_drives(tmp_path, synth_config)
     assert folder == tmp_path / DATE / f"{DATE}_drive_0000_sync"
     poses = np.loadtxt(folder / "truth_poses.txt").reshape(-1, 3, 4)
-    made = draw_drive(recipe, 0, FRAMES)
+    made = draw_drive(synth_config, 0, FRAMES)
     assert poses[1] == pytest.approx(made.true_world_SE3_velo(1)[:3], abs=1e-6)
     assert open_drive(folder)[1].stamp_s == pytest.approx(0.1)
     assert not (folder / "image_02").exists()
 
 
 def test_object_frames_come_from_several_worlds(tmp_path):
-    recipe = Recipe(layout="object", frames=6, sensor=VLP_16, seed=9, images=False)
-    [folder] = write_drives(tmp_path, recipe)
+    synth_config = SynthConfig(layout="object", frames=6, sensor=VLP_16, seed=9, images=False)
+    [folder] = write_drives(tmp_path, synth_config)
     read = open_drive(folder)
     assert len(read) == 6
     scans = [read[index].points_velo for index in range(6)]
@@ -77,6 +77,6 @@ def test_words_tell_class_motion_and_instance(street_drive):
 
 def test_nothing_to_write_is_refused():
     with pytest.raises(UsageError, match="at least one frame"):
-        Recipe(frames=0)
+        SynthConfig(frames=0)
     with pytest.raises(UsageError, match="raw, tracking or object"):
-        Recipe(layout="odometry")
+        SynthConfig(layout="odometry")

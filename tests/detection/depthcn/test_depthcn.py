@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.naive_depthcn import detect_one_by_one, judge_one_by_one, suppress_by_loop
 from data.open_drive import open_drive
-from perception.detection.depthcn.detector import DepthCn, DetectionRules
+from perception.detection.depthcn.detector import DepthCn, NmsConfig
 from perception.detection.depthcn.picture import camera_picture
 from perception.detection.depthcn.proposals import Proposals
 from perception.detection.depthcn.windows import windows_px
@@ -76,7 +76,7 @@ def test_what_leaves_the_image_is_no_detection(write_model, three_places):
     dense, boxes = three_places
     outside = proposals_at([*boxes[:2], [200, 20, 260, 60]])
     model = write_model(channels="reflectance", planes=1)
-    detector = DepthCn(model, detection_rules=DetectionRules(min_score=0.0))
+    detector = DepthCn(model, nms_config=NmsConfig(min_score=0.0))
     verified = detector.verify(outside, dense, CALIBRATION)
     assert verified.kept.tolist() == [1, 0]
 
@@ -84,8 +84,8 @@ def test_what_leaves_the_image_is_no_detection(write_model, three_places):
 def test_rules_decide_what_is_kept(write_model, three_places):
     dense, boxes = three_places
     model = write_model(channels="reflectance", planes=1)
-    strict = DepthCn(model, detection_rules=DetectionRules(min_score=0.9))
-    lenient = DepthCn(model, detection_rules=DetectionRules(min_score=0.0, max_iou=0.95))
+    strict = DepthCn(model, nms_config=NmsConfig(min_score=0.9))
+    lenient = DepthCn(model, nms_config=NmsConfig(min_score=0.0, max_iou=0.95))
     assert strict.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1]
     assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
 
@@ -139,7 +139,7 @@ def street():
 
 
 def test_whole_way_from_scan_to_detections(write_model):
-    detector = DepthCn(write_model(), detection_rules=DetectionRules(min_score=0.0))
+    detector = DepthCn(write_model(), nms_config=NmsConfig(min_score=0.0))
     frame = street()
     verified = detector.examine(frame)
     assert len(verified.proposals) == 2
@@ -191,7 +191,7 @@ def test_network_of_another_kind_is_refused(write_model, changes, sentence):
 @pytest.mark.parametrize("rules", [{"min_score": -0.1}, {"max_iou": 0.0}, {"max_iou": 1.5}])
 def test_rules_that_cannot_work(rules):
     with pytest.raises(UsageError, match="expected a score and an overlap from 0 to 1"):
-        DetectionRules(**rules)
+        NmsConfig(**rules)
 
 
 def test_window_that_is_not_finite_is_refused(detector, three_places):

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.naive_proposals import boxes_by_loop
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalRules, Proposals, box, cut, propose
+from perception.detection.depthcn.proposals import ProposalConfig, Proposals, box, cut, propose
 from perception.detection.depthcn.standing import find_standing
 from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
@@ -87,7 +87,7 @@ def test_beams_part_with_range_and_so_does_the_neighbourhood():
 
 
 def test_a_long_cluster_is_cut_where_it_is_thin():
-    rules = ProposalRules(radius_m=0.5)
+    rules = ProposalConfig(radius_m=0.5)
     # Two cars nose to tail, 0.4 m apart: together longer than a car, so that half the radius rules.
     cars = [upright(8, (-4.2, -1.5), (-0.2, 0), 2000), upright(8, (0.2, -1.5), (4.2, 0), 2000)]
     assert len(propose(scene(*cars), CALIBRATION, SIZE, rules)) == 2
@@ -104,7 +104,7 @@ def test_thesis_equals_loops_over_points():
     ]
     # The outlier is too rare for the distribution of the others.
     scan = scene(*objects, [[75, 70, 90]], [[-9, 0, 0]])[::2]
-    for rules in (ProposalRules(), ProposalRules(0.3, 0.05, 2, 0.8)):
+    for rules in (ProposalConfig(), ProposalConfig(0.3, 0.05, 2, 0.8)):
         found = propose(scan, CALIBRATION, SIZE, rules, "thesis")
         expected = boxes_by_loop(scan, CALIBRATION, SIZE, rules)
         assert found.boxes_px.tolist() == expected.tolist()
@@ -112,7 +112,7 @@ def test_thesis_equals_loops_over_points():
 
 
 def test_steps_can_be_called_apart():
-    scan, rules = scene(upright(10, (2, -1.5), (4, 0))), ProposalRules()
+    scan, rules = scene(upright(10, (2, -1.5), (4, 0))), ProposalConfig()
     for method in METHODS:
         standing = find_standing(
             scan, CALIBRATION, SIZE, rules.cell_m, rules.least_variance_m2, method
@@ -174,7 +174,7 @@ def test_an_image_of_one_pixel_has_boxes_of_that_pixel(method):
 )
 def test_rules_that_cannot_work_are_refused(wrong):
     with pytest.raises(UsageError, match="rules of the proposals"):
-        ProposalRules(**wrong)
+        ProposalConfig(**wrong)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -5,16 +5,16 @@ import pytest
 
 from benchmarks.naive_fusion import naive_tri_boxes
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.rescoring import RULES
-from perception.detection.fusion.tri_boxes import TriBoxRules, tri_boxes
+from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
+from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
 from perception.errors import UsageError
 from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
 
-RULES_TO_TRY = [
-    TriBoxRules(),
-    TriBoxRules(max_partners=2),
-    TriBoxRules(min_iou=0.3, by_set=False, max_partners=1),
-    TriBoxRules(min_iou=0.1, by_set=False, max_partners=3),
+CONFIGS_TO_TRY = [
+    TriBoxConfig(),
+    TriBoxConfig(max_partners=2),
+    TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
+    TriBoxConfig(min_iou=0.1, by_set=False, max_partners=3),
 ]
 
 
@@ -36,7 +36,7 @@ def test_the_example_of_the_drawing():
 def test_a_set_is_what_overlaps_by_way_of_others():
     scene = scene_of_boxes(rgb=[[0, 0, 100, 100]], dm=[[90, 0, 190, 100]], rm=[[180, 0, 280, 100]])
     assert tri_boxes(scene).tolist() == [[0, 0, 0]]
-    only_overlapping = TriBoxRules(by_set=False)
+    only_overlapping = TriBoxConfig(by_set=False)
     assert tri_boxes(scene, only_overlapping).tolist() == [[-1, 0, 0], [0, 0, -1], [0, 0, 0]]
 
 
@@ -51,7 +51,7 @@ def test_without_boxes_there_is_no_combination():
     assert tri_boxes(scene_of_boxes()).shape == (0, 3)
 
 
-@pytest.mark.parametrize("rules", RULES_TO_TRY)
+@pytest.mark.parametrize("rules", CONFIGS_TO_TRY)
 @pytest.mark.parametrize("seed", range(4))
 def test_as_plain_loops_say(rules, seed):
     scene = clumped_scene(seed)
@@ -62,10 +62,10 @@ def test_a_modality_that_is_missing_has_no_box_anywhere():
     scene = clumped_scene(1).without("dm")
     rows = tri_boxes(scene)
     assert (rows[:, 1] == -1).all()
-    np.testing.assert_array_equal(rows, naive_tri_boxes(scene, TriBoxRules()))
+    np.testing.assert_array_equal(rows, naive_tri_boxes(scene, TriBoxConfig()))
 
 
-@pytest.mark.parametrize("rules", RULES.values())
+@pytest.mark.parametrize("rules", TRI_BOX_CONFIGS.values())
 def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
     scene = clumped_scene(0, clumps=2, most=40)
     boxes = len(scene.merged.detections)
@@ -74,10 +74,10 @@ def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
     assert len(rows) < np.prod([len(found) for found in scene.modal.values()])
     for column, found in enumerate(scene.modal.values()):
         assert set(range(len(found))) <= set(rows[:, column].tolist())
-    best = naive_tri_boxes(scene, TriBoxRules(rules.min_iou, rules.by_set, 1))
+    best = naive_tri_boxes(scene, TriBoxConfig(rules.min_iou, rules.by_set, 1))
     assert set(map(tuple, best.tolist())) <= set(map(tuple, rows.tolist()))
 
 
 def test_rules_that_combine_nothing_are_refused():
     with pytest.raises(UsageError, match="at least 1 partner, found 0 and 0"):
-        TriBoxRules(max_partners=0)
+        TriBoxConfig(max_partners=0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.vehicles.objects import LocateRules, locate
+from perception.detection.vehicles.objects import LocateConfig, locate
 from perception.errors import CalibrationError
 from perception.geometry.angles import wrap
 from perception.geometry.camera import project
@@ -134,7 +134,7 @@ def test_what_is_hardly_believed_is_not_looked_for():
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
     assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
     assert set(found.owners.tolist()) == {-1, 1}
-    all_of_them = LocateRules(min_score=0.0)
+    all_of_them = LocateConfig(min_score=0.0)
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
     assert np.isfinite(found.boxes.yaw_rad).all()
 

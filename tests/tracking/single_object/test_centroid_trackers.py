@@ -11,8 +11,8 @@ from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
-from perception.tracking.single_object.centroid_tracker import CentroidTrackerRules
-from perception.tracking.single_object.fusion_tracker import FusionTracker, FusionTrackerRules
+from perception.tracking.single_object.centroid_tracker import CentroidTrackerConfig
+from perception.tracking.single_object.fusion_tracker import FusionTracker, FusionTrackerConfig
 from perception.tracking.single_object.lidar_baselines import kalman_tracker
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
@@ -349,9 +349,9 @@ def test_what_lies_beyond_the_gate_is_not_the_object():
 
 def test_the_ground_may_be_that_of_the_obstacle_stage():
     scene = Scene()
-    rules = FusionTrackerRules(point=CentroidTrackerRules(ground="stage"))
+    config = FusionTrackerConfig(point=CentroidTrackerConfig(ground="stage"))
     with pytest.raises(PerceptionError, match="the ground of the obstacle stage, found none"):
-        FusionTracker(HDL_64E, rules).start(scene.tracker_input(0), scene.box(0))
+        FusionTracker(HDL_64E, config).start(scene.tracker_input(0), scene.box(0))
 
 
 def test_nothing_is_followed_before_the_start():

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.heading_of_way import freeze_rules_of, heading_of_way
+from perception.tracking.single_object.heading_of_way import (
+    heading_freeze_config_for,
+    heading_of_way,
+)
 
-CAR = freeze_rules_of(np.array([4.0, 1.8, 1.5]))
-WALKER = freeze_rules_of(np.array([0.8, 0.6, 1.8]))
+CAR = heading_freeze_config_for(np.array([4.0, 1.8, 1.5]))
+WALKER = heading_freeze_config_for(np.array([0.8, 0.6, 1.8]))
 
 
 @pytest.mark.parametrize(
@@ -20,8 +23,8 @@ WALKER = freeze_rules_of(np.array([0.8, 0.6, 1.8]))
         pytest.param(WALKER, (0.0, 0.0), 1.0, 1.0, id="no way at all"),
     ],
 )
-def test_heading(rules, way_m, last_rad, expected_rad):
-    found = heading_of_way(np.array(way_m), 0.1, last_rad, rules)
+def test_heading(config, way_m, last_rad, expected_rad):
+    found = heading_of_way(np.array(way_m), 0.1, last_rad, config)
     assert found == pytest.approx(expected_rad, abs=1e-3)
 
 

@@ -5,7 +5,7 @@ from benchmarks.naive_pitch import plain_most_frequent
 from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
     PitchFilter,
-    PitchRules,
+    PitchFilterConfig,
     angles_of,
     bandwidth,
     most_frequent,
@@ -30,7 +30,7 @@ def rng() -> np.random.Generator:
 
 @pytest.mark.parametrize("pitch_deg", [-1.2, 0.0, 0.8])
 def test_peak_is_that_of_the_plain_density(rng, pitch_deg):
-    angles = angles_of(road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, PitchRules())
+    angles = angles_of(road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, PitchFilterConfig())
     at_rad = np.radians(np.arange(-3, 3, 0.01))
     plain_rad = plain_most_frequent(angles, at_rad, bandwidth(angles))
     found_rad = most_frequent(angles, ANYWHERE)
@@ -40,7 +40,7 @@ def test_peak_is_that_of_the_plain_density(rng, pitch_deg):
 
 def test_only_what_lies_ahead_and_near_the_level_has_an_angle():
     points = np.array([[10, 0, -1.73, 0], [-10, 0, -1.73, 0], [10, 15, -1.73, 0], [10, 0, 1, 0]])
-    np.testing.assert_allclose(angles_of(points, HEIGHT_M, PitchRules()), [0.0], atol=1e-12)
+    np.testing.assert_allclose(angles_of(points, HEIGHT_M, PitchFilterConfig()), [0.0], atol=1e-12)
 
 
 def test_a_peak_outside_the_interval_is_none(rng):

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.object_shape import ObjectShape, ShapeRules, into_frame
+from perception.tracking.single_object.object_shape import (
+    ObjectShape,
+    ObjectShapeConfig,
+    into_frame,
+)
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
-    SearchRules,
+    PoseSearchConfig,
     search,
     squared_distance,
     support_at,
@@ -16,7 +20,7 @@ from perception.types import Float64
 
 CAR_M = np.array([4.0, 1.8, 1.5])
 SENSOR = np.zeros(2)
-SHAPE = ObjectShape.of_box(CAR_M, ShapeRules())
+SHAPE = ObjectShape.of_box(CAR_M, ObjectShapeConfig())
 WIDE = np.diag([0.4, 0.4, 0.1]) ** 2
 
 
@@ -41,7 +45,7 @@ def _sight(points_xy: Float64) -> Sight:
 def test_finds_a_car_by_two_sides() -> None:
     truth = np.array([10.0, 4.0, 0.1])
     expected = PoseBelief(truth + np.array([0.35, -0.3, 0.12]), WIDE)
-    belief = search(SHAPE, _sight(_side_and_rear(truth)), (expected,), 40.0, SearchRules())
+    belief = search(SHAPE, _sight(_side_and_rear(truth)), (expected,), 40.0, PoseSearchConfig())
     np.testing.assert_allclose(belief.pose, truth, atol=0.08)
     assert squared_distance(belief, expected) == pytest.approx(2.8, abs=1.0)
 
@@ -49,7 +53,7 @@ def test_finds_a_car_by_two_sides() -> None:
 def test_a_wall_of_points_says_nothing_of_the_place_along_it() -> None:
     truth = np.array([0.0, 6.0, 0.0])
     middle = np.column_stack([np.arange(-0.8, 0.81, 0.1), np.full(17, 5.1)])
-    belief = search(SHAPE, _sight(middle), (PoseBelief(truth, WIDE),), 17.0, SearchRules())
+    belief = search(SHAPE, _sight(middle), (PoseBelief(truth, WIDE),), 17.0, PoseSearchConfig())
     along, across = np.sqrt(np.diag(belief.covariance))[:2]
     assert along > 0.25  # of 0.4 before
     assert across < 0.1
@@ -63,7 +67,7 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     sight = _sight(np.concatenate([own, neighbour]))
     shape = SHAPE.remembering(_sight(own), truth)
     usual = support_at(shape, _sight(own), truth).reward
-    belief = search(shape, sight, (expected,), usual, SearchRules())
+    belief = search(shape, sight, (expected,), usual, PoseSearchConfig())
     np.testing.assert_allclose(belief.pose[:2], truth[:2], atol=0.15)
 
 
@@ -71,7 +75,7 @@ def test_of_two_expected_places_takes_the_one_that_holds_the_points() -> None:
     truth = np.array([10.0, 4.0, 0.0])
     moved = PoseBelief(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
     stood = PoseBelief(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
-    belief = search(SHAPE, _sight(_side_and_rear(truth)), (moved, stood), 40.0, SearchRules())
+    belief = search(SHAPE, _sight(_side_and_rear(truth)), (moved, stood), 40.0, PoseSearchConfig())
     np.testing.assert_allclose(belief.pose, truth, atol=0.06)
 
 

@@ -2,16 +2,16 @@
 
 import pytest
 
-from export.exported import ExportOrder
+from export.exported import ExportConfig
 from export.fusion import export_fusion
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
-from train.fusion.levenberg_marquardt import Damping
-from train.fusion.mlp import MlpForm
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
+from train.fusion.mlp import MlpConfig
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.targets import fusion_rows
 from train.fusion.training import fit_fusion
-from train.trainer import TrainerPlan
+from train.trainer import TrainerConfig
 
 
 @pytest.fixture(scope="session")
@@ -22,8 +22,10 @@ def fitted(tmp_path_factory):
         fusion_rows(simulated_frames(50, 1), "default"),
         fusion_rows(simulated_frames(25, 2), "default"),
     )
-    plan = FusionPlan(MlpForm("default", (8,)), damping=Damping(max_steps=20))
-    found = fit_fusion(sets, plan, out, TrainerPlan())
+    config = FusionTrainingConfig(
+        MlpConfig("default", (8,)), damping=LevenbergMarquardtConfig(max_steps=20)
+    )
+    found = fit_fusion(sets, config, out, TrainerConfig())
     file = out / "fusion.onnx"
-    file.write_bytes(export_fusion(ExportOrder(found.checkpoint)).models["fp32"])
+    file.write_bytes(export_fusion(ExportConfig(found.checkpoint)).models["fp32"])
     return Fusion(file)

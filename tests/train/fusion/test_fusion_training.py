@@ -7,7 +7,7 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from export.exported import ExportOrder
+from export.exported import ExportConfig
 from export.fusion import export_fusion, with_calibrations
 from perception.detection.fusion.calibration import Calibration, Calibrations
 from perception.detection.fusion.rescoring import Fusion
@@ -15,28 +15,28 @@ from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Rightness, measure_reliability
 from tests.train.fusion.test_mlp_squares import toy_rows
 from train.fusion.calibration import fit_calibration
-from train.fusion.levenberg_marquardt import Damping
-from train.fusion.mlp import MlpForm, load_fusion
+from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
+from train.fusion.mlp import MlpConfig, load_fusion
 from train.fusion.mlp_squares import MlpSquares
-from train.fusion.plan import FusionPlan, FusionSets
+from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.small_steps import WATCHED, FusionTraining
 from train.fusion.sweep import hidden_sizes, sweep
 from train.fusion.training import fit_fusion, note_calibrations
 from train.fusion.whole_steps import lowest
-from train.trainer import TrainerPlan, checkpoint_to_resume
+from train.trainer import TrainerConfig, checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
 
 
-def plan_of(**changes) -> FusionPlan:
-    return FusionPlan(MlpForm("scores", (4,)), training_data="toys", **changes)
+def config_of(**changes) -> FusionTrainingConfig:
+    return FusionTrainingConfig(MlpConfig("scores", (4,)), training_data="toys", **changes)
 
 
 @pytest.mark.parametrize("optimiser", ["lm", "adamw"])
 def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
-    plan = plan_of(optimiser=optimiser, damping=Damping(max_steps=8), batch=20)
-    fitted = fit_fusion(SETS, plan, tmp_path, TrainerPlan(epochs=8, watched=WATCHED))
-    first = lowest(SETS, plan_of(damping=Damping(max_steps=0)))
+    config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=8), batch=20)
+    fitted = fit_fusion(SETS, config, tmp_path, TrainerConfig(epochs=8, watched=WATCHED))
+    first = lowest(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
     _, facts = load_fusion(fitted.checkpoint)
     assert facts["hidden"] == "4"
@@ -45,12 +45,12 @@ def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     events = EventAccumulator(str(tmp_path)).Reload()
     assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
     assert len(events.Scalars("validation/mse")) >= 2
-    exported = export_fusion(ExportOrder(fitted.checkpoint))
+    exported = export_fusion(ExportConfig(fitted.checkpoint))
     exported.require_parity("toy")
     assert exported.forms["fp32"].parity["features"].rows == 63
 
 
-def killed(monkeypatch, plan, at):
+def killed(monkeypatch, config, at):
     """Let a fit end as by Ctrl-C at a step."""
     steps = iter(range(at))
 
@@ -62,7 +62,7 @@ def killed(monkeypatch, plan, at):
     owner, name = {
         "lm": (MlpSquares, "normal_equations"),
         "adamw": (FusionTraining, "training_step"),
-    }[plan.optimiser]
+    }[config.optimiser]
     original = getattr(owner, name)
     monkeypatch.setattr(owner, name, one_less)
 
@@ -70,17 +70,17 @@ def killed(monkeypatch, plan, at):
 @pytest.mark.parametrize("optimiser", ["lm", "adamw"])
 def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optimiser):
     # Of lm steps, and of adamw batches of which there are four an epoch.
-    plan = plan_of(optimiser=optimiser, damping=Damping(max_steps=9), batch=20)
-    trainer = TrainerPlan(epochs=3, watched=WATCHED)
-    whole = fit_fusion(SETS, plan, tmp_path / "whole", trainer)
+    config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=9), batch=20)
+    trainer = TrainerConfig(epochs=3, watched=WATCHED)
+    whole = fit_fusion(SETS, config, tmp_path / "whole", trainer)
     out = tmp_path / "killed"
     with monkeypatch.context() as patch:
-        killed(patch, plan, at=6)
+        killed(patch, config, at=6)
         with pytest.raises(KeyboardInterrupt):
-            fit_fusion(SETS, plan, out, trainer)
+            fit_fusion(SETS, config, out, trainer)
     for name in ("best.ckpt", "last.ckpt"):
         load_fusion(out / name)
-    resumed = fit_fusion(SETS, plan, out, trainer, checkpoint_to_resume(out, "last"))
+    resumed = fit_fusion(SETS, config, out, trainer, checkpoint_to_resume(out, "last"))
     assert replace(resumed, checkpoint=whole.checkpoint) == whole
     for name in ("best.ckpt", "last.ckpt"):
         expected, found = (load_fusion(tmp_path / of / name)[0] for of in ("whole", "killed"))
@@ -89,34 +89,36 @@ def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optim
 
 
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
-    plan = plan_of(damping=Damping(max_steps=1))
-    fit_fusion(SETS, plan, tmp_path, TrainerPlan())
+    config = config_of(damping=LevenbergMarquardtConfig(max_steps=1))
+    fit_fusion(SETS, config, tmp_path, TrainerConfig())
     last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
-    wider = FusionPlan(MlpForm("scores", (5,)))
+    wider = FusionTrainingConfig(MlpConfig("scores", (5,)))
     with pytest.raises(ModelError, match="the weights of this fusion, found those of another"):
-        fit_fusion(SETS, wider, tmp_path, TrainerPlan(), last)
+        fit_fusion(SETS, wider, tmp_path, TrainerConfig(), last)
     with pytest.raises(ModelError, match="go on from by adamw, found one by lm"):
-        fit_fusion(SETS, plan_of(optimiser="adamw"), tmp_path, TrainerPlan(), last)
+        fit_fusion(SETS, config_of(optimiser="adamw"), tmp_path, TrainerConfig(), last)
     with pytest.raises(ModelError, match=r"without its state; go on from last\.ckpt"):
-        fit_fusion(SETS, plan, tmp_path, TrainerPlan(), best)
+        fit_fusion(SETS, config, tmp_path, TrainerConfig(), best)
 
 
 def test_it_ends_when_what_was_kept_back_gets_no_better():
     seen = []
-    best = lowest(SETS, plan_of(checks=2), lambda descent, error: seen.append(error))
+    best = lowest(SETS, config_of(checks=2), lambda descent, error: seen.append(error))
     assert best.validation == min(seen)
     assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
 
 
 def test_the_same_seed_finds_the_same_place():
-    first, second = (lowest(SETS, plan_of(damping=Damping(max_steps=5))) for _ in range(2))
+    first, second = (
+        lowest(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=5))) for _ in range(2)
+    )
     np.testing.assert_array_equal(first.parameters, second.parameters)
 
 
 def test_a_sweep_fits_every_size():
     sizes = hidden_sizes([2, 3], [2, 3, 4])
     assert sizes == [(2,), (3,), (3, 2), (4, 2), (4, 3)]
-    swept = sweep(SETS, plan_of(damping=Damping(max_steps=3)), sizes[1:3])
+    swept = sweep(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=3)), sizes[1:3])
     assert [one.hidden for one in swept] == [(3,), (3, 2)]
     assert all(0 < one.validation < 0.1 for one in swept)
 
@@ -146,9 +148,9 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
 
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
-    plan = plan_of(damping=Damping(max_steps=1))
-    checkpoint = fit_fusion(SETS, plan, tmp_path, TrainerPlan()).checkpoint
-    model = export_fusion(ExportOrder(checkpoint)).models["fp32"]
+    config = config_of(damping=LevenbergMarquardtConfig(max_steps=1))
+    checkpoint = fit_fusion(SETS, config, tmp_path, TrainerConfig()).checkpoint
+    model = export_fusion(ExportConfig(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
     curves = Calibrations(Calibration(2.0, 0.5, 0.25), {"dm": Calibration(1.0, 0.0, -1.0)})
     file.write_bytes(with_calibrations(model, curves))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from train.fusion.levenberg_marquardt import Damping, NormalEquations, descend
+from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig, NormalEquations, descend
 
 
 class Problem:
@@ -79,7 +79,9 @@ def test_parameters_of_no_effect_do_no_harm():
 
 
 def test_it_stops_where_it_is_told():
-    steps = list(descend(rosenbrock(), np.array([-1.2, 1.0]), Damping(max_steps=3)))
+    steps = list(
+        descend(rosenbrock(), np.array([-1.2, 1.0]), LevenbergMarquardtConfig(max_steps=3))
+    )
     assert len(steps) == 4
     # A start from which no step leads down.
     flat = Problem(lambda p: np.array([1.0 + p[0] ** 2]), lambda p: np.array([[1.0]]))

@@ -11,7 +11,7 @@ from scipy.optimize import approx_fprime, least_squares
 from perception.detection.fusion.features import FEATURES
 from perception.errors import UsageError
 from train.fusion.levenberg_marquardt import descend
-from train.fusion.mlp import MlpForm, RescoringMlp
+from train.fusion.mlp import MlpConfig, RescoringMlp
 from train.fusion.mlp_squares import MlpSquares
 from train.fusion.targets import FusionRows
 
@@ -28,7 +28,7 @@ def toy_rows(count=60, seed=0) -> FusionRows:
 def toy_problem(hidden=(4,), rows=None, variant="scores") -> MlpSquares:
     rows = toy_rows() if rows is None else rows
     torch.manual_seed(0)
-    network = RescoringMlp(MlpForm(variant, hidden))
+    network = RescoringMlp(MlpConfig(variant, hidden))
     network.fit_inputs(rows.features)
     return MlpSquares(network, rows)
 
@@ -93,13 +93,13 @@ def test_levenberg_marquardt_gets_as_low_as_scipy():
 
 def test_inputs_go_to_minus_one_and_one():
     features = np.array([[0, 5, 1], [10, 5, 2]], np.float32)
-    network = RescoringMlp(MlpForm("scores"))
+    network = RescoringMlp(MlpConfig("scores"))
     network.fit_inputs(features)
     assert network.mapped(torch.from_numpy(features)).tolist() == [[-1, -1, -1], [1, -1, 1]]
 
 
 def test_a_network_without_neurons_is_refused():
     with pytest.raises(UsageError, match="neurons in each, found none"):
-        MlpForm("scores", ())
+        MlpConfig("scores", ())
     with pytest.raises(UsageError, match="found 4, 0"):
-        MlpForm("scores", (4, 0))
+        MlpConfig("scores", (4, 0))
