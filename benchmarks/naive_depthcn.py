@@ -4,7 +4,7 @@ import numpy as np
 
 from perception.detection.depthcn.picture import camera_picture
 from perception.detection.depthcn.proposals import propose
-from perception.detection.depthcn.verifier import VEHICLE, Judgement, Verifier
+from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame
@@ -23,19 +23,19 @@ def detect_one_by_one(
     )
     focal_px = float(calibration.image_P_cam[0, 0])
     windows = windows_px(verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
-    judged = judge_one_by_one(verifier, picture, windows)
+    verified = verify_one_by_one(verifier, picture, windows)
     right, bottom = size_px[0] - 1, size_px[1] - 1
-    boxes_px = np.clip(judged.boxes_px, 0, [right, bottom, right, bottom])
-    kept = suppress_by_loop(boxes_px, judged.scores, max_iou)
-    return Detections(boxes_px[kept], judged.scores[kept], np.full(len(kept), VEHICLE))
+    boxes_px = np.clip(verified.boxes_px, 0, [right, bottom, right, bottom])
+    kept = suppress_by_loop(boxes_px, verified.scores, max_iou)
+    return Detections(boxes_px[kept], verified.scores[kept], np.full(len(kept), VEHICLE))
 
 
-def judge_one_by_one(verifier: Verifier, picture: UInt8, windows: Float64) -> Judgement:
+def verify_one_by_one(verifier: Verifier, picture: UInt8, windows: Float64) -> VerifierPrediction:
     """Judge (M, 4) windows of a picture with a call of the network for each."""
-    judged = [verifier.judge(picture, window[None]) for window in windows]
-    return Judgement(
-        np.concatenate([np.zeros(0), *(one.scores for one in judged)]),
-        np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in judged)]),
+    verified = [verifier.predict(picture, window[None]) for window in windows]
+    return VerifierPrediction(
+        np.concatenate([np.zeros(0), *(one.scores for one in verified)]),
+        np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in verified)]),
     )
 
 

@@ -54,8 +54,8 @@ def naive_curve(
     """Draw the precision curve of one class at one difficulty."""
     scene = [
         _Frame(
-            _judge_truths(truths[truths.frames == frame], of_class, difficulty),
-            _judge_detections(detections[detections.frames == frame], of_class, difficulty),
+            _classify_truths(truths[truths.frames == frame], of_class, difficulty),
+            _classify_detections(detections[detections.frames == frame], of_class, difficulty),
             [
                 box
                 for box, kind in zip(
@@ -103,7 +103,7 @@ def naive_thresholds(scores: list[float], truths: int) -> list[float]:
     return thresholds
 
 
-def _judge_truths(
+def _classify_truths(
     truths: TrueBoxes, of_class: DetectionClass, difficulty: Difficulty
 ) -> list[_Box]:
     boxes = []
@@ -123,7 +123,7 @@ def _judge_truths(
     return boxes
 
 
-def _judge_detections(
+def _classify_detections(
     detections: DetectedBoxes, of_class: DetectionClass, difficulty: Difficulty
 ) -> list[_Box]:
     boxes = []

@@ -146,12 +146,12 @@ def compare_ground(prepared: Prepared) -> Comparison:
     add_peer(contenders, patchwork)
     feet: dict[str, list[FootErrors]] = {contender.name: [] for contender in contenders}
 
-    def judge(name: str, i: int, ground: GroundModel) -> None:
+    def evaluate(name: str, i: int, ground: GroundModel) -> None:
         if prepared.drive.has_labels:
             bottoms = prepared.drive.labels(i).boxes_velo.bottom_m
             feet[name].append(foot_errors(i, ground, bottoms, config.area))
 
-    timings = take_turns(contenders, len(prepared.frames), judge)
+    timings = take_turns(contenders, len(prepared.frames), evaluate)
     errors: dict[str, Cell] = {
         name: f"{1e3 * mean_displacement(FootErrors.concatenate(rows)).mde_m:.1f}"
         for name, rows in feet.items()

@@ -130,7 +130,7 @@ def candidate_inputs(
     """Yield what the detector shows its network of each frame that has candidates."""
     for frame in frames:
         dense = densify(project_frame(frame))
-        windows = detector.examine(frame, dense).windows_px
+        windows = detector.verify_frame(frame, dense).windows_px
         if len(windows):
             image_P_velo = camera_of(frame)[0].image_P_velo
             picture = camera_picture(dense, image_P_velo, sensor.height_m)

@@ -12,7 +12,7 @@ from perception.evaluation.detection.average_precision import kitti_average_prec
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.curve import PrecisionCurve
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
-from perception.evaluation.detection.reliability import Rightness, rightness
+from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections
 
 CAR = KITTI_CLASSES[0]
@@ -70,18 +70,18 @@ def precision_curves(
 
 def judged(
     frames: DetectedFrames, detections: DetectedBoxes, class_names: Sequence[str]
-) -> Rightness:
+) -> Correctness:
     """Tell which detections of some classes are right, each by the overlap that KITTI asks of its class."""
     known = {of_class.name: of_class for of_class in KITTI_CLASSES}
     parts = [
-        rightness(
+        match_correctness(
             frames.truth, detections, len(frames), known.get(name, DetectionClass(name, CAR.iou))
         )
         for name in class_names
     ]
-    return Rightness(
+    return Correctness(
         np.concatenate([part.scores for part in parts]),
-        np.concatenate([part.is_right for part in parts]),
+        np.concatenate([part.is_correct for part in parts]),
     )
 
 

@@ -117,7 +117,7 @@ def is_false(
     min_points: int,
     config: ClusterConfig | None = None,
     *,
-    excuse_dont_care: bool,
+    ignore_dont_care: bool,
 ) -> Bool:
     """Tell which clusters nothing explains: in view, and on no object that moves or may move.
 
@@ -125,13 +125,13 @@ def is_false(
         clusters: of any number of frames.
         min_points: smaller clusters do not count.
         rule: as the clusters were made.
-        excuse_dont_care: leave out clusters with half of their points in DontCare regions.
+        ignore_dont_care: leave out clusters with half of their points in DontCare regions.
     """
     config = config or ClusterConfig()
     unexplained = ~np.isin(clusters.touched, (Motion.MOVING, Motion.UNKNOWN))
     counts = (clusters.points >= min_points) & (clusters.view_shares >= config.view_share)
-    excused = excuse_dont_care & (clusters.dont_care_shares >= 0.5)
-    return np.asarray(unexplained & counts & ~excused)
+    ignored = ignore_dont_care & (clusters.dont_care_shares >= 0.5)
+    return np.asarray(unexplained & counts & ~ignored)
 
 
 def _touched(numbers: Int, moving: Float, objects: LabelledObjects, config: ClusterConfig) -> Int:

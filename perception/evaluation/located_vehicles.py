@@ -8,7 +8,7 @@ from perception.evaluation.rows import Rows
 from perception.geometry.angles import wrap
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import points_inside
-from perception.tracking.association import assign_optimally
+from perception.tracking.association import assign_hungarian
 from perception.types import Boxes3D, Float, Float64, Vehicles
 
 # KITTI's labels are tight: what lies on a side may be counted outside.
@@ -51,7 +51,7 @@ def location_errors(
         min_iou: of a pair, in the image.
     """
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
-    pairs = assign_optimally(1.0 - iou, iou >= min_iou)
+    pairs = assign_hungarian(1.0 - iou, iou >= min_iou)
     true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
     apart_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
     turn_rad = found.yaw_rad - true.yaw_rad

@@ -71,7 +71,7 @@ class DetectionChain:
         # Of a network that learned from other maps, DepthCN makes its own.
         is_same = self.depthcn.verifier.method == "default"
         with clock.stage("DepthCN"):
-            return self.depthcn.examine(frame, dense if is_same else None).detections
+            return self.depthcn.verify_frame(frame, dense if is_same else None).detections
 
 
 def open_detection(config: DetectionConfig, sensor: LidarModel) -> DetectionChain:

@@ -73,7 +73,7 @@ def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -
     axes.plot([0, 1], [0, 1], color="grey", linewidth=1)
     for number, (name, one) in enumerate(found.items()):
         color = rgb(palette.STAGES[number % len(palette.STAGES)])
-        label = f"{name}: error {100 * one.expected_error:.1f} %"
+        label = f"{name}: error {100 * one.expected_calibration_error:.1f} %"
         axes.plot(one.scores, one.shares, color=color, linewidth=2, label=label)
         sizes = 8 + 120 * one.counts / max(1, one.counts.max(initial=0))
         axes.scatter(one.scores, one.shares, sizes, color=[color])

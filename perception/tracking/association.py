@@ -25,7 +25,7 @@ class Association:
     unmatched_detections: Int
 
 
-def assign_optimally(costs: Float64, is_allowed: Bool) -> Association:
+def assign_hungarian(costs: Float64, is_allowed: Bool) -> Association:
     """Match as many allowed pairs of (T, D) as there can be, at the least sum of costs.
 
     Args:
@@ -39,7 +39,7 @@ def assign_optimally(costs: Float64, is_allowed: Bool) -> Association:
     return _association(tracks[kept], detections[kept], costs.shape)
 
 
-def assign_worthwhile(costs: Float64, is_allowed: Bool, most: float) -> Association:
+def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> Association:
     """Match allowed pairs of (T, D) at the least sum of costs, where each one unmatched costs something, too.
 
     What is hidden or missed leaves its track without a detection: to match as many as there can be would
@@ -50,13 +50,13 @@ def assign_worthwhile(costs: Float64, is_allowed: Bool, most: float) -> Associat
         is_allowed: (T, D) which pairs passed the gate.
         most: cost of a pair from which on both rather stay alone.
     """
-    is_worthwhile = is_allowed & (costs < most)
-    tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, most))
+    is_worthwhile = is_allowed & (costs < max_cost)
+    tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, max_cost))
     kept = is_worthwhile[tracks, detections]
     return _association(tracks[kept], detections[kept], costs.shape)
 
 
-def assign_nearest_in_turn(distances: Float64, is_allowed: Bool) -> Association:
+def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
     """Let each track, in order, take the nearest detection in its gate that no track before it took.
 
     Gating and nearest neighbour of the thesis (5.2.2, Data Association).

@@ -11,7 +11,7 @@ from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
-from perception.tracking.association import assign_optimally
+from perception.tracking.association import assign_hungarian
 from perception.tracking.box_rules import BoxTrackerConfig
 from perception.tracking.fragments import join_fragments, lie_within
 from perception.tracking.heading import update_from_course
@@ -90,7 +90,7 @@ class BoxTracker:
                 costs = motion_model.squared_distances(
                     tracks.states, measured.centers_m, measured.noise
                 )
-                pairs = assign_optimally(costs, costs <= self._config.motion.gate)
+                pairs = assign_hungarian(costs, costs <= self._config.motion.gate)
                 self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True)
                 things = things[pairs.unmatched_detections]
         return things
@@ -114,7 +114,7 @@ class BoxTracker:
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
         stood = tracks.moved_s < tracks.seen_s
         may = fits.all(axis=2) & (stood[:, None] | is_new)
-        pairs = assign_optimally(costs, may & (costs <= self._config.motion.gate))
+        pairs = assign_hungarian(costs, may & (costs <= self._config.motion.gate))
         self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
 
     def _stood_not(self, things: Footprints) -> Bool:

@@ -16,7 +16,7 @@ from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.geometry.se3 import inverse
-from perception.tracking.association import Association, assign_nearest_in_turn
+from perception.tracking.association import Association, assign_greedily
 from perception.tracking.kalman import Gaussians, predict, update
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
@@ -202,7 +202,7 @@ class PointTracker:
 
     def _associate(self, expected_m: Float64, measured_m: Float64) -> Association:
         distances_m = np.linalg.norm(expected_m[:, None] - measured_m[None], axis=2)
-        return assign_nearest_in_turn(distances_m, distances_m <= self.config.gate_m)
+        return assign_greedily(distances_m, distances_m <= self.config.gate_m)
 
     def _correct(
         self, before: Gaussians, predicted: Gaussians, measured_m: Float64, pairs: Association

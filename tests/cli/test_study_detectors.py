@@ -12,8 +12,8 @@ from perception.cli.main import main
 from perception.cli.studies import detector_variants
 from perception.cli.studies.detector_losses import loss_variants
 from perception.cli.studies.detector_variants import (
-    Judging,
     Variant,
+    VariantEvaluationConfig,
     VariantMetrics,
     VariantTrainingConfig,
     study_variants,
@@ -58,27 +58,27 @@ def trainings(monkeypatch):
     return asked
 
 
-def judging_on(*drives):
-    return Judging(drives, MetricConfig((0.7, 0.5)))
+def evaluation_on(*drives):
+    return VariantEvaluationConfig(drives, MetricConfig((0.7, 0.5)))
 
 
 def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
     variants = [BASE, replace(BASE, name="wide", detector=replace(BASE.detector, size="64x128"))]
-    judging = judging_on(car_frames)
-    first = study_variants(variants, VariantTrainingConfig(), judging, tmp_path / "out")
+    evaluation = evaluation_on(car_frames)
+    first = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
     assert [choice.size for choice, *_ in trainings] == ["64x96", "64x128"]
     assert list(first) == ["base", "wide"]
     assert (first["base"].epoch, first["base"].training_frames) == (3, 7)
     assert first["base"].drives[str(car_frames)]["frames"] == 3
     assert first["base"].maps_ms > 0
-    again = study_variants(variants, VariantTrainingConfig(), judging, tmp_path / "out")
+    again = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
     assert again == first
     assert len(trainings) == 2
 
 
 def test_other_drives_are_measured_without_training_again(car_frames, trainings, tmp_path):
-    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), tmp_path / "out")
-    both = judging_on(car_frames, car_frames / "training")
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path / "out")
+    both = evaluation_on(car_frames, car_frames / "training")
     metrics = study_variants([BASE], VariantTrainingConfig(), both, tmp_path / "out")
     assert list(metrics["base"].drives) == [str(car_frames), str(car_frames / "training")]
     assert len(trainings) == 1
@@ -86,18 +86,18 @@ def test_other_drives_are_measured_without_training_again(car_frames, trainings,
 
 def test_a_training_that_was_stopped_is_gone_on_with(car_frames, trainings, tmp_path):
     out = tmp_path / "out"
-    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), out)
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
     (out / "base/trained.json").unlink()
-    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), out)
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
     assert [resume for *_, resume in trainings] == [None, "last"]
 
 
 def test_a_folder_of_other_settings_is_refused(car_frames, trainings, tmp_path):
-    study_variants([BASE], VariantTrainingConfig(), judging_on(car_frames), tmp_path)
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path)
     with pytest.raises(UsageError, match="base: expected a training with the same settings"):
-        study_variants([BASE], VariantTrainingConfig(seed=1), judging_on(car_frames), tmp_path)
+        study_variants([BASE], VariantTrainingConfig(seed=1), evaluation_on(car_frames), tmp_path)
     with pytest.raises(UsageError, match="--validation: expected at least one drive, found none"):
-        judging_on()
+        evaluation_on()
 
 
 def test_maps_differ_in_filling_and_size_alone():
@@ -193,7 +193,7 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
     found = study_variants(
         [variant],
         VariantTrainingConfig(accelerator="cpu"),
-        judging_on(car_frames),
+        evaluation_on(car_frames),
         tmp_path / "out",
     )
     assert (found["base"].epoch, found["base"].training_frames) == (1, 3)

@@ -69,7 +69,7 @@ def test_what_a_cluster_touches_decides_what_it_is():
     assert clusters.touched[order].tolist() == expected
     assert clusters.points.tolist() == [6, 6, 6, 6]
     assert clusters.frames.tolist() == [4, 4, 4, 4]
-    false = is_false(clusters, 5, excuse_dont_care=True)[order]
+    false = is_false(clusters, 5, ignore_dont_care=True)[order]
     assert false.tolist() == [False, True, False, True]
 
 
@@ -80,16 +80,16 @@ def test_a_cluster_that_touches_two_objects_belongs_to_the_moving_one():
 
 def test_clusters_behind_the_camera_or_too_small_are_not_false():
     clusters = clusters_of(np.concatenate([clump(-4, 0), clump(10, 0, count=2)]), around())
-    assert not is_false(clusters, 5, excuse_dont_care=True).any()
-    assert is_false(clusters, 1, excuse_dont_care=True).sum() == 1
+    assert not is_false(clusters, 5, ignore_dont_care=True).any()
+    assert is_false(clusters, 1, ignore_dont_care=True).sum() == 1
 
 
 def test_dont_care_regions_excuse_where_asked():
     # At x = 10, 1 m down: u = 500, v = 250.
     regions = np.array([[480.0, 240.0, 520.0, 260.0]])
     clusters = clusters_of(clump(10, 0), around(dont_care_px=regions))
-    assert is_false(clusters, 5, excuse_dont_care=True).tolist() == [False]
-    assert is_false(clusters, 5, excuse_dont_care=False).tolist() == [True]
+    assert is_false(clusters, 5, ignore_dont_care=True).tolist() == [False]
+    assert is_false(clusters, 5, ignore_dont_care=False).tolist() == [True]
 
 
 def test_a_scan_in_which_nothing_moves_has_no_cluster():

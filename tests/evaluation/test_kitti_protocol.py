@@ -41,7 +41,7 @@ def answer(track: int, box: tuple, name: str = "Car") -> tuple:
     return (track, name, -1, -1, box)
 
 
-def judged(truth: Boxes, answers: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
+def evaluated(truth: Boxes, answers: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
     """Return the ids of truths and tracks that are judged in the only frame."""
     (frame,) = kitti_frames(truth, answers, name, 1)
     return frame.truth_ids.tolist(), frame.track_ids.tolist()
@@ -79,37 +79,37 @@ def low(height: float, box: tuple = FAR) -> tuple:
     ],
 )
 def test_labels(label, answered, expected):
-    assert judged(boxes(label), boxes(answer(7, answered))) == expected
+    assert evaluated(boxes(label), boxes(answer(7, answered))) == expected
 
 
 @pytest.mark.parametrize("name", ["Person", "Person_sitting"])
 def test_who_sits_is_no_pedestrian(name):
     truth = boxes((1, name, 0, 0, BOX))
-    assert judged(truth, boxes(answer(7, BOX, "Pedestrian")), "pedestrian") == ([], [])
-    assert judged(truth, boxes(answer(7, BOX)), "car") == ([], [7])
+    assert evaluated(truth, boxes(answer(7, BOX, "Pedestrian")), "pedestrian") == ([], [])
+    assert evaluated(truth, boxes(answer(7, BOX)), "car") == ([], [7])
 
 
 def test_answers_of_another_class_or_without_id_do_not_count():
     answers = boxes(answer(7, BOX, "Van"), answer(-1, BOX), answer(8, BOX, "car"))
-    assert judged(boxes((1, "Car", 0, 0, BOX)), answers) == ([1], [8])
+    assert evaluated(boxes((1, "Car", 0, 0, BOX)), answers) == ([1], [8])
 
 
 @pytest.mark.parametrize(
-    ("height", "is_judged"), [(25.0, False), (25.01, True), (10, False)], ids=str
+    ("height", "is_evaluated"), [(25.0, False), (25.01, True), (10, False)], ids=str
 )
-def test_unmatched_answers_must_be_higher_than_25_pixels(height, is_judged):
-    tracks = judged(boxes(), boxes(answer(7, low(height))))[1]
-    assert tracks == ([7] if is_judged else [])
+def test_unmatched_answers_must_be_higher_than_25_pixels(height, is_evaluated):
+    tracks = evaluated(boxes(), boxes(answer(7, low(height))))[1]
+    assert tracks == ([7] if is_evaluated else [])
 
 
 def test_matched_boxes_may_be_low():
     truth = boxes((1, "Car", 0, 0, low(10)))
-    assert judged(truth, boxes(answer(7, low(10)))) == ([1], [7])
-    assert judged(truth, boxes()) == ([1], [])
+    assert evaluated(truth, boxes(answer(7, low(10)))) == ([1], [7])
+    assert evaluated(truth, boxes()) == ([1], [])
 
 
 @pytest.mark.parametrize(
-    ("regions", "is_judged"),
+    ("regions", "is_evaluated"),
     [
         ([(400, 100, 425, 150)], True),
         ([(400, 100, 425.1, 150)], False),
@@ -119,35 +119,35 @@ def test_matched_boxes_may_be_low():
     ],
     ids=["half of it", "more than half", "two that are half together", "a huge one", "none"],
 )
-def test_unmatched_answers_in_one_region_without_labels_are_left_out(regions, is_judged):
+def test_unmatched_answers_in_one_region_without_labels_are_left_out(regions, is_evaluated):
     truth = boxes(*((-1, "DontCare", -1, -1, region) for region in regions))
-    assert judged(truth, boxes(answer(7, FAR)))[1] == ([7] if is_judged else [])
+    assert evaluated(truth, boxes(answer(7, FAR)))[1] == ([7] if is_evaluated else [])
 
 
 def test_matched_answers_may_lie_in_such_a_region():
     truth = boxes((1, "Car", 0, 0, BOX), (-1, "DontCare", -1, -1, (0, 0, 900, 900)))
-    assert judged(truth, boxes(answer(7, BOX))) == ([1], [7])
+    assert evaluated(truth, boxes(answer(7, BOX))) == ([1], [7])
 
 
 def test_the_answer_goes_to_the_label_that_overlaps_most():
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (105.0, 100.0, 155.0, 150.0)))
     on_car = boxes(answer(7, (101.0, 100.0, 151.0, 150.0)))
-    assert judged(truth, on_car) == ([1], [7])
+    assert evaluated(truth, on_car) == ([1], [7])
     on_van = boxes(answer(7, (104.0, 100.0, 154.0, 150.0)))
-    assert judged(truth, on_van) == ([1], [])
+    assert evaluated(truth, on_van) == ([1], [])
 
 
 def test_two_answers_are_matched_for_the_greatest_sum():
     # Alone, each would go to the car; together, the second must take the van.
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (120.0, 100.0, 170.0, 150.0)))
     both = boxes(answer(7, (98.0, 100.0, 148.0, 150.0)), answer(8, (105.0, 100.0, 155.0, 150.0)))
-    assert judged(truth, both) == ([1], [7])
+    assert evaluated(truth, both) == ([1], [7])
 
 
 def test_half_an_overlap_is_enough_and_less_is_not():
     wide = boxes((1, "Van", 0, 0, BOX))
-    assert judged(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.0))))[1] == []
-    assert judged(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
+    assert evaluated(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.0))))[1] == []
+    assert evaluated(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
 
 
 def test_frames_are_told_apart_and_rows_may_be_in_any_order():

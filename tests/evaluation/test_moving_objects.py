@@ -5,9 +5,9 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.multi_object.false_tracks import (
-    TrackVerdicts,
+    TrackOutcomes,
     find_false_tracks,
-    verdicts,
+    track_outcomes,
 )
 from perception.evaluation.multi_object.followed import (
     NO_TRACK,
@@ -16,7 +16,7 @@ from perception.evaluation.multi_object.followed import (
     target_errors,
     track_errors,
 )
-from perception.evaluation.multi_object.moving_objects import judge, likeness_frames
+from perception.evaluation.multi_object.moving_objects import assign_tracks, likeness_frames
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingObjectConfig,
@@ -70,19 +70,19 @@ def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
 
 
 def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
-    judged = [
-        likeness_frames(scene, tracks, judge(scene, tracks, CONFIG), CONFIG)
+    evaluated = [
+        likeness_frames(scene, tracks, assign_tracks(scene, tracks, CONFIG), CONFIG)
         for scene, tracks in frames
     ]
-    by_overlap = evaluate_tracks([frame.by_overlap for frame in judged])
-    by_distance = evaluate_tracks([frame.by_distance for frame in judged])
+    by_overlap = evaluate_tracks([frame.by_overlap for frame in evaluated])
+    by_distance = evaluate_tracks([frame.by_distance for frame in evaluated])
     assert by_overlap.clear.false_positives >= by_distance.clear.false_positives
     return by_distance
 
 
 def errors_over(frames: list[tuple[MovingScene, Tracks]]) -> TargetErrors:
     return TargetErrors.concatenate(
-        target_errors(0.1 * number, scene, tracks, judge(scene, tracks, CONFIG))
+        target_errors(0.1 * number, scene, tracks, assign_tracks(scene, tracks, CONFIG))
         for number, (scene, tracks) in enumerate(frames)
     )
 
@@ -135,77 +135,77 @@ def test_who_must_be_tracked():
 )
 def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: bool):
     boxes = boxes_at((10, 0))
-    judgement = judge(scene_of(boxes, **changes), tracks_of(boxes), CONFIG)
-    assert len(judgement.must) == 0
-    assert judgement.excused.tolist() == ([0] if is_excused else [])
-    assert judgement.judged.tolist() == ([] if is_excused else [0])
-    assert judgement.on_parked.tolist() == ([] if is_excused else [0])
+    assignment = assign_tracks(scene_of(boxes, **changes), tracks_of(boxes), CONFIG)
+    assert len(assignment.must) == 0
+    assert assignment.ignored.tolist() == ([0] if is_excused else [])
+    assert assignment.evaluated.tolist() == ([] if is_excused else [0])
+    assert assignment.on_parked.tolist() == ([] if is_excused else [0])
 
 
 def test_an_object_just_outside_excuses_its_track_inside():
     scene, tracks = scene_of(boxes_at((30.2, 0))), tracks_of(boxes_at((29.8, 0)))
-    assert judge(scene, tracks, CONFIG).excused.tolist() == [0]
+    assert assign_tracks(scene, tracks, CONFIG).ignored.tolist() == [0]
 
 
 def test_a_track_inside_of_a_true_object_outside_is_kept():
     scene, tracks = scene_of(boxes_at((29.8, 0))), tracks_of(boxes_at((30.2, 0)))
-    assert judge(scene, tracks, CONFIG).pair_tracks.tolist() == [0]
+    assert assign_tracks(scene, tracks, CONFIG).matched_tracks.tolist() == [0]
 
 
 def test_tracks_where_nothing_was_labelled_leave():
     # Ahead, beside the view, behind, and beyond the area.
     tracks = tracks_of(boxes_at((10, 0), (5, 8), (-6, 0), (35, 0)))
     nobody = scene_of(Boxes3D.empty(), view=view_of())
-    assert judge(nobody, tracks, CONFIG).judged.tolist() == [0]
+    assert assign_tracks(nobody, tracks, CONFIG).evaluated.tolist() == [0]
     all_around = scene_of(Boxes3D.empty())
-    assert judge(all_around, tracks, CONFIG).judged.tolist() == [0, 1, 2]
+    assert assign_tracks(all_around, tracks, CONFIG).evaluated.tolist() == [0, 1, 2]
 
 
 def test_tracks_in_a_dont_care_region_leave():
     tracks = tracks_of(boxes_at((10, 0)))
     # The box spans about 37 to 63 px from left to right, 47 to 56 px from top to bottom.
     around, half_a_side, elsewhere = (30, 40, 70, 65), (30, 40, 45, 65), (0, 0, 20, 20)
-    for regions, judged in (
+    for regions, evaluated in (
         ([around], []),
         ([half_a_side], [0]),
         ([elsewhere], [0]),
         ([elsewhere, around], []),
     ):
         scene = scene_of(Boxes3D.empty(), view=view_of(*regions))
-        assert judge(scene, tracks, CONFIG).judged.tolist() == judged
+        assert assign_tracks(scene, tracks, CONFIG).evaluated.tolist() == evaluated
     tracked = scene_of(boxes_at((10, 0)), view=view_of(around))
-    assert judge(tracked, tracks, CONFIG).pair_tracks.tolist() == [0]
+    assert assign_tracks(tracked, tracks, CONFIG).matched_tracks.tolist() == [0]
 
 
 def test_a_track_that_fits_an_ignored_neighbour_better_finds_nobody():
     person_m = (0.6, 0.6, 1.7)
     scene = scene_of(boxes_at((10, 0), (10, 1.2), size_m=person_m))
     scene = replace(scene, points=np.array([100, 5]))
-    judgement = judge(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), CONFIG)
-    assert judgement.must.tolist() == [0]
-    assert judgement.excused.tolist() == [0]
-    assert len(judgement.pair_tracks) == len(judgement.judged) == 0
-    nearer = judge(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), CONFIG)
-    assert nearer.pair_objects.tolist() == [0]
+    assignment = assign_tracks(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), CONFIG)
+    assert assignment.must.tolist() == [0]
+    assert assignment.ignored.tolist() == [0]
+    assert len(assignment.matched_tracks) == len(assignment.evaluated) == 0
+    nearer = assign_tracks(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), CONFIG)
+    assert nearer.matched_objects.tolist() == [0]
 
 
 def test_a_part_of_an_ignored_truck_is_excused_and_a_double_of_a_true_car_is_not():
     truck = scene_of(boxes_at((10, 0), size_m=(12.0, 2.5, 3.0)), points=3)
     part = tracks_of(boxes_at((14.5, 0), size_m=(2.0, 2.0, 1.5)))
-    assert judge(truck, part, CONFIG).excused.tolist() == [0]
+    assert assign_tracks(truck, part, CONFIG).ignored.tolist() == [0]
     double = tracks_of(boxes_at((10, 0), (10.5, 0)))
-    judgement = judge(scene_of(boxes_at((10, 0))), double, CONFIG)
-    assert judgement.pair_tracks.tolist() == [0]
-    assert judgement.judged.tolist() == [0, 1]
+    assignment = assign_tracks(scene_of(boxes_at((10, 0))), double, CONFIG)
+    assert assignment.matched_tracks.tolist() == [0]
+    assert assignment.evaluated.tolist() == [0, 1]
 
 
 def test_pairs_have_the_greatest_sum_and_are_alike():
     scene = scene_of(boxes_at((10, 0), (10, 3)))
     tracks = tracks_of(boxes_at((10, 2.9), (10, 0.8), (20, 0)))
-    judgement = judge(scene, tracks, CONFIG)
-    assert judgement.pair_objects.tolist() == [0, 1]
-    assert judgement.pair_tracks.tolist() == [1, 0]
-    assert judgement.judged.tolist() == [0, 1, 2]
+    assignment = assign_tracks(scene, tracks, CONFIG)
+    assert assignment.matched_objects.tolist() == [0, 1]
+    assert assignment.matched_tracks.tolist() == [1, 0]
+    assert assignment.evaluated.tolist() == [0, 1, 2]
 
 
 def test_an_exchanged_identity_counts_once():
@@ -226,7 +226,7 @@ def test_errors_of_place_velocity_heading_and_extent():
     scene = scene_of(boxes_at((10, 0), yaw_rad=3.0))
     boxes = boxes_at((10.3, 0.4), size_m=(3.0, 2.2, 1.5), yaw_rad=-3.0)
     tracks = tracks_of(boxes, velocity_m_s=(5.0, 2.0))
-    rows = target_errors(0.0, scene, tracks, judge(scene, tracks, CONFIG))
+    rows = target_errors(0.0, scene, tracks, assign_tracks(scene, tracks, CONFIG))
     assert rows.center_errors_m[0] == pytest.approx(0.5)
     assert rows.velocity_errors_m_s[0] == pytest.approx(2.0)
     assert rows.heading_errors_rad[0] == pytest.approx(2 * np.pi - 6)
@@ -235,7 +235,7 @@ def test_errors_of_place_velocity_heading_and_extent():
         0.0,
         scene,
         replace(tracks, velocities_m_s=np.array([[0.5, 0]])),
-        judge(scene, tracks, CONFIG),
+        assign_tracks(scene, tracks, CONFIG),
     )
     assert np.isnan(track_errors(slow).heading_rad)
     assert track_errors(slow).length_m == pytest.approx(1.0)
@@ -264,17 +264,20 @@ def test_false_tracks_follow_nobody_for_most_of_their_lives():
     )
     here = tracks_of(boxes, [4, 5, 6])
     lucky = tracks_of(car, [5])  # for one frame the ghost is where the car is
-    seen = [verdicts(tracks, judge(scene, tracks, CONFIG)) for tracks in (here, here, here, lucky)]
-    false = find_false_tracks(TrackVerdicts.concatenate(seen), duration_s=30.0)
+    seen = [
+        track_outcomes(tracks, assign_tracks(scene, tracks, CONFIG))
+        for tracks in (here, here, here, lucky)
+    ]
+    false = find_false_tracks(TrackOutcomes.concatenate(seen), duration_s=30.0)
     assert false.ids.tolist() == [5, 6]
-    assert false.never_right.tolist() == [6]
+    assert false.never_matched.tolist() == [6]
     assert false.on_parked.tolist() == [6]
     assert false.per_minute == 4.0
 
 
 def test_no_tracks_are_no_false_ones():
-    false = find_false_tracks(TrackVerdicts.concatenate([]), duration_s=0.0)
-    assert len(false.ids) == len(false.never_right) == len(false.on_parked) == 0
+    false = find_false_tracks(TrackOutcomes.concatenate([]), duration_s=0.0)
+    assert len(false.ids) == len(false.never_matched) == len(false.on_parked) == 0
     assert np.isnan(false.per_minute)
 
 

@@ -6,9 +6,9 @@ import pytest
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 from perception.evaluation.detection.reliability import (
-    Rightness,
+    Correctness,
+    match_correctness,
     measure_reliability,
-    rightness,
 )
 from perception.types import Detections
 
@@ -40,37 +40,39 @@ def test_an_object_is_found_once_by_the_surest():
     box, near = [0, 0, 100, 50], [2, 0, 102, 50]
     truth = truth_of((0, "Car", box), (1, "Car", box))
     found = found_in([(near, 0.9), (box, 0.6), ([300, 0, 400, 50], 0.5)], [(box, 0.4)])
-    judged = rightness(truth, found, 2, CAR)
-    assert judged.scores.tolist() == [0.9, 0.6, 0.5, 0.4]
-    assert judged.is_right.tolist() == [True, False, False, True]
+    correctness = match_correctness(truth, found, 2, CAR)
+    assert correctness.scores.tolist() == [0.9, 0.6, 0.5, 0.4]
+    assert correctness.is_correct.tolist() == [True, False, False, True]
 
 
 def test_two_objects_side_by_side_are_both_found():
     left, right = [0, 0, 100, 50], [10, 0, 110, 50]  # overlap by 0.82
     truth = truth_of((0, "Car", left), (0, "Car", right))
-    judged = rightness(truth, found_in([(right, 0.9), (right, 0.8)]), 1, CAR)
-    assert judged.is_right.tolist() == [True, True]
+    correctness = match_correctness(truth, found_in([(right, 0.9), (right, 0.8)]), 1, CAR)
+    assert correctness.is_correct.tolist() == [True, True]
 
 
 def test_vans_and_regions_without_labels_do_not_count():
     truth = truth_of((0, "Van", [0, 0, 100, 50]), (0, "DontCare", [200, 0, 400, 100]))
     found = found_in([([0, 0, 100, 50], 0.9), ([250, 10, 300, 50], 0.8), ([390, 0, 500, 9], 0.7)])
-    judged = rightness(truth, found, 1, CAR)
-    assert judged.scores.tolist() == [0.7]
-    assert judged.is_right.tolist() == [False]
+    correctness = match_correctness(truth, found, 1, CAR)
+    assert correctness.scores.tolist() == [0.7]
+    assert correctness.is_correct.tolist() == [False]
 
 
 def test_the_expected_error_by_hand():
     scores = np.array([0.1, 0.2, 0.6, 0.8, 0.9, 0.9])
-    is_right = np.array([False, True, False, True, True, True])
-    found = measure_reliability(Rightness(scores, is_right), bins=2)
+    is_correct = np.array([False, True, False, True, True, True])
+    found = measure_reliability(Correctness(scores, is_correct), bins=2)
     np.testing.assert_allclose(found.scores, [0.15, 0.8])
     np.testing.assert_allclose(found.shares, [0.5, 0.75])
     assert found.counts.tolist() == [2, 4]
-    assert found.expected_error == pytest.approx((2 * 0.35 + 4 * 0.05) / 6)
+    assert found.expected_calibration_error == pytest.approx((2 * 0.35 + 4 * 0.05) / 6)
 
 
 def test_a_score_of_one_is_in_the_last_bin_and_nothing_has_no_error():
-    whole = measure_reliability(Rightness(np.array([1.0, 0.0]), np.array([True, False])), bins=4)
-    assert whole.expected_error == 0
-    assert np.isnan(measure_reliability(Rightness(np.zeros(0), np.zeros(0, bool))).expected_error)
+    whole = measure_reliability(Correctness(np.array([1.0, 0.0]), np.array([True, False])), bins=4)
+    assert whole.expected_calibration_error == 0
+    assert np.isnan(
+        measure_reliability(Correctness(np.zeros(0), np.zeros(0, bool))).expected_calibration_error
+    )

@@ -7,10 +7,10 @@ from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.curves import (
     SingleObjectMetricsConfig,
     area_under,
+    correct_frames,
     cumulative_success,
     location_curve,
     precision_curve,
-    right_frames,
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
@@ -175,10 +175,10 @@ def test_success_needs_more_than_the_threshold_and_less_than_the_angle():
     quarter, more = errors_of([answer(14.4)]), errors_of([answer(14.39)])
     config = SingleObjectMetricsConfig(overlap=float(quarter.overlap[0]))
     assert quarter.overlap[0] == pytest.approx(0.25)
-    assert right_frames(quarter, config).overlap.tolist() == [False]
-    assert right_frames(more, config).overlap.tolist() == [True]
+    assert correct_frames(quarter, config).overlap.tolist() == [False]
+    assert correct_frames(more, config).overlap.tolist() == [True]
     headings = errors_of([answer(12, np.radians(9.9)), answer(12, np.radians(170.2))])
-    assert right_frames(headings, config).heading.tolist() == [True, False]
+    assert correct_frames(headings, config).heading.tolist() == [True, False]
 
 
 def test_one_pass_evaluation_counts_thresholds():

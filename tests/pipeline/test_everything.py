@@ -83,10 +83,10 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
     has_looked, waited = threading.Event(), []
-    examine, step = DepthCn.examine, ObstacleProcess.step
+    verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
 
     def examine_and_tell(*given):
-        verified = examine(*given)
+        verified = verify_frame(*given)
         has_looked.set()
         return verified
 

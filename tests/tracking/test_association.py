@@ -6,12 +6,12 @@ import pytest
 from benchmarks.naive_tracking import nearest_in_turn_by_loop
 from perception.tracking.association import (
     Association,
-    assign_nearest_in_turn,
-    assign_optimally,
-    assign_worthwhile,
+    assign_greedily,
+    assign_hungarian,
+    assign_with_max_cost,
 )
 
-BOTH = pytest.mark.parametrize("assign", [assign_optimally, assign_nearest_in_turn])
+BOTH = pytest.mark.parametrize("assign", [assign_hungarian, assign_greedily])
 
 
 def pairs(association: Association) -> dict[int, int]:
@@ -77,20 +77,20 @@ def test_what_is_not_allowed_may_be_infinite(assign):
 
 def test_the_first_track_takes_the_nearest_even_where_it_hurts_the_next():
     distances = np.array([[1.0, 2.0], [1.1, 9.0]])
-    assert pairs(assign_nearest_in_turn(distances, distances < 4)) == {0: 0}
-    assert pairs(assign_optimally(distances, distances < 4)) == {0: 1, 1: 0}
+    assert pairs(assign_greedily(distances, distances < 4)) == {0: 0}
+    assert pairs(assign_hungarian(distances, distances < 4)) == {0: 1, 1: 0}
 
 
 def test_more_pairs_come_before_cheaper_ones():
     costs = np.array([[0.0, 9.0], [9.0, 9.0]])
     is_allowed = np.array([[True, True], [True, False]])
-    assert pairs(assign_optimally(costs, is_allowed)) == {0: 1, 1: 0}
+    assert pairs(assign_hungarian(costs, is_allowed)) == {0: 1, 1: 0}
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_nearest_in_turn_is_the_plain_loop(seed):
     distances = np.random.default_rng(seed).uniform(0, 3, (12, 9)).round(1)  # with ties
-    found = assign_nearest_in_turn(distances, distances <= 0.8)
+    found = assign_greedily(distances, distances <= 0.8)
     assert pairs(found) == nearest_in_turn_by_loop(distances, 0.8)
 
 
@@ -98,7 +98,7 @@ def test_nearest_in_turn_is_the_plain_loop(seed):
 def test_optimal_is_the_best_of_all_trials(seed):
     rng = np.random.default_rng(seed)
     costs, is_allowed = rng.uniform(0, 1, (4, 3)), rng.uniform(size=(4, 3)) < 0.5
-    found = assign_optimally(costs, is_allowed)
+    found = assign_hungarian(costs, is_allowed)
     cost = costs[found.tracks, found.detections].sum()
     assert (len(found.tracks), pytest.approx(cost)) == best_by_trial(costs, is_allowed)
 
@@ -108,13 +108,13 @@ def test_a_missed_neighbour_does_not_hand_on_all_others():
     costs = np.full((3, 3), 50.0)
     costs[[0, 1, 2], [0, 1, 2]], costs[[0, 1], [1, 2]] = 1.0, 8.0
     seen, is_allowed = costs[:, 1:], np.ones((3, 2), bool)
-    assert pairs(assign_worthwhile(seen, is_allowed, 30.0)) == {1: 0, 2: 1}
-    assert pairs(assign_worthwhile(seen[:1], is_allowed[:1], 30.0)) == {0: 0}
-    assert pairs(assign_worthwhile(seen[:1], is_allowed[:1], 8.0)) == {}
-    assert pairs(assign_worthwhile(seen[:1], ~is_allowed[:1], 30.0)) == {}
+    assert pairs(assign_with_max_cost(seen, is_allowed, 30.0)) == {1: 0, 2: 1}
+    assert pairs(assign_with_max_cost(seen[:1], is_allowed[:1], 30.0)) == {0: 0}
+    assert pairs(assign_with_max_cost(seen[:1], is_allowed[:1], 8.0)) == {}
+    assert pairs(assign_with_max_cost(seen[:1], ~is_allowed[:1], 30.0)) == {}
 
 
 def test_what_nothing_is_worth_is_left_over():
-    found = assign_worthwhile(np.array([[1.0, 9.0], [9.0, 9.0]]), np.ones((2, 2), bool), 5.0)
+    found = assign_with_max_cost(np.array([[1.0, 9.0], [9.0, 9.0]]), np.ones((2, 2), bool), 5.0)
     assert pairs(found) == {0: 0}
     assert found.unmatched_tracks.tolist() == found.unmatched_detections.tolist() == [1]

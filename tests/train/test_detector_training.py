@@ -158,7 +158,9 @@ def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
 
 
 def test_training_ends_when_it_gets_no_better(tmp_path, monkeypatch):
-    monkeypatch.setattr("train.detector.training.mean_precision", lambda judged: {"moderate": 1.0})
+    monkeypatch.setattr(
+        "train.detector.training.mean_precision", lambda validation_metrics: {"moderate": 1.0}
+    )
     train_detector(ToyPictures(), PLAN, replace(config_of(9), patience=2), tmp_path)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
 

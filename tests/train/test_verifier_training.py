@@ -18,7 +18,7 @@ from train.schedules import stepped, warm_cosine
 from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
-from train.verifier.pictures import JudgedCrops, VerifierPictures, draw_judged
+from train.verifier.pictures import ScoredCrops, VerifierPictures, draw_scored
 from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
 pytestmark = pytest.mark.usefixtures("one_torch_thread")
@@ -245,14 +245,14 @@ def test_figures_of_nothing_are_zero():
 
 def test_the_drawn_box_lies_where_it_is_said():
     batch = toy_batch(2, 3)
-    judged = JudgedCrops(
+    scored = ScoredCrops(
         crops=batch["crops"],
         logits=torch.tensor([3.0, -3.0]),
         shares=torch.tensor([[0.25, 0.5, 0.75, 0.9]] * 2),
         is_vehicle=batch["is_vehicle"],
         box_share=torch.full((2, 4), float("nan")),
     )
-    picture = draw_judged(judged)
+    picture = draw_scored(scored)
     assert picture.shape == (134, 452, 3)
     white = (picture == 255).all(axis=2)
     assert white[66, 56:168].all()  # the upper edge of the vehicle's box

@@ -58,8 +58,8 @@ class DetectorPictures(Callback):
                 logger.experiment.add_image(
                     "validation/pictures", picture, trainer.global_step, dataformats="HWC"
                 )
-            if isinstance(pl_module, DetectorTraining) and pl_module.judged is not None:
-                figure = precision_figure("validation", curve_panels(pl_module.judged))
+            if isinstance(pl_module, DetectorTraining) and pl_module.validation_metrics is not None:
+                figure = precision_figure("validation", curve_panels(pl_module.validation_metrics))
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
 
 
@@ -85,7 +85,7 @@ def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
     return canvas
 
 
-def curve_panels(judged: DetectionMetrics) -> list[PrecisionPanel]:
+def curve_panels(validation_metrics: DetectionMetrics) -> list[PrecisionPanel]:
     """Return a panel for every class and overlap, with a curve a difficulty."""
     return [
         PrecisionPanel(
@@ -93,5 +93,5 @@ def curve_panels(judged: DetectionMetrics) -> list[PrecisionPanel]:
             {f"{name} {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
             "AP",
         )
-        for one in judged.classes
+        for one in validation_metrics.classes
     ]

@@ -70,7 +70,7 @@ class DetectorTraining(LightningModule):
         # Measured on a CPU with bfloat16, half the time of rows of channels.
         self.network = network.to(memory_format=torch.channels_last)
         self.sizes = scaled_sizes(config.network_config.size, *config.scales)
-        self.judged: DetectionMetrics | None = None
+        self.validation_metrics: DetectionMetrics | None = None
         """What came of the last validation."""
         self._truth: TrueBoxes | None = None
         self.boxes = ValidationBoxes(config.network_config.class_names)
@@ -125,14 +125,16 @@ class DetectorTraining(LightningModule):
         sizes_px = np.array([samples.picture_size_px(row) for row in range(len(samples))])
         found = self.boxes.gathered(network_config.size, sizes_px)
         self.boxes.reset()
-        self.judged = measure(self._truth, found, len(samples), network_config.class_names)
-        metrics = mean_precision(self.judged)
+        self.validation_metrics = measure(
+            self._truth, found, len(samples), network_config.class_names
+        )
+        metrics = mean_precision(self.validation_metrics)
         self.log_dict({f"validation/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Note what the weights came to in the last validation."""
-        if self.judged is not None:
-            checkpoint["precision"] = precision_table(self.judged)
+        if self.validation_metrics is not None:
+            checkpoint["precision"] = precision_table(self.validation_metrics)
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
         """Return the descent and its rate, which changes with every step."""

@@ -4,18 +4,18 @@ import numpy as np
 from scipy.optimize import minimize
 
 from perception.detection.fusion.calibration import Calibration, score_logs
-from perception.evaluation.detection.reliability import Rightness
+from perception.evaluation.detection.reliability import Correctness
 from perception.types import Float64
 
 _MIN_SLOPE = 1e-3  # so that the order of the scores is kept
 
 
-def fit_calibration(found: Rightness) -> Calibration:
+def fit_calibration(found: Correctness) -> Calibration:
     """Return the beta calibration of the greatest likelihood; where all are alike, scores stay as they are.
 
     Its logit is linear in the parameters, and so the likelihood has one summit.
     """
-    right = found.is_right.astype(np.float64)
+    right = found.is_correct.astype(np.float64)
     if not 0 < right.sum() < len(right):
         return Calibration()
     columns = np.stack([*score_logs(found.scores), np.ones(len(right))], axis=1)

@@ -20,7 +20,7 @@ _COUNT = _COLUMNS * _ROWS
 
 
 @dataclass(frozen=True)
-class JudgedCrops:
+class ScoredCrops:
     """M candidates and what a verifier says of them.
 
     Attributes:
@@ -44,14 +44,14 @@ class JudgedCrops:
             self.logits, self.is_vehicle.float(), reduction="none"
         )
 
-    def __getitem__(self, rows: Tensor | slice) -> "JudgedCrops":
+    def __getitem__(self, rows: Tensor | slice) -> "ScoredCrops":
         """Return some of them."""
-        return JudgedCrops(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+        return ScoredCrops(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    def __add__(self, others: "JudgedCrops") -> "JudgedCrops":
+    def __add__(self, others: "ScoredCrops") -> "ScoredCrops":
         """Return these and others."""
         names = self.__dataclass_fields__
-        return JudgedCrops(*(torch.cat([getattr(c, n) for c in (self, others)]) for n in names))
+        return ScoredCrops(*(torch.cat([getattr(c, n) for c in (self, others)]) for n in names))
 
 
 class VerifierPictures(Callback):
@@ -64,8 +64,8 @@ class VerifierPictures(Callback):
             augmentations: makes (H, W, 3) RGB pictures by name, when the data is there.
         """
         self._augmentations = augmentations
-        self._mistakes: JudgedCrops | None = None
-        self._vehicles: JudgedCrops | None = None
+        self._mistakes: ScoredCrops | None = None
+        self._vehicles: ScoredCrops | None = None
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show what each augmentation does, where a training begins."""
@@ -89,35 +89,35 @@ class VerifierPictures(Callback):
         """Keep the worst so far, and the first vehicles."""
         names = ("crops", "is_vehicle", "box_share")
         known = {name: value.detach().cpu() for name, value in (batch | outputs).items()}
-        judged = JudgedCrops(
+        scored = ScoredCrops(
             logits=known["logits"].float(),
             shares=known["shares"].float(),
             **{name: known[name] for name in names},
         )
-        wrong = judged[judged.losses > np.log(2)]
+        wrong = scored[scored.losses > np.log(2)]
         self._mistakes = _worst(wrong if self._mistakes is None else self._mistakes + wrong)
         if self._vehicles is None or len(self._vehicles.logits) < _COUNT:
-            vehicles = judged[judged.is_vehicle.bool()]
+            vehicles = scored[scored.is_vehicle.bool()]
             self._vehicles = vehicles if self._vehicles is None else self._vehicles + vehicles
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show both."""
-        for name, judged in (("worst mistakes", self._mistakes), ("boxes", self._vehicles)):
-            if judged is not None and len(judged.logits):
-                _show(trainer, f"validation/{name}", draw_judged(judged[:_COUNT]))
+        for name, scored in (("worst mistakes", self._mistakes), ("boxes", self._vehicles)):
+            if scored is not None and len(scored.logits):
+                _show(trainer, f"validation/{name}", draw_scored(scored[:_COUNT]))
 
 
-def draw_judged(judged: JudgedCrops) -> UInt8:
+def draw_scored(scored: ScoredCrops) -> UInt8:
     """Return an RGB grid: each crop with its score, the label's box green, the found one white."""
-    scores = judged.logits.sigmoid().tolist()
+    scores = scored.logits.sigmoid().tolist()
     tiles = [
         _tile(crop, score, bool(is_vehicle), np.stack([found, label]))
         for crop, score, is_vehicle, found, label in zip(
-            judged.crops.numpy(),
+            scored.crops.numpy(),
             scores,
-            judged.is_vehicle.tolist(),
-            judged.shares.numpy(),
-            judged.box_share.numpy(),
+            scored.is_vehicle.tolist(),
+            scored.shares.numpy(),
+            scored.box_share.numpy(),
             strict=True,
         )
     ]
@@ -152,9 +152,9 @@ def _grid(tiles: Sequence[UInt8]) -> UInt8:
     return picture
 
 
-def _worst(judged: JudgedCrops) -> JudgedCrops:
-    order = judged.losses.argsort(descending=True, stable=True)
-    return judged[order[:_COUNT]]
+def _worst(scored: ScoredCrops) -> ScoredCrops:
+    order = scored.losses.argsort(descending=True, stable=True)
+    return scored[order[:_COUNT]]
 
 
 def _show(trainer: Trainer, name: str, picture: UInt8) -> None:

@@ -19,7 +19,7 @@ from train.verifier.pictures import VerifierPictures
 from train.verifier.training import VerifierTraining, VerifierTrainingConfig
 
 _SHOWN_SAMPLES = 8
-_JUDGED_AT_ONCE = 256
+_EVALUATION_BATCH = 256
 
 MetricValues = dict[str, float]
 
@@ -66,13 +66,13 @@ def train_verifier(
     fit(trainer, module, data, resume)
     if trainer_config.is_trial or not trainer.is_global_zero:
         return None
-    return _judge_best(data, out / BEST)
+    return _evaluate_best(data, out / BEST)
 
 
-def judge(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> MetricValues:
+def evaluate(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> MetricValues:
     """Return the figures of a network over samples as they are."""
     metrics = VerifierMetrics()
-    loader = DataLoader(samples, _JUDGED_AT_ONCE, num_workers=workers)
+    loader = DataLoader(samples, _EVALUATION_BATCH, num_workers=workers)
     with torch.inference_mode():
         for batch in loader:
             logits, shares = network.heads(batch["crops"])
@@ -80,7 +80,7 @@ def judge(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0)
     return {name: float(value) for name, value in metrics.compute().items()}
 
 
-def _judge_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
+def _evaluate_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
     network, notes = load_verifier(checkpoint)
     parts = {"training": data.training, "validation": data.validation}
     counts = {}
@@ -91,7 +91,10 @@ def _judge_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
         checkpoint,
         int(notes["epochs"]),
         counts,
-        **{name: judge(network, samples, data.loading.workers) for name, samples in parts.items()},
+        **{
+            name: evaluate(network, samples, data.loading.workers)
+            for name, samples in parts.items()
+        },
     )
 
 

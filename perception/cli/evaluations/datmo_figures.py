@@ -78,7 +78,7 @@ def _quality_table(reports: Mapping[str, DatmoReport]) -> str:
                 len(report.never_tracked),
                 len(false.ids),
                 f"{false.per_minute:.1f}",
-                len(false.never_right),
+                len(false.never_matched),
                 len(false.on_parked),
                 errors.center_m,
                 errors.velocity_m_s,

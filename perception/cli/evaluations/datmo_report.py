@@ -10,9 +10,9 @@ from data.derived.moving_truth import MovingTruth, View, moving_truth
 from data.drive import Drive
 from perception.evaluation.multi_object.false_tracks import (
     FalseTracks,
-    TrackVerdicts,
+    TrackOutcomes,
     find_false_tracks,
-    verdicts,
+    track_outcomes,
 )
 from perception.evaluation.multi_object.followed import (
     ObjectSummary,
@@ -22,7 +22,11 @@ from perception.evaluation.multi_object.followed import (
     target_errors,
     track_errors,
 )
-from perception.evaluation.multi_object.moving_objects import JudgedTwice, judge, likeness_frames
+from perception.evaluation.multi_object.moving_objects import (
+    JudgedTwice,
+    assign_tracks,
+    likeness_frames,
+)
 from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.types import Float64, Frame, Result, Tracks
@@ -62,7 +66,7 @@ PROTOCOL_WORDS = {
     "errors": "of the pairs; heading of tracks faster than 1 m/s; extent as mean size of the error",
     "false_tracks": (
         "ids that follow nobody in more than half of the frames in which they are judged or excused; "
-        "never_right of them follow nobody in any of these frames, on_parked lie on a parked object in one"
+        "never_matched of them follow nobody in any of these frames, on_parked lie on a parked object in one"
     ),
 }
 
@@ -183,46 +187,46 @@ def compare_datmo(
     """
     protocol = protocol or DatmoProtocol()
     truth = moving_truth(drive, protocol.view, protocol.motion)
-    judges = {method: _Judge(protocol) for method in methods}
+    evaluators = {method: _TrackEvaluator(protocol) for method in methods}
     for step in steps:
         scene = truth.scene(step.frame, protocol.targets.clearance_m)
         if scene is None:
             continue
-        for method, judge_ in judges.items():
-            judge_.see(step.frame, scene, step.tracks[method], step.seconds[method])
-    return {method: judge_.report(truth) for method, judge_ in judges.items()}
+        for method, evaluator in evaluators.items():
+            evaluator.update(step.frame, scene, step.tracks[method], step.seconds[method])
+    return {method: evaluator.compute(truth) for method, evaluator in evaluators.items()}
 
 
-class _Judge:
+class _TrackEvaluator:
     """Gathers what the tracks of one method are worth."""
 
     def __init__(self, protocol: DatmoProtocol) -> None:
         self._protocol = protocol
         self._stamps_s: list[float] = []
         self._seconds: list[float] = []
-        self._judged: list[JudgedTwice] = []
+        self._similarity_frames: list[JudgedTwice] = []
         self._target_errors: list[TargetErrors] = []
-        self._verdicts: list[TrackVerdicts] = []
+        self._outcomes: list[TrackOutcomes] = []
 
-    def see(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
+    def update(self, frame: Frame, scene: MovingScene, tracks: Tracks, seconds: float) -> None:
         """Judge the tracks of the next frame."""
         targets = self._protocol.targets
-        judgement = judge(scene, tracks, targets)
+        assignment = assign_tracks(scene, tracks, targets)
         self._stamps_s.append(frame.stamp_s)
         self._seconds.append(seconds)
-        self._judged.append(likeness_frames(scene, tracks, judgement, targets))
-        self._target_errors.append(target_errors(frame.stamp_s, scene, tracks, judgement))
-        self._verdicts.append(verdicts(tracks, judgement))
+        self._similarity_frames.append(likeness_frames(scene, tracks, assignment, targets))
+        self._target_errors.append(target_errors(frame.stamp_s, scene, tracks, assignment))
+        self._outcomes.append(track_outcomes(tracks, assignment))
 
-    def report(self, truth: MovingTruth) -> DatmoReport:
+    def compute(self, truth: MovingTruth) -> DatmoReport:
         """Sum up all frames."""
         protocol, followed = self._protocol, TargetErrors.concatenate(self._target_errors)
         duration_s = _duration_s(self._stamps_s)
-        by_distance = [judged.by_distance for judged in self._judged]
-        by_overlap = [judged.by_overlap for judged in self._judged]
+        by_distance = [evaluated.by_distance for evaluated in self._similarity_frames]
+        by_overlap = [evaluated.by_overlap for evaluated in self._similarity_frames]
         return DatmoReport(
             protocol=protocol,
-            frames=len(self._judged),
+            frames=len(self._similarity_frames),
             duration_s=duration_s,
             by_distance=evaluate_tracks(by_distance, protocol.distance_threshold),
             by_overlap=evaluate_tracks(by_overlap, protocol.overlap_threshold),
@@ -230,7 +234,7 @@ class _Judge:
             errors=track_errors(followed),
             objects=summarise_objects(followed),
             types=truth.types(),
-            false_tracks=find_false_tracks(TrackVerdicts.concatenate(self._verdicts), duration_s),
+            false_tracks=find_false_tracks(TrackOutcomes.concatenate(self._outcomes), duration_s),
             seconds=np.array(self._seconds, np.float64),
         )
 

@@ -13,11 +13,11 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.mistakes import count_mistakes
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
-from perception.evaluation.detection.scene import judge, lay_out
+from perception.evaluation.detection.scene import evaluation_mask, lay_out
 from perception.render.detection_mistakes import draw_mistakes
 from perception.types import UInt8
 
-_JUDGED = DIFFICULTIES[-1]  # where most objects count
+_DIFFICULTY = DIFFICULTIES[-1]  # where most objects count
 
 
 def draw_worst(
@@ -27,19 +27,21 @@ def draw_worst(
     seen = measured.seen
     drive_name = "_".join(re.findall(r"\w+", seen.data.name))
     for of_class, precision in measured.precision.items():
-        judged = of_class.at_iou(next(iter(precision.reports)))
+        target_class = of_class.at_iou(next(iter(precision.reports)))
         found = seen.beside([look.detections for look in seen.looks])
-        mistakes = count_mistakes(found.truths, found.detections, len(seen.looks), judged, _JUDGED)
+        mistakes = count_mistakes(
+            found.truths, found.detections, len(seen.looks), target_class, _DIFFICULTY
+        )
         for rank, place in enumerate(mistakes.worst(most).tolist()):
             frame = drive[seen.looks[place].index]
             picture = _with_mistakes(
                 picture_of(frame, network.modality, network.filling),
                 measured,
                 place,
-                judged,
+                target_class,
                 mistakes.threshold,
             )
-            name = f"{drive_name}_{judged.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
+            name = f"{drive_name}_{target_class.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
             write_jpeg(folder / name, picture, quality=95)
 
 
@@ -54,7 +56,7 @@ def _with_mistakes(
     seen = measured.seen
     truths = seen.truths[seen.truths.frames == place]
     scene = lay_out(truths, DetectedBoxes.of_frames(()), len(seen.looks))
-    is_wanted = judge(scene, of_class, _JUDGED).is_valid
+    is_wanted = evaluation_mask(scene, of_class, _DIFFICULTY).is_valid_truth
     detections = seen.looks[place].detections
     counts = (detections.scores >= threshold) & (
         np.char.lower(detections.types) == of_class.name.lower()

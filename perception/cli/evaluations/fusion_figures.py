@@ -121,7 +121,8 @@ def _notes(measured: MeasuredFusion) -> Iterator[str]:
     objects = next(iter(measured.rows.values())).objects
     yield "Objects: " + ", ".join(f"{objects[level]} {level}" for level in _LEVELS)
     yield "Expected calibration error, in points: " + ", ".join(
-        f"{name} {100 * one.expected_error:.1f}" for name, one in measured.reliability.items()
+        f"{name} {100 * one.expected_calibration_error:.1f}"
+        for name, one in measured.reliability.items()
     )
     yield (
         "The thesis' figures are of real frames that cannot be told which, over 11 recall points: beside "
@@ -155,7 +156,7 @@ def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
         },
         "steps": {name: one.to_json() for name, one in measured.steps.items()},
         "calibration": {
-            name: {**vars(one), "expected_error": one.expected_error}
+            name: {**vars(one), "expected_calibration_error": one.expected_calibration_error}
             for name, one in measured.reliability.items()
         },
         "thesis_table_7_10": THESIS_PERCENT,

@@ -24,8 +24,8 @@ from perception.evaluation.detection.bootstrap import Interval, percentile_inter
 from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.detection.reliability import (
     Reliability,
+    match_correctness,
     measure_reliability,
-    rightness,
 )
 from perception.types import Modality
 
@@ -85,7 +85,7 @@ def measure_fusion(
     without_intervals = replace(config, resampling=BootstrapConfig())
     detections = dict(table_rows(seen, fusions))
     boxes = {name: seen.beside(of_row) for name, of_row in detections.items()}
-    frames, judged = len(seen.looks), of_class.at_iou(config.iou_thresholds[0])
+    frames, target_class = len(seen.looks), of_class.at_iou(config.iou_thresholds[0])
     return MeasuredFusion(
         data=seen.data,
         modalities=modalities_of(seen),
@@ -100,7 +100,7 @@ def measure_fusion(
         },
         reliability={
             name: measure_reliability(
-                rightness(found.truths, found.detections, frames, judged), _BINS
+                match_correctness(found.truths, found.detections, frames, target_class), _BINS
             )
             for name, found in boxes.items()
             if name != UNION_NAME

@@ -128,7 +128,7 @@ def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
     if report.clusters is not None:
         protocol = report.protocol
         false = is_false(
-            report.clusters, protocol.cluster_points, protocol.clusters, excuse_dont_care=True
+            report.clusters, protocol.cluster_points, protocol.clusters, ignore_dont_care=True
         )
         results["false_clusters"] = report.false_clusters()
         results["false_cluster_places"] = report.clusters[false]

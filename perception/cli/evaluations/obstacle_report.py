@@ -168,8 +168,8 @@ class ObstacleReport:
 
     def _false_clusters(self, clusters: MovingClusters, size: int) -> FalseClusters:
         config = self.protocol.clusters
-        false = clusters[is_false(clusters, size, config, excuse_dont_care=True)]
-        everywhere = is_false(clusters, size, config, excuse_dont_care=False)
+        false = clusters[is_false(clusters, size, config, ignore_dont_care=True)]
+        everywhere = is_false(clusters, size, config, ignore_dont_care=False)
         return FalseClusters(
             min_points=size,
             clusters=len(false),

@@ -17,7 +17,7 @@ from perception.cli.evaluations.otd_report import (
     PROTOCOL_WORDS,
     OtdProtocol,
     OtdReport,
-    judge_object,
+    evaluate_object,
 )
 from perception.cli.evaluations.otd_steps import pipeline_config, track_objects
 from perception.errors import UsageError
@@ -84,7 +84,7 @@ def measure_otd(
     """
     protocol = protocol or OtdProtocol()
     objects = [
-        judge_object(wanted, runs, at_hand.drive.calibration, protocol)
+        evaluate_object(wanted, runs, at_hand.drive.calibration, protocol)
         for at_hand in found.drives
         for wanted, runs in zip(
             at_hand.objects,

@@ -8,10 +8,10 @@ import numpy as np
 from data.derived.challenges import Challenge
 from perception.cli.evaluations.otd_report import OtdReport
 from perception.evaluation.single_object.curves import (
+    correct_frames,
     cumulative_success,
     location_curve,
     precision_curve,
-    right_frames,
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors
@@ -31,12 +31,12 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
     plot_success(
         paths["overlap"],
         f"{title}: 3D overlap above {config.overlap:.0%} (Fig. A.1)",
-        _cumulative_panels(report, lambda errors: right_frames(errors, config).overlap),
+        _cumulative_panels(report, lambda errors: correct_frames(errors, config).overlap),
     )
     plot_success(
         paths["heading"],
         f"{title}: heading within {config.heading_deg:g}° (Fig. A.2)",
-        _cumulative_panels(report, lambda errors: right_frames(errors, config).heading),
+        _cumulative_panels(report, lambda errors: correct_frames(errors, config).heading),
     )
     plot_success(
         paths["location"],
@@ -48,7 +48,7 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
 
 
 def _cumulative_panels(
-    report: OtdReport, is_right: Callable[[SingleObjectErrors], Bool]
+    report: OtdReport, is_correct: Callable[[SingleObjectErrors], Bool]
 ) -> list[SuccessPanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
     panels = []
@@ -56,16 +56,16 @@ def _cumulative_panels(
         objects = report.objects_with(challenge)
         if challenge is not None and not objects:
             continue
-        right = {name: is_right(one) for name, one in _errors(report, challenge).items()}
-        right = {name: frames for name, frames in right.items() if len(frames)}
+        correct = {name: is_correct(one) for name, one in _errors(report, challenge).items()}
+        correct = {name: frames for name, frames in correct.items() if len(frames)}
         panels.append(
             SuccessPanel(
                 title=f"sequences{f' with {challenge}' if challenge else ''}: {len(objects)}",
                 x_name="frames of all sequences, as a share",
                 x_last=1.0,
                 y_name="right frames so far, as a share of all",
-                curves={name: cumulative_success(frames) for name, frames in right.items()},
-                values={name: f"{frames.mean():.3f}" for name, frames in right.items()},
+                curves={name: cumulative_success(frames) for name, frames in correct.items()},
+                values={name: f"{frames.mean():.3f}" for name, frames in correct.items()},
             )
         )
     return panels

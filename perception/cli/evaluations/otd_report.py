@@ -96,7 +96,7 @@ class OtdReport:
         return None if errors is None else single_object_metrics(errors, self.protocol.metrics)
 
 
-def judge_object(
+def evaluate_object(
     wanted: TargetObject,
     runs: Mapping[str, TrackerRun],
     camera: Calibration | None,

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from perception.cli.studies.detector_variants import (
-    Judging,
     Variant,
+    VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
 )
@@ -31,16 +31,19 @@ def loss_variants(base: Variant) -> list[Variant]:
 
 
 def study_detector_losses(
-    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
+    variants: list[Variant],
+    conditions: VariantTrainingConfig,
+    evaluation: VariantEvaluationConfig,
+    picture: Path,
 ) -> Study:
     """Train all, and print average precision at every overlap."""
-    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
-    overlaps = judging.rules.overlaps
+    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
+    overlaps = evaluation.rules.overlaps
     plot_variant_curves(picture, "Losses", metrics, overlaps[0])
     return Study(
         name="detector-losses",
         repeats="none: the thesis trains as published",
         table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in overlaps),
         numbers=metrics,
-        conditions={"variants": variants, "training": conditions, "judging": judging},
+        conditions={"variants": variants, "training": conditions, "judging": evaluation},
     )

@@ -68,7 +68,7 @@ class VariantTrainingConfig:
 
 
 @dataclass(frozen=True)
-class Judging:
+class VariantEvaluationConfig:
     """By what the variants are measured.
 
     Attributes:
@@ -118,7 +118,10 @@ class VariantMetrics:
 
 
 def study_variants(
-    variants: Sequence[Variant], conditions: VariantTrainingConfig, judging: Judging, out: Path
+    variants: Sequence[Variant],
+    conditions: VariantTrainingConfig,
+    evaluation: VariantEvaluationConfig,
+    out: Path,
 ) -> dict[str, VariantMetrics]:
     """Train and measure all variants, in their order; those that are done are not done again.
 
@@ -130,7 +133,7 @@ def study_variants(
     for variant in variants:
         folder = out / variant.name.replace(" ", "-").replace("/", "-")
         trained = _trained(variant, conditions, folder)
-        metrics[variant.name] = _judged(trained, judging, folder)
+        metrics[variant.name] = _evaluated(trained, evaluation, folder)
     return metrics
 
 
@@ -178,13 +181,15 @@ def _train(variant: Variant, conditions: VariantTrainingConfig, folder: Path) ->
     return trained
 
 
-def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> VariantMetrics:
+def _evaluated(
+    trained: Mapping[str, Any], evaluation: VariantEvaluationConfig, folder: Path
+) -> VariantMetrics:
     """Measure, or read what was measured on the same drives by the same rules."""
-    asked = to_plain(asdict(judging))
+    asked = to_plain(asdict(evaluation))
     known = _read(folder / "figures.json")
     if known is not None and known["judging"] == asked:
         return VariantMetrics(**known["figures"])
-    measured = _measure(_model_file(folder), judging)
+    measured = _measure(_model_file(folder), evaluation)
     first = measured[0]
     metrics = VariantMetrics(
         epoch=trained["epoch"],
@@ -197,15 +202,15 @@ def _judged(trained: Mapping[str, Any], judging: Judging, folder: Path) -> Varia
     return metrics
 
 
-def _measure(model: Path, judging: Judging) -> list[MeasuredDetector]:
+def _measure(model: Path, evaluation: VariantEvaluationConfig) -> list[MeasuredDetector]:
     network = ModalityDetector(model)
     classes = (kitti_class(network.class_names[0]),)
     reading = ReadingConfig()
     return [
         measure_detector(
-            place.name, open_labelled(place, reading), network, classes, reading, judging.rules
+            place.name, open_labelled(place, reading), network, classes, reading, evaluation.rules
         )
-        for place in drive_sources(judging.drives, None)
+        for place in drive_sources(evaluation.drives, None)
     ]
 
 

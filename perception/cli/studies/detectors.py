@@ -9,7 +9,11 @@ from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.flags import require_positive
 from perception.cli.studies.augmentation import AugmentationStudyConfig, study_augmentation
 from perception.cli.studies.detector_losses import loss_variants, study_detector_losses
-from perception.cli.studies.detector_variants import Judging, Variant, VariantTrainingConfig
+from perception.cli.studies.detector_variants import (
+    Variant,
+    VariantEvaluationConfig,
+    VariantTrainingConfig,
+)
 from perception.cli.studies.output import RESULTS, publish
 from perception.cli.studies.reflectance_maps import map_variants, study_reflectance_maps
 from perception.cli.studies.sim_to_real import share_variants, study_sim_to_real
@@ -65,9 +69,9 @@ class TrainingFlags:
         )
         return Variant("", detector, pictures, self.epochs)
 
-    def judging(self, *drives: Path) -> Judging:
+    def evaluation(self, *drives: Path) -> VariantEvaluationConfig:
         """Return by what the variants are measured."""
-        return Judging(
+        return VariantEvaluationConfig(
             drives, MetricConfig(_OVERLAPS, resampling=BootstrapConfig(self.bootstrap, self.seed))
         )
 
@@ -139,8 +143,8 @@ def reflectance_maps(  # noqa: PLR0913 - flags of a command
     flags = TrainingFlags(**training)
     choice = DetectorModelConfig("rm", network, size, preset=preset)
     variants = map_variants(flags.base(choice, drives, validation), wide_size)
-    judging = flags.judging(*listed(validation))
-    publish(study_reflectance_maps(variants, flags.conditions, judging, out), out)
+    evaluation = flags.evaluation(*listed(validation))
+    publish(study_reflectance_maps(variants, flags.conditions, evaluation, out), out)
 
 
 def detector_losses(
@@ -170,8 +174,8 @@ def detector_losses(
     """
     flags = TrainingFlags(**training)
     base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    judging = flags.judging(*listed(validation))
-    publish(study_detector_losses(loss_variants(base), flags.conditions, judging, out), out)
+    evaluation = flags.evaluation(*listed(validation))
+    publish(study_detector_losses(loss_variants(base), flags.conditions, evaluation, out), out)
 
 
 def sim_to_real(  # noqa: PLR0913 - flags of a command
@@ -206,8 +210,8 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
     """
     flags = TrainingFlags(**training)
     base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    judging = flags.judging(*listed(validation), *listed(real))
-    publish(study_sim_to_real(share_variants(base, shares), flags.conditions, judging, out), out)
+    evaluation = flags.evaluation(*listed(validation), *listed(real))
+    publish(study_sim_to_real(share_variants(base, shares), flags.conditions, evaluation, out), out)
 
 
 COMMANDS = {

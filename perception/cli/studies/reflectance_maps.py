@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
-    Judging,
     Variant,
+    VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
 )
@@ -59,10 +59,13 @@ def map_variants(base: Variant, wide_size: str) -> list[Variant]:
 
 
 def study_reflectance_maps(
-    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
+    variants: list[Variant],
+    conditions: VariantTrainingConfig,
+    evaluation: VariantEvaluationConfig,
+    picture: Path,
 ) -> Study:
     """Train all, and print Tables B.1, B.2 and B.3."""
-    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
+    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
     plot_variant_curves(picture, "Detectors of the reflectance map", metrics, _IOU)
     tables = [
         precision_tables(
@@ -87,7 +90,7 @@ def study_reflectance_maps(
         conditions={
             "variants": variants,
             "training": conditions,
-            "judging": judging,
+            "judging": evaluation,
             "thesis": {"B.1 ms": THESIS_B1_MS, "B.2": THESIS_B2, "B.3": THESIS_B3},
         },
     )

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
-    Judging,
     Variant,
+    VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
 )
@@ -42,11 +42,14 @@ def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
 
 
 def study_sim_to_real(
-    variants: list[Variant], conditions: VariantTrainingConfig, judging: Judging, picture: Path
+    variants: list[Variant],
+    conditions: VariantTrainingConfig,
+    evaluation: VariantEvaluationConfig,
+    picture: Path,
 ) -> Study:
     """Train all, and draw average precision over the number of frames learned from."""
-    metrics = study_variants(variants, conditions, judging, picture.with_suffix(""))
-    overlaps = judging.rules.overlaps
+    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
+    overlaps = evaluation.rules.overlaps
     of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
     modality = variants[0].detector.modality
     plot_over_frames(
@@ -59,5 +62,5 @@ def study_sim_to_real(
             precision_tables("Shares of the training frames", metrics, iou) for iou in overlaps
         ),
         numbers=metrics,
-        conditions={"variants": variants, "training": conditions, "judging": judging},
+        conditions={"variants": variants, "training": conditions, "judging": evaluation},
     )

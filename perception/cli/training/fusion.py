@@ -110,7 +110,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         "trained": trained,
         "judged_ap_percent": _averages(curves),
         "expected_calibration_error": {
-            name: one.expected_error for name, one in reliability.items()
+            name: one.expected_calibration_error for name, one in reliability.items()
         },
         "reliability": reliability,
     }

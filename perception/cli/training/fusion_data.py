@@ -139,5 +139,5 @@ def _halves(
         )
     has_several = len(np.unique(kept.drive_numbers)) > 1
     by: SplitBy = split if has_several else "frames"
-    is_judged = validation_frames(kept.drive_numbers, 0.5, by, rng)
-    return kept[np.flatnonzero(~is_judged)], kept[np.flatnonzero(is_judged)]
+    is_test = validation_frames(kept.drive_numbers, 0.5, by, rng)
+    return kept[np.flatnonzero(~is_test)], kept[np.flatnonzero(is_test)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from perception.detection.depthcn.picture import camera_picture
 from perception.detection.depthcn.proposals import ProposalConfig, Proposals, propose
-from perception.detection.depthcn.verifier import VEHICLE, Judgement, Verifier
+from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
 from perception.errors import UsageError
@@ -44,7 +44,7 @@ class NmsConfig:
 
 
 @dataclass(frozen=True)
-class Verified:
+class VerifiedProposals:
     """The M candidates of one frame as the network judges them.
 
     Attributes:
@@ -108,9 +108,9 @@ class DepthCn:
         Raises:
             CalibrationError: the frame has no camera, or nothing says how large its image is.
         """
-        return self.examine(frame).detections
+        return self.verify_frame(frame).detections
 
-    def examine(self, frame: Frame, dense: DenseMaps | None = None) -> Verified:
+    def verify_frame(self, frame: Frame, dense: DenseMaps | None = None) -> VerifiedProposals:
         """Return all candidates of a frame and what the network says of each.
 
         Args:
@@ -131,17 +131,19 @@ class DepthCn:
         """Make the maps of a frame."""
         return densify(project_frame(frame), self._method)
 
-    def verify(self, proposals: Proposals, dense: DenseMaps, calibration: Calibration) -> Verified:
+    def verify(
+        self, proposals: Proposals, dense: DenseMaps, calibration: Calibration
+    ) -> VerifiedProposals:
         """Judge candidates that are found already, by maps of the same scan."""
         focal_px = float(calibration.image_P_cam[0, 0])
         windows = windows_px(self.verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
-        judgement = Judgement.of_none()
+        prediction = VerifierPrediction.empty()
         if len(proposals):
             picture = camera_picture(dense, calibration.image_P_velo, self._sensor.height_m)
-            judgement = self.verifier.judge(picture, windows)
-        boxes_px = _within_image(judgement.boxes_px, dense.depth_m.shape)
-        kept = self._keep(boxes_px, judgement.scores)
-        return Verified(proposals, windows, judgement.scores, boxes_px, kept)
+            prediction = self.verifier.predict(picture, windows)
+        boxes_px = _within_image(prediction.boxes_px, dense.depth_m.shape)
+        kept = self._keep(boxes_px, prediction.scores)
+        return VerifiedProposals(proposals, windows, prediction.scores, boxes_px, kept)
 
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
         """Return the rows that are likely, show in the image, and are the best of their place."""

@@ -36,7 +36,7 @@ _METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True)
-class Judgement:
+class VerifierPrediction:
     """What the network says of M candidates.
 
     Attributes:
@@ -48,7 +48,7 @@ class Judgement:
     boxes_px: Float64
 
     @classmethod
-    def of_none(cls) -> Self:
+    def empty(cls) -> Self:
         """Return what there is to say of no candidates."""
         return cls(np.zeros(0), np.zeros((0, 4)))
 
@@ -92,9 +92,9 @@ class Verifier:
             "windows_px": windows_px.astype(np.float32),
         }
 
-    def judge(self, picture: UInt8, windows_px: Float64) -> Judgement:
+    def predict(self, picture: UInt8, windows_px: Float64) -> VerifierPrediction:
         """Look at all (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture at once."""
         outputs = self.model(self.inputs(picture, windows_px))
-        return Judgement(
+        return VerifierPrediction(
             outputs["scores"].astype(np.float64), outputs["boxes_px"].astype(np.float64)
         )

@@ -46,7 +46,7 @@ from perception.types import (
 Made = TypeVar("Made")
 
 
-class JointJudge(Protocol):
+class DetectionFusion(Protocol):
     """Makes one list of what several detectors saw."""
 
     def fuse(
@@ -88,7 +88,7 @@ class MultimodalDetector:
     def __init__(
         self,
         detectors: Mapping[Modality, ModalityDetector],
-        fusion: JointJudge | None = None,
+        fusion: DetectionFusion | None = None,
         workers: int = 2,
     ) -> None:
         """Put detectors together.
@@ -105,7 +105,7 @@ class MultimodalDetector:
         _require_alike(detectors)
         self.detectors = dict(detectors)
         """By modality."""
-        self._fusion: JointJudge = fusion or Union()
+        self._fusion: DetectionFusion = fusion or Union()
         if isinstance(fusion, Fusion):
             warn_of_others(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry.box_overlap_ground import iou_ground
-from perception.tracking.association import assign_optimally
+from perception.tracking.association import assign_hungarian
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 # More moving objects than are ever told of at once, and those of the last while.
@@ -77,7 +77,7 @@ class SharedIds:
 
     def _partners(self, overlap: Float64) -> dict[int, int]:
         """Return the row of the moving object that each vehicle shares its place with."""
-        pairs = assign_optimally(1.0 - overlap, overlap >= self._config.min_iou)
+        pairs = assign_hungarian(1.0 - overlap, overlap >= self._config.min_iou)
         return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
 
     def _with_new(

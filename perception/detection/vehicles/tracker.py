@@ -24,7 +24,7 @@ from perception.detection.vehicles.sights import (
 from perception.detection.vehicles.table import VehicleTable, VehicleTrackerConfig
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
-from perception.tracking.association import Association, assign_worthwhile
+from perception.tracking.association import Association, assign_with_max_cost
 from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
@@ -132,7 +132,7 @@ class VehicleTracker:
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, sights.boxes_px, config)
-        return assign_worthwhile(in_image + on_ground, iou >= config.min_iou, config.most_apart)
+        return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.most_apart)
 
     def _give_ids(self, view: View, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""

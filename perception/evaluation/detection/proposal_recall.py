@@ -13,7 +13,7 @@ from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.grouping import ranks_in_groups
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
-from perception.evaluation.detection.scene import Scene, judge, lay_out
+from perception.evaluation.detection.scene import Scene, evaluation_mask, lay_out
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Float64, Int
 
@@ -108,7 +108,9 @@ def proposal_recall(
     best_iou = np.zeros(len(truths))
     np.maximum.at(best_iou, scene.overlaps.truths, scene.overlaps.iou)
     wanted = DetectionClass(of_class, iou=0)
-    is_valid = {one.name: judge(scene, wanted, one).is_valid for one in difficulties}
+    is_valid_truth = {
+        one.name: evaluation_mask(scene, wanted, one).is_valid_truth for one in difficulties
+    }
     return ProposalRecall(
         frames=frames,
         proposals=len(proposals),
@@ -119,7 +121,7 @@ def proposal_recall(
                 ranks={iou: of_iou[valid] for iou, of_iou in ranks.items()},
                 best_iou=best_iou[valid],
             )
-            for name, valid in is_valid.items()
+            for name, valid in is_valid_truth.items()
         },
     )
 

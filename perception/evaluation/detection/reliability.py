@@ -15,16 +15,16 @@ from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class Rightness:
+class Correctness:
     """Of D detections that are either right or wrong.
 
     Attributes:
         scores: (D,)
-        is_right: (D,) the best of those that overlap an object by enough.
+        is_correct: (D,) the best of those that overlap an object by enough.
     """
 
     scores: Float64
-    is_right: Bool
+    is_correct: Bool
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Reliability:
     counts: Int
 
     @property
-    def expected_error(self) -> float:
+    def expected_calibration_error(self) -> float:
         """The mean difference between score and share that is right, over all detections; NaN of none."""
         if not len(self.counts):
             return float("nan")
         return float(np.average(np.abs(self.scores - self.shares), weights=self.counts))
 
 
-def rightness(
+def match_correctness(
     truths: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass
-) -> Rightness:
+) -> Correctness:
     """Tell which detections of a class are right; an object is found once, by the best that overlaps it.
 
     Detections of alike types and in regions without labels are neither right nor wrong, and left out.
@@ -61,23 +61,23 @@ def rightness(
     """
     scene = lay_out(truths, detections, frames)
     is_of_class = scene.detection_types == of_class.name.lower()
-    is_right = _matched(scene, of_class, is_of_class)
+    is_correct = _matched(scene, of_class, is_of_class)
     alike = [name.lower() for name in of_class.neighbours]
     pairs = scene.overlaps
     is_alike = np.isin(scene.truth_types[pairs.truths], alike) & (pairs.iou > of_class.iou)
     is_left_out = scene.dont_care_shares > of_class.iou
     is_left_out[pairs.detections[is_alike]] = True
-    counts = is_of_class & (is_right | ~is_left_out)
-    return Rightness(scene.detections.scores[counts], is_right[counts])
+    counts = is_of_class & (is_correct | ~is_left_out)
+    return Correctness(scene.detections.scores[counts], is_correct[counts])
 
 
-def measure_reliability(found: Rightness, bins: int = 15) -> Reliability:
+def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
     """Put detections with scores from 0 to 1 into bins."""
     bin_of = np.clip((found.scores * bins).astype(np.int64), 0, bins - 1)
     counts = np.bincount(bin_of, minlength=bins)
     is_filled = counts > 0
     scores = np.bincount(bin_of, found.scores, bins)[is_filled] / counts[is_filled]
-    shares = np.bincount(bin_of, found.is_right, bins)[is_filled] / counts[is_filled]
+    shares = np.bincount(bin_of, found.is_correct, bins)[is_filled] / counts[is_filled]
     return Reliability(scores, shares, counts[is_filled])
 
 
@@ -91,11 +91,11 @@ def _matched(scene: Scene, of_class: DetectionClass, is_of_class: Bool) -> Bool:
     )
     pairs = pairs[is_pair]
     order = np.lexsort((-pairs.iou, -scene.detections.scores[pairs.detections]))
-    is_right = np.zeros(len(scene.detections), bool)
+    is_correct = np.zeros(len(scene.detections), bool)
     is_found = np.zeros(len(scene.truths), bool)
     for truth, detection in zip(
         pairs.truths[order].tolist(), pairs.detections[order].tolist(), strict=True
     ):
-        if not is_found[truth] and not is_right[detection]:
-            is_found[truth] = is_right[detection] = True
-    return is_right
+        if not is_found[truth] and not is_correct[detection]:
+            is_found[truth] = is_correct[detection] = True
+    return is_correct

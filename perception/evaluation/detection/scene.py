@@ -103,25 +103,27 @@ def _dont_care_shares(regions: TrueBoxes, detections: DetectedBoxes) -> Float64:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class EvaluationMask:
     """Who counts for one class at one difficulty. Who is wanted but not valid or normal is ignored.
 
     Attributes:
         is_wanted_truth: (G,) of the class or a neighbour.
-        is_valid: (G,) must be found.
+        is_valid_truth: (G,) must be found.
         is_wanted_detection: (D,) may be matched.
-        is_normal: (D,) is right if matched to a valid truth.
-        is_wrong_unmatched: (D,) is wrong if matched to nothing: normal, and outside of DontCare.
+        is_valid_detection: (D,) is right if matched to a valid truth.
+        is_false_positive_if_unmatched: (D,) is wrong if matched to nothing: normal, and outside of DontCare.
     """
 
     is_wanted_truth: Bool
-    is_valid: Bool
+    is_valid_truth: Bool
     is_wanted_detection: Bool
-    is_normal: Bool
-    is_wrong_unmatched: Bool
+    is_valid_detection: Bool
+    is_false_positive_if_unmatched: Bool
 
 
-def judge(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Judgement:
+def evaluation_mask(
+    scene: Scene, of_class: DetectionClass, difficulty: Difficulty
+) -> EvaluationMask:
     """Decide who counts."""
     truths, detections = scene.truths, scene.detections
     is_of_class = scene.truth_types == of_class.name.lower()
@@ -132,13 +134,14 @@ def judge(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Jud
     )
     # The height of a detection is asked first, its class only then: what is too low may be of any.
     is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
-    is_normal = ~is_low & (scene.detection_types == of_class.name.lower())
-    return Judgement(
+    is_valid_detection = ~is_low & (scene.detection_types == of_class.name.lower())
+    return EvaluationMask(
         is_wanted_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
-        is_valid=is_of_class & is_seen,
-        is_wanted_detection=is_low | is_normal,
-        is_normal=is_normal,
-        is_wrong_unmatched=is_normal & (scene.dont_care_shares <= of_class.iou),
+        is_valid_truth=is_of_class & is_seen,
+        is_wanted_detection=is_low | is_valid_detection,
+        is_valid_detection=is_valid_detection,
+        is_false_positive_if_unmatched=is_valid_detection
+        & (scene.dont_care_shares <= of_class.iou),
     )
 
 
@@ -151,7 +154,7 @@ def count_objects(
         PerceptionError: a box is of a frame beyond the last.
     """
     scene = lay_out(truths, DetectedBoxes.of_frames(()), frames)
-    return int(judge(scene, of_class, difficulty).is_valid.sum())
+    return int(evaluation_mask(scene, of_class, difficulty).is_valid_truth.sum())
 
 
 def _heights_px(boxes_px: Float64) -> Float64:

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.evaluation.detection.grouping import pairs_in_groups, ranks_in_groups
 from perception.evaluation.detection.matching import rival_groups, serve_in_turn, turns_in_groups
-from perception.evaluation.detection.scene import Judgement, Overlaps, Scene
+from perception.evaluation.detection.scene import EvaluationMask, Overlaps, Scene
 from perception.evaluation.rows import Rows
 from perception.types import Float64, Int
 
@@ -59,11 +59,13 @@ class Rivalry:
     places: Int
 
 
-def find_rivalry(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Rivalry:
+def find_rivalry(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Rivalry:
     """Order the pairs by choice: the greatest overlap, but who is ignored only in need."""
     groups = rival_groups(candidates.truths, candidates.detections)
-    is_normal = judgement.is_normal[candidates.detections]
-    worth = np.where(is_normal, candidates.iou, 0.0)  # of the ignored ones, the first will do
+    is_valid_detection = mask.is_valid_detection[candidates.detections]
+    worth = np.where(
+        is_valid_detection, candidates.iou, 0.0
+    )  # of the ignored ones, the first will do
     order = np.lexsort((candidates.detections, -worth, candidates.truths, groups))
     pairs, groups = candidates[order], groups[order]
     detections, firsts = np.unique(pairs.detections, return_index=True)
@@ -81,9 +83,9 @@ def find_rivalry(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Ri
     )
 
 
-def count_at_steps(scene: Scene, judgement: Judgement, rivalry: Rivalry) -> Counts:
+def count_at_steps(scene: Scene, mask: EvaluationMask, rivalry: Rivalry) -> Counts:
     """Match each group anew at each of its steps, with the detections that the threshold has passed."""
-    blocks = (_count_block(scene, judgement, rivalry, block) for block in _blocks(rivalry))
+    blocks = (_count_block(scene, mask, rivalry, block) for block in _blocks(rivalry))
     return Counts.concatenate(blocks)
 
 
@@ -95,7 +97,7 @@ def _blocks(rivalry: Rivalry) -> Iterator[slice]:
     return (slice(start, end) for start, end in zip([0, *ends], ends, strict=False))
 
 
-def _count_block(scene: Scene, judgement: Judgement, rivalry: Rivalry, block: slice) -> Counts:
+def _count_block(scene: Scene, mask: EvaluationMask, rivalry: Rivalry, block: slice) -> Counts:
     scores = scene.detections.scores
     steps, groups = rivalry.steps[block], rivalry.step_groups[block]
     # Each step has its own copy of its group's pairs, less those that the threshold has not reached.
@@ -109,15 +111,15 @@ def _count_block(scene: Scene, judgement: Judgement, rivalry: Rivalry, block: sl
         detections=(np.cumsum(sizes) - sizes)[of_steps] + rivalry.places[pairs.detections],
         turns=rivalry.turns[of_pairs],
     )
-    return _count(scene, judgement, pairs[is_matched], of_steps[is_matched], len(steps))
+    return _count(scene, mask, pairs[is_matched], of_steps[is_matched], len(steps))
 
 
 def _count(
-    scene: Scene, judgement: Judgement, matched: Overlaps, of_steps: Int, steps: int
+    scene: Scene, mask: EvaluationMask, matched: Overlaps, of_steps: Int, steps: int
 ) -> Counts:
-    is_found = judgement.is_valid[matched.truths]
-    is_right = is_found & judgement.is_normal[matched.detections]
-    is_cleared = judgement.is_wrong_unmatched[matched.detections]
+    is_found = mask.is_valid_truth[matched.truths]
+    is_right = is_found & mask.is_valid_detection[matched.detections]
+    is_cleared = mask.is_false_positive_if_unmatched[matched.detections]
     turned_rad = (
         scene.truths.alphas_rad[matched.truths] - scene.detections.alphas_rad[matched.detections]
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from perception.evaluation.detection.matching import rival_groups, serve_in_turn, turns_in_groups
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.evaluation.detection.scene import Judgement, Overlaps, Scene, judge
+from perception.evaluation.detection.scene import EvaluationMask, Overlaps, Scene, evaluation_mask
 from perception.evaluation.detection.steps import count_at_steps, find_rivalry
 from perception.evaluation.rows import Rows
 from perception.types import Float64, Int
@@ -70,37 +70,37 @@ class Tally:
 
 def tally(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Tally:
     """Match the boxes of all frames, so that any threshold and any choice of frames can be counted."""
-    judgement = judge(scene, of_class, difficulty)
+    mask = evaluation_mask(scene, of_class, difficulty)
     overlaps = scene.overlaps
     candidates = overlaps[
         (overlaps.iou > of_class.iou)
-        & judgement.is_wanted_truth[overlaps.truths]
-        & judgement.is_wanted_detection[overlaps.detections]
+        & mask.is_wanted_truth[overlaps.truths]
+        & mask.is_wanted_detection[overlaps.detections]
     ]
-    valid_frames = scene.truths.frames[judgement.is_valid]
+    valid_frames = scene.truths.frames[mask.is_valid_truth]
     return Tally(
         truths_of_frames=np.bincount(valid_frames, minlength=scene.frames),
-        matches=_match_by_score(scene, judgement, candidates),
-        changes=_book_changes(scene, judgement, candidates),
+        matches=_match_by_score(scene, mask, candidates),
+        changes=_book_changes(scene, mask, candidates),
     )
 
 
-def _match_by_score(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Matches:
+def _match_by_score(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Matches:
     """Let each truth take the surest of all detections, not the one that fits best."""
     scores = scene.detections.scores[candidates.detections]
     pairs = candidates[np.lexsort((candidates.detections, -scores, candidates.truths))]
     turns = turns_in_groups(pairs.truths, rival_groups(pairs.truths, pairs.detections))
     matched = pairs[serve_in_turn(pairs.truths, pairs.detections, turns)]
-    both = judgement.is_valid[matched.truths] & judgement.is_normal[matched.detections]
+    both = mask.is_valid_truth[matched.truths] & mask.is_valid_detection[matched.detections]
     detections = matched.detections[both]
     matches = Matches(scene.detections.scores[detections], scene.detections.frames[detections])
     return matches[np.argsort(-matches.scores)]
 
 
-def _book_changes(scene: Scene, judgement: Judgement, candidates: Overlaps) -> Changes:
+def _book_changes(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Changes:
     """Let every detection be wrong for itself, then correct this by what the matching gains."""
-    rivalry = find_rivalry(scene, judgement, candidates)
-    gains = count_at_steps(scene, judgement, rivalry).gains(rivalry.step_groups)
+    rivalry = find_rivalry(scene, mask, candidates)
+    gains = count_at_steps(scene, mask, rivalry).gains(rivalry.step_groups)
     detections, count = scene.detections, len(scene.detections)
     cleared = np.zeros(count, np.int64)
     true_positives, found_truths = np.zeros(count, np.int64), np.zeros(count, np.int64)
@@ -113,8 +113,8 @@ def _book_changes(scene: Scene, judgement: Judgement, candidates: Overlaps) -> C
         scores=detections.scores,
         frames=detections.frames,
         true_positives=true_positives,
-        false_positives=judgement.is_wrong_unmatched - cleared,
+        false_positives=mask.is_false_positive_if_unmatched - cleared,
         found_truths=found_truths,
         similarity=similarity,
-    )[judgement.is_wanted_detection]
+    )[mask.is_wanted_detection]
     return changes[np.argsort(-changes.scores, kind="stable")]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.multi_object.moving_objects import Judgement
+from perception.evaluation.multi_object.moving_objects import FrameAssignment
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.rows import Rows
 from perception.types import Bool, Float64, Int, Tracks
@@ -47,12 +47,12 @@ class TargetErrors(Rows):
 
 
 def target_errors(
-    stamp_s: float, scene: MovingScene, tracks: Tracks, judgement: Judgement
+    stamp_s: float, scene: MovingScene, tracks: Tracks, assignment: FrameAssignment
 ) -> TargetErrors:
     """Say of every object of one frame that must be tracked who follows it, and how well."""
-    must = judgement.must
+    must = assignment.must
     track_of = np.full(len(scene.objects), NO_TRACK)
-    track_of[judgement.pair_objects] = judgement.pair_tracks
+    track_of[assignment.matched_objects] = assignment.matched_tracks
     track_of = track_of[must]
     tracked = track_of != NO_TRACK
     tracks, objects = tracks[track_of[tracked]], scene.objects.boxes_velo[must]

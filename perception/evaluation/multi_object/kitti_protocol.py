@@ -104,7 +104,7 @@ def kitti_frames(
     true_types, answered_types = np.char.lower(truth.types), np.char.lower(answers.types)
     near = np.isin(true_types, (class_name, *NEIGHBOURS[class_name])) & (truth.ids >= 0)
     answered = (answered_types == class_name) & (answers.ids >= 0)
-    is_judged = (
+    is_evaluated = (
         (true_types == class_name)
         & (truth.truncation <= config.max_truncation)
         & (truth.occlusion <= config.max_occlusion)
@@ -116,8 +116,8 @@ def kitti_frames(
         strict=True,
     )
     return [
-        _judge(
-            _TrueBoxes(truth.ids[true], truth.boxes_px[true], is_judged[true]),
+        _exclude_ignored(
+            _TrueBoxes(truth.ids[true], truth.boxes_px[true], is_evaluated[true]),
             truth.boxes_px[regions],
             answers.ids[given],
             answers.boxes_px[given],
@@ -147,10 +147,10 @@ class _TrueBoxes:
 
     ids: Int
     boxes_px: Float64
-    is_judged: Bool
+    is_evaluated: Bool
 
 
-def _judge(
+def _exclude_ignored(
     true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, config: KittiTrackingConfig
 ) -> TrackedFrame:
     """Leave out what is neither right nor wrong."""
@@ -161,8 +161,10 @@ def _judge(
     rows, columns = rows[is_pair], columns[is_pair]
     is_low = boxes_px[:, 3] - boxes_px[:, 1] <= config.min_height_px
     share = intersection_over_area_px(boxes_px, regions_px)
-    is_wrong_at_worst = ~is_low & ~(share > config.max_dont_care + _ROUNDING).any(axis=1)
+    counts_unmatched = ~is_low & ~(share > config.max_dont_care + _ROUNDING).any(axis=1)
     # A matched answer is judged if its true box is, whatever its height and place.
-    is_judged = is_wrong_at_worst
-    is_judged[columns] = true.is_judged[rows]
-    return TrackedFrame(true.ids[true.is_judged], ids[is_judged], iou[true.is_judged][:, is_judged])
+    is_evaluated = counts_unmatched
+    is_evaluated[columns] = true.is_evaluated[rows]
+    return TrackedFrame(
+        true.ids[true.is_evaluated], ids[is_evaluated], iou[true.is_evaluated][:, is_evaluated]
+    )

@@ -41,51 +41,57 @@ _COVERED_SHARE = 0.5  # of a track's outline, from which on it lies on an object
 
 
 @dataclass(frozen=True)
-class Judgement:
+class FrameAssignment:
     """Which objects and tracks of one frame count, and which belong together.
 
     Attributes:
         must: (G,) rows of the objects that must be tracked.
         judged: (T,) rows of the tracks that are right or wrong.
-        pair_objects: (P,) rows of objects that are tracked.
-        pair_tracks: (P,) rows of the tracks that follow them.
+        matched_objects: (P,) rows of objects that are tracked.
+        matched_tracks: (P,) rows of the tracks that follow them.
         excused: (E,) rows of tracks that follow an object which need not be tracked.
         on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
     """
 
     must: Int
-    judged: Int
-    pair_objects: Int
-    pair_tracks: Int
-    excused: Int
+    evaluated: Int
+    matched_objects: Int
+    matched_tracks: Int
+    ignored: Int
     on_parked: Int
 
 
-def judge(scene: MovingScene, tracks: Tracks, config: MovingObjectConfig) -> Judgement:
+def assign_tracks(
+    scene: MovingScene, tracks: Tracks, config: MovingObjectConfig
+) -> FrameAssignment:
     """Apply the protocol of this file to the tracks of one frame."""
     boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, config)
     likeness = _likeness(boxes, tracks.boxes, config)
     must_rows = np.flatnonzero(must)
     pairs = _best_pairs(likeness[must_rows], config.min_likeness)
-    own = np.zeros(len(tracks))
-    own[pairs[1]] = likeness[must_rows][pairs]
+    own_similarity = np.zeros(len(tracks))
+    own_similarity[pairs[1]] = likeness[must_rows][pairs]
 
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
-    may = ~must & ~is_parked
+    ignorable = ~must & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
     is_candidate = (likeness >= config.min_likeness) | lies_on
-    rival = np.where(is_candidate[may], likeness[may], 0.0).max(axis=0, initial=0.0)
-    excused = rival > own
-    left_out = (own == 0) & ~is_labelled_there(tracks.boxes, scene, config)
-    judged = ~excused & ~left_out
-    kept = ~excused[pairs[1]]
-    return Judgement(
+    ignorable_similarity = np.where(is_candidate[ignorable], likeness[ignorable], 0.0).max(
+        axis=0, initial=0.0
+    )
+    ignored = ignorable_similarity > own_similarity
+    is_unlabelled = (own_similarity == 0) & ~is_labelled_there(tracks.boxes, scene, config)
+    evaluated = ~ignored & ~is_unlabelled
+    kept = ~ignored[pairs[1]]
+    return FrameAssignment(
         must=must_rows,
-        judged=np.flatnonzero(judged),
-        pair_objects=must_rows[pairs[0][kept]],
-        pair_tracks=pairs[1][kept],
-        excused=np.flatnonzero(excused),
-        on_parked=np.flatnonzero(judged & (own == 0) & is_candidate[is_parked].any(axis=0)),
+        evaluated=np.flatnonzero(evaluated),
+        matched_objects=must_rows[pairs[0][kept]],
+        matched_tracks=pairs[1][kept],
+        ignored=np.flatnonzero(ignored),
+        on_parked=np.flatnonzero(
+            evaluated & (own_similarity == 0) & is_candidate[is_parked].any(axis=0)
+        ),
     )
 
 
@@ -103,12 +109,12 @@ class JudgedTwice:
 
 
 def likeness_frames(
-    scene: MovingScene, tracks: Tracks, judgement: Judgement, config: MovingObjectConfig
+    scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
 ) -> JudgedTwice:
     """Return what is to be judged of one frame, by distance and by overlap."""
-    truth = scene.objects.boxes_velo[judgement.must]
-    answered = tracks[judgement.judged]
-    ids = scene.objects.track_ids[judgement.must], answered.ids
+    truth = scene.objects.boxes_velo[assignment.must]
+    answered = tracks[assignment.evaluated]
+    ids = scene.objects.track_ids[assignment.must], answered.ids
     near = distance_likeness(center_distances_m(truth, answered.boxes), config.reach_m)
     return JudgedTwice(
         by_distance=TrackedFrame(*ids, near),

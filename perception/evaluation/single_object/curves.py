@@ -39,7 +39,7 @@ class SingleObjectMetricsConfig:
 
 
 @dataclass(frozen=True)
-class RightFrames:
+class CorrectFrames:
     """Which frames are right, each by one measure; none of what the tracker cannot say.
 
     Attributes:
@@ -53,12 +53,12 @@ class RightFrames:
     location: Bool
 
 
-def right_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> RightFrames:
+def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:
     """Tell which frames are right."""
     in_space = slice(None) if errors.gives_boxes else slice(0)
     in_image = np.isfinite(errors.overlap_px)
     # What is missing is NaN, and NaN is never right.
-    return RightFrames(
+    return CorrectFrames(
         overlap=errors.overlap[in_space] > config.overlap,
         heading=np.abs(errors.heading_rad[in_space]) < np.radians(config.heading_deg),
         location=errors.center_px[in_image] < config.location_px,
@@ -85,10 +85,10 @@ def location_curve(errors: SingleObjectErrors, thresholds_px: Float64) -> Float6
     return np.asarray((errors.center_px[in_image, None] < thresholds_px).mean(axis=0))
 
 
-def cumulative_success(is_right: Bool) -> Float64:
+def cumulative_success(is_correct: Bool) -> Float64:
     """Return (K + 1,) right frames up to each frame, over all frames (Figs A.1, A.2): ends at their share."""
-    count = max(len(is_right), 1)
-    return np.concatenate([[0.0], np.cumsum(is_right) / count])
+    count = max(len(is_correct), 1)
+    return np.concatenate([[0.0], np.cumsum(is_correct) / count])
 
 
 def area_under(curve: Float64) -> float:
@@ -96,7 +96,7 @@ def area_under(curve: Float64) -> float:
     return float(((curve[:-1] + curve[1:]) / 2).mean())
 
 
-def _shares(is_right: Bool, errors: SingleObjectErrors) -> Float64:
+def _shares(is_correct: Bool, errors: SingleObjectErrors) -> Float64:
     if len(errors) == 0 or not errors.gives_boxes:
-        return np.full(is_right.shape[1], np.nan)
-    return np.asarray(is_right.mean(axis=0))
+        return np.full(is_correct.shape[1], np.nan)
+    return np.asarray(is_correct.mean(axis=0))

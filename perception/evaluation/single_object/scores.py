@@ -7,8 +7,8 @@ import numpy as np
 from perception.evaluation.single_object.curves import (
     SingleObjectMetricsConfig,
     area_under,
+    correct_frames,
     precision_curve,
-    right_frames,
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors
@@ -108,7 +108,7 @@ def single_object_metrics(
 ) -> SingleObjectMetrics:
     """Sum up the errors of one sequence, or of several together."""
     config = config or SingleObjectMetricsConfig()
-    size_rad, right = np.abs(errors.heading_rad), right_frames(errors, config)
+    size_rad, correct = np.abs(errors.heading_rad), correct_frames(errors, config)
     shares = {state: _mean(errors.states == state) for state in TrackStatus}
     return SingleObjectMetrics(
         frames=len(errors),
@@ -119,9 +119,9 @@ def single_object_metrics(
         heading_rad=_mean(size_rad),
         heading_bias_rad=_mean(errors.heading_rad),
         velocity_m_s=_mean(errors.velocity_m_s),
-        overlap_success=_mean(right.overlap),
-        heading_success=_mean(right.heading),
-        location_success=_mean(right.location),
+        overlap_success=_mean(correct.overlap),
+        heading_success=_mean(correct.heading),
+        location_success=_mean(correct.location),
         success=area_under(success_curve(errors, config)),
         precision=area_under(precision_curve(errors, config)),
         seen=shares[TrackStatus.SEEN],

@@ -91,7 +91,7 @@ class _Lattice:
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _ScoredPoses:
     """The poses of a lattice: (Y, U, V, 3), around, along and across, and their (Y, U, V) rewards."""
 
     poses: Float64
@@ -120,12 +120,12 @@ def search(
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.config.cell_m)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
         near = sight.near(lattice.pose[:2], reach_m, config.max_points)
-        judged = _judge(shape, smooth, near, lattice)
+        scored = _score_poses(shape, smooth, near, lattice)
         kept = usual_reward * shape.kept_by(smooth, table)
-        score = _gains(judged.rewards, kept, config) + _log_prior(judged.poses, priors)
+        score = _gains(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
-        usual_reward = max(usual_reward, float(judged.rewards[best]))
-        belief = _moments(judged.poses, score, _around_best(score, best, config.possible))
+        usual_reward = max(usual_reward, float(scored.rewards[best]))
+        belief = _moments(scored.poses, score, _around_best(score, best, config.possible))
         if steps is not None:
             lattice = _finer(lattice, belief, steps, config)
     axes = _turn(belief.pose[2])
@@ -183,7 +183,9 @@ def _finer(
     return _Lattice(belief.pose, np.maximum(reach, finest), steps)
 
 
-def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) -> _Judged:
+def _score_poses(
+    shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice
+) -> _ScoredPoses:
     """Sum the rewards of all points at every pose.
 
     Steps along and across lie on the pose's own axes, so that the cells of a point along and across
@@ -214,7 +216,7 @@ def _judge(shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice) 
         ],
         axis=-1,
     )
-    return _Judged(poses, rewards.astype(np.float64))
+    return _ScoredPoses(poses, rewards.astype(np.float64))
 
 
 def _gains(rewards: Float64, usual_reward: float, config: PoseSearchConfig) -> Float64:

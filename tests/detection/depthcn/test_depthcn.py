@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_depthcn import detect_one_by_one, judge_one_by_one, suppress_by_loop
+from benchmarks.naive_depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
 from data.open_drive import open_drive
 from perception.detection.depthcn.detector import DepthCn, NmsConfig
 from perception.detection.depthcn.picture import camera_picture
@@ -109,7 +109,7 @@ def test_one_call_judges_all_candidates_as_one_by_one(write_model):
     verified = detector.verify(proposals, dense, CALIBRATION)
     picture = camera_picture(dense, CALIBRATION.image_P_velo, 1.73)
     windows = windows_px("metric", proposals.boxes_px, proposals.depths_m, 100.0)
-    judged = judge_one_by_one(detector.verifier, picture, windows)
+    judged = verify_one_by_one(detector.verifier, picture, windows)
     np.testing.assert_allclose(verified.scores, judged.scores, atol=1e-6)
     clipped = np.clip(judged.boxes_px, 0, [199, 119, 199, 119])
     np.testing.assert_allclose(verified.boxes_px, clipped, atol=1e-3)
@@ -141,7 +141,7 @@ def street():
 def test_whole_way_from_scan_to_detections(write_model):
     detector = DepthCn(write_model(), nms_config=NmsConfig(min_score=0.0))
     frame = street()
-    verified = detector.examine(frame)
+    verified = detector.verify_frame(frame)
     assert len(verified.proposals) == 2
     detections = verified.detections
     order = np.argsort(detections.boxes_px[:, 0])
@@ -151,7 +151,7 @@ def test_whole_way_from_scan_to_detections(write_model):
     )
     owners = verified.owners[6000:]
     assert (np.bincount(owners[owners >= 0]) > 250).all()
-    again = detector.examine(frame, densify(project_frame(frame)))
+    again = detector.verify_frame(frame, densify(project_frame(frame)))
     np.testing.assert_array_equal(again.detections.boxes_px, detections.boxes_px)
     np.testing.assert_array_equal(detector.detect(frame).scores, detections.scores)
     plain = detect_one_by_one(detector.verifier, frame)
@@ -164,7 +164,7 @@ def test_real_frame_is_detected_in_without_its_image(kitti_root, write_model):
     detector = DepthCn(write_model(window="metric"))
     blind, seeing = (open_drive(root, images=images)[10] for images in (False, True))
     assert blind.image is None
-    verified = detector.examine(blind)
+    verified = detector.verify_frame(blind)
     assert len(verified.proposals) > 10
     assert verified.owners.max() == len(verified.kept) - 1
     again = detector.detect(seeing)

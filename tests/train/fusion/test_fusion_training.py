@@ -12,7 +12,7 @@ from export.fusion import export_fusion, with_calibrations
 from perception.detection.fusion.calibration import Calibration, Calibrations
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
-from perception.evaluation.detection.reliability import Rightness, measure_reliability
+from perception.evaluation.detection.reliability import Correctness, measure_reliability
 from tests.train.fusion.test_mlp_squares import toy_rows
 from train.fusion.calibration import fit_calibration
 from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
@@ -127,21 +127,21 @@ def test_a_calibration_finds_the_curve_that_made_the_scores():
     rng = np.random.default_rng(0)
     made = Calibration(0.6, 1.8, -0.4)
     scores = rng.uniform(0, 1, 60_000)
-    found = Rightness(scores, rng.uniform(size=60_000) < made.probabilities(scores))
+    found = Correctness(scores, rng.uniform(size=60_000) < made.probabilities(scores))
     curve = fit_calibration(found)
     np.testing.assert_allclose([curve.a, curve.b, curve.c], [0.6, 1.8, -0.4], atol=0.06)
-    before = measure_reliability(found).expected_error
-    after = measure_reliability(Rightness(curve.probabilities(scores), found.is_right))
-    assert after.expected_error < 0.01 < before
+    before = measure_reliability(found).expected_calibration_error
+    after = measure_reliability(Correctness(curve.probabilities(scores), found.is_correct))
+    assert after.expected_calibration_error < 0.01 < before
 
 
 def test_where_all_are_right_scores_stay():
-    assert fit_calibration(Rightness(np.array([0.2, 0.9]), np.ones(2, bool))) == Calibration()
+    assert fit_calibration(Correctness(np.array([0.2, 0.9]), np.ones(2, bool))) == Calibration()
 
 
 def test_a_calibration_keeps_the_order_whatever_it_is_shown():
     scores = np.linspace(0.01, 0.99, 200)
-    curve = fit_calibration(Rightness(scores, scores < 0.5))  # the surer, the wronger
+    curve = fit_calibration(Correctness(scores, scores < 0.5))  # the surer, the wronger
     assert (np.diff(curve.probabilities(scores)) > 0).all()
     with pytest.raises(UsageError, match="from 0 on"):
         Calibration(-1.0, 1.0, 0.0)
