@@ -154,8 +154,8 @@ def moderate(form: Form) -> float:
     """Return the average precision in percent, moderate, over all classes; 0 where it was not measured."""
     # Of each class at the overlap that KITTI asks for; then again, at a half.
     of_classes = list(form.precision.values())
-    wanted = of_classes[: len(of_classes) // 2]
-    return float(np.mean([levels["moderate"] for levels in wanted])) if wanted else 0.0
+    strict = of_classes[: len(of_classes) // 2]
+    return float(np.mean([levels["moderate"] for levels in strict])) if strict else 0.0
 
 
 def _scales_to_try(config: ExportConfig) -> tuple[Scales, ...]:

@@ -45,10 +45,10 @@ def grid_rows(dataset: CandidateDataset, count: int, seed: int = 0) -> list[int]
     rng = np.random.default_rng(seed)
     is_vehicle = dataset.candidates.is_vehicle
     classes = [np.flatnonzero(is_vehicle), np.flatnonzero(~is_vehicle)]
-    wanted = [(count + 1) // 2, count // 2]
+    counts = [(count + 1) // 2, count // 2]
     return [
         int(row)
-        for of_class, number in zip(classes, wanted, strict=True)
+        for of_class, number in zip(classes, counts, strict=True)
         for row in rng.choice(of_class, min(number, len(of_class)), replace=False)
     ]
 

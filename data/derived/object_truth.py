@@ -66,10 +66,10 @@ class DriveObjects:
             if track_id >= 0 and len(where) >= min_frames
         ]
 
-    def track(self, wanted: ObjectSequence) -> TrueTrack:
+    def track(self, target: ObjectSequence) -> TrueTrack:
         """Return one object in those frames in which its place is known."""
-        last = min(wanted.last_frame, len(self.seen) - 1)
-        rows = [self._row(frame, wanted.track_id) for frame in range(wanted.first_frame, last + 1)]
+        last = min(target.last_frame, len(self.seen) - 1)
+        rows = [self._row(frame, target.track_id) for frame in range(target.first_frame, last + 1)]
         known = [row for row in rows if row is not None]
         return TrueTrack(
             frames=np.array([row.frame for row in known], np.int64),

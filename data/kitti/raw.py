@@ -49,7 +49,7 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
         raise DriveError(scans.folder, expected="scans named 0000000000.bin", found="none")
     calibration = read_raw_calibration(_calibration_folder(folder))
     image_files = NumberedFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
-    camera = Camera.of(calibration, image_files, wanted=images)
+    camera = Camera.of(calibration, image_files, load_images=images)
     packets = NumberedFiles.within(folder / "oxts" / "data", (".txt",))
     label_file = folder / "label_02.txt"
     point_labels = NumberedFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)

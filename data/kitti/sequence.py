@@ -236,13 +236,15 @@ class Camera:
     images: NumberedFiles | None
 
     @classmethod
-    def of(cls, calibration: DriveCalibration, images: NumberedFiles, *, wanted: bool) -> "Camera":
+    def of(
+        cls, calibration: DriveCalibration, images: NumberedFiles, *, load_images: bool
+    ) -> "Camera":
         """Bring together what a drive's folders hold."""
         camera = calibration.camera
         size = _stated_size(camera, images)
         if camera is not None and size is not None:
             camera = replace(camera, image_size_px=size.size_px)
-        return cls(camera, size, images if wanted and len(images) else None)
+        return cls(camera, size, images if load_images and len(images) else None)
 
 
 def _stated_size(camera: Calibration | None, images: NumberedFiles) -> StatedSize | None:

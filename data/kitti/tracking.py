@@ -45,7 +45,7 @@ def open_tracking(
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
     image_files = NumberedFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
-    camera = Camera.of(calibration, image_files, wanted=images)
+    camera = Camera.of(calibration, image_files, load_images=images)
     packets = folder / "oxts" / f"{sequence}.txt"
     label_file = folder / "label_02" / f"{sequence}.txt"
     point_labels = NumberedFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)

@@ -12,8 +12,8 @@ import numpy as np
 from data.pictures.camera_changes import CameraStrengths, change_image
 from data.pictures.making import PictureRules
 from data.pictures.map_changes import MapStrengths, change_depth_map, change_reflectance_map
-from data.pictures.placing import PlacingStrengths, draw_placement, place, place_labels
-from data.pictures.wanted import PictureLabels
+from data.pictures.placing import PlacingStrengths, draw_placement, place, transform_targets
+from data.pictures.wanted import DetectionTargets
 from perception.types import UInt8
 
 
@@ -39,11 +39,11 @@ class PictureAugmentation:
 
 def changed(
     picture: UInt8,
-    labels: PictureLabels,
+    labels: DetectionTargets,
     config: PictureRules,
     strengths: PictureAugmentation,
     rng: np.random.Generator,
-) -> tuple[UInt8, PictureLabels]:
+) -> tuple[UInt8, DetectionTargets]:
     """Return an (h, w, C) picture and its labels as another look would show them."""
     modality, is_filled = config.modality, config.filling != "sparse"
     size_px = picture.shape[1], picture.shape[0]
@@ -55,4 +55,4 @@ def changed(
         placed = change_depth_map(placed, placement.zoom, strengths.maps, rng, is_filled=is_filled)
     else:
         placed = change_reflectance_map(placed, strengths.maps, rng, is_filled=is_filled)
-    return placed, place_labels(labels, placement, size_px)
+    return placed, transform_targets(labels, placement, size_px)

@@ -12,7 +12,7 @@ from torch.utils.data import Dataset
 from data.looks import Ask
 from data.pictures.augmentation import PictureAugmentation, changed
 from data.pictures.labelled_pictures import LabelledPictures
-from data.pictures.wanted import PictureLabels
+from data.pictures.wanted import DetectionTargets
 from data.true_boxes import true_boxes
 from perception.errors import LabelError
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -53,7 +53,7 @@ class PictureDataset(Dataset[Sample]):
         """
         self.frames, self.numbers = frames, np.asarray(numbers, np.int64)
         self.augmentation, self.seed = augmentation, seed
-        self._labels = [frames.wanted(number) for number in self.numbers.tolist()]
+        self._labels = [frames.targets(number) for number in self.numbers.tolist()]
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -74,7 +74,7 @@ class PictureDataset(Dataset[Sample]):
             "numbers": torch.tensor(row),
         }
 
-    def look(self, ask: Ask | int) -> tuple[UInt8, PictureLabels]:
+    def look(self, ask: Ask | int) -> tuple[UInt8, DetectionTargets]:
         """Return (h, w, C) the picture and the labels of a sample.
 
         Raises:
@@ -95,7 +95,7 @@ class PictureDataset(Dataset[Sample]):
         """Return all labels, in pixels of the original pictures, by which detections are judged."""
         return true_boxes([self.frames.labels(number) for number in self.numbers.tolist()])
 
-    def require_wanted(self, where: str) -> None:
+    def require_targets(self, where: str) -> None:
         """Refuse pictures from which nothing could be learned, or by which nothing could be judged.
 
         Raises:
@@ -115,8 +115,8 @@ class PictureDataset(Dataset[Sample]):
     def label_sizes_px(self) -> Float64:
         """Return (M, 2) widths and heights of the wanted labels, in pixels of the input."""
         boxes_px = [labels.boxes_px[~labels.is_ignored] for labels in self._labels]
-        wanted = np.concatenate([np.zeros((0, 4)), *boxes_px])
-        return np.asarray(wanted[:, 2:] - wanted[:, :2], np.float64)
+        targets = np.concatenate([np.zeros((0, 4)), *boxes_px])
+        return np.asarray(targets[:, 2:] - targets[:, :2], np.float64)
 
 
 def collate(samples: Sequence[Sample]) -> Sample:

@@ -9,7 +9,7 @@ from data.array_store import Arrays, ArrayStore
 from data.drive import Drive, Labels
 from data.frames import file_number
 from data.pictures.making import PictureRules, make_pictures, picture_key
-from data.pictures.wanted import PictureLabels, picture_labels, within_picture
+from data.pictures.wanted import DetectionTargets, detection_targets, labels_within_image
 from perception.types import Int, UInt8
 
 log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ class LabelledPictures:
         """
         if number not in self._labels:
             drive, index = self._places[number]
-            labels, left_out = within_picture(drive.labels(index), self.size_px(number))
+            labels, left_out = labels_within_image(drive.labels(index), self.size_px(number))
             if left_out:
                 log.warning(
                     "%s frame %d: left out %d labels without an area within the image",
@@ -81,7 +81,7 @@ class LabelledPictures:
             self._labels[number] = labels
         return self._labels[number]
 
-    def wanted(self, number: int) -> PictureLabels:
+    def targets(self, number: int) -> DetectionTargets:
         """Return what is to be found in the picture of a frame, in pixels of the input.
 
         Raises:
@@ -89,7 +89,7 @@ class LabelledPictures:
         """
         config = self.config
         labels = self.labels(number)
-        return picture_labels(labels, config.class_names, self.size_px(number), config.size)
+        return detection_targets(labels, config.class_names, self.size_px(number), config.size)
 
     def _arrays(self, number: int) -> Arrays:
         drive, index = self._places[number]

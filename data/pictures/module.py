@@ -133,8 +133,8 @@ class PictureData(LightningDataModule):
         self.training = self._dataset(frames, learned, self.augmentation)
         self.validation = self._dataset(kept_frames, kept, None)
         self.test = self._dataset(frames, split.test, None)
-        self.training.require_wanted("training pictures")
-        self.validation.require_wanted("validation pictures")
+        self.training.require_targets("training pictures")
+        self.validation.require_targets("validation pictures")
 
     def train_dataloader(self) -> DataLoader[Sample]:
         """Return batches in a new order, with new looks, at every epoch."""

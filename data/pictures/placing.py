@@ -10,7 +10,7 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from data.pictures.wanted import LEARNED, PictureLabels, clipped, has_area
+from data.pictures.wanted import LEARNED, DetectionTargets, clipped, has_area
 from data.strengths import Strengths
 from perception.geometry.box_overlap_px import area_px, intersection_over_area_px
 from perception.types import Float64, Modality, UInt8
@@ -119,9 +119,9 @@ def place(
     return placed
 
 
-def place_labels(
-    labels: PictureLabels, placement: Placement, size_px: tuple[int, int]
-) -> PictureLabels:
+def transform_targets(
+    labels: DetectionTargets, placement: Placement, size_px: tuple[int, int]
+) -> DetectionTargets:
     """Return the labels of a placed picture of (width, height).
 
     What has left the picture is left out. What is hidden, or has left, by more than KITTI's hard level

@@ -21,7 +21,7 @@ LEARNED = Difficulty("learned", min_height_px=16, max_occlusion=2, max_truncatio
 
 
 @dataclass(frozen=True)
-class PictureLabels:
+class DetectionTargets:
     """L boxes of one picture.
 
     Attributes:
@@ -46,9 +46,9 @@ class PictureLabels:
         return type(self)(*kept, self.min_height_px)
 
 
-def picture_labels(
+def detection_targets(
     labels: Labels, class_names: Sequence[str], size_px: tuple[int, int], size: InputSize
-) -> PictureLabels:
+) -> DetectionTargets:
     """Return what is to be found in the picture of a frame, once it is stretched to the input.
 
     Args:
@@ -60,13 +60,13 @@ def picture_labels(
     """
     class_of = _class_numbers(class_names)
     numbers = np.array([class_of.get(str(name).lower(), -1) for name in labels.types], np.int64)
-    is_wanted = np.isin(np.char.lower(labels.types.astype(np.str_)), _lower(class_names))
+    is_target = np.isin(np.char.lower(labels.types.astype(np.str_)), _lower(class_names))
     rows = np.flatnonzero(numbers >= 0)
     regions = len(labels.dont_care_px)
     boxes_px = clipped(np.concatenate([labels.boxes_px[rows], labels.dont_care_px]), size_px)
     scale = np.tile([size.width_px / size_px[0], size.height_px / size_px[1]], 2)
-    is_ignored = ~(is_wanted & _is_seen(labels))[rows]
-    return PictureLabels(
+    is_ignored = ~(is_target & _is_seen(labels))[rows]
+    return DetectionTargets(
         boxes_px=(boxes_px * scale).astype(np.float32),
         classes=np.concatenate([numbers[rows], np.zeros(regions, np.int64)]),
         is_ignored=np.concatenate([is_ignored, np.ones(regions, bool)]),
@@ -74,7 +74,7 @@ def picture_labels(
     )
 
 
-def within_picture(labels: Labels, size_px: tuple[int, int]) -> tuple[Labels, int]:
+def labels_within_image(labels: Labels, size_px: tuple[int, int]) -> tuple[Labels, int]:
     """Return the labels without boxes and regions that cover nothing of a picture, and how many these are.
 
     Args:

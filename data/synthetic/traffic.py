@@ -115,10 +115,10 @@ def _advance(
 ) -> tuple[Float64, Float64]:
     """Step the model: free road term minus interaction with the vehicle in front."""
     closing = speed * (speed - leader) / (2 * np.sqrt(_ACCELERATION_M_S2 * _BRAKING_M_S2))
-    wanted = _STANDSTILL_M + np.maximum(0.0, _HEADWAY_S * speed + closing)
+    desired_gap_m = _STANDSTILL_M + np.maximum(0.0, _HEADWAY_S * speed + closing)
     free = np.where(
         desired > 0.1, 1 - (speed / np.maximum(desired, 0.1)) ** 4, -2.0 * np.sign(speed)
     )
-    pull = _ACCELERATION_M_S2 * (free - (wanted / np.maximum(gap, 0.3)) ** 2)
+    pull = _ACCELERATION_M_S2 * (free - (desired_gap_m / np.maximum(gap, 0.3)) ** 2)
     new_speed = np.maximum(0.0, speed + STEP_S * np.clip(pull, -_HARDEST_M_S2, 2.5))
     return new_speed, place + STEP_S * (speed + new_speed) / 2

@@ -18,7 +18,7 @@ from perception.cli.run_pictures import NoPictures, Pictures, RunPictures
 from perception.cli.run_summary import RunSummary
 from perception.errors import PerceptionError
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_chain import wanted_modalities
+from perception.pipeline.detection_chain import enabled_modalities
 from perception.render.composition import Composition
 from perception.render.timeline import plot_timeline
 from perception.tracking.single_object.hand_over import TrackHandover
@@ -56,7 +56,7 @@ def run(  # noqa: PLR0913 - flags of a command
         pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
     """
     # Networks, and a tracker of one object, look at images that nobody draws.
-    is_looked_at = "rgb" in wanted_modalities(pipeline.detection) or follow is not None
+    is_looked_at = "rgb" in enabled_modalities(pipeline.detection) or follow is not None
     opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or is_looked_at)
     plan = RunConfig(frames, video, on_bad_frame, pipeline, follow)
     summary = run_drive(opened, out or new_results_folder(Path("results")), plan)

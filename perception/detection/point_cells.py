@@ -141,15 +141,17 @@ def spread(starts: Int, counts: Int) -> tuple[Int, Int]:
     return owner, np.arange(len(owner)) + (starts - before)[owner]
 
 
-def _find(keys: Int, wanted: Int) -> Int:
+def _find(keys: Int, queries: Int) -> Int:
     """Return where in the rising keys each wanted one stands, or -1."""
-    reach = int(wanted.max()) + 1
+    reach = int(queries.max()) + 1
     if reach > _LARGEST_TABLE:
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        return np.where(keys[at] == wanted, at, -1)
+        at = np.minimum(np.searchsorted(keys, queries), len(keys) - 1)
+        return np.where(keys[at] == queries, at, -1)
     table = np.full(reach, -1)
     table[keys] = np.arange(len(keys))
-    return table[wanted]  # a negative one would be below all keys: none of the steps reaches so far
+    return table[
+        queries
+    ]  # a negative one would be below all keys: none of the steps reaches so far
 
 
 def _gap(values: Float64, lows: Float64, highs: Float64) -> Float64:

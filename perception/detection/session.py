@@ -45,7 +45,8 @@ class Input:
             other.type is self.type
             and len(other.shape) == len(self.shape)
             and all(
-                want in (None, have) for want, have in zip(self.shape, other.shape, strict=True)
+                required in (None, found_length)
+                for required, found_length in zip(self.shape, other.shape, strict=True)
             )
         )
 
@@ -149,19 +150,19 @@ class OnnxModel:
 
     def _check_facts(self, contract: ModelContract) -> None:
         for name in (*contract.facts, *contract.noted):
-            wanted = contract.facts.get(name)
+            required = contract.facts.get(name)
             found = self.facts.get(name)
-            if found is None or (wanted is not None and found != wanted):
+            if found is None or (required is not None and found != required):
                 raise ModelError(
                     self.name,
-                    expected=f"{name} {wanted}" if wanted else f"{name} in its metadata",
+                    expected=f"{name} {required}" if required else f"{name} in its metadata",
                     found=found or "no such entry in its metadata",
                     advice="give a model that `trifuse export` wrote for this detector",
                 )
 
     def _check_interface(self, contract: ModelContract) -> None:
         fits = self.inputs.keys() == contract.inputs.keys() and all(
-            wanted.takes(self.inputs[name]) for name, wanted in contract.inputs.items()
+            required.takes(self.inputs[name]) for name, required in contract.inputs.items()
         )
         if not fits:
             raise ModelError(

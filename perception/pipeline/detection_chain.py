@@ -74,7 +74,7 @@ class DetectionChain:
             return self.depthcn.verify_frame(frame, dense if is_same else None).detections
 
 
-def open_detection(config: DetectionConfig, sensor: LidarModel) -> DetectionChain:
+def load_detectors(config: DetectionConfig, sensor: LidarModel) -> DetectionChain:
     """Open the networks of a choice.
 
     Raises:
@@ -82,7 +82,7 @@ def open_detection(config: DetectionConfig, sensor: LidarModel) -> DetectionChai
     """
     detectors = {
         modality: ModalityDetector(config.files[modality] or modality, threads=1)
-        for modality in wanted_modalities(config)
+        for modality in enabled_modalities(config)
     }
     return DetectionChain(
         multimodal=MultimodalDetector(detectors, _open_fusion(config)) if detectors else None,
@@ -90,12 +90,12 @@ def open_detection(config: DetectionConfig, sensor: LidarModel) -> DetectionChai
     )
 
 
-def is_any_wanted(config: DetectionConfig) -> bool:
+def is_detection_enabled(config: DetectionConfig) -> bool:
     """Tell whether a choice asks for any detector."""
-    return config.depthcn or len(wanted_modalities(config)) > 0
+    return config.depthcn or len(enabled_modalities(config)) > 0
 
 
-def wanted_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
+def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     """Return the modalities of a choice; left open, all whose network is there."""
     if config.modalities is not None:
         return config.modalities

@@ -24,7 +24,12 @@ from perception.geometry.threads import keep_opencv_to_one_thread
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.detection_chain import NOTHING_SEEN, Seen, is_any_wanted, open_detection
+from perception.pipeline.detection_chain import (
+    NOTHING_SEEN,
+    Seen,
+    is_detection_enabled,
+    load_detectors,
+)
 from perception.pipeline.obstacle_chain import ObstacleChain, Surroundings
 from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.pipeline.stream import FramePolicy, ResultStream
@@ -57,13 +62,13 @@ class Pipeline:
         """
         self.sensor = sensor
         self.config = config or PipelineConfig()
-        self._detects = is_any_wanted(self.config.detection)
+        self._detects = is_detection_enabled(self.config.detection)
         # Where nothing works beside them, obstacles need no process of their own.
         is_beside = self.config.overlap and self._detects
         self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
         with ExitStack() as on_error:
             on_error.callback(self._obstacles.close)
-            self._detection = open_detection(self.config.detection, sensor)
+            self._detection = load_detectors(self.config.detection, sensor)
             self._obstacles.reset()  # a process answers when it is ready for the first frame
             on_error.pop_all()
         self._forget_vehicles()

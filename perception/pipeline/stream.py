@@ -94,7 +94,7 @@ class ResultStream:
         """Take frame after frame from the source, until it ends, fails, or nobody wants more."""
         source = iter(frames)
         try:
-            while self._wants_more():
+            while self._waits_for_more():
                 try:
                     frame = next(source)
                 except StopIteration:
@@ -109,7 +109,7 @@ class ResultStream:
                 self._is_over = True
                 self._changed.notify_all()
 
-    def _wants_more(self) -> bool:
+    def _waits_for_more(self) -> bool:
         """Wait for room where every frame counts; tell whether to read another."""
         with self._changed:
             if self._policy == "every":

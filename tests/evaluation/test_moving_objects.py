@@ -21,7 +21,7 @@ from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingObjectConfig,
     MovingScene,
-    must_be_tracked,
+    is_target,
     points_above_feet,
 )
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
@@ -117,10 +117,10 @@ def test_frames_before_a_tracker_is_sure_are_misses():
 
 def test_who_must_be_tracked():
     boxes = boxes_at((10, 0), (31, 0), (10, 11), (-5, 0))
-    assert must_be_tracked(scene_of(boxes), CONFIG).tolist() == [True, False, False, True]
-    assert not must_be_tracked(scene_of(boxes, points=19), CONFIG).any()
-    assert not must_be_tracked(scene_of(boxes, Motion.STATIC), CONFIG).any()
-    in_view = must_be_tracked(scene_of(boxes, view=view_of()), CONFIG)
+    assert is_target(scene_of(boxes), CONFIG).tolist() == [True, False, False, True]
+    assert not is_target(scene_of(boxes, points=19), CONFIG).any()
+    assert not is_target(scene_of(boxes, Motion.STATIC), CONFIG).any()
+    in_view = is_target(scene_of(boxes, view=view_of()), CONFIG)
     assert in_view.tolist() == [True, False, False, False]
 
 
@@ -136,7 +136,7 @@ def test_who_must_be_tracked():
 def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: bool):
     boxes = boxes_at((10, 0))
     assignment = assign_tracks(scene_of(boxes, **changes), tracks_of(boxes), CONFIG)
-    assert len(assignment.must) == 0
+    assert len(assignment.targets) == 0
     assert assignment.ignored.tolist() == ([0] if is_excused else [])
     assert assignment.evaluated.tolist() == ([] if is_excused else [0])
     assert assignment.on_parked.tolist() == ([] if is_excused else [0])
@@ -182,7 +182,7 @@ def test_a_track_that_fits_an_ignored_neighbour_better_finds_nobody():
     scene = scene_of(boxes_at((10, 0), (10, 1.2), size_m=person_m))
     scene = replace(scene, points=np.array([100, 5]))
     assignment = assign_tracks(scene, tracks_of(boxes_at((10, 1.1), size_m=person_m)), CONFIG)
-    assert assignment.must.tolist() == [0]
+    assert assignment.targets.tolist() == [0]
     assert assignment.ignored.tolist() == [0]
     assert len(assignment.matched_tracks) == len(assignment.evaluated) == 0
     nearer = assign_tracks(scene, tracks_of(boxes_at((10, 0.3), size_m=person_m)), CONFIG)

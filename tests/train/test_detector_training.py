@@ -109,9 +109,9 @@ def test_the_anchors_are_those_of_the_labels(tmp_path):
     train(tmp_path, data=data)
     detector, facts = load_detector(tmp_path / "last.ckpt")
     sizes_px = data.training.label_sizes_px()
-    wanted = fit_anchors(sizes_px, 5, np.random.default_rng(0)).anchors_px
-    np.testing.assert_allclose(detector.head.anchors_px.numpy(), wanted, rtol=1e-6)
-    assert facts["anchors"].split(",")[0] == f"{wanted[0, 0]:.1f}x{wanted[0, 1]:.1f}"
+    expected = fit_anchors(sizes_px, 5, np.random.default_rng(0)).anchors_px
+    np.testing.assert_allclose(detector.head.anchors_px.numpy(), expected, rtol=1e-6)
+    assert facts["anchors"].split(",")[0] == f"{expected[0, 0]:.1f}x{expected[0, 1]:.1f}"
 
 
 def test_a_checkpoint_says_what_it_is(tmp_path):

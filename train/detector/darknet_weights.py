@@ -73,8 +73,8 @@ def load_darknet_weights(
     content = _read(path)
     header = _parse_header(content, path)
     slots = list(_slots(network))
-    wanted = sum(slot.numel() for slot in slots)
-    numbers = _parse_numbers(content[header.size_bytes :], wanted, path, is_beginning)
+    required = sum(slot.numel() for slot in slots)
+    numbers = _parse_numbers(content[header.size_bytes :], required, path, is_beginning)
     ends = np.cumsum([slot.numel() for slot in slots])
     with torch.no_grad():
         for slot, part in zip(slots, np.split(numbers, ends[:-1]), strict=True):
@@ -135,17 +135,17 @@ def _parse_header(content: bytes, path: Path) -> DarknetHeader:
     )
 
 
-def _parse_numbers(content: bytes, wanted: int, path: Path, is_beginning: bool) -> Float32:
+def _parse_numbers(content: bytes, required: int, path: Path, is_beginning: bool) -> Float32:
     found, rest = divmod(len(content), _NUMBER.itemsize)
-    fits = found >= wanted if is_beginning else (found, rest) == (wanted, 0)
+    fits = found >= required if is_beginning else (found, rest) == (required, 0)
     if not fits:
         raise ModelError(
             path,
-            expected=f"{'at least ' if is_beginning else ''}{wanted} numbers for this network",
+            expected=f"{'at least ' if is_beginning else ''}{required} numbers for this network",
             found=f"{found}" + (f" and {rest} bytes" if rest else ""),
             advice="check the class list, the anchors, and that the download is complete",
         )
-    numbers = np.frombuffer(content, _NUMBER, wanted).astype(np.float32)
+    numbers = np.frombuffer(content, _NUMBER, required).astype(np.float32)
     if not np.isfinite(numbers).all():
         raise ModelError(path, expected="finite numbers", found="NaN or infinity")
     return numbers

@@ -146,14 +146,14 @@ def _prior_term(
     return config.prior_weight * errors.masked_fill(_answers(raw, targets), 0).sum()
 
 
-def _objectness_error(logits: Tensor, wanted: Tensor, config: DetectionLossConfig) -> Tensor:
+def _objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfig) -> Tensor:
     scores = logits.sigmoid()
     if config.objectness == "squared":
-        return _squared(scores, wanted)
+        return _squared(scores, target)
     # The continuous form of the focal loss, for wanted values between 0 and 1 (Li et al.,
     # "Generalized focal loss", NeurIPS 2020, eq. 3).
-    entropy = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
-    return (wanted - scores).abs() ** config.focal_power * entropy
+    entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
+    return (target - scores).abs() ** config.focal_power * entropy
 
 
 def _lies_on_label(corners: Tensor, labels: BatchLabels, free_iou: float) -> Tensor:
@@ -186,5 +186,5 @@ def _corrections(raw: Tensor) -> Tensor:
     return torch.cat([raw[..., :2].sigmoid(), raw[..., 2:4]], dim=-1)
 
 
-def _squared(value: Tensor, wanted: Tensor) -> Tensor:
-    return (value - wanted).square() / 2
+def _squared(value: Tensor, target: Tensor) -> Tensor:
+    return (value - target).square() / 2

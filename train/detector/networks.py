@@ -133,11 +133,11 @@ def require_same_form(checkpoint: Path, network_config: DetectorNetworkConfig) -
     """
     noted = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        wanted, found = network_config.facts[name], str(noted[name])
-        if wanted != found:
+        expected, found = network_config.facts[name], str(noted[name])
+        if expected != found:
             raise ModelError(
                 checkpoint,
-                expected=f"a detector whose {name} is {wanted}",
+                expected=f"a detector whose {name} is {expected}",
                 found=found,
                 advice="give the options that the checkpoint was made with",
             )

@@ -105,9 +105,9 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: Grid) -> GridT
     """
     centers = (labels.boxes_px[..., :2] + labels.boxes_px[..., 2:]) / 2
     extent_px = centers.new_tensor([grid.columns, grid.rows]) * grid.stride_px
-    is_wanted = has_area(labels.boxes_px) & ~labels.is_ignored
+    is_target = has_area(labels.boxes_px) & ~labels.is_ignored
     is_inside = ((centers >= 0) & (centers < extent_px)).all(dim=-1)
-    image, label = (is_wanted & is_inside).nonzero(as_tuple=True)
+    image, label = (is_target & is_inside).nonzero(as_tuple=True)
 
     boxes_px, in_cells = labels.boxes_px[image, label], centers[image, label] / grid.stride_px
     column, row = in_cells.long().unbind(dim=1)

@@ -120,14 +120,14 @@ def start_from_classifier(
     state = _fetch(name) if weights == "download" else _read(weights)
     # The maps need no classes: what was behind them is left out.
     maps = detector.trunk.get_submodule("maps")
-    wanted = maps.state_dict()
+    required = maps.state_dict()
     try:
-        maps.load_state_dict({key: state[key] for key in wanted if key in state})
+        maps.load_state_dict({key: state[key] for key in required if key in state})
     except RuntimeError as error:
-        fits = sum(key in state and state[key].shape == wanted[key].shape for key in wanted)
+        fits = sum(key in state and state[key].shape == required[key].shape for key in required)
         raise ModelError(
             weights,
-            expected=f"the {len(wanted)} weights of {name} that its maps need",
+            expected=f"the {len(required)} weights of {name} that its maps need",
             found=f"{fits} of them",
         ) from error
 

@@ -53,11 +53,11 @@ def detector(  # noqa: PLR0913 - flags of a command
     evaluation_config = DetectionEvaluationConfig(**flags)
     reading, measuring = evaluation_config.reading, evaluation_config.measuring
     network = open_detector(model)
-    wanted = classes_of(network, classes)
+    target_classes = classes_of(network, classes)
     measured = []
     for source in drive_sources(drives, reading.sequence):
         drive = open_labelled(source, reading)
-        one = measure_detector(source.name, drive, network, wanted, reading, measuring)
+        one = measure_detector(source.name, drive, network, target_classes, reading, measuring)
         measured.append(one)
         if pictures is not None:
             draw_worst(pictures, drive, network, one, worst)

@@ -56,15 +56,15 @@ def _with_mistakes(
     seen = measured.seen
     truths = seen.truths[seen.truths.frames == place]
     scene = lay_out(truths, DetectedBoxes.of_frames(()), len(seen.looks))
-    is_wanted = evaluation_mask(scene, of_class, _DIFFICULTY).is_valid_truth
+    is_valid_truth = evaluation_mask(scene, of_class, _DIFFICULTY).is_valid_truth
     detections = seen.looks[place].detections
     counts = (detections.scores >= threshold) & (
         np.char.lower(detections.types) == of_class.name.lower()
     )
     return draw_mistakes(
         picture,
-        truths.boxes_px[is_wanted],
-        truths.boxes_px[~is_wanted],
+        truths.boxes_px[is_valid_truth],
+        truths.boxes_px[~is_valid_truth],
         detections[counts],
         of_class.iou,
     )

@@ -84,9 +84,9 @@ def measure_otd(
     """
     protocol = protocol or OtdProtocol()
     objects = [
-        evaluate_object(wanted, runs, at_hand.drive.calibration, protocol)
+        evaluate_object(target, runs, at_hand.drive.calibration, protocol)
         for at_hand in found.drives
-        for wanted, runs in zip(
+        for target, runs in zip(
             at_hand.objects,
             track_objects(at_hand.drive, at_hand.objects, trackers, on_bad_frame=on_bad_frame),
             strict=True,

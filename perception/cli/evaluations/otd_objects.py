@@ -112,8 +112,10 @@ def _present(config: ObjectSetConfig) -> Iterator[DriveAtHand]:
     for name in names:
         drive = _open(config, name)
         labelled = DriveObjects.of(drive)
-        wanted = [one for one in labelled.sequences(config.min_frames) if _is_asked(one, config)]
-        cut = [_cut(one, drive, labelled, config.frames) for one in wanted]
+        requested = [
+            one for one in labelled.sequences(config.min_frames) if _is_requested(one, config)
+        ]
+        cut = [_cut(one, drive, labelled, config.frames) for one in requested]
         objects = [one for one in cut if one is not None and len(one.truth) >= config.min_frames]
         if objects:
             yield DriveAtHand(drive, objects)
@@ -128,32 +130,32 @@ def _published(config: ObjectSetConfig) -> ObjectsAtHand:
     here = {str(name) for name in sequences_in(config.root)}
     by_drive: dict[str, list[ObjectSequence]] = {}
     for one in tables[config.objects]:
-        asked = config.sequence is None or config.sequence.zfill(4) == one.sequence
-        if asked and _is_asked(one, config):
+        is_requested = config.sequence is None or config.sequence.zfill(4) == one.sequence
+        if is_requested and _is_requested(one, config):
             by_drive.setdefault(one.sequence, []).append(one)
     drives: list[DriveAtHand] = []
     absent: list[AbsentObject] = []
-    for name, wanted in sorted(by_drive.items()):
+    for name, requested in sorted(by_drive.items()):
         if name not in here:
-            absent += [AbsentObject(one, f"no scans of sequence {name}") for one in wanted]
+            absent += [AbsentObject(one, f"no scans of sequence {name}") for one in requested]
             continue
-        found = _published_of(_open(config, name), wanted, config.frames)
+        found = _published_of(_open(config, name), requested, config.frames)
         drives += found.drives
         absent += found.absent
     return ObjectsAtHand(drives, absent)
 
 
 def _published_of(
-    drive: KittiSequence, wanted: Sequence[ObjectSequence], frames: int | None
+    drive: KittiSequence, requested: Sequence[ObjectSequence], frames: int | None
 ) -> ObjectsAtHand:
     """Look for objects in the drive whose name they give."""
     if truth_files(drive) is not None:
-        return ObjectsAtHand((), [AbsentObject(one, "a synthetic drive") for one in wanted])
+        return ObjectsAtHand((), [AbsentObject(one, "a synthetic drive") for one in requested])
     if not drive.has_labels:
         reason = f"no labels of sequence {drive.name}"
-        return ObjectsAtHand((), [AbsentObject(one, reason) for one in wanted])
+        return ObjectsAtHand((), [AbsentObject(one, reason) for one in requested])
     labelled, objects, absent = DriveObjects.of(drive), [], []
-    for one in wanted:
+    for one in requested:
         cut = _cut(one, drive, labelled, frames)
         if cut is None:
             absent.append(AbsentObject(one, "not labelled in the frames here"))
@@ -163,16 +165,16 @@ def _published_of(
 
 
 def _cut(
-    wanted: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
+    requested: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
 ) -> TargetObject | None:
     """Return the object in the frames at hand, or None where there are less than two of it."""
-    last = min(wanted.last_frame, frame_count(drive, frames) - 1)
-    cut = replace(wanted, last_frame=last)
+    last = min(requested.last_frame, frame_count(drive, frames) - 1)
+    cut = replace(requested, last_frame=last)
     truth = labelled.track(cut)
-    return TargetObject(cut, truth, wanted.frame_count) if len(truth) >= 2 else None
+    return TargetObject(cut, truth, requested.frame_count) if len(truth) >= 2 else None
 
 
-def _is_asked(one: ObjectSequence, config: ObjectSetConfig) -> bool:
+def _is_requested(one: ObjectSequence, config: ObjectSetConfig) -> bool:
     return config.track_id is None or config.track_id == one.track_id
 
 

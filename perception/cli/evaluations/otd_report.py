@@ -97,7 +97,7 @@ class OtdReport:
 
 
 def evaluate_object(
-    wanted: TargetObject,
+    target: TargetObject,
     runs: Mapping[str, TrackerRun],
     camera: Calibration | None,
     protocol: OtdProtocol,
@@ -111,15 +111,15 @@ def evaluate_object(
         protocol: how it is judged.
     """
     errors = {
-        name: single_object_errors(wanted.truth, run.track, camera)
+        name: single_object_errors(target.truth, run.track, camera)
         for name, run in runs.items()
         if run.refusal is None
     }
-    varies = variations(wanted.truth)
+    varies = variations(target.truth)
     return ObjectReport(
-        sequence=wanted.sequence,
-        labelled=len(wanted.truth),
-        whole_frames=wanted.whole_frames,
+        sequence=target.sequence,
+        labelled=len(target.truth),
+        whole_frames=target.whole_frames,
         varies=varies,
         challenges=varies.challenges(protocol.challenges),
         errors=errors,

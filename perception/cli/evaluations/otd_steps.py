@@ -102,9 +102,9 @@ def pipeline_config() -> PipelineConfig:
 class _TimedTracker:
     """One tracker on one object, with a clock."""
 
-    def __init__(self, tracker: SingleObjectTracker, wanted: TargetObject) -> None:
-        self._tracker, self._truth, self._sequence = tracker, wanted.truth, wanted.sequence
-        self._row_of_frame = {frame: row for row, frame in enumerate(wanted.truth.frames.tolist())}
+    def __init__(self, tracker: SingleObjectTracker, target: TargetObject) -> None:
+        self._tracker, self._truth, self._sequence = tracker, target.truth, target.sequence
+        self._row_of_frame = {frame: row for row, frame in enumerate(target.truth.frames.tolist())}
         self._frames: list[int] = []
         self._answers: list[TrackedObject] = []
         self._seconds: list[float] = []

@@ -162,11 +162,11 @@ def tracks_results(report: TracksReport) -> dict[str, dict[str, Any]]:
 
 def _parse_classes(words: str) -> list[KittiClass]:
     """Split names at commas, each taken once."""
-    wanted = {word.strip().lower() for word in words.split(",")}
-    if not wanted <= set(NEIGHBOURS):
+    requested = {word.strip().lower() for word in words.split(",")}
+    if not requested <= set(NEIGHBOURS):
         known = ", ".join(NEIGHBOURS)
         raise UsageError("--classes", expected=f"some of {known}, with commas", found=repr(words))
-    return [name for name in NEIGHBOURS if name in wanted]
+    return [name for name in NEIGHBOURS if name in requested]
 
 
 def _protocol(report: TracksReport) -> dict[str, Any]:

@@ -108,8 +108,8 @@ def _measure(scenario: Scenario, config: SingleObjectStudyConfig) -> _Scene:
     truth = true_track(drive)
     last = len(drive) - 1
     sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, last)
-    wanted = TargetObject(sequence, truth, len(drive))
-    (followings,) = track_objects(drive, [wanted], config.trackers)
+    target = TargetObject(sequence, truth, len(drive))
+    (followings,) = track_objects(drive, [target], config.trackers)
     errors = {
         name: single_object_errors(truth, following.track, drive.calibration)
         for name, following in followings.items()

@@ -80,10 +80,10 @@ def draw_reliability(
 def _usual_features(frames: DetectedFrames, fusion: Fusion) -> Float64:
     """Return (F,) means over combinations with a box of every modality; of all, where there is none."""
     means = []
-    for wanted in (3, 1):
+    for min_boxes in (3, 1):
         for scene in frames.scenes:
             rows = tri_boxes(scene, TRI_BOX_CONFIGS[fusion.variant])
-            rows = rows[(rows >= 0).sum(axis=1) >= wanted]
+            rows = rows[(rows >= 0).sum(axis=1) >= min_boxes]
             means.append(tri_box_features(scene, rows, fusion.variant))
         if any(map(len, means)):
             break

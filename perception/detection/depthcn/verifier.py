@@ -86,9 +86,9 @@ class Verifier:
     def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""
         planes = cv2.split(picture)
-        wanted = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
+        selected = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
         return {
-            "crops": crop_windows(wanted.reshape(*picture.shape[:2], -1), windows_px),
+            "crops": crop_windows(selected.reshape(*picture.shape[:2], -1), windows_px),
             "windows_px": windows_px.astype(np.float32),
         }
 

@@ -49,10 +49,10 @@ class ModalityDetector:
             ModelError: the file does not hold a detector, or one of other pictures or classes.
         """
         file = shipped_model(f"{model}_compact") if isinstance(model, str) else model
-        wanted: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
+        required: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
         if class_names is not None:
-            wanted["classes"] = ",".join(class_names)
-        self.model = OnnxModel(file, CONTRACT.with_facts(wanted), threads)
+            required["classes"] = ",".join(class_names)
+        self.model = OnnxModel(file, CONTRACT.with_facts(required), threads)
         """The network itself."""
         self.modality: Modality = self.model.fact_among("modality", MODALITIES)
         """Which view of the road it is shown."""
@@ -117,12 +117,12 @@ class ModalityDetector:
         return int(value)
 
     def _check_pictures(self) -> None:
-        wanted = Input(np.uint8, (None, CHANNELS[self.modality], *self.size))
+        required = Input(np.uint8, (None, CHANNELS[self.modality], *self.size))
         found = self.model.inputs["pictures"]
-        if not wanted.takes(found):
+        if not required.takes(found):
             raise ModelError(
                 self.model.name,
-                expected=f"pictures {wanted}, as it says that it is of {self.modality}",
+                expected=f"pictures {required}, as it says that it is of {self.modality}",
                 found=str(found),
             )
 

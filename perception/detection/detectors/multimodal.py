@@ -154,11 +154,13 @@ class MultimodalDetector:
 
     def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
         """Make the maps of every way of filling that a detector asks for."""
-        wanted = {self.detectors[name].filling for name in MAP_MODALITIES if name in self.detectors}
+        required = {
+            self.detectors[name].filling for name in MAP_MODALITIES if name in self.detectors
+        }
         made: dict[MapFilling, DenseMaps] = {}
-        if dense is not None and "default" in wanted:
+        if dense is not None and "default" in required:
             made["default"] = dense
-        if missing := sorted(wanted - made.keys()):
+        if missing := sorted(required - made.keys()):
             sparse = project_frame(frame)
             made |= {filling: fill_maps(sparse, filling) for filling in missing}
         return made

@@ -97,9 +97,9 @@ class SharedIds:
         for track, number in enumerate(numbers):
             if number in self._id_of:
                 continue
-            wanted = int(ids[rows[track]]) if track in rows else -1
-            is_free = wanted >= 0 and wanted not in self._held_by(numbers)
-            self._name(number, wanted if is_free else self._take_next())
+            vehicle_id = int(ids[rows[track]]) if track in rows else -1
+            is_free = vehicle_id >= 0 and vehicle_id not in self._held_by(numbers)
+            self._name(number, vehicle_id if is_free else self._take_next())
 
     def _bind_lasting(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
         """Rename moving objects that have been with a vehicle of another id for some scans."""

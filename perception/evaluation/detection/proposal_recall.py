@@ -107,9 +107,9 @@ def proposal_recall(
     ranks = {iou: _first_ranks(scene, iou) for iou in overlaps}
     best_iou = np.zeros(len(truths))
     np.maximum.at(best_iou, scene.overlaps.truths, scene.overlaps.iou)
-    wanted = DetectionClass(of_class, iou=0)
+    target_class = DetectionClass(of_class, iou=0)
     is_valid_truth = {
-        one.name: evaluation_mask(scene, wanted, one).is_valid_truth for one in difficulties
+        one.name: evaluation_mask(scene, target_class, one).is_valid_truth for one in difficulties
     }
     return ProposalRecall(
         frames=frames,

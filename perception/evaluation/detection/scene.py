@@ -107,16 +107,16 @@ class EvaluationMask:
     """Who counts for one class at one difficulty. Who is wanted but not valid or normal is ignored.
 
     Attributes:
-        is_wanted_truth: (G,) of the class or a neighbour.
+        is_matchable_truth: (G,) of the class or a neighbour.
         is_valid_truth: (G,) must be found.
-        is_wanted_detection: (D,) may be matched.
+        is_matchable_detection: (D,) may be matched.
         is_valid_detection: (D,) is right if matched to a valid truth.
         is_false_positive_if_unmatched: (D,) is wrong if matched to nothing: normal, and outside of DontCare.
     """
 
-    is_wanted_truth: Bool
+    is_matchable_truth: Bool
     is_valid_truth: Bool
-    is_wanted_detection: Bool
+    is_matchable_detection: Bool
     is_valid_detection: Bool
     is_false_positive_if_unmatched: Bool
 
@@ -136,9 +136,9 @@ def evaluation_mask(
     is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
     is_valid_detection = ~is_low & (scene.detection_types == of_class.name.lower())
     return EvaluationMask(
-        is_wanted_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
+        is_matchable_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
         is_valid_truth=is_of_class & is_seen,
-        is_wanted_detection=is_low | is_valid_detection,
+        is_matchable_detection=is_low | is_valid_detection,
         is_valid_detection=is_valid_detection,
         is_false_positive_if_unmatched=is_valid_detection
         & (scene.dont_care_shares <= of_class.iou),

@@ -74,8 +74,8 @@ def tally(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Tal
     overlaps = scene.overlaps
     candidates = overlaps[
         (overlaps.iou > of_class.iou)
-        & mask.is_wanted_truth[overlaps.truths]
-        & mask.is_wanted_detection[overlaps.detections]
+        & mask.is_matchable_truth[overlaps.truths]
+        & mask.is_matchable_detection[overlaps.detections]
     ]
     valid_frames = scene.truths.frames[mask.is_valid_truth]
     return Tally(
@@ -116,5 +116,5 @@ def _book_changes(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> C
         false_positives=mask.is_false_positive_if_unmatched - cleared,
         found_truths=found_truths,
         similarity=similarity,
-    )[mask.is_wanted_detection]
+    )[mask.is_matchable_detection]
     return changes[np.argsort(-changes.scores, kind="stable")]

@@ -50,16 +50,16 @@ def target_errors(
     stamp_s: float, scene: MovingScene, tracks: Tracks, assignment: FrameAssignment
 ) -> TargetErrors:
     """Say of every object of one frame that must be tracked who follows it, and how well."""
-    must = assignment.must
+    targets = assignment.targets
     track_of = np.full(len(scene.objects), NO_TRACK)
     track_of[assignment.matched_objects] = assignment.matched_tracks
-    track_of = track_of[must]
+    track_of = track_of[targets]
     tracked = track_of != NO_TRACK
-    tracks, objects = tracks[track_of[tracked]], scene.objects.boxes_velo[must]
-    true_velocities = scene.velocities_m_s[must]
+    tracks, objects = tracks[track_of[tracked]], scene.objects.boxes_velo[targets]
+    true_velocities = scene.velocities_m_s[targets]
 
     def where_tracked(errors: Float64) -> Float64:
-        column = np.full(len(must), np.nan)
+        column = np.full(len(targets), np.nan)
         column[tracked] = errors
         return column
 
@@ -67,11 +67,11 @@ def target_errors(
     turn_rad = tracks.boxes.yaw_rad - objects.yaw_rad[tracked]
     larger = tracks.boxes.size_m - objects.size_m[tracked]
     faster = tracks.velocities_m_s - true_velocities[tracked]
-    ids = np.full(len(must), NO_TRACK)
+    ids = np.full(len(targets), NO_TRACK)
     ids[tracked] = tracks.ids
     return TargetErrors(
-        stamps_s=np.full(len(must), stamp_s),
-        object_ids=scene.objects.track_ids[must],
+        stamps_s=np.full(len(targets), stamp_s),
+        object_ids=scene.objects.track_ids[targets],
         track_ids=ids,
         center_errors_m=where_tracked(np.linalg.norm(apart[:, :2], axis=1)),
         velocity_errors_m_s=where_tracked(np.linalg.norm(faster, axis=1)),

@@ -127,9 +127,9 @@ def kitti_frames(
     ]
 
 
-def _by_frame(frames: Int, wanted: Bool, frame_count: int) -> Iterator[Int]:
+def _by_frame(frames: Int, mask: Bool, frame_count: int) -> Iterator[Int]:
     """Yield the wanted rows of each frame."""
-    rows = np.flatnonzero(wanted)
+    rows = np.flatnonzero(mask)
     if len(rows) and not 0 <= frames[rows].min() <= frames[rows].max() < frame_count:
         raise PerceptionError(
             "frames of boxes",

@@ -25,7 +25,7 @@ from perception.evaluation.multi_object.moving_scene import (
     MovingObjectConfig,
     MovingScene,
     is_labelled_there,
-    must_be_tracked,
+    is_target,
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.objects import Motion
@@ -53,7 +53,7 @@ class FrameAssignment:
         on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
     """
 
-    must: Int
+    targets: Int
     evaluated: Int
     matched_objects: Int
     matched_tracks: Int
@@ -65,15 +65,15 @@ def assign_tracks(
     scene: MovingScene, tracks: Tracks, config: MovingObjectConfig
 ) -> FrameAssignment:
     """Apply the protocol of this file to the tracks of one frame."""
-    boxes, must = scene.objects.boxes_velo, must_be_tracked(scene, config)
+    boxes, targets = scene.objects.boxes_velo, is_target(scene, config)
     likeness = _likeness(boxes, tracks.boxes, config)
-    must_rows = np.flatnonzero(must)
-    pairs = _best_pairs(likeness[must_rows], config.min_likeness)
+    target_rows = np.flatnonzero(targets)
+    pairs = _best_pairs(likeness[target_rows], config.min_likeness)
     own_similarity = np.zeros(len(tracks))
-    own_similarity[pairs[1]] = likeness[must_rows][pairs]
+    own_similarity[pairs[1]] = likeness[target_rows][pairs]
 
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
-    ignorable = ~must & ~is_parked
+    ignorable = ~targets & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
     is_candidate = (likeness >= config.min_likeness) | lies_on
     ignorable_similarity = np.where(is_candidate[ignorable], likeness[ignorable], 0.0).max(
@@ -84,9 +84,9 @@ def assign_tracks(
     evaluated = ~ignored & ~is_unlabelled
     kept = ~ignored[pairs[1]]
     return FrameAssignment(
-        must=must_rows,
+        targets=target_rows,
         evaluated=np.flatnonzero(evaluated),
-        matched_objects=must_rows[pairs[0][kept]],
+        matched_objects=target_rows[pairs[0][kept]],
         matched_tracks=pairs[1][kept],
         ignored=np.flatnonzero(ignored),
         on_parked=np.flatnonzero(
@@ -112,9 +112,9 @@ def likeness_frames(
     scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
 ) -> JudgedTwice:
     """Return what is to be judged of one frame, by distance and by overlap."""
-    truth = scene.objects.boxes_velo[assignment.must]
+    truth = scene.objects.boxes_velo[assignment.targets]
     answered = tracks[assignment.evaluated]
-    ids = scene.objects.track_ids[assignment.must], answered.ids
+    ids = scene.objects.track_ids[assignment.targets], answered.ids
     near = distance_likeness(center_distances_m(truth, answered.boxes), config.reach_m)
     return JudgedTwice(
         by_distance=TrackedFrame(*ids, near),

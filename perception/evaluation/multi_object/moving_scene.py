@@ -93,7 +93,7 @@ def points_above_feet(boxes_velo: Boxes3D, points_velo: Float, clearance_m: floa
     return np.asarray(np.count_nonzero(points_inside(raised, points_velo), axis=1), np.int64)
 
 
-def must_be_tracked(scene: MovingScene, config: MovingObjectConfig) -> Bool:
+def is_target(scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell (M,) which objects of a scene must be tracked."""
     boxes = scene.objects.boxes_velo
     moves = (scene.objects.motions == Motion.MOVING) & (scene.objects.track_ids >= 0)

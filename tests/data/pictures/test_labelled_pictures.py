@@ -185,7 +185,7 @@ def test_an_empty_label_file_is_a_frame_without_objects(
     root = make_frames(frames=1)
     (root / "training/label_2/000000.txt").write_text("")
     frames = make_pictures("dm", root)
-    assert (len(frames.labels(0)), len(frames.wanted(0))) == (0, 0)
+    assert (len(frames.labels(0)), len(frames.targets(0))) == (0, 0)
 
 
 def test_boxes_without_an_area_are_left_out_and_told_once(
@@ -197,7 +197,7 @@ def test_boxes_without_an_area_are_left_out_and_told_once(
     path.write_text(row.format(100, 160) + row.format(100, 100) + row.format(700, 800))
     frames = make_pictures("dm", root)
     with caplog.at_level(logging.WARNING):
-        found = frames.wanted(0), frames.wanted(0)
+        found = frames.targets(0), frames.targets(0)
     assert [len(labels) for labels in found] == [1, 1]
     assert caplog.messages == [
         f"{root}/training frame 0: left out 2 labels without an area within the image"
@@ -222,7 +222,7 @@ def test_real_frames_in_all_views(kitti_root: Path, store: ArrayStore):
     drive = open_drive(kitti_root / "object")
     for modality, share in (("rgb", 1.0), ("dm", 0.5), ("rm", 0.5)):
         frames = LabelledPictures([drive], PictureRules(modality), store)
-        picture, labels = frames.picture(3), frames.wanted(3)
+        picture, labels = frames.picture(3), frames.targets(3)
         assert picture.shape[:2] == (192, 640)
         assert (picture.max(axis=2) > 0).mean() > 0.9 * share
         width, height = frames.size_px(3)

@@ -88,9 +88,9 @@ def test_no_augmentation_and_that_of_no_strength_are_plain(
     frames = make_pictures(modality)
     none = PictureAugmentation.none()
     rng = np.random.default_rng(0)
-    picture, labels = changed(frames.picture(0), frames.wanted(0), frames.config, none, rng)
+    picture, labels = changed(frames.picture(0), frames.targets(0), frames.config, none, rng)
     np.testing.assert_array_equal(picture, frames.picture(0))
-    np.testing.assert_allclose(labels.boxes_px, frames.wanted(0).boxes_px)
+    np.testing.assert_allclose(labels.boxes_px, frames.targets(0).boxes_px)
     plain = PictureDataset(frames, np.arange(5))
     assert torch.equal(plain[Ask(0, (1, 5))]["pictures"], plain[0]["pictures"])
 

@@ -8,9 +8,9 @@ from data.pictures.placing import (
     PlacingStrengths,
     draw_placement,
     place,
-    place_labels,
+    transform_targets,
 )
-from data.pictures.wanted import PictureLabels
+from data.pictures.wanted import DetectionTargets
 from perception.errors import UsageError
 from perception.types import Modality
 
@@ -26,9 +26,9 @@ def picture_of(box: tuple[int, ...], channels: int = 1) -> np.ndarray:
     return picture
 
 
-def labels_of(*boxes: tuple[float, ...], min_height_px: float = 4.0) -> PictureLabels:
+def labels_of(*boxes: tuple[float, ...], min_height_px: float = 4.0) -> DetectionTargets:
     count = len(boxes)
-    return PictureLabels(
+    return DetectionTargets(
         np.array(boxes, np.float32).reshape(-1, 4),
         np.arange(count),
         np.zeros(count, bool),
@@ -57,7 +57,7 @@ def test_a_box_stays_around_what_it_holds(modality: Modality, name: str):
     channels = 3 if modality == "rgb" else 1
     placed = place(picture_of(BOX, channels), placement, modality, np.random.default_rng(0))
     assert placed.shape == (96, 160, channels)
-    labels = place_labels(labels_of(BOX), placement, SIZE_PX)
+    labels = transform_targets(labels_of(BOX), placement, SIZE_PX)
     np.testing.assert_allclose(labels.boxes_px, [expected])
     x1, y1, x2, y2 = expected
     inside = placed[y1:y2, x1:x2].astype(int)
@@ -77,28 +77,28 @@ def test_around_a_smaller_map_nothing_is_known():
 
 def test_what_leaves_the_picture_is_cut_ignored_or_gone():
     boxes = (0, 30, 20, 50), (40, 30, 60, 50), (70, 30, 90, 50), (4, 0, 24, 20)
-    placed = place_labels(labels_of(*boxes), Placement(offset_px=(-12.0, 0.0)), SIZE_PX)
+    placed = transform_targets(labels_of(*boxes), Placement(offset_px=(-12.0, 0.0)), SIZE_PX)
     np.testing.assert_allclose(
         placed.boxes_px, [[0, 30, 8, 50], [28, 30, 48, 50], [58, 30, 78, 50], [0, 0, 12, 20]]
     )
     assert placed.classes.tolist() == [0, 1, 2, 3]
     assert placed.is_ignored.tolist() == [True, False, False, False]  # 40 % of the first is left
-    gone = place_labels(labels_of(*boxes), Placement(offset_px=(-20.0, 0.0)), SIZE_PX)
+    gone = transform_targets(labels_of(*boxes), Placement(offset_px=(-20.0, 0.0)), SIZE_PX)
     assert gone.classes.tolist() == [1, 2, 3]
 
 
 def test_what_has_become_too_small_is_ignored():
     boxes = (10, 10, 40, 18), (10, 10, 40, 19)
     labels = labels_of(*boxes, min_height_px=9)
-    assert place_labels(labels, Placement(), SIZE_PX).is_ignored.tolist() == [True, False]
+    assert transform_targets(labels, Placement(), SIZE_PX).is_ignored.tolist() == [True, False]
     larger = Placement((1.5, 1.5), zoom=1.5)
-    assert place_labels(labels, larger, SIZE_PX).is_ignored.tolist() == [False, False]
+    assert transform_targets(labels, larger, SIZE_PX).is_ignored.tolist() == [False, False]
 
 
 @pytest.mark.parametrize(("right", "is_ignored"), [(50, False), (51, True)])
 def test_what_is_hidden_by_more_than_half_is_ignored(right: int, is_ignored: bool):
     placement = Placement(patches_px=np.array([[30.0, 20.0, right, 60.0]]))
-    labels = place_labels(labels_of(BOX), placement, SIZE_PX)
+    labels = transform_targets(labels_of(BOX), placement, SIZE_PX)
     np.testing.assert_allclose(labels.boxes_px, [BOX])
     assert labels.is_ignored.tolist() == [is_ignored]
 
@@ -116,13 +116,13 @@ def test_a_patch_hides_and_in_a_depth_map_is_unknown_or_nearer():
 
 
 def test_ignored_regions_stay_ignored():
-    region = PictureLabels(np.array([BOX], np.float32), np.zeros(1, int), np.ones(1, bool))
-    assert place_labels(region, PLACEMENTS["zoom"][0], SIZE_PX).is_ignored.tolist() == [True]
+    region = DetectionTargets(np.array([BOX], np.float32), np.zeros(1, int), np.ones(1, bool))
+    assert transform_targets(region, PLACEMENTS["zoom"][0], SIZE_PX).is_ignored.tolist() == [True]
 
 
 def test_no_labels_stay_none():
     for placement, _ in PLACEMENTS.values():
-        assert len(place_labels(labels_of(), placement, SIZE_PX)) == 0
+        assert len(transform_targets(labels_of(), placement, SIZE_PX)) == 0
 
 
 def test_draws_stay_within_the_strengths():

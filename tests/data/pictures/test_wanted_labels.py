@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.drive import Labels
-from data.pictures.wanted import PictureLabels, picture_labels, within_picture
+from data.pictures.wanted import DetectionTargets, detection_targets, labels_within_image
 from perception.detection.detectors.input_size import InputSize
 from perception.types import Boxes3D
 
@@ -26,13 +26,13 @@ def labelled(*rows: tuple[object, ...], dont_care: tuple[tuple[float, ...], ...]
     )
 
 
-def wanted(labels: Labels, *class_names: str) -> PictureLabels:
-    return picture_labels(labels, class_names or ("Car",), SIZE_PX, HALF)
+def targets(labels: Labels, *class_names: str) -> DetectionTargets:
+    return detection_targets(labels, class_names or ("Car",), SIZE_PX, HALF)
 
 
 def test_boxes_are_in_pixels_of_the_input_and_within_it():
     labels = labelled(("Car", 0, 0, BOX), ("Car", 0.4, 0, (-20.0, 60.0, 50.0, 230.0)))
-    found = wanted(labels)
+    found = targets(labels)
     np.testing.assert_allclose(found.boxes_px, [[50, 25, 80, 45], [0, 30, 25, 96]])
     assert found.boxes_px.dtype == np.float32
     assert found.is_ignored.tolist() == [False, False]
@@ -53,12 +53,12 @@ def test_boxes_are_in_pixels_of_the_input_and_within_it():
     ],
 )
 def test_who_is_hard_to_see_or_alike_is_ignored(row: tuple[object, ...], is_ignored: bool):
-    assert wanted(labelled(row)).is_ignored.tolist() == [is_ignored]
+    assert targets(labelled(row)).is_ignored.tolist() == [is_ignored]
 
 
 def test_other_types_are_nothing_and_regions_are_ignored():
     labels = labelled(("Truck", 0, 0, BOX), ("Car", 0, 0, BOX), dont_care=((0, 0, 64, 32),))
-    found = wanted(labels)
+    found = targets(labels)
     np.testing.assert_allclose(found.boxes_px, [[50, 25, 80, 45], [0, 0, 32, 16]])
     assert found.is_ignored.tolist() == [False, True]
 
@@ -66,13 +66,13 @@ def test_other_types_are_nothing_and_regions_are_ignored():
 def test_classes_are_numbered_in_their_order_and_neighbours_may_be_wanted():
     names = ["Car", "Van", "Pedestrian", "Person_sitting", "Tram"]
     labels = labelled(*((name, 0, 0, BOX) for name in names))
-    found = wanted(labels, "Pedestrian", "Van", "Car")
+    found = targets(labels, "Pedestrian", "Van", "Car")
     assert found.classes.tolist() == [2, 1, 0, 0]
     assert found.is_ignored.tolist() == [False, False, False, True]
 
 
 def test_a_frame_without_objects_has_no_labels():
-    found = wanted(labelled())
+    found = targets(labelled())
     assert (found.boxes_px.shape, found.classes.shape, len(found)) == ((0, 4), (0,), 0)
 
 
@@ -87,7 +87,7 @@ def test_a_frame_without_objects_has_no_labels():
 )
 def test_what_covers_nothing_of_the_picture_is_left_out(box: tuple[float, ...]):
     labels = labelled(("Car", 0, 0, box), ("Car", 0, 0, BOX), dont_care=(box, (0, 0, 9, 9)))
-    kept, left_out = within_picture(labels, SIZE_PX)
+    kept, left_out = labels_within_image(labels, SIZE_PX)
     assert left_out == 2
     np.testing.assert_array_equal(kept.boxes_px, [BOX])
     np.testing.assert_array_equal(kept.dont_care_px, [[0, 0, 9, 9]])
