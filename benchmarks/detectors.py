@@ -69,12 +69,12 @@ class Workload:
         square = ModalityDetector(yolov2.fp32)
         inputs: list[dict[Modality, Arrays]] = [
             {
-                name: {"pictures": detector.input_of(pictures[name][i])}
+                name: {"pictures": detector.preprocess(pictures[name][i])}
                 for name, detector in detectors.items()
             }
             for i in range(len(dense))
         ]
-        squares: list[Arrays] = [{"pictures": square.input_of(one)} for one in pictures["dm"]]
+        squares: list[Arrays] = [{"pictures": square.preprocess(one)} for one in pictures["dm"]]
         return cls(compact, yolov2, dense, inputs, squares)
 
 

@@ -97,7 +97,7 @@ class PlainPointTracker:
         if elapsed_s > 0:
             self._step(self.config.step_s or elapsed_s, world_SE3_velo, moving)
             self._stamp_s = stamp_s
-        return self._answer(world_SE3_velo)
+        return self._confirmed_tracks(world_SE3_velo)
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
         candidates = self._candidates(world_SE3_velo, moving)
@@ -158,7 +158,7 @@ class PlainPointTracker:
         bottom_m = track.bottom_velo_m(world_SE3_velo)
         return bool(self.config.area.contains_xy(bottom_m[None], margin_m)[0])
 
-    def _answer(self, world_SE3_velo: Float64) -> Tracks:
+    def _confirmed_tracks(self, world_SE3_velo: Float64) -> Tracks:
         shown = [
             track
             for track in self._tracks

@@ -170,7 +170,7 @@ def _inputs(config: ExportConfig, detector: ModalityDetector) -> Iterator[Arrays
     """Yield what the network is shown of some frames of the drive."""
     for frame in config.read("calibration", _CALIBRATION_FRAMES):
         picture = picture_of(frame, detector.modality, detector.filling)
-        yield {"pictures": detector.input_of(picture)}
+        yield {"pictures": detector.preprocess(picture)}
 
 
 def _open(data: bytes, file: Path) -> ModalityDetector:

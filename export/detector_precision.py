@@ -33,9 +33,9 @@ def measure_forms(
     for frame in config.read("precision"):
         labels.append(drive.labels(frame.index))
         picture = picture_of(frame, detector.modality, detector.filling)
-        inputs = {"pictures": detector.input_of(picture)}
+        inputs = {"pictures": detector.preprocess(picture)}
         for name, network in networks.items():
-            found[name].append(detector.objects_in(picture, network(inputs)))
+            found[name].append(detector.postprocess(picture, network(inputs)))
     truths = true_boxes(labels)
     return {
         name: precision_table(

@@ -43,7 +43,7 @@ class TrackSummary:
     out: Path
     points_at_start: int = 0
     frames: list[int] = field(default_factory=list)
-    answers: list[TrackedObject] = field(default_factory=list)
+    tracked_objects: list[TrackedObject] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     stamps_s: list[float] = field(default_factory=list)
     places_world: list[Float64] = field(default_factory=list)
@@ -51,7 +51,7 @@ class TrackSummary:
     def add(self, result: Result, tracked: TrackedObject, seconds: float) -> None:
         """Count one frame."""
         self.frames.append(result.frame.index)
-        self.answers.append(tracked)
+        self.tracked_objects.append(tracked)
         self.seconds.append(seconds)
         self.stamps_s.append(result.frame.stamp_s)
         if tracked.box_velo is not None and tracked.state is not TrackStatus.LOST:
@@ -61,7 +61,9 @@ class TrackSummary:
     @property
     def counts(self) -> dict[TrackStatus, int]:
         """Frames in each state."""
-        return {state: sum(one.state is state for one in self.answers) for state in TrackStatus}
+        return {
+            state: sum(one.state is state for one in self.tracked_objects) for state in TrackStatus
+        }
 
     @property
     def speeds_km_h(self) -> Float64:
@@ -69,7 +71,7 @@ class TrackSummary:
         return np.array(
             [
                 KM_H * float(np.hypot(*one.velocity_m_s))
-                for one in self.answers
+                for one in self.tracked_objects
                 if one.box_velo is not None and one.state is not TrackStatus.LOST
             ]
         )
@@ -83,7 +85,7 @@ class TrackSummary:
         """Compare with the labels; None where there are none."""
         if self.start.truth is None or not self.frames:
             return None
-        tracked = PredictedTrack.of_answers(self.frames, self.answers, self.seconds)
+        tracked = PredictedTrack.from_predictions(self.frames, self.tracked_objects, self.seconds)
         return single_object_metrics(single_object_errors(self.start.truth, tracked, camera))
 
     def table(self, camera: Calibration | None) -> str:

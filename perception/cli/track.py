@@ -146,14 +146,14 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
             for frame in shown:
                 result, _ = chain.segment(frame)
                 tracker_input = tracker_input_of(result, plan.pipeline.body)
-                answer = timed_tracker.see(tracker_input)
+                timed = timed_tracker.see(tracker_input)
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, tracker_input)
-                lines.write(result, answer.tracked)
-                rows.write(result, answer.tracked)
-                summary.add(result, answer.tracked, answer.seconds)
+                lines.write(result, timed.tracked)
+                rows.write(result, timed.tracked)
+                summary.add(result, timed.tracked, timed.seconds)
                 if plan.video:
-                    pictures.add(video, result, answer)
+                    pictures.add(video, result, timed)
                 if len(summary.frames) == 1 + (last - start.frame) // 2:
                     _draw_colors(out / "color-model.png", start, result, timed_tracker.tracker)
         finally:
@@ -186,7 +186,7 @@ def _draw_colors(
 
 
 @dataclass(frozen=True)
-class _Answer:
+class _TimedObject:
     """What a tracker says of one frame, how long it took, and where it looks in the image."""
 
     tracked: TrackedObject
@@ -201,7 +201,7 @@ class _TimedTracker:
         self.tracker, self._start = tracker, start
         self._has_begun = False
 
-    def see(self, tracker_input: TrackerInput) -> _Answer:
+    def see(self, tracker_input: TrackerInput) -> _TimedObject:
         """Begin, or go on."""
         start_s = time.perf_counter()
         with one_blas_thread():
@@ -210,7 +210,7 @@ class _TimedTracker:
             else:
                 tracked = self.tracker.start(tracker_input, self._start.box_velo)
         self._has_begun = True
-        return _Answer(tracked, time.perf_counter() - start_s, region_of_tracker(self.tracker))
+        return _TimedObject(tracked, time.perf_counter() - start_s, region_of_tracker(self.tracker))
 
 
 def region_of_tracker(tracker: SingleObjectTracker) -> ImageRegion | None:
@@ -225,18 +225,18 @@ class _Pictures:
         self._trail, self._truth = TrackedObjectTrail(), start.truth
         self._composition = TrackedObjectComposition(frame_count=frame_count, name=start.name)
 
-    def add(self, video: PictureSink, result: Result, answer: _Answer) -> None:
+    def add(self, video: PictureSink, result: Result, timed: _TimedObject) -> None:
         """Draw one frame."""
-        self._trail.add(result, answer.tracked)
+        self._trail.add(result, timed.tracked)
         scene = TrackedObjectScene(
             result=result,
-            tracked=answer.tracked,
+            tracked=timed.tracked,
             way_velo=self._trail.way_velo(result),
             ego_way_velo=self._trail.ego_way_velo(result),
             speeds_km_h=self._trail.speeds_km_h,
             states=self._trail.states,
-            seconds=answer.seconds,
-            region=answer.region,
+            seconds=timed.seconds,
+            region=timed.region,
             truth=_true_box(self._truth, result.frame.index),
         )
         video.add(self._composition.draw(scene))

@@ -53,12 +53,12 @@ class Confusion:
         return _ratio(self.true_positives, self.true_positives + wrong)
 
 
-def confusion(answered: Bool, true: Bool) -> Confusion:
+def confusion(predicted: Bool, target: Bool) -> Confusion:
     """Count (N,) answers against (N,) truths."""
     return Confusion(
-        int(np.count_nonzero(answered & true)),
-        int(np.count_nonzero(answered & ~true)),
-        int(np.count_nonzero(~answered & true)),
+        int(np.count_nonzero(predicted & target)),
+        int(np.count_nonzero(predicted & ~target)),
+        int(np.count_nonzero(~predicted & target)),
     )
 
 

@@ -143,11 +143,11 @@ def ground_confusion(
     """
     counts = area.contains_xy(scan.points_velo) & ~np.isin(scan.classes, UNLABELLED_CLASSES)
     points, states, classes = scan.points_velo[counts], scan.states[counts], scan.classes[counts]
-    answered = np.asarray(states == PointState.GROUND)
-    true = np.isin(classes, GROUND_CLASSES)
+    predicted = np.asarray(states == PointState.GROUND)
+    target = np.isin(classes, GROUND_CLASSES)
     interval = _interval_of(np.hypot(points[:, 0], points[:, 1]), edges_m)
     rows = [interval == number for number in range(len(edges_m))]
-    return [confusion(answered[row], true[row]) for row in rows]
+    return [confusion(predicted[row], target[row]) for row in rows]
 
 
 def _interval_of(ranges_m: Float, edges_m: Sequence[float]) -> Int:

@@ -68,37 +68,37 @@ class ObstacleProcess:
         Raises:
             PerceptionError: as for the chain's `step`, or the process has ended.
         """
-        surroundings, clock.spans = self._ask("step", replace(frame, image=None), clock)
+        surroundings, clock.spans = self._call("step", replace(frame, image=None), clock)
         return cast(Surroundings, surroundings)
 
     def reset(self) -> None:
         """Forget the drive so far."""
-        self._ask("reset")
+        self._call("reset")
 
     def close(self) -> None:
         """End the process after what it does now."""
         with suppress(BrokenPipeError):  # it has ended by itself
-            self._questions.close()
-        self._answers.close()
+            self._requests.close()
+        self._responses.close()
         self._process.wait()
 
-    def _ask(self, name: str, *given: object) -> Any:  # noqa: ANN401 - what the task of that name returns
-        self._send((name, given))
+    def _call(self, name: str, *arguments: object) -> Any:  # noqa: ANN401 - what the task of that name returns
+        self._send((name, arguments))
         try:
-            answer = pickle.load(self._answers)
+            response = pickle.load(self._responses)
         except (EOFError, pickle.UnpicklingError) as error:
-            raise self._has_ended() from error
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+            raise self._ended_error() from error
+        if isinstance(response, Exception):
+            raise response
+        return response
 
     def _send(self, message: object) -> None:
         try:
-            _write(message, self._questions)
+            _write(message, self._requests)
         except (BrokenPipeError, ValueError) as error:  # ended by itself, or closed
-            raise self._has_ended() from error
+            raise self._ended_error() from error
 
-    def _has_ended(self) -> PerceptionError:
+    def _ended_error(self) -> PerceptionError:
         return PerceptionError(
             "process of the obstacle stages",
             expected="one that runs until the pipeline is closed",
@@ -107,18 +107,18 @@ class ObstacleProcess:
         )
 
     @property
-    def _questions(self) -> IO[bytes]:
+    def _requests(self) -> IO[bytes]:
         return cast(IO[bytes], self._process.stdin)
 
     @property
-    def _answers(self) -> IO[bytes]:
+    def _responses(self) -> IO[bytes]:
         return cast(IO[bytes], self._process.stdout)
 
 
 def _environment() -> Mapping[str, str]:
     """Return what lets the other process import what this one can."""
-    places = [str(Path(place).absolute()) for place in sys.path]
-    return os.environ | {"PYTHONPATH": os.pathsep.join(places)}
+    paths = [str(Path(place).absolute()) for place in sys.path]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _write(message: object, stream: IO[bytes]) -> None:
@@ -126,9 +126,9 @@ def _write(message: object, stream: IO[bytes]) -> None:
     stream.flush()
 
 
-def _answer_all(questions: IO[bytes], answers: IO[bytes]) -> None:
+def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
     """Answer one question after another, until there are no more."""
-    chain = ObstacleChain(*pickle.load(questions))
+    chain = ObstacleChain(*pickle.load(requests))
 
     def step(frame: Frame, clock: StageClock) -> object:
         return chain.step(frame, clock), clock.spans
@@ -136,14 +136,14 @@ def _answer_all(questions: IO[bytes], answers: IO[bytes]) -> None:
     tasks: dict[str, Callable[..., object]] = {"step": step, "reset": chain.reset}
     while True:
         try:
-            name, given = pickle.load(questions)
+            name, arguments = pickle.load(requests)
         except EOFError:
             return
         try:
-            answer = tasks[name](*given)
+            response = tasks[name](*arguments)
         except Exception as error:  # whatever it is, it is for the one who asks
-            answer = error
-        _write(answer, answers)
+            response = error
+        _write(response, responses)
 
 
 def serve() -> None:
@@ -151,11 +151,11 @@ def serve() -> None:
     # An interrupt reaches both processes; it is the other one's to end this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Whatever prints shall not do so into the answers.
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     keep_opencv_to_one_thread()
     with one_blas_thread():
         try:
-            _answer_all(sys.stdin.buffer, answers)
+            _serve_requests(sys.stdin.buffer, responses)
         except BrokenPipeError:
             os._exit(0)  # nobody is there to hear; what is buffered is not written

@@ -59,7 +59,7 @@ class BoxTracker:
             self._continue_standing(standing.moved(world_SE3_velo), sensor_m)
             self._begin(new, sensor_m)
             self._end(world_SE3_velo)
-        return self._tell(self._stamp_s, world_SE3_velo)
+        return self._report(self._stamp_s, world_SE3_velo)
 
     def _predict(self, elapsed_s: float) -> None:
         """Move the tracks to now; over a long gap in time nothing is carried."""
@@ -168,7 +168,7 @@ class BoxTracker:
     def _stamp(self) -> float:
         return 0.0 if self._stamp_s is None else self._stamp_s
 
-    def _tell(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
+    def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Report the tracks in the frame of the scan."""
         tracks = self._tracks[is_told(self._tracks, stamp_s, self._config.life)]
         sizes_m = likely_sizes_m(tracks, self._config.size)

@@ -154,7 +154,7 @@ class PointTracker:
         if elapsed_s > 0:
             self._step(elapsed_s, world_SE3_velo, moving)
             self._stamp_s = stamp_s
-        return self._answer(world_SE3_velo)
+        return self._report(world_SE3_velo)
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
         """Move all tracks to the next frame."""
@@ -239,7 +239,7 @@ class PointTracker:
         bottom_m = _bottoms_in_velo(tracks, world_SE3_velo)
         return self.config.area.contains_xy(bottom_m, self.config.kept_beyond_area_m)
 
-    def _answer(self, world_SE3_velo: Float64) -> Tracks:
+    def _report(self, world_SE3_velo: Float64) -> Tracks:
         """Return the confirmed tracks inside the area, in the LiDAR frame of a pose."""
         bottom_m = _bottoms_in_velo(self._tracks, world_SE3_velo)
         shown = self._tracks.is_confirmed & self.config.area.contains_xy(bottom_m)

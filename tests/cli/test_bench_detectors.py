@@ -30,7 +30,7 @@ def pictures(count):
 def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
     files = write_detector(tmp_path, "compact", "dm", SIZE, pictures(2))
     full, short = (ModalityDetector(files.of(form)) for form in ("fp32", "int8"))
-    inputs = {"pictures": full.input_of(pictures(1)[0])}
+    inputs = {"pictures": full.preprocess(pictures(1)[0])}
     assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
     assert short.facts["form"] == "int8 minmax"
 
@@ -39,7 +39,7 @@ def test_openvino_says_the_same(tmp_path):
     pytest.importorskip("openvino")
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
     ours = ModalityDetector(tmp_path / "dm.onnx")
-    inputs = {"pictures": ours.input_of(pictures(1)[0])}
+    inputs = {"pictures": ours.preprocess(pictures(1)[0])}
     peer, expected = openvino_network(tmp_path / "dm.onnx", 1)(inputs), ours.model(inputs)
     for name, array in expected.items():
         np.testing.assert_allclose(peer[name], array, atol=1e-5)

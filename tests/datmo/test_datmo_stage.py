@@ -37,16 +37,16 @@ def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
 def track(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
     stage = datmo_stage(method, drive.sensor, PipelineConfig().area)
     assert stage is not None
-    answers = [stage.update(scan) for scan in scans]
-    for tracks in answers:
+    results = [stage.update(scan) for scan in scans]
+    for tracks in results:
         assert np.isfinite(tracks.boxes.bottom_m).all()
         assert np.isfinite(tracks.velocities_m_s).all()
         assert (np.diff(tracks.ids) > 0).all()
-    return answers
+    return results
 
 
-def ids_of(answers: list[Tracks]) -> set[int]:
-    return {int(track_id) for tracks in answers for track_id in tracks.ids}
+def ids_of(results: list[Tracks]) -> set[int]:
+    return {int(track_id) for tracks in results for track_id in tracks.ids}
 
 
 def with_stamps(scans: list[SegmentedScan], stamps_s: list[float]) -> list[SegmentedScan]:
@@ -67,8 +67,8 @@ def moved(scan: SegmentedScan, shift: np.ndarray) -> SegmentedScan:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_street_has_tracks(scans, drive, method):
-    answers = track(scans, method, drive)
-    assert ids_of(answers)
+    results = track(scans, method, drive)
+    assert ids_of(results)
 
 
 def test_no_method_is_no_stage(drive):
@@ -78,8 +78,8 @@ def test_no_method_is_no_stage(drive):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
     twice = [scans[i] for i in range(FRAMES) for _ in range(2)]
-    answers = track(twice, method, drive)
-    for first, second in zip(answers[::2], answers[1::2], strict=True):
+    results = track(twice, method, drive)
+    for first, second in zip(results[::2], results[1::2], strict=True):
         assert np.array_equal(first.ids, second.ids)
         assert np.allclose(first.boxes.bottom_m, second.boxes.bottom_m)
 
@@ -88,14 +88,14 @@ def test_a_repeated_frame_repeats_the_answer(scans, drive, method):
 def test_a_short_gap_keeps_ids_rising(scans, drive, method):
     """Three frames are missing; what is known goes on or ends."""
     kept = scans[:10] + scans[13:]
-    answers = track(kept, method, drive)
-    newcomers = ids_of(answers[10:]) - ids_of(answers[:10])
-    assert not newcomers or min(newcomers) > max(ids_of(answers[:8]))
+    results = track(kept, method, drive)
+    newcomers = ids_of(results[10:]) - ids_of(results[:10])
+    assert not newcomers or min(newcomers) > max(ids_of(results[:8]))
 
 
 def test_the_default_survives_a_short_gap(scans, drive):
-    answers = track(scans[:12] + scans[14:], "default", drive)
-    assert set(answers[12].ids) & set(answers[11].ids)
+    results = track(scans[:12] + scans[14:], "default", drive)
+    assert set(results[12].ids) & set(results[11].ids)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -104,38 +104,38 @@ def test_after_a_long_gap_everything_is_new(scans, drive, method):
     far = np.eye(4)
     far[:3, 3] = 300.0, 200.0, 0.0
     later = with_stamps([*scans[:12], *(moved(scan, far) for scan in scans[12:])], stamps)
-    answers = track(later, method, drive)
-    assert not ids_of(answers[:12]) & ids_of(answers[13:])
+    results = track(later, method, drive)
+    assert not ids_of(results[:12]) & ids_of(results[13:])
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_jump_of_the_pose_ends_no_run(scans, drive, method):
     """The INS jumps by 50 m and says nothing: tracks of before are left behind."""
     jump = se3.from_euler(0, 0, np.radians(30), np.array([50.0, -20.0, 0.5]))
-    answers = track([*scans[:12], *(moved(scan, jump) for scan in scans[12:])], method, drive)
-    newcomers = ids_of(answers[16:]) - ids_of(answers[:12])
-    assert not newcomers or min(newcomers) > max(ids_of(answers[:12]))
+    results = track([*scans[:12], *(moved(scan, jump) for scan in scans[12:])], method, drive)
+    newcomers = ids_of(results[16:]) - ids_of(results[:12])
+    assert not newcomers or min(newcomers) > max(ids_of(results[:12]))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_reset_ends_all_tracks(scans, drive, method):
     scans = [replace(scan, is_reset=i == 12) for i, scan in enumerate(scans)]
-    answers = track(scans, method, drive)
-    assert not ids_of(answers[:12]) & ids_of(answers[12:])
+    results = track(scans, method, drive)
+    assert not ids_of(results[:12]) & ids_of(results[12:])
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_empty_scan_passes(scans, drive, method):
     holed = [emptied(scan) if i in (0, 11, 12) else scan for i, scan in enumerate(scans)]
-    answers = track(holed, method, drive)
-    assert ids_of(answers)
+    results = track(holed, method, drive)
+    assert ids_of(results)
 
 
 def test_the_default_survives_an_empty_scan(scans, drive):
     holed = [emptied(scan) if i == 12 else scan for i, scan in enumerate(scans)]
-    answers = track(holed, "default", drive)
-    assert set(answers[11].ids) & set(answers[12].ids) & set(answers[13].ids)
-    assert not answers[12].is_seen.any()
+    results = track(holed, "default", drive)
+    assert set(results[11].ids) & set(results[12].ids) & set(results[13].ids)
+    assert not results[12].is_seen.any()
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -45,8 +45,8 @@ def test_a_fact_is_one_of_those_known(write_model):
 
 
 def test_answer_does_not_depend_on_threads(write_model):
-    answers = [OnnxModel(write_model(), CONTRACT, n)(inputs_of(5))["scores"] for n in (1, 2)]
-    np.testing.assert_array_equal(*answers)
+    outputs = [OnnxModel(write_model(), CONTRACT, n)(inputs_of(5))["scores"] for n in (1, 2)]
+    np.testing.assert_array_equal(*outputs)
 
 
 def test_missing_file(tmp_path):

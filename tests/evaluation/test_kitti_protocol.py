@@ -37,13 +37,13 @@ def boxes(*rows: tuple, frames: list[int] | None = None) -> Boxes:
     )
 
 
-def answer(track: int, box: tuple, name: str = "Car") -> tuple:
+def prediction(track: int, box: tuple, name: str = "Car") -> tuple:
     return (track, name, -1, -1, box)
 
 
-def evaluated(truth: Boxes, answers: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
+def evaluated(truth: Boxes, predictions: Boxes, name: str = "car") -> tuple[list[int], list[int]]:
     """Return the ids of truths and tracks that are judged in the only frame."""
-    (frame,) = kitti_frames(truth, answers, name, 1)
+    (frame,) = kitti_frames(truth, predictions, name, 1)
     return frame.truth_ids.tolist(), frame.track_ids.tolist()
 
 
@@ -78,33 +78,33 @@ def low(height: float, box: tuple = FAR) -> tuple:
         "a neighbour without an id too",
     ],
 )
-def test_labels(label, answered, expected):
-    assert evaluated(boxes(label), boxes(answer(7, answered))) == expected
+def test_labels(label, predicted, expected):
+    assert evaluated(boxes(label), boxes(prediction(7, predicted))) == expected
 
 
 @pytest.mark.parametrize("name", ["Person", "Person_sitting"])
 def test_who_sits_is_no_pedestrian(name):
     truth = boxes((1, name, 0, 0, BOX))
-    assert evaluated(truth, boxes(answer(7, BOX, "Pedestrian")), "pedestrian") == ([], [])
-    assert evaluated(truth, boxes(answer(7, BOX)), "car") == ([], [7])
+    assert evaluated(truth, boxes(prediction(7, BOX, "Pedestrian")), "pedestrian") == ([], [])
+    assert evaluated(truth, boxes(prediction(7, BOX)), "car") == ([], [7])
 
 
 def test_answers_of_another_class_or_without_id_do_not_count():
-    answers = boxes(answer(7, BOX, "Van"), answer(-1, BOX), answer(8, BOX, "car"))
-    assert evaluated(boxes((1, "Car", 0, 0, BOX)), answers) == ([1], [8])
+    predictions = boxes(prediction(7, BOX, "Van"), prediction(-1, BOX), prediction(8, BOX, "car"))
+    assert evaluated(boxes((1, "Car", 0, 0, BOX)), predictions) == ([1], [8])
 
 
 @pytest.mark.parametrize(
     ("height", "is_evaluated"), [(25.0, False), (25.01, True), (10, False)], ids=str
 )
 def test_unmatched_answers_must_be_higher_than_25_pixels(height, is_evaluated):
-    tracks = evaluated(boxes(), boxes(answer(7, low(height))))[1]
+    tracks = evaluated(boxes(), boxes(prediction(7, low(height))))[1]
     assert tracks == ([7] if is_evaluated else [])
 
 
 def test_matched_boxes_may_be_low():
     truth = boxes((1, "Car", 0, 0, low(10)))
-    assert evaluated(truth, boxes(answer(7, low(10)))) == ([1], [7])
+    assert evaluated(truth, boxes(prediction(7, low(10)))) == ([1], [7])
     assert evaluated(truth, boxes()) == ([1], [])
 
 
@@ -121,48 +121,50 @@ def test_matched_boxes_may_be_low():
 )
 def test_unmatched_answers_in_one_region_without_labels_are_left_out(regions, is_evaluated):
     truth = boxes(*((-1, "DontCare", -1, -1, region) for region in regions))
-    assert evaluated(truth, boxes(answer(7, FAR)))[1] == ([7] if is_evaluated else [])
+    assert evaluated(truth, boxes(prediction(7, FAR)))[1] == ([7] if is_evaluated else [])
 
 
 def test_matched_answers_may_lie_in_such_a_region():
     truth = boxes((1, "Car", 0, 0, BOX), (-1, "DontCare", -1, -1, (0, 0, 900, 900)))
-    assert evaluated(truth, boxes(answer(7, BOX))) == ([1], [7])
+    assert evaluated(truth, boxes(prediction(7, BOX))) == ([1], [7])
 
 
 def test_the_answer_goes_to_the_label_that_overlaps_most():
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (105.0, 100.0, 155.0, 150.0)))
-    on_car = boxes(answer(7, (101.0, 100.0, 151.0, 150.0)))
+    on_car = boxes(prediction(7, (101.0, 100.0, 151.0, 150.0)))
     assert evaluated(truth, on_car) == ([1], [7])
-    on_van = boxes(answer(7, (104.0, 100.0, 154.0, 150.0)))
+    on_van = boxes(prediction(7, (104.0, 100.0, 154.0, 150.0)))
     assert evaluated(truth, on_van) == ([1], [])
 
 
 def test_two_answers_are_matched_for_the_greatest_sum():
     # Alone, each would go to the car; together, the second must take the van.
     truth = boxes((1, "Car", 0, 0, BOX), (2, "Van", 0, 0, (120.0, 100.0, 170.0, 150.0)))
-    both = boxes(answer(7, (98.0, 100.0, 148.0, 150.0)), answer(8, (105.0, 100.0, 155.0, 150.0)))
+    both = boxes(
+        prediction(7, (98.0, 100.0, 148.0, 150.0)), prediction(8, (105.0, 100.0, 155.0, 150.0))
+    )
     assert evaluated(truth, both) == ([1], [7])
 
 
 def test_half_an_overlap_is_enough_and_less_is_not():
     wide = boxes((1, "Van", 0, 0, BOX))
-    assert evaluated(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.0))))[1] == []
-    assert evaluated(wide, boxes(answer(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
+    assert evaluated(wide, boxes(prediction(7, (100.0, 100.0, 150.0, 200.0))))[1] == []
+    assert evaluated(wide, boxes(prediction(7, (100.0, 100.0, 150.0, 200.5))))[1] == [7]
 
 
 def test_frames_are_told_apart_and_rows_may_be_in_any_order():
     truth = boxes((1, "Car", 0, 0, BOX), (1, "Car", 0, 0, FAR), frames=[2, 0])
-    answers = boxes(answer(7, FAR), answer(8, BOX), frames=[0, 2])
-    first, second, third = kitti_frames(truth, answers, "car", 3)
+    predictions = boxes(prediction(7, FAR), prediction(8, BOX), frames=[0, 2])
+    first, second, third = kitti_frames(truth, predictions, "car", 3)
     assert (first.track_ids.tolist(), third.track_ids.tolist()) == ([7], [8])
     assert second.similarity.shape == (0, 0)
     assert first.similarity.tolist() == third.similarity.tolist() == [[1]]
 
 
 def test_other_rules_may_be_set():
-    truth, answers = boxes((1, "Car", 1, 0, BOX)), boxes(answer(7, BOX))
+    truth, predictions = boxes((1, "Car", 1, 0, BOX)), boxes(prediction(7, BOX))
     config = KittiTrackingConfig(max_truncation=1)
-    (frame,) = kitti_frames(truth, answers, "car", 1, config)
+    (frame,) = kitti_frames(truth, predictions, "car", 1, config)
     assert isinstance(frame, TrackedFrame)
     assert frame.truth_ids.tolist() == [1]
 
@@ -171,5 +173,7 @@ def test_what_cannot_be_judged():
     with pytest.raises(UsageError, match="one of car, pedestrian, cyclist, found 'tram'"):
         kitti_frames(boxes(), boxes(), "tram", 1)
     with pytest.raises(PerceptionError, match="expected 0 to 0, found 0 to 3"):
-        kitti_frames(boxes(), boxes(answer(1, BOX), answer(1, BOX), frames=[0, 3]), "car", 1)
+        kitti_frames(
+            boxes(), boxes(prediction(1, BOX), prediction(1, BOX), frames=[0, 3]), "car", 1
+        )
     assert kitti_frames(boxes(), boxes(), "car", 0) == []

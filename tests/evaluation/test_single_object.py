@@ -46,7 +46,7 @@ def true_track(frames: list[int], x_m: list[float], yaw_rad: float = 0.0) -> Tru
     )
 
 
-def answer(
+def prediction(
     x_m: float | None,
     yaw_rad: float = 0.0,
     state: TrackStatus = TrackStatus.SEEN,
@@ -60,27 +60,29 @@ def answer(
     )
 
 
-def predicted_track(frames: list[int], answers: list[TrackedObject]) -> PredictedTrack:
-    return PredictedTrack.of_answers(frames, answers, [0.002] * len(frames))
+def predicted_track(frames: list[int], predictions: list[TrackedObject]) -> PredictedTrack:
+    return PredictedTrack.from_predictions(frames, predictions, [0.002] * len(frames))
 
 
 def errors_of(
-    answers: list[TrackedObject], camera: Calibration | None = None
+    predictions: list[TrackedObject], camera: Calibration | None = None
 ) -> SingleObjectErrors:
-    frames = list(range(len(answers)))
+    frames = list(range(len(predictions)))
     return single_object_errors(
-        true_track(frames, [12.0] * len(frames)), predicted_track(frames, answers), camera
+        true_track(frames, [12.0] * len(frames)), predicted_track(frames, predictions), camera
     )
 
 
 def test_errors_of_boxes_in_space():
     # Aside by 1 m of 4 m of length: 3 shared of 5. The last one is turned about.
-    errors = errors_of([answer(12.0), answer(13.0, 0.1), answer(22.0), answer(12.0, np.pi)])
+    errors = errors_of(
+        [prediction(12.0), prediction(13.0, 0.1), prediction(22.0), prediction(12.0, np.pi)]
+    )
     np.testing.assert_allclose(errors.center_m, [0, 1, 10, 0], atol=1e-12)
     np.testing.assert_allclose(errors.heading_rad, [0, 0.1, 0, -np.pi], atol=1e-12)
     assert errors.overlap[[0, 2, 3]] == pytest.approx([1, 0, 1])
     assert 0.5 < errors.overlap[1] < 0.6
-    assert errors.overlap[1] == errors_of([answer(13.0, 0.1)]).overlap[0]
+    assert errors.overlap[1] == errors_of([prediction(13.0, 0.1)]).overlap[0]
     np.testing.assert_allclose(errors.velocity_m_s, 0.4)
     assert errors.is_off.tolist() == [False, False, True, False]
     assert errors.gives_boxes
@@ -95,14 +97,14 @@ def test_height_counts_in_the_distance_of_the_centres():
 
 def test_only_frames_with_a_label_and_an_answer_are_judged():
     truth = true_track([3, 4, 6, 9], [10.0, 11.0, 13.0, 16.0])
-    track = predicted_track([3, 4, 5, 6, 7], [answer(x) for x in (10.0, 11.5, 0.0, 13.0, 0.0)])
+    track = predicted_track([3, 4, 5, 6, 7], [prediction(x) for x in (10.0, 11.5, 0.0, 13.0, 0.0)])
     errors = single_object_errors(truth, track)
     assert errors.frames.tolist() == [3, 4, 6]
     np.testing.assert_allclose(errors.center_m, [0, 0.5, 0])
 
 
 def test_a_frame_without_a_box_is_off_and_has_no_distance():
-    errors = errors_of([answer(12.0), answer(None, state=TrackStatus.LOST)])
+    errors = errors_of([prediction(12.0), prediction(None, state=TrackStatus.LOST)])
     assert errors.overlap.tolist() == [1.0, 0.0]
     assert np.isnan(errors.center_m[1])
     scores = single_object_metrics(errors)
@@ -114,17 +116,17 @@ def test_a_frame_without_a_box_is_off_and_has_no_distance():
 
 def test_boxes_in_the_image_are_the_projected_ones_clipped_as_labels_are():
     # The front stands at 10 m, 2 m wide and 1.5 m high: 90 to 110 and 42.5 to 57.5.
-    errors = errors_of([answer(12.0, box_px=(0, 0, 9, 9))], CAMERA)
+    errors = errors_of([prediction(12.0, box_px=(0, 0, 9, 9))], CAMERA)
     assert errors.center_px[0] == pytest.approx(0.0, abs=1e-9)
     assert errors.overlap_px[0] == pytest.approx(20 * 15 / (40 * 20))
-    behind = errors_of([answer(-12.0)], CAMERA)
+    behind = errors_of([prediction(-12.0)], CAMERA)
     assert np.isnan(behind.center_px[0])
     assert behind.overlap_px[0] == 0.0
 
 
 def test_a_tracker_in_the_image_has_no_figures_in_space():
-    at = [answer(None, box_px=(80, 40, 120, 60)), answer(None, box_px=(83, 44, 123, 64))]
-    errors = errors_of([*at, answer(None), answer(None, box_px=(0, 0, 9, 9))], CAMERA)
+    at = [prediction(None, box_px=(80, 40, 120, 60)), prediction(None, box_px=(83, 44, 123, 64))]
+    errors = errors_of([*at, prediction(None), prediction(None, box_px=(0, 0, 9, 9))], CAMERA)
     np.testing.assert_allclose(errors.center_px[:2], [0, 5])
     assert not errors.gives_boxes
     assert errors.is_off.tolist() == [False, False, True, True]
@@ -141,7 +143,7 @@ def test_frames_in_which_the_camera_does_not_see_the_object_do_not_count_in_the_
     truth = true_track([0, 1], [12.0, 12.0])
     truth.boxes_px[1] = np.nan
     errors = single_object_errors(
-        truth, predicted_track([0, 1], [answer(12.0), answer(12.0)]), CAMERA
+        truth, predicted_track([0, 1], [prediction(12.0), prediction(12.0)]), CAMERA
     )
     scores = single_object_metrics(errors)
     assert scores.location_success == 1.0
@@ -155,7 +157,7 @@ def test_frames_in_which_the_camera_does_not_see_the_object_do_not_count_in_the_
 def test_the_printed_heading_error_does_not_know_front_from_back(
     yaw_rad: float, folded: float, unfolded: float
 ):
-    scores = single_object_metrics(errors_of([answer(12.0, yaw_rad)]))
+    scores = single_object_metrics(errors_of([prediction(12.0, yaw_rad)]))
     assert scores.folded_heading_rad == pytest.approx(folded)  # arctan |cross / dot| of (7.4)
     assert folded == pytest.approx(abs(np.arctan(np.sin(yaw_rad) / np.cos(yaw_rad))))
     assert scores.heading_rad == pytest.approx(unfolded)
@@ -164,7 +166,7 @@ def test_the_printed_heading_error_does_not_know_front_from_back(
 def test_headings_are_compared_around_the_circle():
     truth = true_track([0, 1], [12.0, 12.0], yaw_rad=3.1)
     errors = single_object_errors(
-        truth, predicted_track([0, 1], [answer(12, -3.1), answer(12, 3.1 - 20 * np.pi)])
+        truth, predicted_track([0, 1], [prediction(12, -3.1), prediction(12, 3.1 - 20 * np.pi)])
     )
     np.testing.assert_allclose(errors.heading_rad, [2 * np.pi - 6.2, 0], atol=1e-9)
     assert single_object_metrics(errors).heading_bias_rad == pytest.approx(np.pi - 3.1)
@@ -172,18 +174,18 @@ def test_headings_are_compared_around_the_circle():
 
 def test_success_needs_more_than_the_threshold_and_less_than_the_angle():
     # 4 m long boxes: 2.4 m apart share 1.6 of 6.4, which is exactly a quarter.
-    quarter, more = errors_of([answer(14.4)]), errors_of([answer(14.39)])
+    quarter, more = errors_of([prediction(14.4)]), errors_of([prediction(14.39)])
     config = SingleObjectMetricsConfig(overlap=float(quarter.overlap[0]))
     assert quarter.overlap[0] == pytest.approx(0.25)
     assert correct_frames(quarter, config).overlap.tolist() == [False]
     assert correct_frames(more, config).overlap.tolist() == [True]
-    headings = errors_of([answer(12, np.radians(9.9)), answer(12, np.radians(170.2))])
+    headings = errors_of([prediction(12, np.radians(9.9)), prediction(12, np.radians(170.2))])
     assert correct_frames(headings, config).heading.tolist() == [True, False]
 
 
 def test_one_pass_evaluation_counts_thresholds():
     # A perfect frame and one without overlap, 10 m off.
-    errors = errors_of([answer(12.0), answer(22.0)])
+    errors = errors_of([prediction(12.0), prediction(22.0)])
     config = SingleObjectMetricsConfig()
     success = success_curve(errors, config)
     assert success[[0, 1, 20]].tolist() == [1.0, 0.5, 0.5]  # at least 0 are both
@@ -195,9 +197,9 @@ def test_one_pass_evaluation_counts_thresholds():
 
 def test_precision_falls_with_the_distance():
     # 0.5 m off: within at 0.5, 0.6 .. 2.0 m of 0, 0.1 .. 2.0 m; the first slope counts half.
-    scores = single_object_metrics(errors_of([answer(12.5)]))
+    scores = single_object_metrics(errors_of([prediction(12.5)]))
     assert scores.precision == pytest.approx(15.5 / 20)
-    assert single_object_metrics(errors_of([answer(14.5)])).precision == 0.0
+    assert single_object_metrics(errors_of([prediction(14.5)])).precision == 0.0
 
 
 def test_the_cumulative_plot_ends_at_the_share_of_right_frames():
@@ -207,21 +209,23 @@ def test_the_cumulative_plot_ends_at_the_share_of_right_frames():
 
 
 def test_the_location_plot_counts_frames_nearer_than_a_threshold():
-    errors = errors_of([answer(None, box_px=(83, 44, 123, 64)), answer(None)])
+    errors = errors_of([prediction(None, box_px=(83, 44, 123, 64)), prediction(None)])
     assert location_curve(errors, np.array([0.0, 5.0, 5.1])).tolist() == [0, 0, 0.5]
 
 
 def test_an_object_found_again_is_not_lost_for_good():
-    errors = errors_of([answer(12), answer(40), answer(12.2), answer(40), answer(40)])
+    errors = errors_of(
+        [prediction(12), prediction(40), prediction(12.2), prediction(40), prediction(40)]
+    )
     scores = single_object_metrics(errors)
     assert scores.off == 0.6
     assert scores.lost_from == 3
-    assert single_object_metrics(errors_of([answer(40), answer(12)])).lost_from is None
-    assert single_object_metrics(errors_of([answer(40), answer(40)])).lost_from == 0
+    assert single_object_metrics(errors_of([prediction(40), prediction(12)])).lost_from is None
+    assert single_object_metrics(errors_of([prediction(40), prediction(40)])).lost_from == 0
 
 
 def test_times_and_frames_of_several_tracks_together():
-    near, far = errors_of([answer(12.0)] * 3), errors_of([answer(13.0)])
+    near, far = errors_of([prediction(12.0)] * 3), errors_of([prediction(13.0)])
     scores = single_object_metrics(SingleObjectErrors.concatenate([near, far]))
     assert scores.frames == 4
     assert scores.center_m == 0.25  # of all frames, not of the two tracks

@@ -49,13 +49,13 @@ def test_ground_and_motion_on_every_sensor_without_touching_a_constant(sensor, m
 
 
 def test_the_same_drive_gives_the_same_answer(frames):
-    answers = []
+    results = []
     for _ in range(2):
         pipeline = Pipeline(config=LIDAR_ALONE)
         result = [pipeline.step(frame) for frame in frames][-1]
-        answers.append((result.obstacles.point_states, result.world_SE3_velo))
-    assert np.array_equal(answers[0][0], answers[1][0])
-    assert np.array_equal(answers[0][1], answers[1][1])
+        results.append((result.obstacles.point_states, result.world_SE3_velo))
+    assert np.array_equal(results[0][0], results[1][0])
+    assert np.array_equal(results[0][1], results[1][1])
 
 
 def test_reset_forgets_the_drive(frames):

@@ -77,9 +77,9 @@ def test_without_a_camera_the_scene_takes_the_whole_height(follow_scene):
 
 
 def test_an_object_in_the_image_alone_is_drawn_as_its_rectangle(follow_scene):
-    answer = tracked_in(TrackStatus.SEEN, None, box_px=np.array([50.0, 30, 120, 70]))
+    tracked = tracked_in(TrackStatus.SEEN, None, box_px=np.array([50.0, 30, 120, 70]))
     views = TrackedObjectViews(
-        replace(follow_scene, tracked=answer, region=None, truth=None), STYLE
+        replace(follow_scene, tracked=tracked, region=None, truth=None), STYLE
     )
     image = views.camera((200, 100))
     assert tuple(image[50, 50]) == palette.TRACKED_OBJECT
@@ -89,16 +89,16 @@ def test_an_object_in_the_image_alone_is_drawn_as_its_rectangle(follow_scene):
 
 @pytest.mark.parametrize("box", [None, Boxes3D(BOX.bottom_m * (-1, 1, 1), BOX.size_m, BOX.yaw_rad)])
 def test_an_object_out_of_the_image_leaves_the_close_up_blank(follow_scene, box):
-    answer = tracked_in(TrackStatus.LOST, box)
-    close_up = TrackedObjectViews(replace(follow_scene, tracked=answer), STYLE).close_up((80, 60))
+    tracked = tracked_in(TrackStatus.LOST, box)
+    close_up = TrackedObjectViews(replace(follow_scene, tracked=tracked), STYLE).close_up((80, 60))
     assert (close_up == palette.PANEL).all()
 
 
 def test_the_close_up_stays_within_the_image(follow_scene):
     near = Boxes3D(np.array([[3.0, 2, -1.73]]), BOX.size_m, BOX.yaw_rad)
-    answer = tracked_in(TrackStatus.SEEN, near)
+    tracked = tracked_in(TrackStatus.SEEN, near)
     views = TrackedObjectViews(
-        replace(follow_scene, tracked=answer, region=None, truth=None), STYLE
+        replace(follow_scene, tracked=tracked, region=None, truth=None), STYLE
     )
     assert count_of(views.close_up((160, 80)), palette.PANEL, 0) == 0
 

@@ -30,13 +30,13 @@ class Recorder:
 
     def start(self, tracker_input, box_velo):
         self.calls.append(f"start at {box_velo.bottom_m[0, 0]:g}")
-        return self._answer(tracker_input)
+        return self._report(tracker_input)
 
     def update(self, tracker_input):
         self.calls.append("follow")
-        return self._answer(tracker_input)
+        return self._report(tracker_input)
 
-    def _answer(self, tracker_input):
+    def _report(self, tracker_input):
         self.tracker_inputs.append(tracker_input)
         return TrackedObject(TrackStatus.SEEN, None, np.zeros(2), None)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from perception.detection.detectors.network_answers import seen_objects
+from perception.detection.detectors.network_answers import postprocess_detections
 from tests.train.together import train_together
 from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
 from train.checkpoints import read_checkpoint
@@ -49,7 +49,7 @@ def test_two_processes_train_one_detector(tmp_path, monkeypatch):
     for row in range(len(samples)):
         with torch.inference_mode():
             decoded = detector.decode(detector(samples[row]["pictures"][None]))
-        seen = seen_objects(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
+        seen = postprocess_detections(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
         boxes.update([seen], torch.tensor([row]), process=0)
     found = boxes.gathered(SIZE, np.array([samples.picture_size_px(0)] * len(samples)))
     alone = precision_table(measure(samples.truth(), found, len(samples), ("Car",)))

@@ -9,7 +9,7 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from perception.detection.detectors.network_answers import seen_objects
+from perception.detection.detectors.network_answers import postprocess_detections
 from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
@@ -140,7 +140,7 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
     detector, _ = load_detector(tmp_path / "best.ckpt")
     with torch.inference_mode():
         boxes_px, scores = detector.decode(detector(data.training[0]["pictures"][None]))
-    found = seen_objects(boxes_px[0].numpy(), scores[0].numpy(), ("Car",), SIZE)[:4]
+    found = postprocess_detections(boxes_px[0].numpy(), scores[0].numpy(), ("Car",), SIZE)[:4]
     found = found[np.lexsort((found.boxes_px[:, 0], found.boxes_px[:, 1] > 30))]
     np.testing.assert_allclose(found.boxes_px, data.training.boxes_px[0], atol=3)
 

@@ -12,7 +12,7 @@ from torch.optim.lr_scheduler import LambdaLR
 
 from data.pictures.module import PictureData
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.network_answers import seen_objects
+from perception.detection.detectors.network_answers import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections
@@ -172,7 +172,9 @@ class DetectorTraining(LightningModule):
     def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
         names = self.config.network_config.class_names
-        return [seen_objects(*one, names, size) for one in zip(boxes_px, scores, strict=True)]
+        return [
+            postprocess_detections(*one, names, size) for one in zip(boxes_px, scores, strict=True)
+        ]
 
 
 def _labels(batch: Batch) -> BatchLabels:

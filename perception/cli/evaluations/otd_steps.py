@@ -106,34 +106,34 @@ class _TimedTracker:
         self._tracker, self._truth, self._sequence = tracker, target.truth, target.sequence
         self._row_of_frame = {frame: row for row, frame in enumerate(target.truth.frames.tolist())}
         self._frames: list[int] = []
-        self._answers: list[TrackedObject] = []
+        self._predictions: list[TrackedObject] = []
         self._seconds: list[float] = []
         self._refusal: str | None = None
 
     def see(self, frame: int, tracker_input: TrackerInput) -> None:
         """Begin where the object is first labelled, then follow up to the sequence's last frame."""
         is_over = frame > self._sequence.last_frame or self._refusal is not None
-        if is_over or (not self._answers and frame not in self._row_of_frame):
+        if is_over or (not self._predictions and frame not in self._row_of_frame):
             return
         start_s = time.perf_counter()
         try:
-            answer = self._answer(frame, tracker_input)
+            prediction = self._predict(frame, tracker_input)
         except PerceptionError as error:
-            if self._answers:
+            if self._predictions:
                 raise
             self._refusal = str(error)
             return
         self._seconds.append(time.perf_counter() - start_s)
         self._frames.append(frame)
-        self._answers.append(answer)
+        self._predictions.append(prediction)
 
-    def _answer(self, frame: int, tracker_input: TrackerInput) -> TrackedObject:
-        if self._answers:
+    def _predict(self, frame: int, tracker_input: TrackerInput) -> TrackedObject:
+        if self._predictions:
             return self._tracker.update(tracker_input)
         row = self._row_of_frame[frame]
         return self._tracker.start(tracker_input, self._truth.boxes_velo[row : row + 1])
 
     def run(self) -> TrackerRun:
         """Return how the tracker did."""
-        track = PredictedTrack.of_answers(self._frames, self._answers, self._seconds)
+        track = PredictedTrack.from_predictions(self._frames, self._predictions, self._seconds)
         return TrackerRun(track, self._refusal)

@@ -106,25 +106,25 @@ def measure_vehicles(
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    answers, errors, numbers, meetings = [], [], [], []
+    predictions, errors, numbers, meetings = [], [], [], []
     for one in seen:
         frame, found = one.frame, one.tracked.vehicles
         calibration, _ = camera_of(frame)
-        answers.append(to_vehicle_rows(frame.index, found, calibration, min_score))
+        predictions.append(to_vehicle_rows(frame.index, found, calibration, min_score))
         true = drive.labels(frame.index)
         is_plain = (true.occlusion <= _MAX_OCCLUSION) & (true.truncation <= _MAX_TRUNCATION)
         true = true[is_plain & (true.types == "Car")]
         errors.append(location_errors(found, true.boxes_px, true.boxes_velo, frame.points_velo))
         numbers.append(frame.index)
         meetings.append(_meetings(one))
-    if not answers:
+    if not predictions:
         raise DriveError(drive.root, expected="frames with a camera to detect in", found="none")
     config = KittiTrackingConfig()
     read = labels[np.isin(labels.frames, numbers)]
-    sequence = kitti_frames(read, TrackingRows.concatenate(answers), "car", len(drive), config)
+    sequence = kitti_frames(read, TrackingRows.concatenate(predictions), "car", len(drive), config)
     met, agreed = np.sum(meetings, axis=0).tolist()
     return VehiclesReport(
-        len(answers),
+        len(predictions),
         evaluate_tracks(sequence, config.min_iou),
         LocationErrors.concatenate(errors),
         met,

@@ -12,7 +12,7 @@ import numpy as np
 
 from perception.detection.detectors.input_size import InputSize, boxes_in_picture, stretch
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
-from perception.detection.detectors.network_answers import seen_objects
+from perception.detection.detectors.network_answers import postprocess_detections
 from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
 from perception.errors import ImageError, ModelError
 from perception.maps.densify import FILLINGS
@@ -80,9 +80,9 @@ class ModalityDetector:
             ImageError: the picture has other channels than the modality.
             ModelError: what comes out of the network is not finite.
         """
-        return self.objects_in(picture, self.model({"pictures": self.input_of(picture)}))
+        return self.postprocess(picture, self.model({"pictures": self.preprocess(picture)}))
 
-    def input_of(self, picture: UInt8) -> UInt8:
+    def preprocess(self, picture: UInt8) -> UInt8:
         """Return (1, C, h, w) what the network is shown of an (H, W, C) picture.
 
         Raises:
@@ -98,9 +98,9 @@ class ModalityDetector:
         planes = cv2.split(stretch(picture, self.size, self.modality))
         return np.stack(planes).astype(np.uint8, copy=False)[None]
 
-    def objects_in(self, picture: UInt8, outputs: Mapping[str, Array]) -> Detections:
+    def postprocess(self, picture: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return what the network's answer to an (H, W, C) picture says, as `detect` does."""
-        seen = seen_objects(
+        seen = postprocess_detections(
             outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
         )
         height, width = picture.shape[:2]

@@ -12,11 +12,11 @@ MIN_SCORE = 0.01
 MAX_IOU = 0.5  # of two detections of one class (6.2.4)
 # The best are compared with each other, and the best of these are kept. Measured with the three networks
 # that ship: average precision stays within 0.3 points of keeping all of some 450, in a third of the time.
-_MAX_ANSWERS = 300
+_MAX_PREDICTIONS = 300
 MAX_OBJECTS = 64
 
 
-def seen_objects(
+def postprocess_detections(
     boxes_px: Float,
     scores: Float,
     class_names: Sequence[str],
@@ -34,21 +34,21 @@ def seen_objects(
         size: of the input, at whose edges boxes end.
         min_score: what is less sure is left out.
     """
-    places, classes = np.nonzero(scores >= max(min_score, _least_of_best(scores)))
+    places, classes = np.nonzero(scores >= max(min_score, _top_k_threshold(scores)))
     limits = np.tile([size.width_px, size.height_px], 2)
     within_px = np.clip(boxes_px[places].astype(np.float64), 0, limits)
     x1, y1, x2, y2 = within_px.T
     rows = np.flatnonzero((x2 > x1) & (y2 > y1))
-    sureness = scores[places, classes].astype(np.float64)
-    best = rows[np.argsort(-sureness[rows], kind="stable")[:_MAX_ANSWERS]]
+    confidences = scores[places, classes].astype(np.float64)
+    best = rows[np.argsort(-confidences[rows], kind="stable")[:_MAX_PREDICTIONS]]
     found = Detections(
-        within_px[best], sureness[best], np.array(class_names, np.str_)[classes[best]]
+        within_px[best], confidences[best], np.array(class_names, np.str_)[classes[best]]
     )
     return found[suppress(found, MAX_IOU)[:MAX_OBJECTS]]
 
 
-def _least_of_best(scores: Float) -> float:
+def _top_k_threshold(scores: Float) -> float:
     """Return a score that no more than the best answers are above."""
-    if scores.size <= _MAX_ANSWERS:
+    if scores.size <= _MAX_PREDICTIONS:
         return 0.0
-    return float(np.partition(scores, -_MAX_ANSWERS, axis=None)[-_MAX_ANSWERS])
+    return float(np.partition(scores, -_MAX_PREDICTIONS, axis=None)[-_MAX_PREDICTIONS])

@@ -84,7 +84,7 @@ class BoxRows(Protocol):
 
 def kitti_frames(
     truth: BoxRows,
-    answers: BoxRows,
+    predictions: BoxRows,
     class_name: KittiClass,
     frame_count: int,
     config: KittiTrackingConfig = KittiTrackingConfig(),
@@ -101,9 +101,9 @@ def kitti_frames(
     if class_name not in NEIGHBOURS:
         known = ", ".join(NEIGHBOURS)
         raise UsageError("class", expected=f"one of {known}", found=repr(class_name))
-    true_types, answered_types = np.char.lower(truth.types), np.char.lower(answers.types)
+    true_types, predicted_types = np.char.lower(truth.types), np.char.lower(predictions.types)
     near = np.isin(true_types, (class_name, *NEIGHBOURS[class_name])) & (truth.ids >= 0)
-    answered = (answered_types == class_name) & (answers.ids >= 0)
+    predicted = (predicted_types == class_name) & (predictions.ids >= 0)
     is_evaluated = (
         (true_types == class_name)
         & (truth.truncation <= config.max_truncation)
@@ -112,15 +112,15 @@ def kitti_frames(
     slices = zip(
         _by_frame(truth.frames, near, frame_count),
         _by_frame(truth.frames, true_types == _DONT_CARE, frame_count),
-        _by_frame(answers.frames, answered, frame_count),
+        _by_frame(predictions.frames, predicted, frame_count),
         strict=True,
     )
     return [
         _exclude_ignored(
             _TrueBoxes(truth.ids[true], truth.boxes_px[true], is_evaluated[true]),
             truth.boxes_px[regions],
-            answers.ids[given],
-            answers.boxes_px[given],
+            predictions.ids[given],
+            predictions.boxes_px[given],
             config,
         )
         for true, regions, given in slices

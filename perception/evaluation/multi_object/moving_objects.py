@@ -113,12 +113,12 @@ def likeness_frames(
 ) -> JudgedTwice:
     """Return what is to be judged of one frame, by distance and by overlap."""
     truth = scene.objects.boxes_velo[assignment.targets]
-    answered = tracks[assignment.evaluated]
-    ids = scene.objects.track_ids[assignment.targets], answered.ids
-    near = distance_likeness(center_distances_m(truth, answered.boxes), config.reach_m)
+    predicted = tracks[assignment.evaluated]
+    ids = scene.objects.track_ids[assignment.targets], predicted.ids
+    near = distance_likeness(center_distances_m(truth, predicted.boxes), config.reach_m)
     return JudgedTwice(
         by_distance=TrackedFrame(*ids, near),
-        by_overlap=TrackedFrame(*ids, iou_ground(truth, answered.boxes)),
+        by_overlap=TrackedFrame(*ids, iou_ground(truth, predicted.boxes)),
     )
 
 

@@ -83,22 +83,22 @@ class PredictedTrack:
         return len(self.frames)
 
     @classmethod
-    def of_answers(
-        cls, frames: Sequence[int], answers: Sequence[TrackedObject], seconds: Sequence[float]
+    def from_predictions(
+        cls, frames: Sequence[int], predictions: Sequence[TrackedObject], seconds: Sequence[float]
     ) -> "PredictedTrack":
         """Gather the answers of a tracker, frame by frame."""
-        boxes = [_NO_BOX if one.box_velo is None else one.box_velo for one in answers]
-        boxes_px = [np.full(4, np.nan) if one.box_px is None else one.box_px for one in answers]
+        boxes = [_NO_BOX if one.box_velo is None else one.box_velo for one in predictions]
+        boxes_px = [np.full(4, np.nan) if one.box_px is None else one.box_px for one in predictions]
         return cls(
             frames=np.array(frames, np.int64),
-            states=np.array([one.state for one in answers], np.str_),
+            states=np.array([one.state for one in predictions], np.str_),
             boxes_velo=Boxes3D(
                 np.array([box.bottom_m for box in boxes], np.float64).reshape(-1, 3),
                 np.array([box.size_m for box in boxes], np.float64).reshape(-1, 3),
                 np.array([box.yaw_rad for box in boxes], np.float64).reshape(-1),
             ),
             boxes_px=np.array(boxes_px, np.float64).reshape(-1, 4),
-            velocities_m_s=np.array([one.velocity_m_s for one in answers]).reshape(-1, 2),
+            velocities_m_s=np.array([one.velocity_m_s for one in predictions]).reshape(-1, 2),
             seconds=np.array(seconds, np.float64),
         )
 

@@ -22,7 +22,11 @@ from perception.tracking.single_object.followed_box import BoxTrack
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
 from perception.tracking.single_object.object_motion import motion_of
 from perception.tracking.single_object.object_shape import ObjectShape, ObjectShapeConfig
-from perception.tracking.single_object.point_model import PointModel, answer, check_start_box
+from perception.tracking.single_object.point_model import (
+    PointModel,
+    check_start_box,
+    to_tracked_object,
+)
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
     PoseSearchConfig,
@@ -113,7 +117,7 @@ class BoxFitTracker:
         _, sight = self._look(tracker_input, self._track)
         support = self._track.support(sight, self._track.pose)
         self._track = self._track.seen(sight, support)
-        return self._answer(tracker_input, self._track)
+        return self._report(tracker_input, self._track)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
@@ -127,7 +131,7 @@ class BoxFitTracker:
             tracker_input.stamp_s > self._track.stamp_s
         ):  # a scan that is given twice says nothing new
             self._track = self._updated(tracker_input, self._track)
-        return self._answer(tracker_input, self._track)
+        return self._report(tracker_input, self._track)
 
     def _updated(self, tracker_input: TrackerInput, before: BoxTrack) -> BoxTrack:
         """Predict, look, search, and take in what was found."""
@@ -199,14 +203,14 @@ class BoxFitTracker:
     def _is_lost(self, track: BoxTrack) -> bool:
         return track.stamp_s - track.seen_s > self._config.lost_after_s
 
-    def _answer(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
+    def _report(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
         size_m, velocity = track.shape.size_m, self._motion.velocity_m_s(track.state)
         state = TrackStatus.SEEN
         if track.is_hidden:
             state = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
         middle = track.place_world + np.array([0.0, 0.0, size_m[2] / 2])
         model = PointModel(middle, size_m, float(track.pose[2]), np.append(velocity, 0.0))
-        return answer(model, tracker_input, state)
+        return to_tracked_object(model, tracker_input, state)
 
 
 @cache

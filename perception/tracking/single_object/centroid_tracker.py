@@ -17,9 +17,9 @@ from perception.tracking.single_object.near_obstacles import obstacles_near
 from perception.tracking.single_object.pitch_ground import PitchFilter, PitchFilterConfig
 from perception.tracking.single_object.point_model import (
     PointModel,
-    answer,
     check_start_box,
     point_model_of,
+    to_tracked_object,
 )
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.window import Window
@@ -146,7 +146,7 @@ class CentroidTracker:
         place = self._localizer.begin(self._view(tracker_input, self._model, 0.0))
         self._state = TrackStatus.PREDICTED if place is None else TrackStatus.SEEN
         self._memory = self._remembered(self._model.place_m if place is None else place)
-        return answer(self._model, tracker_input, self._state)
+        return to_tracked_object(self._model, tracker_input, self._state)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
@@ -162,7 +162,7 @@ class CentroidTracker:
         # A scan that is given twice is no second witness.
         if elapsed_s != 0:
             self._model = self._updated(self._model, tracker_input, elapsed_s)
-        return answer(self._model, tracker_input, self._state)
+        return to_tracked_object(self._model, tracker_input, self._state)
 
     def _updated(
         self, last: PointModel, tracker_input: TrackerInput, elapsed_s: float

@@ -68,7 +68,7 @@ class ImageOnlyTracker:
             )
         self._finder.begin(tracker_input.image, box_px)
         self._box_px, self._missed = box_px, 0
-        return self._answer()
+        return self._report()
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
         """Say where the object is at the next moment.
@@ -83,9 +83,9 @@ class ImageOnlyTracker:
         found_px = None if tracker_input.image is None else self._finder.find(tracker_input.image)
         self._missed = 0 if found_px is not None else self._missed + 1
         self._box_px = self._box_px if found_px is None else found_px
-        return self._answer()
+        return self._report()
 
-    def _answer(self) -> TrackedObject:
+    def _report(self) -> TrackedObject:
         state = TrackStatus.SEEN if self._missed == 0 else TrackStatus.PREDICTED
         if self._missed > self._most_missed:
             state = TrackStatus.LOST

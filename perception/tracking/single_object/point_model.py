@@ -59,7 +59,9 @@ def point_model_of(box_velo: Boxes3D, world_SE3_velo: Float64) -> PointModel:
     return PointModel(place_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
 
 
-def answer(model: PointModel, tracker_input: TrackerInput, state: TrackStatus) -> TrackedObject:
+def to_tracked_object(
+    model: PointModel, tracker_input: TrackerInput, state: TrackStatus
+) -> TrackedObject:
     """Say what is known of an object, as every tracker does."""
     velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
     bottom_m = model.place_m - (0, 0, model.size_m[2] / 2)

@@ -50,7 +50,7 @@ def test_nothing_is_found_in_the_dark(write):
 def test_channels_are_not_mixed_up(write):
     picture = np.zeros((64, 96, 3), np.uint8)
     picture[..., 0], picture[..., 2] = 30, 90
-    shown = ModalityDetector(write("a.onnx", "rgb")).input_of(picture)
+    shown = ModalityDetector(write("a.onnx", "rgb")).preprocess(picture)
     assert shown.shape == (1, 3, 64, 96)
     assert shown.dtype == np.uint8
     np.testing.assert_array_equal(shown[0, :, 5, 7], [30, 0, 90])
