@@ -32,7 +32,7 @@ def center_distances_m(a: Boxes3D, b: Boxes3D) -> Float64:
     return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
 
 
-def distance_likeness(distances_m: Float64, reach_m: float) -> Float64:
+def distance_similarity(distances_m: Float64, reach_m: float) -> Float64:
     """Turn distances into a likeness: 1 at no distance, falling evenly to 0 at the reach and beyond."""
     return np.asarray(np.maximum(0.0, 1.0 - distances_m / reach_m))
 

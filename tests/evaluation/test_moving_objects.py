@@ -16,7 +16,7 @@ from perception.evaluation.multi_object.followed import (
     target_errors,
     track_errors,
 )
-from perception.evaluation.multi_object.moving_objects import assign_tracks, likeness_frames
+from perception.evaluation.multi_object.moving_objects import assign_tracks, similarity_frames
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingObjectConfig,
@@ -71,7 +71,7 @@ def view_of(*dont_care_px: tuple[float, float, float, float]) -> LabelledView:
 
 def scores_of(frames: list[tuple[MovingScene, Tracks]]) -> MotMetrics:
     evaluated = [
-        likeness_frames(scene, tracks, assign_tracks(scene, tracks, CONFIG), CONFIG)
+        similarity_frames(scene, tracks, assign_tracks(scene, tracks, CONFIG), CONFIG)
         for scene, tracks in frames
     ]
     by_overlap = evaluate_tracks([frame.by_overlap for frame in evaluated])
@@ -291,6 +291,6 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(UsageError):
         MovingObjectConfig(min_points=0)
     with pytest.raises(UsageError):
-        MovingObjectConfig(min_likeness=0.0)
+        MovingObjectConfig(min_similarity=0.0)
     with pytest.raises(PerceptionError, match="one length"):
         replace(scene_of(boxes_at((1, 1))), points=np.zeros(2, np.int64))

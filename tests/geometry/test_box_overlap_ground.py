@@ -4,7 +4,7 @@ import pytest
 
 from perception.geometry.box_overlap_ground import (
     center_distances_m,
-    distance_likeness,
+    distance_similarity,
     iou_ground,
     shared_areas_m2,
 )
@@ -84,8 +84,8 @@ def test_no_boxes_give_an_empty_table():
     assert iou_ground(box(0, 0, 4, 2), Boxes3D.empty()).shape == (1, 0)
 
 
-def test_distance_becomes_a_likeness():
+def test_distance_becomes_a_similarity():
     distances = center_distances_m(box(0, 0, 4, 2), box(3, 4, 1, 1))
     assert distances.tolist() == [[5.0]]
-    likeness = distance_likeness(np.array([0.0, 1.0, 2.0, 9.0]), 2.0)
+    likeness = distance_similarity(np.array([0.0, 1.0, 2.0, 9.0]), 2.0)
     assert likeness.tolist() == [1.0, 0.5, 0.0, 0.0]

@@ -49,7 +49,7 @@ def datmo_tables(reports: Mapping[str, DatmoReport]) -> str:
 
 def _score_tables(reports: Mapping[str, DatmoReport]) -> list[str]:
     protocol = next(iter(reports.values())).protocol
-    within_m = protocol.targets.reach_m * (1 - protocol.distance_threshold)
+    within_m = protocol.targets.max_distance_m * (1 - protocol.distance_threshold)
     tight, loose = protocol.overlap_threshold, protocol.loose_overlap_threshold
     where = "on the ground plane; CLEAR and identity"
     return [

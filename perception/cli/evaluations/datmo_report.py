@@ -23,9 +23,9 @@ from perception.evaluation.multi_object.followed import (
     track_errors,
 )
 from perception.evaluation.multi_object.moving_objects import (
-    JudgedTwice,
+    SimilarityFrames,
     assign_tracks,
-    likeness_frames,
+    similarity_frames,
 )
 from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
@@ -44,14 +44,14 @@ PROTOCOL_WORDS = {
         "all pairs of its positions within window_s, or exact"
     ),
     "pairs": (
-        "tracks and objects that are alike by min_likeness are paired for the greatest sum of likeness: "
-        "1 less the distance of the centres over reach_m, or the overlap (IoU) of the outlines, whichever "
+        "tracks and objects that are alike by min_similarity are paired for the greatest sum of likeness: "
+        "1 less the distance of the centres over max_distance_m, or the overlap (IoU) of the outlines, whichever "
         "is more"
     ),
     "excused": (
         "a track is neither right nor wrong where it follows an object that moves in some frame of the "
         "drive but need not be tracked in this one, or one of unknown motion, and is more like it than "
-        "its own object; it follows it by min_likeness or where half of its outline lies on it; parked "
+        "its own object; it follows it by min_similarity or where half of its outline lies on it; parked "
         "objects excuse nobody"
     ),
     "left_out": (
@@ -60,7 +60,7 @@ PROTOCOL_WORDS = {
     ),
     "measures": (
         "HOTA, CLEAR and identity on the ground plane, twice: by distance (likeness 1 less the distance of "
-        "the centres over reach_m) and by overlap (IoU of the outlines); CLEAR and identity at the "
+        "the centres over max_distance_m) and by overlap (IoU of the outlines); CLEAR and identity at the "
         "thresholds given"
     ),
     "errors": "of the pairs; heading of tracks faster than 1 m/s; extent as mean size of the error",
@@ -204,7 +204,7 @@ class _TrackEvaluator:
         self._protocol = protocol
         self._stamps_s: list[float] = []
         self._seconds: list[float] = []
-        self._similarity_frames: list[JudgedTwice] = []
+        self._similarity_frames: list[SimilarityFrames] = []
         self._target_errors: list[TargetErrors] = []
         self._outcomes: list[TrackOutcomes] = []
 
@@ -214,7 +214,7 @@ class _TrackEvaluator:
         assignment = assign_tracks(scene, tracks, targets)
         self._stamps_s.append(frame.stamp_s)
         self._seconds.append(seconds)
-        self._similarity_frames.append(likeness_frames(scene, tracks, assignment, targets))
+        self._similarity_frames.append(similarity_frames(scene, tracks, assignment, targets))
         self._target_errors.append(target_errors(frame.stamp_s, scene, tracks, assignment))
         self._outcomes.append(track_outcomes(tracks, assignment))
 

@@ -116,7 +116,7 @@ def _comparisons(config: SingleObjectMetricsConfig) -> list[_Comparison]:
             lambda s: _percent(s.success),
         ),
         _Comparison(
-            f"Precision, one-pass evaluation: area under centre error 0..{config.reach_m:g} m, in percent",
+            f"Precision, one-pass evaluation: area under centre error 0..{config.max_center_error_m:g} m, in percent",
             lambda s: _percent(s.precision),
         ),
     ]

@@ -96,7 +96,7 @@ def _one_pass_panels(report: OtdReport) -> list[SuccessPanel]:
         _panel(
             report,
             ("Precision: area under the curve, as a share", "distance of the centres [m], at most"),
-            config.reach_m,
+            config.max_center_error_m,
             lambda errors: precision_curve(errors, config),
             lambda scores: f"{scores.precision:.3f}",
         ),

@@ -4,8 +4,8 @@
   its box is in the area, the middle of its box is in the camera's view, and its box holds `min_points`
   points of the scan from `clearance_m` above its bottom. It must be from the first such frame, so the
   frames that a tracker takes to be sure are misses.
-- A track and an object are alike as their centres are near, from 1 at no distance to 0 at `reach_m`, or
-  as their outlines overlap (IoU), whichever is more. From `min_likeness` on, a track may follow an
+- A track and an object are alike as their centres are near, from 1 at no distance to 0 at `max_distance_m`, or
+  as their outlines overlap (IoU), whichever is more. From `min_similarity` on, a track may follow an
   object. Objects that must be tracked and tracks are paired for the greatest sum.
 - A track is neither right nor wrong, and leaves, where it follows an object that may but need not be
   tracked, and is more like it than its own one: one that moves but does not count in this frame, one
@@ -31,7 +31,7 @@ from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.objects import Motion
 from perception.geometry.box_overlap_ground import (
     center_distances_m,
-    distance_likeness,
+    distance_similarity,
     iou_ground,
     shared_areas_m2,
 )
@@ -66,17 +66,17 @@ def assign_tracks(
 ) -> FrameAssignment:
     """Apply the protocol of this file to the tracks of one frame."""
     boxes, targets = scene.objects.boxes_velo, is_target(scene, config)
-    likeness = _likeness(boxes, tracks.boxes, config)
+    similarity = _similarity(boxes, tracks.boxes, config)
     target_rows = np.flatnonzero(targets)
-    pairs = _best_pairs(likeness[target_rows], config.min_likeness)
+    pairs = _best_pairs(similarity[target_rows], config.min_similarity)
     own_similarity = np.zeros(len(tracks))
-    own_similarity[pairs[1]] = likeness[target_rows][pairs]
+    own_similarity[pairs[1]] = similarity[target_rows][pairs]
 
     is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
     ignorable = ~targets & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
-    is_candidate = (likeness >= config.min_likeness) | lies_on
-    ignorable_similarity = np.where(is_candidate[ignorable], likeness[ignorable], 0.0).max(
+    is_candidate = (similarity >= config.min_similarity) | lies_on
+    ignorable_similarity = np.where(is_candidate[ignorable], similarity[ignorable], 0.0).max(
         axis=0, initial=0.0
     )
     ignored = ignorable_similarity > own_similarity
@@ -96,7 +96,7 @@ def assign_tracks(
 
 
 @dataclass(frozen=True)
-class JudgedTwice:
+class SimilarityFrames:
     """One frame as the tracking measures take it.
 
     Attributes:
@@ -108,29 +108,29 @@ class JudgedTwice:
     by_overlap: TrackedFrame
 
 
-def likeness_frames(
+def similarity_frames(
     scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
-) -> JudgedTwice:
+) -> SimilarityFrames:
     """Return what is to be judged of one frame, by distance and by overlap."""
     truth = scene.objects.boxes_velo[assignment.targets]
     predicted = tracks[assignment.evaluated]
     ids = scene.objects.track_ids[assignment.targets], predicted.ids
-    near = distance_likeness(center_distances_m(truth, predicted.boxes), config.reach_m)
-    return JudgedTwice(
+    near = distance_similarity(center_distances_m(truth, predicted.boxes), config.max_distance_m)
+    return SimilarityFrames(
         by_distance=TrackedFrame(*ids, near),
         by_overlap=TrackedFrame(*ids, iou_ground(truth, predicted.boxes)),
     )
 
 
-def _likeness(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
+def _similarity(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
     """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
-    near = distance_likeness(center_distances_m(boxes, tracks), config.reach_m)
+    near = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
     return np.maximum(near, iou_ground(boxes, tracks))
 
 
-def _best_pairs(likeness: Float64, at_least: float) -> tuple[Int, Int]:
+def _best_pairs(similarity: Float64, at_least: float) -> tuple[Int, Int]:
     """Return rows and columns of the pairs that are alike enough, with the greatest sum."""
-    enough = np.where(likeness >= at_least, likeness, 0.0)
+    enough = np.where(similarity >= at_least, similarity, 0.0)
     rows, columns = linear_sum_assignment(enough, maximize=True)
     kept = enough[rows, columns] > 0
     return rows[kept], columns[kept]

@@ -22,24 +22,24 @@ class MovingObjectConfig:
         area: outside of which nothing is judged.
         min_points: that an object's box must hold.
         clearance_m: over the box's bottom, below which points are taken for ground.
-        reach_m: between centres, at which a track is no longer like an object.
-        min_likeness: from which on a track may follow an object: 0.25 is a distance of three quarters of
+        max_distance_m: between centres, at which a track is no longer like an object.
+        min_similarity: from which on a track may follow an object: 0.25 is a distance of three quarters of
             the reach, or an overlap (IoU) of as much.
     """
 
     area: LocalArea = MOVING_OBJECT_AREA
     min_points: int = 20
     clearance_m: float = 0.2
-    reach_m: float = 2.0
-    min_likeness: float = 0.25
+    max_distance_m: float = 2.0
+    min_similarity: float = 0.25
 
     def __post_init__(self) -> None:
         """Refuse objects without a point, and likeness of nothing."""
-        if self.min_points < 1 or self.reach_m <= 0 or not 0 < self.min_likeness <= 1:
+        if self.min_points < 1 or self.max_distance_m <= 0 or not 0 < self.min_similarity <= 1:
             raise UsageError(
                 "moving objects",
-                expected="min_points of at least 1, reach_m over 0, min_likeness over 0 and up to 1",
-                found=f"{self.min_points}, {self.reach_m:g}, {self.min_likeness:g}",
+                expected="min_points of at least 1, max_distance_m over 0, min_similarity over 0 and up to 1",
+                found=f"{self.min_points}, {self.max_distance_m:g}, {self.min_similarity:g}",
             )
 
 

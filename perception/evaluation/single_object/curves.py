@@ -17,19 +17,19 @@ class SingleObjectMetricsConfig:
         overlap: that must be exceeded (A.1).
         heading_deg: below which a heading is right (A.2).
         location_px: below which a place in the image is right (A.3).
-        reach_m: of the centre error, up to which precision is measured.
+        max_center_error_m: of the centre error, up to which precision is measured.
         steps: thresholds of success and precision.
     """
 
     overlap: float = 0.25
     heading_deg: float = 10.0
     location_px: float = 20.0
-    reach_m: float = 2.0
+    max_center_error_m: float = 2.0
     steps: int = 21
 
     def __post_init__(self) -> None:
         """Refuse thresholds at which nothing could be right."""
-        limits = (self.heading_deg, self.location_px, self.reach_m)
+        limits = (self.heading_deg, self.location_px, self.max_center_error_m)
         if not 0 <= self.overlap < 1 or min(limits) <= 0 or self.steps < 2:
             raise UsageError(
                 "rule of single objects",
@@ -73,7 +73,7 @@ def success_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig)
 
 def precision_curve(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> Float64:
     """Return (steps,) shares of frames whose centres are within a threshold, from 0 to the reach."""
-    thresholds = np.linspace(0, config.reach_m, config.steps)
+    thresholds = np.linspace(0, config.max_center_error_m, config.steps)
     return _shares(errors.center_m[:, None] <= thresholds, errors)
 
 

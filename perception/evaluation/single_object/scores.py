@@ -42,7 +42,7 @@ PROTOCOL_WORDS = {
     ),
     "precision": (
         "one-pass evaluation: area under the share of frames whose centres are within a threshold, over "
-        "steps thresholds from 0 to reach_m (trapezoids), by reach_m"
+        "steps thresholds from 0 to max_center_error_m (trapezoids), by max_center_error_m"
     ),
     "velocity": "mean length of the velocity's error over the ground, in the frames in which truth is known",
     "states": "shares of frames that the tracker itself calls seen, predicted and lost",

@@ -29,12 +29,12 @@ class BackProjectionFinder:
 
     def find(self, image: UInt8) -> Float64 | None:
         """Climb from the last rectangle; None where no pixel in it has a colour of the object."""
-        likeness = cv2.calcBackProject([image], _CHANNELS, self._histogram, _RANGES, 1)
+        similarity = cv2.calcBackProject([image], _CHANNELS, self._histogram, _RANGES, 1)
         rows, columns = _slices(self._window)
-        if not likeness[rows, columns].any():
+        if not similarity[rows, columns].any():
             return None
         enough = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, _ITERATIONS, _TOLERANCE_PX)
-        _, (column, row, width, height) = cv2.meanShift(likeness, self._window, enough)
+        _, (column, row, width, height) = cv2.meanShift(similarity, self._window, enough)
         self._window = column, row, width, height
         return _centered_box(_window_center(self._window), self._size_px)
 
