@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.measure import Contender, take_turns
-from benchmarks.naive_detection_ap import naive_curve
+from benchmarks.naive_detection_ap import reference_curve
 from benchmarks.stages import Comparison
 from perception.cli.table import Cell
 from perception.evaluation.detection.average_precision import kitti_average_precision
@@ -28,13 +28,13 @@ def compare_average_precision() -> Comparison:
         metrics = kitti_average_precision(*sets[i], _FRAMES, (CAR,))
         return np.array([curve.precision for curve in metrics.classes[0].curves.values()])
 
-    def plain(i: int) -> Float64:
-        curves = (naive_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)
+    def reference(i: int) -> Float64:
+        curves = (reference_curve(*sets[i], _FRAMES, CAR, one) for one in DIFFICULTIES)
         return np.array([curve.precision for curve in curves])
 
     forms: dict[str, Callable[[int], Float64]] = {
         "ours": ours,
-        "plain: every frame at every threshold": plain,
+        "plain: every frame at every threshold": reference,
     }
     said: dict[str, list[Float64]] = {name: [] for name in forms}
     timings = take_turns(

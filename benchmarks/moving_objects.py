@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import cycle, islice
 
 from benchmarks.measure import Contender, take_turns
-from benchmarks.naive_datmo import QueuedMap
+from benchmarks.naive_datmo import ReferenceShortTermMap
 from benchmarks.naive_tracking import time_trackers
 from benchmarks.stages import Comparison, Prepared
 from perception.datmo.cell_grid import CellGrid
@@ -50,7 +50,7 @@ def compare_short_term_maps(prepared: Prepared) -> Comparison:
         for scans in prepared.windows
     ]
 
-    def contender(form: type[ShortTermMap] | type[QueuedMap], queue: int) -> Contender:
+    def contender(form: type[ShortTermMap] | type[ReferenceShortTermMap], queue: int) -> Contender:
         config = replace(THESIS.background, scans=queue, averaged=min(queue, 30))
         short_term_map = form(cells, config)
         # There and back until the queue is full, as a drive would fill it.
@@ -64,7 +64,7 @@ def compare_short_term_maps(prepared: Prepared) -> Comparison:
         return Contender(f"{name}, {queue} in the queue", run)
 
     contenders = [contender(ShortTermMap, queue) for queue in (50, 10, 200)]
-    contenders += [contender(QueuedMap, queue) for queue in (50, 10)]
+    contenders += [contender(ReferenceShortTermMap, queue) for queue in (50, 10)]
     return Comparison("short-term map (Algorithm 4)", take_turns(contenders, len(inputs)), {})
 
 

@@ -7,18 +7,18 @@ Bins), and it is what took most of the thesis' time a frame (7.1.2, Computationa
 import numpy as np
 
 from benchmarks.measure import Contender, Timing, take_turns
-from benchmarks.naive_tracking import PlainKalmanFilter
+from benchmarks.naive_tracking import ReferenceKalmanFilter
 from perception.tracking.single_object.color_model import BINS, AdaptiveColors
 from perception.types import Float64
 
 _STEP_S = 0.1
 
 
-class PlainAdaptiveColors:
+class ReferenceAdaptiveColors:
     """`AdaptiveColors` with a filter of its own for every bin."""
 
     def __init__(self) -> None:
-        self.filters: dict[int, PlainKalmanFilter] = {}
+        self.filters: dict[int, ReferenceKalmanFilter] = {}
 
     @property
     def ratios(self) -> Float64:
@@ -36,7 +36,7 @@ class PlainAdaptiveColors:
             elif bin_number in self.filters:
                 self._step(bin_number, value)
             else:
-                self.filters[bin_number] = PlainKalmanFilter(np.array([value, 0, 0]), np.eye(3))
+                self.filters[bin_number] = ReferenceKalmanFilter(np.array([value, 0, 0]), np.eye(3))
 
     def _step(self, bin_number: int, value: float) -> None:
         transition = np.array([[1, _STEP_S, _STEP_S**2 / 2], [0, 1, _STEP_S], [0, 0, 1]])
@@ -61,9 +61,9 @@ def wandering_ratios(in_use: int, frames: int, seed: int = 0) -> Float64:
 def time_color_filters(in_use: int = 70, frames: int = 50) -> list[Timing]:
     """Time a frame of the bank and of its plain form side by side; 70 bins are the thesis' mean."""
     seen = wandering_ratios(in_use, frames)
-    ours, plain = AdaptiveColors(), PlainAdaptiveColors()
+    ours, reference = AdaptiveColors(), ReferenceAdaptiveColors()
     contenders = [
         Contender("ours", lambda frame: ours.update(seen[frame])),
-        Contender("one filter a bin", lambda frame: plain.update(seen[frame])),
+        Contender("one filter a bin", lambda frame: reference.update(seen[frame])),
     ]
     return take_turns(contenders, frames)

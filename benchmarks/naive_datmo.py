@@ -44,7 +44,7 @@ class _StoredGrid:
     world_SE3_velo: Float64
 
 
-class QueuedMap:
+class ReferenceShortTermMap:
     """The short-term map as Algorithm 4 has it: all stored grids are turned anew at every scan."""
 
     def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:

@@ -16,7 +16,7 @@ _OUT, _IGNORED, _COUNTED = range(3)
 
 
 @dataclass(frozen=True)
-class NaiveCurve:
+class ReferenceCurve:
     """What `PrecisionCurve` says, as lists."""
 
     truths: int
@@ -44,13 +44,13 @@ class _Frame:
     dont_care: list[list[float]]
 
 
-def naive_curve(
+def reference_curve(
     truths: TrueBoxes,
     detections: DetectedBoxes,
     frames: int,
     of_class: DetectionClass,
     difficulty: Difficulty,
-) -> NaiveCurve:
+) -> ReferenceCurve:
     """Draw the precision curve of one class at one difficulty."""
     scene = [
         _Frame(
@@ -70,13 +70,13 @@ def naive_curve(
     ]
     valid = sum(truth.status == _COUNTED for frame in scene for truth in frame.truths)
     scores = [score for frame in scene for score in _found_scores(frame, of_class.iou)]
-    thresholds = naive_thresholds(scores, valid)
+    thresholds = reference_thresholds(scores, valid)
     counts = np.zeros((len(thresholds), 4))
     for row, threshold in enumerate(thresholds):
         for frame in scene:
             counts[row] += _count(frame, of_class.iou, threshold)
     right, wrong, missed, similarity = counts.T.tolist() if thresholds else ([], [], [], [])
-    return NaiveCurve(
+    return ReferenceCurve(
         truths=valid,
         matches=len(scores),
         thresholds=thresholds,
@@ -88,7 +88,7 @@ def naive_curve(
     )
 
 
-def naive_thresholds(scores: list[float], truths: int) -> list[float]:
+def reference_thresholds(scores: list[float], truths: int) -> list[float]:
     """Walk down the scores; keep one wherever the recall comes nearest to the next of 41 steps."""
     falling = sorted(scores, reverse=True)
     thresholds, recall = [], 0.0

@@ -12,7 +12,7 @@ from perception.types import MODALITIES, Detections, Float64, Int
 Box = tuple[int, int]
 
 
-def naive_tri_boxes(scene: DetectedScene, rules: TriBoxConfig) -> Int:
+def reference_tri_boxes(scene: DetectedScene, rules: TriBoxConfig) -> Int:
     """Return (T, 3) combinations in rising order."""
     parts = _parts(scene)
     boxes = [(column, row) for column, part in enumerate(parts) for row in range(len(part))]
@@ -34,7 +34,7 @@ def naive_tri_boxes(scene: DetectedScene, rules: TriBoxConfig) -> Int:
     return np.array(sorted(rows), np.int64).reshape(-1, len(MODALITIES))
 
 
-def naive_features(scene: DetectedScene, tri_boxes: Int) -> Float64:
+def reference_features(scene: DetectedScene, tri_boxes: Int) -> Float64:
     """Return (T, 23) features (6.4)."""
     parts, (width, height) = _parts(scene), scene.size_px
     features = []

@@ -15,7 +15,7 @@ from perception.types import Boxes3D, Float64, Tracks
 
 
 @dataclass
-class PlainKalmanFilter:
+class ReferenceKalmanFilter:
     """The Kalman filter of one object.
 
     Attributes:
@@ -47,7 +47,7 @@ class PlainKalmanFilter:
         return float(away @ np.linalg.inv(seen) @ away)
 
 
-def nearest_in_turn_by_loop(distances: Float64, gate: float) -> dict[int, int]:
+def greedy_nearest_by_loop(distances: Float64, gate: float) -> dict[int, int]:
     """Return the detection of each track that has one: gating, then the nearest still free."""
     taken: dict[int, int] = {}
     for track in range(distances.shape[0]):
@@ -63,9 +63,9 @@ def nearest_in_turn_by_loop(distances: Float64, gate: float) -> dict[int, int]:
 
 
 @dataclass
-class _PlainTrack:
+class _ReferenceTrack:
     id: int
-    filter: PlainKalmanFilter
+    filter: ReferenceKalmanFilter
     size_m: Float64
     low_world_m: float
     is_confirmed: bool = False
@@ -76,7 +76,7 @@ class _PlainTrack:
         return np.asarray((inverse(world_SE3_velo) @ bottom_world)[:3])
 
 
-class PlainPointTracker:
+class ReferencePointTracker:
     """`PointTracker` with a loop over tracks in every place; implements `MultiObjectTracker`."""
 
     def __init__(self, config: PointTrackerConfig = THESIS) -> None:
@@ -86,7 +86,7 @@ class PlainPointTracker:
 
     def end_all(self) -> None:
         """End all tracks."""
-        self._tracks: list[_PlainTrack] = []
+        self._tracks: list[_ReferenceTrack] = []
         self._stamp_s: float | None = None
 
     def update(
@@ -115,12 +115,12 @@ class PlainPointTracker:
         for row, place_m in enumerate(expected_m):
             for column, candidate in enumerate(candidates):
                 distances[row, column] = np.linalg.norm(place_m - candidate.filter.mean[:2])
-        pairs = nearest_in_turn_by_loop(distances, self.config.gate_m)
+        pairs = greedy_nearest_by_loop(distances, self.config.gate_m)
         for row, track in enumerate(self._tracks):
             self._correct(track, last_m[row], candidates[pairs[row]] if row in pairs else None)
         self._manage(candidates, set(pairs.values()), world_SE3_velo)
 
-    def _candidates(self, world_SE3_velo: Float64, moving: Footprints) -> list[_PlainTrack]:
+    def _candidates(self, world_SE3_velo: Float64, moving: Footprints) -> list[_ReferenceTrack]:
         found = []
         for number in range(len(moving)):
             thing = moving[np.array([number])]
@@ -128,11 +128,13 @@ class PlainPointTracker:
             extent_m = thing.vertices_m.max(axis=0) - thing.vertices_m.min(axis=0)
             size_m = np.array([*extent_m, float(thing.high_m[0] - thing.low_m[0])])
             mean = np.array([*moved.centroids_m[0], 0.0, 0.0])
-            state = PlainKalmanFilter(mean, self.config.initial_variance * np.eye(4))
-            found.append(_PlainTrack(-1, state, size_m, float(moved.low_m[0])))
+            state = ReferenceKalmanFilter(mean, self.config.initial_variance * np.eye(4))
+            found.append(_ReferenceTrack(-1, state, size_m, float(moved.low_m[0])))
         return found
 
-    def _correct(self, track: _PlainTrack, last_m: Float64, seen: _PlainTrack | None) -> None:
+    def _correct(
+        self, track: _ReferenceTrack, last_m: Float64, seen: _ReferenceTrack | None
+    ) -> None:
         noise = self.config.measurement_variance_m2 * np.eye(2)
         track.is_seen = seen is not None
         track.is_confirmed |= track.is_seen or not self.config.confirms
@@ -143,7 +145,7 @@ class PlainPointTracker:
             track.filter.update(last_m, np.eye(2, 4), noise)
 
     def _manage(
-        self, candidates: list[_PlainTrack], claimed: set[int], world_SE3_velo: Float64
+        self, candidates: list[_ReferenceTrack], claimed: set[int], world_SE3_velo: Float64
     ) -> None:
         kept = [track for track in self._tracks if track.is_confirmed]
         kept += [track for number, track in enumerate(candidates) if number not in claimed]
@@ -154,7 +156,7 @@ class PlainPointTracker:
                 track.id = self._next_id
                 self._next_id += 1
 
-    def _is_within(self, track: _PlainTrack, world_SE3_velo: Float64, margin_m: float) -> bool:
+    def _is_within(self, track: _ReferenceTrack, world_SE3_velo: Float64, margin_m: float) -> bool:
         bottom_m = track.bottom_velo_m(world_SE3_velo)
         return bool(self.config.area.contains_xy(bottom_m[None], margin_m)[0])
 
@@ -200,9 +202,11 @@ def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
 def time_trackers(objects: int, frames: int = 50) -> list[Timing]:
     """Time a frame of the batched tracker and of the plain one on the same objects, side by side."""
     scans, pose, nothing = moving_squares(objects, frames), np.eye(4), Footprints.empty()
-    ours, plain = PointTracker(), PlainPointTracker()
+    ours, reference = PointTracker(), ReferencePointTracker()
     contenders = [
         Contender("ours", lambda i: ours.update(0.1 * i, pose, scans[i], nothing)),
-        Contender("one filter a track", lambda i: plain.update(0.1 * i, pose, scans[i], nothing)),
+        Contender(
+            "one filter a track", lambda i: reference.update(0.1 * i, pose, scans[i], nothing)
+        ),
     ]
     return take_turns(contenders, frames)

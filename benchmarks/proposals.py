@@ -30,8 +30,8 @@ def compare_clusters(prepared: Prepared) -> Comparison:
     for frame in prepared.frames:
         rules = _RULES.cell_m, _RULES.least_variance_m2
         places_m.append(find_standing(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m)
-    plain = Contender("by definition", _clustering(cluster_by_definition, places_m))
-    return _compare("clusters in view", places_m, [plain])
+    reference = Contender("by definition", _clustering(cluster_by_definition, places_m))
+    return _compare("clusters in view", places_m, [reference])
 
 
 def compare_turns(prepared: Prepared) -> Comparison:

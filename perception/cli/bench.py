@@ -123,7 +123,7 @@ def _benchmarks() -> tuple[ModuleType, ...]:
 
 def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:
     """Return speed, worst frames and memory of the whole chain, ours and the thesis'."""
-    ours = metrics["default"]
+    default = metrics["default"]
     rows = [
         [
             method,
@@ -131,7 +131,7 @@ def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:
             f"{f.frames_per_s:.1f}",
             f"{f.median_ms:.1f}",
             f"{f.p99_ms:.1f}",
-            f"{f.median_ms / ours.median_ms:.1f}x",
+            f"{f.median_ms / default.median_ms:.1f}x",
             ", ".join(f"{name} {ms:.1f}" for name, ms in f.stages_ms.items()),
             f"{f.memory_start_mib:.0f} to {f.memory_end_mib:.0f}",
         ]

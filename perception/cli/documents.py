@@ -14,30 +14,30 @@ from data.whole_file import write_whole
 from perception import __version__
 
 
-def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_plain` takes
+def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes
     """Write a document whole or not at all, making its folder; NaN becomes null."""
-    text = json.dumps(to_plain(document), indent=1, allow_nan=False)
+    text = json.dumps(to_serializable(document), indent=1, allow_nan=False)
     write_whole(path, f"{text}\n".encode())
 
 
-def to_plain(value: Any) -> Any:  # noqa: ANN401 - walks whatever configurations and figures hold
+def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks whatever configurations and figures hold
     """Turn dataclasses, arrays and paths into what JSON knows."""
     if dataclasses.is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
     if isinstance(value, dict):
-        return {str(key): to_plain(item) for key, item in value.items()}
+        return {str(key): to_serializable(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):
-        return [to_plain(item) for item in value]
+        return [to_serializable(item) for item in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
 
 
-def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_plain` takes
+def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes
     """Write a document whole or not at all, keeping the order of its fields."""
-    write_whole(path, yaml.safe_dump(to_plain(document), sort_keys=False).encode())
+    write_whole(path, yaml.safe_dump(to_serializable(document), sort_keys=False).encode())
 
 
 def write_config(out: Path, drive: Drive, **effective: object) -> None:

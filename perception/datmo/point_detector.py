@@ -24,7 +24,7 @@ class PointDetectorConfig:
         attached_share: of a thing's points that may touch what stands. What moves keeps clear of it; what
             comes to light between two beams of a parked car or a hedge does not. In drives with truth
             one in twenty moving things, and three in four false ones, touch with more than a tenth.
-        plain_beams: a thing that so many beams cross, one over the other, may touch what stands: between
+        min_beams_across: a thing that so many beams cross, one over the other, may touch what stands: between
             beams that are so close nothing comes to light by chance.
     """
 
@@ -33,7 +33,7 @@ class PointDetectorConfig:
     standing_cell_m: float = 0.2
     standing_length_m: float = 12.0
     attached_share: float = 0.4
-    plain_beams: float = 12.0
+    min_beams_across: float = 12.0
 
 
 class PointDetector:
@@ -59,7 +59,7 @@ class PointDetector:
         stands = Footprints.empty()
         if len(standing):
             cells = StandingCells.under(standing, config.standing_cell_m)
-            may_touch = self._beams_across(moving, thing_of) >= config.plain_beams
+            may_touch = self._beams_across(moving, thing_of) >= config.min_beams_across
             touches = cells.touch(moving) & ~may_touch[thing_of]
             thing_of = _without_attached(thing_of, touches, config.attached_share)
             stands = cells.things(config.standing_least_points, config.standing_length_m)

@@ -15,7 +15,7 @@ class TrackLifecycleConfig:
     Attributes:
         confirming_sights: M, how often a plain thing must be seen moving before it is told of.
         doubtful_sights: the same of a thing of few points.
-        plain_points: in all sights together, from which on a thing is plain.
+        min_points_well_observed: in all sights together, from which on a thing is plain.
         confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
             second scan may miss it.
         travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
@@ -32,7 +32,7 @@ class TrackLifecycleConfig:
 
     confirming_sights: int = 2
     doubtful_sights: int = 5
-    plain_points: int = 50
+    min_points_well_observed: int = 50
     confirming_s: float = 0.25
     travel_m: float = 0.15
     min_speed_m_s: float = 0.5
@@ -54,8 +54,8 @@ def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
         & (travelled_m >= config.min_speed_m_s * age_s)
         & (tracks.speeds_m_s >= config.min_speed_m_s)
     )
-    is_plain = tracks.points >= config.plain_points
-    needed = np.where(is_plain, config.confirming_sights, config.doubtful_sights)
+    is_well_observed = tracks.points >= config.min_points_well_observed
+    needed = np.where(is_well_observed, config.confirming_sights, config.doubtful_sights)
     return np.asarray(tracks.is_confirmed | ((tracks.sights >= needed) & travels))
 
 

@@ -11,7 +11,7 @@ from data.drive import Drive, PointTruth
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import drive_results
-from perception.cli.documents import to_plain
+from perception.cli.documents import to_serializable
 from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
 from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
 from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
@@ -219,7 +219,9 @@ def test_options_that_cannot_work(kitti_root: Path, capsys):
 
 
 def test_json_holds_what_numpy_and_nan_are():
-    plain = to_plain({"a": np.array([1.5, np.nan]), "b": np.int64(3), "c": (Path("x"), None, True)})
+    plain = to_serializable(
+        {"a": np.array([1.5, np.nan]), "b": np.int64(3), "c": (Path("x"), None, True)}
+    )
     assert plain == {"a": [1.5, None], "b": 3, "c": ["x", None, True]}
     assert json.loads(json.dumps(plain)) == plain
 

@@ -75,9 +75,9 @@ def test_the_fast_form_equals_the_loop(config):
     points = rng.uniform((-3, -4, -2.5, 0), (5, 4, 1, 1), (4000, 4)).astype(np.float32)
     points[::2, 2] = -1.7 + rng.normal(0, 0.02, 2000)
     fast = elevation_grid(points, ROAD, CELLS, config)
-    plain = elevation_by_loop(points, ROAD, CELLS, config)
-    np.testing.assert_array_equal(fast.points, plain.points)
-    np.testing.assert_allclose(fast.height_m, plain.height_m, atol=1e-5)
+    reference = elevation_by_loop(points, ROAD, CELLS, config)
+    np.testing.assert_array_equal(fast.points, reference.points)
+    np.testing.assert_allclose(fast.height_m, reference.height_m, atol=1e-5)
     assert (fast.height_m != 0).sum() > 100
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import QueuedMap
+from benchmarks.naive_datmo import ReferenceShortTermMap
 from data.open_drive import open_drive
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.elevation import LevelPlane
@@ -223,7 +223,7 @@ def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kit
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
     detector = GridDetector(drive.sensor, config)
     body = VehicleBody()
-    plain, agreeing, moving = None, np.zeros(2), np.zeros(2)
+    reference, agreeing, moving = None, np.zeros(2), np.zeros(2)
     for k in range(10):
         frame = drive[k]
         points_velo = frame.points_velo[~body.contains_xy(frame.points_velo)]
@@ -237,8 +237,8 @@ def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kit
         )
         detector.detect(scan)
         grids = detector.grids
-        plain = plain or QueuedMap(grids.work_cells, config.background)
-        background_m = plain.update(grids.elevation, frame.world_SE3_velo)
+        reference = reference or ReferenceShortTermMap(grids.work_cells, config.background)
+        background_m = reference.update(grids.elevation, frame.world_SE3_velo)
         if k < config.background.least:
             continue
         expected_m = moving_in_area(

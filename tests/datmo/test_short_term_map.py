@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import QueuedMap
+from benchmarks.naive_datmo import ReferenceShortTermMap
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import ElevationGrid
 from perception.datmo.short_term_map import ShortTermMap, ShortTermMapConfig
@@ -42,7 +42,7 @@ def value_after(heights_m, config, grid=ShortTermMap):
     return float(background_m[10, 10])
 
 
-@pytest.mark.parametrize("grid", [ShortTermMap, QueuedMap])
+@pytest.mark.parametrize("grid", [ShortTermMap, ReferenceShortTermMap])
 @pytest.mark.parametrize(
     ("heights_m", "expected_m"),
     [
@@ -60,7 +60,7 @@ def test_a_cell_is_the_mean_of_its_last_observations(grid, heights_m, expected_m
     assert value_after(heights_m, config, grid) == pytest.approx(expected_m)
 
 
-@pytest.mark.parametrize("grid", [ShortTermMap, QueuedMap])
+@pytest.mark.parametrize("grid", [ShortTermMap, ReferenceShortTermMap])
 def test_the_newest_grid_is_in_the_map_or_joins_after(grid):
     heights_m = [1.0, 1.0, 2.0]
     assert value_after(heights_m, ShortTermMapConfig(9, 9, 1), grid) == pytest.approx(4 / 3)
@@ -87,11 +87,11 @@ CONFIG = {
 @pytest.mark.parametrize("rules", CONFIG.values(), ids=CONFIG)
 def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(config):
     rng = np.random.default_rng(11)
-    fast, plain = ShortTermMap(CELLS, config), QueuedMap(CELLS, config)
+    fast, reference = ShortTermMap(CELLS, config), ReferenceShortTermMap(CELLS, config)
     filled = 0
     for place in whole_cells(rng):
         grid = random_grid(rng)
-        expected_m = plain.update(grid, place)
+        expected_m = reference.update(grid, place)
         np.testing.assert_array_equal(fast.update(grid, place), expected_m)
         filled += int((expected_m > 0).sum())
     assert filled > 2000
@@ -100,13 +100,13 @@ def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(config):
 def test_both_forms_are_equal_far_from_where_the_drive_began():
     rng = np.random.default_rng(2)
     config = ShortTermMapConfig(10, 5, 2)
-    fast, plain = ShortTermMap(CELLS, config), QueuedMap(CELLS, config)
+    fast, reference = ShortTermMap(CELLS, config), ReferenceShortTermMap(CELLS, config)
     fast.update(random_grid(rng), pose())
     for x_m in np.arange(0, 30_000, 0.2 * 6.0 * 500):  # leaps beyond the window
         fast.update(random_grid(rng), pose(x_m))
     for step in range(15):
         grid, place = random_grid(rng), pose(30_000 + 0.4 * step, 1.0)
-        expected_m = plain.update(grid, place)
+        expected_m = reference.update(grid, place)
         if step >= 10:  # the leaps have left the queue
             np.testing.assert_array_equal(fast.update(grid, place), expected_m)
         else:
@@ -125,12 +125,12 @@ def wall_grid(world_SE3_velo):
 @pytest.mark.parametrize("start_yaw_rad", [0.0, 0.7, -2.5])
 def test_a_curve_leaves_the_walls_where_they_stand(start_yaw_rad):
     fast = ShortTermMap(CELLS, ShortTermMapConfig(20, 10, 3))
-    plain = QueuedMap(CELLS, ShortTermMapConfig(20, 10, 3))
+    reference = ReferenceShortTermMap(CELLS, ShortTermMapConfig(20, 10, 3))
     for step in range(40):
         yaw_rad = start_yaw_rad + 0.03 * step
         place = pose(0.13 * step, 0.07 * step, yaw_rad, z_m=0.01 * step)
         grid = wall_grid(place)
-        background_m, expected_m = fast.update(grid, place), plain.update(grid, place)
+        background_m, expected_m = fast.update(grid, place), reference.update(grid, place)
     known = expected_m > 0
     assert known.mean() > 0.4
     # Each form rounds to cells on its way: edges blur, by less than half the height nearly everywhere.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_detection_ap import NaiveCurve, naive_curve, naive_thresholds
+from benchmarks.naive_detection_ap import ReferenceCurve, reference_curve, reference_thresholds
 from perception.evaluation.detection import steps
 from perception.evaluation.detection.average_precision import (
     kitti_average_precision,
@@ -53,7 +53,7 @@ def boxes_around(
     return np.concatenate([np.minimum(boxes[:, :2], boxes[:, 2:]), boxes[:, 2:]], axis=1)
 
 
-def assert_same(curve: PrecisionCurve, naive: NaiveCurve) -> None:
+def assert_same(curve: PrecisionCurve, naive: ReferenceCurve) -> None:
     assert (curve.truths, curve.matches) == (naive.truths, naive.matches)
     assert curve.thresholds.tolist() == naive.thresholds
     assert curve.true_positives.tolist() == naive.true_positives
@@ -73,7 +73,7 @@ def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
     metrics = kitti_average_precision(truths, detections, FRAMES, classes)
     for of_class in metrics.classes:
         for difficulty in DIFFICULTIES:
-            naive = naive_curve(truths, detections, FRAMES, of_class.of_class, difficulty)
+            naive = reference_curve(truths, detections, FRAMES, of_class.of_class, difficulty)
             assert_same(of_class.curves[difficulty.name], naive)
     assert metrics.classes[0].curves["hard"].matches > 5 or iou > 0.8
 
@@ -84,7 +84,7 @@ def test_frames_that_weigh_double_are_frames_that_are_there_twice():
     car, hard = KITTI_CLASSES[0].at_iou(0.4), DIFFICULTIES[2]
     tallies = match_detections(truths, detections, FRAMES, [car], [hard])
     frames = np.repeat(np.arange(FRAMES), weights)
-    naive = naive_curve(
+    naive = reference_curve(
         take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
     )
     assert naive.matches > 10
@@ -114,7 +114,7 @@ def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
 def test_thresholds_are_those_of_walking_down_the_scores(truths: int):
     for matches in {1, truths // 3, truths // 2, int(truths * 0.85), truths - 1, truths} - {0}:
         scores = np.arange(matches, 0, -1.0)
-        walked = naive_thresholds(scores.tolist(), truths)
+        walked = reference_thresholds(scores.tolist(), truths)
         assert scores[threshold_places(matches, truths) - 1].tolist() == walked
 
 

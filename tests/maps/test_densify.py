@@ -110,15 +110,15 @@ def test_what_shows_through_a_nearer_surface_is_left_out():
 def test_columns_equal_a_loop(seed):
     sparse = random_returns(seed, (23, 14), 4 + 12 * seed)
     for config in (ColumnFillingConfig(), ColumnFillingConfig(1, 5, 1.5, 0.02, 1.0)):
-        fast, plain = fill_columns(sparse, config), fill_columns_by_loop(sparse, config)
-        np.testing.assert_allclose(fast.reflectance, plain.reflectance, atol=2e-6)
-        np.testing.assert_allclose(fast.depth_m, plain.depth_m, rtol=2e-5)
+        fast, reference = fill_columns(sparse, config), fill_columns_by_loop(sparse, config)
+        np.testing.assert_allclose(fast.reflectance, reference.reflectance, atol=2e-6)
+        np.testing.assert_allclose(fast.depth_m, reference.depth_m, rtol=2e-5)
 
 
 def test_nearest_equals_a_search_but_for_ties():
     sparse = random_returns(1, (30, 20), 25)
-    fast, plain = fill_nearest(sparse), fill_nearest_by_search(sparse)
-    rows, columns = np.nonzero(fast.depth_m != plain.depth_m)
+    fast, reference = fill_nearest(sparse), fill_nearest_by_search(sparse)
+    rows, columns = np.nonzero(fast.depth_m != reference.depth_m)
     for row, column in zip(rows, columns, strict=True):
         squared = np.sort(((sparse.pixels - (column, row)) ** 2).sum(axis=1))
         assert squared[0] == squared[1]
@@ -130,8 +130,8 @@ def test_natural_equals_counting_what_a_pixel_takes():
     # Ties would let the two choose different returns: compare where both agree on the nearest.
     if not (fill_nearest(sparse).depth_m == fill_nearest_by_search(sparse).depth_m).all():
         sparse = sparse_of({(3, 3): (10, 0.2), (4, 10): (30, 0.7), (17, 6): (20, 0.4)}, (21, 15))
-    fast, plain = fill_natural(sparse), fill_natural_by_discs(sparse)
-    differs = ~np.isclose(fast.depth_m, plain.depth_m, rtol=1e-5)
+    fast, reference = fill_natural(sparse), fill_natural_by_discs(sparse)
+    differs = ~np.isclose(fast.depth_m, reference.depth_m, rtol=1e-5)
     ties = fill_nearest(sparse).depth_m != fill_nearest_by_search(sparse).depth_m
     assert differs.sum() == 0 or ties.any()
 

@@ -42,10 +42,10 @@ def test_part_of_sixteen_beams_equals_a_loop(sparse):
         part.pixels - [left, 0], part.depth_m, part.reflectance, (width, sparse.size_px[1])
     )
     config = ColumnFillingConfig()
-    fast, plain = fill_columns(shifted, config), fill_columns_by_loop(shifted, config)
+    fast, reference = fill_columns(shifted, config), fill_columns_by_loop(shifted, config)
     assert (fast.depth_m > 0).any()
-    np.testing.assert_allclose(fast.depth_m, plain.depth_m, rtol=2e-5)
-    np.testing.assert_allclose(fast.reflectance, plain.reflectance, atol=2e-6)
+    np.testing.assert_allclose(fast.depth_m, reference.depth_m, rtol=2e-5)
+    np.testing.assert_allclose(fast.reflectance, reference.reflectance, atol=2e-6)
 
 
 def test_default_tells_most_of_what_it_was_not_shown(sparse):

@@ -16,9 +16,9 @@ def test_counts_by_hand():
 
 
 @pytest.mark.parametrize("plain", [count_voxels_by_loop, count_voxels_by_unique_rows])
-def test_same_answer_as_the_plain_forms(plain):
+def test_same_answer_as_the_plain_forms(reference):
     points = np.random.default_rng(3).normal(0, 0.4, (500, 3)).astype(np.float32)
-    fast, slow = count_voxels(points, 0.1), plain(points, 0.1)
+    fast, slow = count_voxels(points, 0.1), reference(points, 0.1)
     np.testing.assert_allclose(fast.centers_m, slow.centers_m, atol=1e-5)
     assert fast.counts.tolist() == slow.counts.tolist()
 

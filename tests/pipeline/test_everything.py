@@ -24,13 +24,15 @@ STAGES = {
 }
 
 
-def plain(value):
+def comparable(value):
     """Turn a result into nested lists of arrays and numbers, without what a clock said."""
     if is_dataclass(value):
         names = [field.name for field in fields(value)]
-        return [plain(getattr(value, name)) for name in names if name not in ("timings_s", "spans")]
+        return [
+            comparable(getattr(value, name)) for name in names if name not in ("timings_s", "spans")
+        ]
     if isinstance(value, dict):
-        return [[key, plain(item)] for key, item in value.items()]
+        return [[key, comparable(item)] for key, item in value.items()]
     return value
 
 
@@ -57,7 +59,7 @@ def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_
             streamed = list(stream)
     for results in (stepped, streamed):
         for one, other in zip(results, expected, strict=True):
-            assert_same(plain(one), plain(other))
+            assert_same(comparable(one), comparable(other))
 
 
 def test_every_stage_is_timed_on_its_worker(street_frames, everything):
@@ -162,7 +164,7 @@ def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
     with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
         expected = [pipeline.step(frame) for frame in blind]
     for one, other in zip(results, expected, strict=True):
-        assert_same(plain(one), plain(other))
+        assert_same(comparable(one), comparable(other))
 
 
 def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, everything):
@@ -171,7 +173,7 @@ def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, e
         alone = pipeline.step(frame)
         with pipeline.stream([street_frames[0], frame], is_sequence=False) as stream:
             _, second = stream
-    assert_same(plain(second), plain(alone))
+    assert_same(comparable(second), comparable(alone))
 
 
 def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames, everything):

@@ -3,7 +3,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from benchmarks.naive_tracking import nearest_in_turn_by_loop
+from benchmarks.naive_tracking import greedy_nearest_by_loop
 from perception.tracking.association import (
     Association,
     assign_greedily,
@@ -91,7 +91,7 @@ def test_more_pairs_come_before_cheaper_ones():
 def test_nearest_in_turn_is_the_plain_loop(seed):
     distances = np.random.default_rng(seed).uniform(0, 3, (12, 9)).round(1)  # with ties
     found = assign_greedily(distances, distances <= 0.8)
-    assert pairs(found) == nearest_in_turn_by_loop(distances, 0.8)
+    assert pairs(found) == greedy_nearest_by_loop(distances, 0.8)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchmarks.naive_tracking import PlainKalmanFilter
+from benchmarks.naive_tracking import ReferenceKalmanFilter
 from perception.tracking.kalman import Gaussians, mahalanobis_squared, predict, update
 
 STEP_S = 0.1
@@ -19,11 +19,13 @@ def random_gaussians(count: int, rng: np.random.Generator) -> Gaussians:
     return Gaussians(rng.normal(size=(count, 4)), root @ root.transpose(0, 2, 1) + 0.1 * np.eye(4))
 
 
-def one_by_one(states: Gaussians) -> list[PlainKalmanFilter]:
-    return [PlainKalmanFilter(*state) for state in zip(states.mean, states.covariance, strict=True)]
+def one_by_one(states: Gaussians) -> list[ReferenceKalmanFilter]:
+    return [
+        ReferenceKalmanFilter(*state) for state in zip(states.mean, states.covariance, strict=True)
+    ]
 
 
-def assert_same(states: Gaussians, plain: list[PlainKalmanFilter]) -> None:
+def assert_same(states: Gaussians, plain: list[ReferenceKalmanFilter]) -> None:
     np.testing.assert_allclose(states.mean, [f.mean for f in plain], atol=1e-10)
     np.testing.assert_allclose(states.covariance, [f.covariance for f in plain], atol=1e-10)
 

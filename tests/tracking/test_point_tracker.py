@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.naive_tracking import PlainPointTracker
+from benchmarks.naive_tracking import ReferencePointTracker
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import from_euler, inverse, transform_points
@@ -143,7 +143,7 @@ def test_positions_and_velocities_are_in_the_axes_of_the_scan():
 @PRESETS
 def test_it_is_the_plain_tracker(config):
     rng = np.random.default_rng(11)
-    fast, plain = Drive(PointTracker(config)), Drive(PlainPointTracker(config))
+    fast, plain = Drive(PointTracker(config)), Drive(ReferencePointTracker(config))
     places_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
     shown = 0
     for frame in range(60):

@@ -112,8 +112,8 @@ def measure_vehicles(
         calibration, _ = camera_of(frame)
         predictions.append(to_vehicle_rows(frame.index, found, calibration, min_score))
         true = drive.labels(frame.index)
-        is_plain = (true.occlusion <= _MAX_OCCLUSION) & (true.truncation <= _MAX_TRUNCATION)
-        true = true[is_plain & (true.types == "Car")]
+        is_moderate = (true.occlusion <= _MAX_OCCLUSION) & (true.truncation <= _MAX_TRUNCATION)
+        true = true[is_moderate & (true.types == "Car")]
         errors.append(location_errors(found, true.boxes_px, true.boxes_velo, frame.points_velo))
         numbers.append(frame.index)
         meetings.append(_meetings(one))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from data.whole_file import write_whole
-from perception.cli.documents import to_plain, write_json
+from perception.cli.documents import to_serializable, write_json
 from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detector_steps import MeasuredDetector, measure_detector
 from perception.cli.evaluations.labelled_drives import (
@@ -141,7 +141,7 @@ def _trained(
     variant: Variant, conditions: VariantTrainingConfig, folder: Path
 ) -> Mapping[str, Any]:
     """Train, go on, or read what is done."""
-    settings = to_plain({"variant": asdict(variant), "conditions": conditions})
+    settings = to_serializable({"variant": asdict(variant), "conditions": conditions})
     known = _read(folder / "settings.json")
     if known is not None and known != settings:
         raise UsageError(
@@ -155,7 +155,7 @@ def _trained(
     if done is None:
         trained = _train(variant, conditions, folder)
         write_json(folder / "trained.json", trained)
-        done = to_plain(trained)
+        done = to_serializable(trained)
     found: Mapping[str, Any] = done
     return found
 
@@ -185,7 +185,7 @@ def _evaluated(
     trained: Mapping[str, Any], evaluation: VariantEvaluationConfig, folder: Path
 ) -> VariantMetrics:
     """Measure, or read what was measured on the same drives by the same rules."""
-    asked = to_plain(asdict(evaluation))
+    asked = to_serializable(asdict(evaluation))
     known = _read(folder / "figures.json")
     if known is not None and known["judging"] == asked:
         return VariantMetrics(**known["figures"])
@@ -196,7 +196,7 @@ def _evaluated(
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
         network_ms=first.median_ms(first.modality),
-        drives=to_plain({one.seen.data.name: _of_drive(one) for one in measured}),
+        drives=to_serializable({one.seen.data.name: _of_drive(one) for one in measured}),
     )
     write_json(folder / "figures.json", {"judging": asked, "figures": metrics})
     return metrics

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.naive_fusion import naive_features
+from benchmarks.naive_fusion import reference_features
 from perception.detection.fusion.detected_scene import DetectedScene, box_depths_m, scene_of
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.tri_boxes import tri_boxes
@@ -49,7 +49,7 @@ def test_there_are_as_many_as_printed():
 def test_as_plain_loops_say(seed):
     scene = clumped_scene(seed)
     rows = tri_boxes(scene)
-    expected = naive_features(scene, rows)
+    expected = reference_features(scene, rows)
     np.testing.assert_allclose(tri_box_features(scene, rows, "features"), expected, atol=1e-12)
     np.testing.assert_array_equal(tri_box_features(scene, rows, "scores"), expected[:, :3])
     np.testing.assert_array_equal(tri_box_features(scene, rows, "default")[:, :3], expected[:, :3])

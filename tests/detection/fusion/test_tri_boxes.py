@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_fusion import naive_tri_boxes
+from benchmarks.naive_fusion import reference_tri_boxes
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
 from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
@@ -55,14 +55,14 @@ def test_without_boxes_there_is_no_combination():
 @pytest.mark.parametrize("seed", range(4))
 def test_as_plain_loops_say(rules, seed):
     scene = clumped_scene(seed)
-    np.testing.assert_array_equal(tri_boxes(scene, rules), naive_tri_boxes(scene, rules))
+    np.testing.assert_array_equal(tri_boxes(scene, rules), reference_tri_boxes(scene, rules))
 
 
 def test_a_modality_that_is_missing_has_no_box_anywhere():
     scene = clumped_scene(1).without("dm")
     rows = tri_boxes(scene)
     assert (rows[:, 1] == -1).all()
-    np.testing.assert_array_equal(rows, naive_tri_boxes(scene, TriBoxConfig()))
+    np.testing.assert_array_equal(rows, reference_tri_boxes(scene, TriBoxConfig()))
 
 
 @pytest.mark.parametrize("rules", TRI_BOX_CONFIGS.values())
@@ -74,7 +74,7 @@ def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
     assert len(rows) < np.prod([len(found) for found in scene.modal.values()])
     for column, found in enumerate(scene.modal.values()):
         assert set(range(len(found))) <= set(rows[:, column].tolist())
-    best = naive_tri_boxes(scene, TriBoxConfig(rules.min_iou, rules.by_set, 1))
+    best = reference_tri_boxes(scene, TriBoxConfig(rules.min_iou, rules.by_set, 1))
     assert set(map(tuple, best.tolist())) <= set(map(tuple, rows.tolist()))
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_color_filters import PlainAdaptiveColors, wandering_ratios
+from benchmarks.naive_color_filters import ReferenceAdaptiveColors, wandering_ratios
 from perception.tracking.single_object.color_model import (
     BINS,
     AdaptiveColors,
@@ -91,7 +91,7 @@ def test_a_region_outside_the_image_tells_nothing():
 
 
 def test_the_bank_is_a_loop_of_single_filters():
-    bank, plain = AdaptiveColors(), PlainAdaptiveColors()
+    bank, plain = AdaptiveColors(), ReferenceAdaptiveColors()
     for ratios in wandering_ratios(in_use=40, frames=60, seed=3):
         bank.update(ratios)
         plain.update(ratios)
