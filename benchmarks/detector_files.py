@@ -56,7 +56,7 @@ def write_detector(
         DecodedDetector(detector.eval()).eval(),
         {"pictures": torch.from_numpy(np.concatenate(inputs[:1] * 2))},
         outputs=("boxes_px", "scores"),
-        facts=form.facts,
+        metadata=form.metadata,
     )
     files = DetectorFiles(
         *(folder / f"{network}_{modality}_{name}.onnx" for name in ("fp32", "int8"))

@@ -42,9 +42,9 @@ def default_folder() -> Path:
     return Path(cache) / "trifuse" / "arrays"
 
 
-def entry_key(**facts: object) -> str:
+def entry_key(**metadata: object) -> str:
     """Return the name of an entry by all that makes it: numbers, texts, paths, lists and dicts."""
-    text = json.dumps(facts, sort_keys=True, default=os.fspath)
+    text = json.dumps(metadata, sort_keys=True, default=os.fspath)
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 

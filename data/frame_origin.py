@@ -13,7 +13,7 @@ from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 
 
-def frame_origin(drive: Drive, index: int) -> dict[str, Any]:
+def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
     """Return what tells a frame from all others, and this from earlier contents of its files."""
     files = frame_files(drive, index)
     stats = [path.stat() if path.is_file() else None for path in files]
@@ -49,7 +49,7 @@ def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]
 
 
 @cache
-def code_mark(*sources: ModuleType | Path) -> str:
+def code_fingerprint(*sources: ModuleType | Path) -> str:
     """Return a hash of packages, modules and files: nothing kept outlives a change of what made it."""
     files = [file for source in sources for file in _python_files(source)]
     return entry_key(code=[file.read_text() for file in sorted(files)])

@@ -83,7 +83,7 @@ def export_verifier(config: ExportConfig) -> Exported:
         }
     forms = compare_forms(exportable, opened, inputs, timed=inputs["noise"][-1])
     return Exported(
-        facts=dict(exportable.facts),
+        metadata=dict(exportable.metadata),
         models=models,
         forms=forms,
         tolerances=TOLERANCES,
@@ -98,14 +98,14 @@ def exportable_verifier(checkpoint: Path) -> Exportable:
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    verifier, facts = load_verifier(checkpoint)
-    channels = len(facts["channels"].split(","))
+    verifier, metadata = load_verifier(checkpoint)
+    channels = len(metadata["channels"].split(","))
     example = random_inputs(channels, 2, np.random.default_rng(0))
     return Exportable(
         Probabilities(verifier).eval(),
         {name: torch.from_numpy(array) for name, array in example.items()},
         outputs=("scores", "boxes_px"),
-        facts=facts,
+        metadata=metadata,
     )
 
 

@@ -89,7 +89,7 @@ def export_detector(config: ExportConfig) -> Exported:
     forms = {name: replace(form, precision=precision.get(name, {})) for name, form in forms.items()}
     short = best_short(forms)
     return Exported(
-        facts=dict(exportable.facts),
+        metadata=dict(exportable.metadata),
         models={name: data for name, data in models.items() if name in (FULL, short)},
         forms=forms,
         tolerances=TOLERANCES,
@@ -109,15 +109,15 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
     """
-    detector, facts = load_detector(checkpoint)
-    size = size or InputSize(int(facts["input_height"]), int(facts["input_width"]))
-    facts |= {"input_height": str(size.height_px), "input_width": str(size.width_px)}
+    detector, metadata = load_detector(checkpoint)
+    size = size or InputSize(int(metadata["input_height"]), int(metadata["input_width"]))
+    metadata |= {"input_height": str(size.height_px), "input_width": str(size.width_px)}
     example = random_pictures(2, (detector.channels, *size), np.random.default_rng(0))
     return Exportable(
         DecodedDetector(detector).eval(),
         {"pictures": torch.from_numpy(example)},
         outputs=("boxes_px", "scores"),
-        facts=facts,
+        metadata=metadata,
     )
 
 

@@ -92,7 +92,7 @@ class Exported:
         opset: of ONNX that they are written in.
     """
 
-    facts: dict[str, str]
+    metadata: dict[str, str]
     models: dict[str, bytes]
     forms: dict[str, Form]
     tolerances: dict[str, float]

@@ -46,7 +46,7 @@ def export_fusion(config: ExportConfig) -> Exported:
         raise UsageError(
             "fusion", expected="neither --int8 nor --size, as it takes no pictures", found="one"
         )
-    network, facts = load_fusion(config.checkpoint)
+    network, metadata = load_fusion(config.checkpoint)
     rng = np.random.default_rng(0)
     lows, scales = network.lows.numpy(), network.scales.numpy()
     spans = np.where(scales > 0, 2 / np.where(scales > 0, scales, 1), 0)
@@ -56,7 +56,7 @@ def export_fusion(config: ExportConfig) -> Exported:
         for n in _ROWS
     ]
     example = {"features": torch.from_numpy(batches[2]["features"])}
-    exportable = Exportable(NamedScores(network).eval(), example, ("scores",), facts)
+    exportable = Exportable(NamedScores(network).eval(), example, ("scores",), metadata)
     model = to_onnx(exportable)
     with TemporaryDirectory() as folder:
         file = Path(folder, "fusion.onnx")
@@ -64,7 +64,7 @@ def export_fusion(config: ExportConfig) -> Exported:
         opened = {"fp32": (len(model), OnnxModel(file, CONTRACT))}
         forms = compare_forms(exportable, opened, {"features": batches}, timed=batches[-1])
     return Exported(
-        facts=dict(facts),
+        metadata=dict(metadata),
         models={"fp32": model},
         forms=forms,
         tolerances=TOLERANCES,
@@ -76,6 +76,6 @@ def export_fusion(config: ExportConfig) -> Exported:
 def with_calibrations(model: bytes, calibrations: Calibrations) -> bytes:
     """Return the same file with other curves from scores to probabilities."""
     loaded = onnx.load_from_string(model)
-    facts = {entry.key: entry.value for entry in loaded.metadata_props}
-    onnx.helper.set_model_props(loaded, facts | {"calibration": str(calibrations)})
+    metadata = {entry.key: entry.value for entry in loaded.metadata_props}
+    onnx.helper.set_model_props(loaded, metadata | {"calibration": str(calibrations)})
     return bytes(loaded.SerializeToString())

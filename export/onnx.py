@@ -33,7 +33,7 @@ class Exportable:
     module: nn.Module
     inputs: Mapping[str, Tensor]
     outputs: tuple[str, ...]
-    facts: Mapping[str, str]
+    metadata: Mapping[str, str]
 
 
 def to_onnx(exportable: Exportable) -> bytes:
@@ -59,7 +59,7 @@ def to_onnx(exportable: Exportable) -> bytes:
     _require_free_rows(model)
     model.ir_version = min(model.ir_version, _IR_VERSION)
     _forget_source(model)
-    onnx.helper.set_model_props(model, dict(exportable.facts))
+    onnx.helper.set_model_props(model, dict(exportable.metadata))
     onnx.checker.check_model(model, full_check=True)
     return bytes(model.SerializeToString())
 

@@ -84,8 +84,8 @@ def to_int8(
 def _noted(file: Path, quantization: QuantizationConfig) -> bytes:
     """Return a file that says of itself what it was made into."""
     made = onnx.load(file)
-    facts = {entry.key: entry.value for entry in made.metadata_props}
-    onnx.helper.set_model_props(made, facts | {"form": f"int8 {quantization.scales}"})
+    metadata = {entry.key: entry.value for entry in made.metadata_props}
+    onnx.helper.set_model_props(made, metadata | {"form": f"int8 {quantization.scales}"})
     return bytes(made.SerializeToString())
 
 

@@ -16,7 +16,7 @@ import perception.detection.depthcn
 import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.drive import Drive, Labels
-from data.frame_origin import code_mark, frame_origin
+from data.frame_origin import code_fingerprint, frame_fingerprint
 from perception.detection.depthcn.picture import camera_picture
 from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.geometry.boxes import points_inside
@@ -161,7 +161,7 @@ def _shares(clusters: Int, is_within: np.ndarray, count: int) -> Float64:
 
 
 def _origin(drive: Drive, index: int) -> dict[str, Any]:
-    code = code_mark(
+    code = code_fingerprint(
         perception.detection, perception.detection.depthcn, perception.maps, Path(__file__)
     )
-    return {**frame_origin(drive, index), "code": code}
+    return {**frame_fingerprint(drive, index), "code": code}

@@ -20,7 +20,7 @@ import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.drive import Drive, Labels
-from data.frame_origin import code_mark, frame_origin
+from data.frame_origin import code_fingerprint, frame_fingerprint
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -64,10 +64,10 @@ class MarkedLooker:
     """
 
     looker: Looker
-    mark: str
+    fingerprint: str
 
 
-def models_mark(models: Mapping[Modality, bytes]) -> str:
+def models_fingerprint(models: Mapping[Modality, bytes]) -> str:
     """Return a hash of model files."""
     hashes = {name: hashlib.blake2b(data).hexdigest() for name, data in sorted(models.items())}
     return entry_key(models=hashes)
@@ -123,7 +123,7 @@ def detected_scene(
     Raises:
         PerceptionError: the frame cannot be read or used.
     """
-    code = code_mark(
+    code = code_fingerprint(
         perception.detection,
         perception.detection.detectors,
         perception.detection.fusion,
@@ -131,7 +131,10 @@ def detected_scene(
         Path(__file__),
     )
     key = entry_key(
-        what="detections", models=detectors.mark, code=code, **frame_origin(drive, index)
+        what="detections",
+        models=detectors.fingerprint,
+        code=code,
+        **frame_fingerprint(drive, index),
     )
     return _to_scene(store.get(key, lambda: _look(drive[index], detectors.looker)))
 
@@ -145,7 +148,7 @@ def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, Modalit
     for modality, detector in detectors.items():
         learned = [
             Path(name.strip()).resolve()
-            for name in detector.facts.get("training_data", "").split(",")
+            for name in detector.metadata.get("training_data", "").split(",")
             if name.strip()
         ]
         for drive in drives:

@@ -13,7 +13,7 @@ import numpy as np
 import perception.maps
 from data.array_store import Arrays, entry_key
 from data.drive import Drive
-from data.frame_origin import code_mark, frame_origin
+from data.frame_origin import code_fingerprint, frame_fingerprint
 from perception.detection.detectors import input_size, modalities
 from perception.detection.detectors.input_size import InputSize, stretch
 from perception.detection.detectors.modalities import (
@@ -67,8 +67,8 @@ def picture_key(drive: Drive, index: int, config: PictureRules) -> str:
         what="camera picture" if config.modality == "rgb" else ["map pictures", config.filling],
         size=config.size,
         jpeg_quality=config.jpeg_quality,
-        code=code_mark(perception.maps, modalities, input_size, Path(__file__)),
-        **frame_origin(drive, index),
+        code=code_fingerprint(perception.maps, modalities, input_size, Path(__file__)),
+        **frame_fingerprint(drive, index),
     )
 
 

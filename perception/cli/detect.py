@@ -108,7 +108,7 @@ def detect_in_drive(
         PerceptionError: a frame cannot be used; what was done before it stays in the folder.
     """
     summary = DetectSummary(drive.name, out, plan.shown_score)
-    write_config(out, drive, plan=plan, network=dict(detector.facts))
+    write_config(out, drive, plan=plan, network=dict(detector.metadata))
     found = sightings(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:

@@ -68,7 +68,7 @@ def export(  # noqa: PLR0913 - flags of a command
             "frames": min(frames, len(drive)) if drive else 0,
             "machine": describe_machine(),
             "tolerances": exported.tolerances,
-            "facts": exported.facts,
+            "facts": exported.metadata,
             "opset": exported.opset,
             "forms": exported.forms,
             "choice": exported.choice,

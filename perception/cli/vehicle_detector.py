@@ -43,7 +43,7 @@ class VehicleDetector(Protocol):
     """Finds vehicles in one frame after the other; frames know nothing of each other."""
 
     @property
-    def facts(self) -> Mapping[str, str]:
+    def metadata(self) -> Mapping[str, str]:
         """What the file of the network says of it."""
         ...
 
@@ -63,9 +63,9 @@ class TimedDepthCn:
         self._detector = detector
 
     @property
-    def facts(self) -> Mapping[str, str]:
+    def metadata(self) -> Mapping[str, str]:
         """What the file of the network says of it."""
-        return self._detector.verifier.model.facts
+        return self._detector.verifier.model.metadata
 
     def look(self, frame: Frame) -> Sighting:
         """Detect in one frame.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from perception.errors import ModelError
 
 Array = NDArray[Any]
-Noted = TypeVar("Noted")
+Value = TypeVar("Noted")
 # As ONNX Runtime names the types of numbers that go in.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
@@ -64,15 +64,15 @@ class ModelContract:
             before the first frame.
     """
 
-    facts: Mapping[str, str]
-    noted: tuple[str, ...] = ()
+    metadata: Mapping[str, str]
+    required_keys: tuple[str, ...] = ()
     inputs: Mapping[str, Input] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
     usual_rows: int = 32
 
-    def with_facts(self, facts: Mapping[str, str]) -> Self:
+    def with_metadata(self, metadata: Mapping[str, str]) -> Self:
         """Return the same contract with further facts, or others in their place."""
-        return replace(self, facts={**self.facts, **facts})
+        return replace(self, metadata={**self.metadata, **metadata})
 
 
 def shipped_model(name: str) -> Traversable:
@@ -97,16 +97,16 @@ class OnnxModel:
         self.name = file.name
         """Of the file."""
         content = _content(file)
-        self.mark = hashlib.blake2b(content, digest_size=8).hexdigest()
+        self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
         """What tells the file from others."""
         self._session = _open(file, content, threads)
-        self.facts: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
+        self.metadata: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
         """What the file says of itself."""
         self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
         """What goes in, by name."""
         self.output_shapes = {entry.name: _shape_of(entry) for entry in self._session.get_outputs()}
         """What comes out, by name; None along an axis of any length."""
-        self._check_facts(contract)
+        self._check_metadata(contract)
         self._check_interface(contract)
         self(self._blank_inputs(contract.usual_rows))
 
@@ -136,22 +136,22 @@ class OnnxModel:
                 )
         return outputs
 
-    def fact_among(self, name: str, known: Sequence[Noted]) -> Noted:
+    def metadata_choice(self, name: str, known: Sequence[Value]) -> Value:
         """Return what the file says of itself under a name, where it is something that we know.
 
         Raises:
             ModelError: it is something else.
         """
-        said = self.facts[name]
+        said = self.metadata[name]
         for one in known:
             if one == said:
                 return one
         raise ModelError(self.name, expected=f"{name} {' or '.join(map(str, known))}", found=said)
 
-    def _check_facts(self, contract: ModelContract) -> None:
-        for name in (*contract.facts, *contract.noted):
-            required = contract.facts.get(name)
-            found = self.facts.get(name)
+    def _check_metadata(self, contract: ModelContract) -> None:
+        for name in (*contract.metadata, *contract.required_keys):
+            required = contract.metadata.get(name)
+            found = self.metadata.get(name)
             if found is None or (required is not None and found != required):
                 raise ModelError(
                     self.name,

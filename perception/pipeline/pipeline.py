@@ -189,7 +189,7 @@ class Pipeline:
             tracks=moved.tracks,
         )
 
-    def _tell_once(self, words: str, *facts: object) -> None:
+    def _tell_once(self, words: str, *values: object) -> None:
         if not self._has_told:
-            log.warning(words, *facts)
+            log.warning(words, *values)
         self._has_told = True

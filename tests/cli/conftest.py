@@ -22,7 +22,7 @@ class LabelReader:
 
     drive: Drive
     stop_at: int | None = None
-    facts: Mapping[str, str] = field(
+    metadata: Mapping[str, str] = field(
         default_factory=lambda: {"method": "labels", "training_data": "nothing at all"}
     )
 

@@ -32,7 +32,7 @@ def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
     full, short = (ModalityDetector(files.of(form)) for form in ("fp32", "int8"))
     inputs = {"pictures": full.preprocess(pictures(1)[0])}
     assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
-    assert short.facts["form"] == "int8 minmax"
+    assert short.metadata["form"] == "int8 minmax"
 
 
 def test_openvino_says_the_same(tmp_path):

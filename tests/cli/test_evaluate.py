@@ -12,7 +12,7 @@ from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import drive_results
 from perception.cli.documents import to_serializable
-from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
+from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
 from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
@@ -229,7 +229,7 @@ def test_json_holds_what_numpy_and_nan_are():
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path = tmp_path / "figures.json"
     path.write_text("old")
-    data = DataUsed(tmp_path, "0000", "HDL-64E", 1, 1, 1)
+    data = DatasetInfo(tmp_path, "0000", "HDL-64E", 1, 1, 1)
     with pytest.raises(TypeError):
         write_evaluation(path, data, None, Evaluation("ground", {}, {"unwritable": object()}))
     assert path.read_text() == "old"

@@ -27,7 +27,7 @@ class LabelSeer:
 
     def __post_init__(self):
         self.model = SimpleNamespace(name="seer.onnx")
-        self.facts = {"training_data": "no street"}
+        self.metadata = {"training_data": "no street"}
 
     def detect(self, picture):
         assert picture.shape == (190, 620, 1)

@@ -22,7 +22,7 @@ class KeepScores:
     """A fusion that believes every detector, and takes the best box of each place."""
 
     def __init__(self):
-        self.facts = {"training_data": "no street"}
+        self.metadata = {"training_data": "no street"}
 
     def rescore(self, scene):
         return SimpleNamespace(detections=scene.merged.detections)
@@ -56,7 +56,9 @@ def known_scenes(monkeypatch, tmp_path):
         }
         return DetectedScene(modal, (620, 190))
 
-    networks = {name: SimpleNamespace(facts={"training_data": "a"}) for name in ("rgb", "dm", "rm")}
+    networks = {
+        name: SimpleNamespace(metadata={"training_data": "a"}) for name in ("rgb", "dm", "rm")
+    }
     detector = SimpleNamespace(detectors=networks)
     monkeypatch.setattr(FusionFiles, "open_detectors", lambda self: detector)
     fusions = {"scores": KeepScores(), "default": KeepScores()}

@@ -178,8 +178,8 @@ def test_the_command_prints_tables_and_draws(car_frames, trainings, tmp_path, ca
     assert main(["study", "reflectance-maps", *words[:-1], "0"]) == 2
 
 
-def model_of(facts):
-    assert (facts["modality"], facts["filling"], facts["epochs"]) == ("rm", "default", "1")
+def model_of(metadata):
+    assert (metadata["modality"], metadata["filling"], metadata["epochs"]) == ("rm", "default", "1")
     return bright_cells("rm", size=(64, 96))
 
 
@@ -187,7 +187,7 @@ def model_of(facts):
 def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatch):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     # To write a model file takes ten times as long as the rest; tests/export have that.
-    monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.facts))
+    monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.metadata))
     pictures = PictureChoice((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
     variant = replace(BASE, pictures=pictures, epochs=1)
     found = study_variants(

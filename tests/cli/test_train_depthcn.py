@@ -45,9 +45,9 @@ def test_a_network_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
     figures = json.loads((out / "figures.json").read_text())
     assert 0 <= figures["validation"]["accuracy"] <= 1
     assert figures["counts"]["training_vehicles"] > 0
-    network, facts = load_verifier(out / "best.ckpt")
-    assert facts["training_data"] == str(drive)
-    assert facts["revision"] != "unknown"
+    network, metadata = load_verifier(out / "best.ckpt")
+    assert metadata["training_data"] == str(drive)
+    assert metadata["revision"] != "unknown"
     assert not network.training
 
 

@@ -44,10 +44,10 @@ def test_a_detector_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
     figures = json.loads((out / "figures.json").read_text())
     assert set(figures["precision"]) == {"Car 0.7", "Car 0.5"}
     assert figures["counts"]["training_frames"] == 5
-    _, facts = load_detector(out / "best.ckpt")
-    assert (facts["input_height"], facts["input_width"]) == ("64", "224")
-    assert facts["training_data"] == str(drive)
-    assert facts["revision"] != "unknown"
+    _, metadata = load_detector(out / "best.ckpt")
+    assert (metadata["input_height"], metadata["input_width"]) == ("64", "224")
+    assert metadata["training_data"] == str(drive)
+    assert metadata["revision"] != "unknown"
     assert train(drive, cache, out) == 2
     assert "go on with --resume last" in capsys.readouterr().err
     other = tmp_path / "other"

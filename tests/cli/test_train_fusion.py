@@ -17,7 +17,7 @@ from perception.cli.training.fusion_data import (
     split_detections,
 )
 from perception.detection.fusion.features import FEATURES
-from perception.detection.fusion.fitted_to import detectors_note
+from perception.detection.fusion.fitted_to import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import UsageError
 from tests.car_frames import SIZE_PX, write_car_frames
@@ -77,13 +77,13 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert [row in printed for row in ("rgb", "dm", "rm", "fusion")] == [True] * 4
     fusion = Fusion(out / "fusion.onnx")
     assert fusion.variant == variant
-    assert fusion.facts["training_data"] == str(drive)
+    assert fusion.metadata["training_data"] == str(drive)
     opened = DetectorModelPaths(*map(Path, models[1::2])).open()
-    assert fusion.facts["detectors"] == detectors_note(opened)
+    assert fusion.metadata["detectors"] == detector_fingerprints(opened)
     figures = json.loads((out / "figures.json").read_text())
     counts = figures["trained"]["counts"]
     assert [counts[f"{part}_frames"] for part in ("training", "validation", "judged")] == [4, 1, 1]
-    assert figures["trained"]["facts"]["calibration"] == fusion.facts["calibration"]
+    assert figures["trained"]["facts"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
     assert written["network"]["form"]["variant"] == variant
     assert written["resumed_from"] is None
@@ -92,7 +92,7 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert ("sizes" in pictures) == (variant == "scores")
     if variant == "scores":
         assert len(figures["trained"]["swept"]) == 2
-        assert fusion.facts["calibration"] == "1.0,1.0,0.0"
+        assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
 
 
 def says(fusion):
@@ -105,10 +105,10 @@ def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsy
     file = tmp_path / "again.onnx"
     assert main(["export", str(out / "best.ckpt"), "--out", str(file)]) == 0
     again, first = Fusion(file), Fusion(out / "fusion.onnx")
-    assert again.facts == first.facts
+    assert again.metadata == first.metadata
     np.testing.assert_array_equal(says(again), says(first))
     report = json.loads(file.with_suffix(".json").read_text())
-    assert report["facts"]["calibration"] == first.facts["calibration"]
+    assert report["facts"]["calibration"] == first.metadata["calibration"]
     assert "wrote" in capsys.readouterr().out
 
 

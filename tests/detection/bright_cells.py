@@ -68,7 +68,7 @@ def bright_cells(
             ),
         ],
     )
-    facts = {
+    metadata = {
         "kind": "detector",
         "network": "bright",
         "modality": modality,
@@ -78,6 +78,6 @@ def bright_cells(
         "filling": "default",
     }
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
-    helper.set_model_props(model, facts | changes)
+    helper.set_model_props(model, metadata | changes)
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())

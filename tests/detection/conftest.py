@@ -7,7 +7,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper
 
-FACTS = {
+METADATA = {
     "kind": "depthcn",
     "method": "default",
     "window": "box",
@@ -19,7 +19,11 @@ FACTS = {
 
 
 def bright_is_likely(
-    facts: dict[str, str] = FACTS, *, divisor: float = 255.0, planes: int = 3, input_type: int = 2
+    metadata: dict[str, str] = METADATA,
+    *,
+    divisor: float = 255.0,
+    planes: int = 3,
+    input_type: int = 2,
 ) -> bytes:
     """Return a file of: scores = mean of the crop / divisor, boxes_px = windows_px."""
     nodes = [
@@ -45,7 +49,7 @@ def bright_is_likely(
         ],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10)
-    helper.set_model_props(model, facts)
+    helper.set_model_props(model, metadata)
     onnx.checker.check_model(model)
     return model.SerializeToString()
 
@@ -55,10 +59,10 @@ def write_model(tmp_path) -> Callable[..., Path]:
     """Return a function that writes such a network, with facts changed, and returns its path."""
 
     def write(name: str = "tiny.onnx", without: str = "", **options) -> Path:
-        changes = {key: options.pop(key) for key in list(options) if key in FACTS}
-        facts = {key: value for key, value in (FACTS | changes).items() if key != without}
+        changes = {key: options.pop(key) for key in list(options) if key in METADATA}
+        metadata = {key: value for key, value in (METADATA | changes).items() if key != without}
         path = tmp_path / name
-        path.write_bytes(bright_is_likely(facts, **options))
+        path.write_bytes(bright_is_likely(metadata, **options))
         return path
 
     return write

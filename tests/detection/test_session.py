@@ -8,8 +8,8 @@ from perception.detection.session import Input, ModelContract, OnnxModel, shippe
 from perception.errors import ModelError
 
 CONTRACT = ModelContract(
-    facts={"kind": "depthcn", "classes": "Car"},
-    noted=("window",),
+    metadata={"kind": "depthcn", "classes": "Car"},
+    required_keys=("window",),
     inputs={
         "crops": Input(np.uint8, (None, 3, 66, 112)),
         "windows_px": Input(np.float32, (None, 4)),
@@ -33,15 +33,15 @@ def test_any_number_of_rows_goes_through_at_once(write_model, rows):
 
 def test_file_says_what_it_is(write_model):
     model = OnnxModel(write_model(), CONTRACT)
-    assert model.facts["classes"] == "Car"
+    assert model.metadata["classes"] == "Car"
     assert model.inputs["crops"] == Input(np.uint8, (None, 3, 66, 112))
 
 
 def test_a_fact_is_one_of_those_known(write_model):
     model = OnnxModel(write_model(), CONTRACT)
-    assert model.fact_among("classes", ["Van", "Car"]) == "Car"
+    assert model.metadata_choice("classes", ["Van", "Car"]) == "Car"
     with pytest.raises(ModelError, match="expected classes Van or Tram, found Car"):
-        model.fact_among("classes", ["Van", "Tram"])
+        model.metadata_choice("classes", ["Van", "Tram"])
 
 
 def test_answer_does_not_depend_on_threads(write_model):
@@ -110,7 +110,7 @@ def test_model_with_inputs_of_another_type(write_model):
 
 
 def test_model_without_an_output(write_model):
-    contract = ModelContract(CONTRACT.facts, inputs=CONTRACT.inputs, outputs=("depths",))
+    contract = ModelContract(CONTRACT.metadata, inputs=CONTRACT.inputs, outputs=("depths",))
     with pytest.raises(ModelError, match="expected an output depths, found scores, boxes_px"):
         OnnxModel(write_model(), contract)
 

@@ -33,12 +33,12 @@ def test_file_says_what_the_checkpoint_says(checkpoint, exported):
 
 
 def test_file_carries_what_training_noted(checkpoint, exported):
-    facts = Verifier(exported).model.facts
+    metadata = Verifier(exported).model.metadata
     method = checkpoint.stem
-    assert facts["method"] == method
-    assert facts["window"] == {"default": "metric", "thesis": "box"}[method]
-    assert facts["training_data"] == "two streets"
-    assert facts["revision"] == "0123abc"
+    assert metadata["method"] == method
+    assert metadata["window"] == {"default": "metric", "thesis": "box"}[method]
+    assert metadata["training_data"] == "two streets"
+    assert metadata["revision"] == "0123abc"
 
 
 def test_thesis_network_returns_its_windows(checkpoint, exported):

@@ -124,8 +124,8 @@ def test_nothing_between_the_outer_convolutions_leaves_the_integers(exported):
 def test_detector_opens_what_was_written(exported):
     detector = ModalityDetector(exported, class_names=("Car",))
     assert (detector.modality, detector.size, detector.filling) == ("dm", SIZE, "default")
-    assert detector.facts["training_data"] == "two streets"
-    assert detector.facts["epochs"] == "12"
+    assert detector.metadata["training_data"] == "two streets"
+    assert detector.metadata["epochs"] == "12"
     found = detector.detect(np.random.default_rng(0).integers(0, 256, (190, 620, 1), np.uint8))
     assert ((found.boxes_px >= 0) & (found.boxes_px <= [619, 189, 619, 189])).all()
 
@@ -145,7 +145,7 @@ def test_report_says_what_was_tried_and_chosen(exported):
 
 
 def test_file_in_8_bits_says_so(exported):
-    assert ModalityDetector(file_of(exported, "int8")).facts["form"] == "int8 minmax"
+    assert ModalityDetector(file_of(exported, "int8")).metadata["form"] == "int8 minmax"
 
 
 def form(ms, ap=None):
@@ -208,13 +208,13 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
 def test_another_size_is_a_file_of_that_size(checkpoint, exported):
     exportable = exportable_detector(checkpoint, InputSize(32, 160))
     assert exportable.inputs["pictures"].shape == (2, 1, 32, 160)
-    assert exportable.facts["input_height"] == "32"
-    assert exportable.facts["input_width"] == "160"
+    assert exportable.metadata["input_height"] == "32"
+    assert exportable.metadata["input_width"] == "160"
     boxes_px, scores = exportable.module(exportable.inputs["pictures"])
     assert boxes_px.shape == (2, 4 * 20 * 5, 4)
     assert scores.shape == (2, 4 * 20 * 5, 1)
     usual = exportable_detector(checkpoint)
-    assert usual.facts["anchors"] == exportable.facts["anchors"]
+    assert usual.metadata["anchors"] == exportable.metadata["anchors"]
 
 
 def test_frames_are_spread_over_the_drive(drive, tmp_path):

@@ -26,10 +26,10 @@ EXPORTABLE = Exportable(
     Doubled(),
     {"pictures": torch.zeros(2, 3, 5, dtype=torch.uint8), "places": torch.zeros(2, 4)},
     outputs=("bright", "moved"),
-    facts={"kind": "doubled", "classes": "Car,Van"},
+    metadata={"kind": "doubled", "classes": "Car,Van"},
 )
 CONTRACT = ModelContract(
-    EXPORTABLE.facts,
+    EXPORTABLE.metadata,
     inputs={"pictures": Input(np.uint8, (None, 3, 5)), "places": Input(np.float32, (None, 4))},
     outputs=EXPORTABLE.outputs,
 )
@@ -63,7 +63,7 @@ def test_file_answers_as_the_module(file, rows):
 
 def test_file_says_what_it_is_and_not_where_it_was_made(file):
     model = onnx.load(file)
-    assert {entry.key: entry.value for entry in model.metadata_props} == EXPORTABLE.facts
+    assert {entry.key: entry.value for entry in model.metadata_props} == EXPORTABLE.metadata
     assert [opset.version for opset in model.opset_import if not opset.domain] == [OPSET]
     assert b"test_onnx_file" not in file.read_bytes()
     assert not any(node.metadata_props or node.doc_string for node in model.graph.node)

@@ -107,18 +107,18 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
 def test_the_anchors_are_those_of_the_labels(tmp_path):
     data = ToyPictures()
     train(tmp_path, data=data)
-    detector, facts = load_detector(tmp_path / "last.ckpt")
+    detector, metadata = load_detector(tmp_path / "last.ckpt")
     sizes_px = data.training.label_sizes_px()
     expected = fit_anchors(sizes_px, 5, np.random.default_rng(0)).anchors_px
     np.testing.assert_allclose(detector.head.anchors_px.numpy(), expected, rtol=1e-6)
-    assert facts["anchors"].split(",")[0] == f"{expected[0, 0]:.1f}x{expected[0, 1]:.1f}"
+    assert metadata["anchors"].split(",")[0] == f"{expected[0, 0]:.1f}x{expected[0, 1]:.1f}"
 
 
 def test_a_checkpoint_says_what_it_is(tmp_path):
     trained = train(tmp_path, config=replace(PLAN, anchors="default"))
-    detector, facts = load_detector(trained.checkpoint)
+    detector, metadata = load_detector(trained.checkpoint)
     assert not detector.training
-    assert facts == {
+    assert metadata == {
         "kind": "detector",
         "network": "tiny",
         "modality": "dm",
@@ -131,7 +131,7 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
         "revision": "unknown",
         "epochs": "1",
     }
-    assert DetectorNetworkConfig.of_facts(facts) == PLAN.network_config
+    assert DetectorNetworkConfig.from_metadata(metadata) == PLAN.network_config
 
 
 def test_the_loaded_network_sees_what_was_measured(tmp_path):

@@ -50,7 +50,7 @@ class DetectorNetworkConfig:
             raise UsageError("modality", expected=" or ".join(MODALITIES), found=self.modality)
 
     @property
-    def facts(self) -> dict[str, str]:
+    def metadata(self) -> dict[str, str]:
         """Say the same in words, as model files do."""
         return {
             "kind": MODEL,
@@ -63,15 +63,15 @@ class DetectorNetworkConfig:
         }
 
     @classmethod
-    def of_facts(cls, facts: Mapping[str, Any]) -> Self:
+    def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
         """Read what `facts` says."""
-        modality: Modality = next(m for m in get_args(Modality) if m == facts["modality"])
+        modality: Modality = next(m for m in get_args(Modality) if m == metadata["modality"])
         return cls(
             modality=modality,
-            network=facts["network"],
-            class_names=tuple(facts["classes"].split(",")),
-            size=InputSize(int(facts["input_height"]), int(facts["input_width"])),
-            filling=facts["filling"],
+            network=metadata["network"],
+            class_names=tuple(metadata["classes"].split(",")),
+            size=InputSize(int(metadata["input_height"]), int(metadata["input_width"])),
+            filling=metadata["filling"],
         )
 
 
@@ -103,7 +103,7 @@ def load_detector(checkpoint: Path) -> tuple[GridDetector, dict[str, str]]:
     """
     content = read_checkpoint(checkpoint, MODEL)
     noted = content["hyper_parameters"]
-    network_config = DetectorNetworkConfig.of_facts(noted)
+    network_config = DetectorNetworkConfig.from_metadata(noted)
     detector = make_detector(network_config)
     try:
         detector.load_state_dict(weights_of(content, "network"))
@@ -114,7 +114,7 @@ def load_detector(checkpoint: Path) -> tuple[GridDetector, dict[str, str]]:
         ) from error
     told = {name: str(noted[name]) for name in ("training_data", "revision")}
     anchors = {"anchors": anchor_words(detector), "epochs": str(content["epoch"] + 1)}
-    return detector.eval(), network_config.facts | anchors | told
+    return detector.eval(), network_config.metadata | anchors | told
 
 
 def anchor_words(detector: GridDetector) -> str:
@@ -133,7 +133,7 @@ def require_same_form(checkpoint: Path, network_config: DetectorNetworkConfig) -
     """
     noted = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        expected, found = network_config.facts[name], str(noted[name])
+        expected, found = network_config.metadata[name], str(noted[name])
         if expected != found:
             raise ModelError(
                 checkpoint,

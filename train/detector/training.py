@@ -188,4 +188,4 @@ def _noted(config: DetectorTrainingConfig) -> dict[str, Any]:
         name: getattr(config, name)
         for name in ("anchors", "scales", "seed", "training_data", "revision")
     }
-    return {"model": MODEL} | config.network_config.facts | parts | others
+    return {"model": MODEL} | config.network_config.metadata | parts | others

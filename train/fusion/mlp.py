@@ -94,7 +94,7 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         raise ModelError(
             checkpoint, expected=f"weights of {network_config}", found="those of another network"
         ) from error
-    facts = {
+    metadata = {
         "kind": MODEL,
         "modalities": ",".join(MODALITIES),
         "variant": network_config.variant,
@@ -107,4 +107,4 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "revision": str(notes["revision"]),
         "epochs": str(content["epoch"] + 1),
     }
-    return network.eval(), facts
+    return network.eval(), metadata

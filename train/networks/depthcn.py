@@ -225,4 +225,4 @@ def _notes(noted: dict[str, object]) -> dict[str, str]:
         "window": input_config.window,
         "channels": ",".join(input_config.channels),
     }
-    return kept | dict(CONTRACT.facts) | looks
+    return kept | dict(CONTRACT.metadata) | looks

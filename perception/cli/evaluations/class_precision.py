@@ -109,14 +109,14 @@ class ClassPrecision:
         """Return between which averages most choices of frames lie; NaN where that is not known."""
         return percentile_interval(self.samples(iou, difficulty), CONFIDENCE)
 
-    def rows(self, name: str, *facts: Cell) -> Iterator[list[Cell]]:
+    def rows(self, name: str, *extra_cells: Cell) -> Iterator[list[Cell]]:
         """Yield one row for each overlap and difficulty, as `precision_header` names the columns."""
         for iou, report in self.reports.items():
             for difficulty in (one.name for one in DIFFICULTIES):
                 objects, curve = self.objects[difficulty], self.curve(iou, difficulty)
                 yield [
                     f"{name} {difficulty}",
-                    *facts,
+                    *extra_cells,
                     f"{iou:g}",
                     objects,
                     percent(curve.matches, curve.truths) if curve else None,
@@ -149,13 +149,13 @@ class ClassPrecision:
         }
 
 
-def precision_header(measured: ClassPrecision, *facts: str) -> list[str]:
+def precision_header(measured: ClassPrecision, *extra_cells: str) -> list[str]:
     """Return the columns of `ClassPrecision.rows`."""
     has_intervals = any(report.samples for report in measured.reports.values())
     interval = [f"{100 * CONFIDENCE:g} % interval"] if has_intervals else []
     return [
         "",
-        *facts,
+        *extra_cells,
         "IoU",
         "objects",
         "found",

@@ -57,22 +57,24 @@ def depthcn(
     evaluation_config = DetectionEvaluationConfig(**flags)
     reading, measuring = evaluation_config.reading, evaluation_config.measuring
     detector_config = DepthCnConfig(method, model, rules)
-    measured, facts = [], {}
+    measured, metadata = [], {}
     for source in drive_sources(drives, reading.sequence):
         drive = open_labelled(source, reading)
         detector = detector_config.open(drive.sensor)
-        facts = dict(detector.facts)
+        metadata = dict(detector.metadata)
         found = find_cars(source.name, drive, detector, reading)
         measured.append(measure_cars(found, measuring))
     print(depthcn_table(measured))
     if plot is not None:
-        plot_precision(plot, f"DepthCN, {facts.get('method', 'default')}", depthcn_panels(measured))
+        plot_precision(
+            plot, f"DepthCN, {metadata.get('method', 'default')}", depthcn_panels(measured)
+        )
     if json is not None:
-        configuration = {"detector": detector_config, "network": facts}
+        configuration = {"detector": detector_config, "network": metadata}
         words = {**PROTOCOL_WORDS, **_OWN_WORDS}
         values = {"difficulties": DIFFICULTIES, **vars(measuring)}
         metrics = Evaluation("depthcn", {**words, "values": values}, depthcn_results(measured))
-        split = f"the network was trained on: {facts.get('training_data', 'not known')}"
+        split = f"the network was trained on: {metadata.get('training_data', 'not known')}"
         write_evaluation(json, [one.found.data for one in measured], configuration, metrics, split)
 
 

@@ -66,11 +66,11 @@ def detector(  # noqa: PLR0913 - flags of a command
     if plot is not None:
         plot_precision(plot, title, detector_panels(measured))
     if json is not None:
-        facts = dict(network.facts)
+        metadata = dict(network.metadata)
         values = {"difficulties": DIFFICULTIES, **asdict(measuring)}
         metrics = Evaluation(
             "detector", {**PROTOCOL_WORDS, "values": values}, detector_results(measured)
         )
-        split = f"the network was trained on: {facts.get('training_data', 'not known')}"
-        configuration = {"model": network.model.name, "network": facts}
+        split = f"the network was trained on: {metadata.get('training_data', 'not known')}"
+        configuration = {"model": network.model.name, "network": metadata}
         write_evaluation(json, [one.seen.data for one in measured], configuration, metrics, split)

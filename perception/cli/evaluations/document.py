@@ -9,7 +9,7 @@ from perception.cli.documents import write_json
 
 
 @dataclasses.dataclass(frozen=True)
-class DataUsed:
+class DatasetInfo:
     """Which frames the figures are of.
 
     Attributes:
@@ -54,7 +54,7 @@ def write_evaluation(
 
     Args:
         path: of the JSON file.
-        data: which were evaluated: `DataUsed` of a drive.
+        data: which were evaluated: `DatasetInfo` of a drive.
         configuration: of what was evaluated.
         figures: what was measured.
         split: in words, what was trained on and what left out.

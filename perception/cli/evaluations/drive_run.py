@@ -8,7 +8,7 @@ from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.drive_results import drive_results
-from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
+from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.flags import require_positive
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
@@ -46,7 +46,7 @@ class DriveRun:
 
     def write(self, path: Path, evaluated: int, evaluation: Evaluation) -> None:
         """Write the figures and all that one needs to get them again."""
-        data = DataUsed(
+        data = DatasetInfo(
             root=self.drive.root.resolve(),
             drive=self.drive.name,
             sensor=self.drive.sensor.name,

@@ -69,7 +69,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     files = models or FusionFiles()
     detector = files.open_detectors()
     fusions = files.open_fusions(detector)
-    marked, store = MarkedLooker(detector, files.mark()), ArrayStore(cache)
+    marked, store = MarkedLooker(detector, files.fingerprint()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
     for source in drive_sources(drives, reading.sequence):
         drive = open_labelled(source, reading)
@@ -83,9 +83,9 @@ def fusion(  # noqa: PLR0913 - flags of a command
         title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.iou_thresholds[0]:g}"
         plot_reliability(reliability_plot, title, first.reliability)
     if json is not None:
-        facts = {str(name): one.facts for name, one in detector.detectors.items()}
-        facts |= {str(name): one.facts for name, one in fusions.items()}
-        _write(json, measured, {"models": files, "networks": facts}, measuring)
+        metadata = {str(name): one.metadata for name, one in detector.detectors.items()}
+        metadata |= {str(name): one.metadata for name, one in fusions.items()}
+        _write(json, measured, {"models": files, "networks": metadata}, measuring)
 
 
 def _write(

@@ -11,7 +11,7 @@ from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
-from perception.detection.fusion.fitted_to import warn_of_others
+from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.session import shipped_model
 from perception.types import MODALITIES, Detections, Modality
@@ -71,7 +71,7 @@ class FusionFiles(DetectorModelPaths):
             if file is not None or name == "default" or shipped_model(f"fusion_{name}").is_file()
         }
         for one in fusions.values():
-            warn_of_others(one, detector.detectors)
+            warn_of_detector_mismatch(one, detector.detectors)
         return fusions
 
 

@@ -68,7 +68,7 @@ def otd(  # noqa: PLR0913 - flags of a command
         words = {**PROTOCOL_WORDS, "values": report.protocol}
         evaluation = Evaluation("otd", words, otd_results(report, found.absent))
         used = {"trackers": chosen, "pipeline": pipeline_config()}
-        write_evaluation(json, _data_used(config, found), used, evaluation)
+        write_evaluation(json, _dataset_info(config, found), used, evaluation)
 
 
 def measure_otd(
@@ -96,7 +96,7 @@ def measure_otd(
 
 
 @dataclass(frozen=True)
-class ObjectsUsed:
+class ObjectDatasetInfo:
     """Which data the figures are of.
 
     Attributes:
@@ -108,8 +108,8 @@ class ObjectsUsed:
     drives: list[dict[str, str | int]]
 
 
-def _data_used(config: ObjectSetConfig, found: ObjectsAtHand) -> ObjectsUsed:
-    return ObjectsUsed(
+def _dataset_info(config: ObjectSetConfig, found: ObjectsAtHand) -> ObjectDatasetInfo:
+    return ObjectDatasetInfo(
         config,
         [
             {"drive": one.drive.name, "sensor": one.drive.sensor.name, "frames": len(one.drive)}

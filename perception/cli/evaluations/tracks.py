@@ -70,7 +70,7 @@ def tracks(
         f"{sum(report.frame_counts.values())} frames\n\n{tracks_tables(report)}"
     )
     if json is not None:
-        data = TracksUsed(
+        data = TrackFilesInfo(
             results.resolve(), folder.resolve(), seqmap and seqmap.resolve(), report.frame_counts
         )
         evaluation = Evaluation("tracks", _protocol(report), tracks_results(report))
@@ -78,7 +78,7 @@ def tracks(
 
 
 @dataclass(frozen=True)
-class TracksUsed:
+class TrackFilesInfo:
     """Which files the figures are of.
 
     Attributes:

@@ -10,7 +10,7 @@ from data.frames import OnBadFrame
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking_rows import TrackingRows, read_label_rows
 from data.kitti.vehicle_results import to_vehicle_rows
-from perception.cli.evaluations.document import DataUsed, Evaluation, write_evaluation
+from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.drive_run import open_measured
 from perception.cli.evaluations.vehicle_figures import (
     VehiclesReport,
@@ -85,7 +85,7 @@ def vehicles(  # noqa: PLR0913 - flags of a command
         f"{min_score:g}\n\n{vehicle_tables(report)}"
     )
     if json is not None:
-        data = DataUsed(
+        data = DatasetInfo(
             root=drive.root.resolve(),
             drive=drive.name,
             sensor=drive.sensor.name,

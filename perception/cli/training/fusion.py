@@ -130,7 +130,7 @@ def metrics_table(
         for name, found in _averages(curves).items()
     ]
     title = (
-        f"Fusion, {trained.facts['variant']}, {trained.facts['hidden']} neurons, mean square error "
+        f"Fusion, {trained.metadata['variant']}, {trained.metadata['hidden']} neurons, mean square error "
         f"{trained.fitted.validation:.4f}: AP in percent on {frames} other frames"
     )
     return format_table(title, ("Car, IoU over 0.7", *names), rows)

@@ -6,7 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
-from data.detections.gathering import MarkedLooker, detect_drives, models_mark, require_unseen
+from data.detections.gathering import (
+    MarkedLooker,
+    detect_drives,
+    models_fingerprint,
+    require_unseen,
+)
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import TrainingDrives, open_drives
@@ -14,7 +19,7 @@ from perception.cli.flags import require_drives
 from perception.cli.progress import frame_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.fitted_to import detectors_note
+from perception.detection.fusion.fitted_to import detector_fingerprints
 from perception.detection.session import shipped_model
 from perception.errors import UsageError
 from perception.types import MODALITIES, Modality
@@ -45,12 +50,12 @@ class DetectorModelPaths:
         named = {name: getattr(self, name) or name for name in MODALITIES}
         return {name: ModalityDetector(file, threads=1) for name, file in named.items()}
 
-    def mark(self) -> str:
+    def fingerprint(self) -> str:
         """Return what tells these files from others."""
         files = {
             name: getattr(self, name) or shipped_model(f"{name}_compact") for name in MODALITIES
         }
-        return models_mark({name: file.read_bytes() for name, file in files.items()})
+        return models_fingerprint({name: file.read_bytes() for name, file in files.items()})
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ def split_detections(data: FusionDataConfig, seed: int) -> SplitDetections:
         PerceptionError: a drive, a frame or a model cannot be read or used.
     """
     detectors = data.models.open()
-    marked = MarkedLooker(MultimodalDetector(detectors), data.models.mark())
+    marked = MarkedLooker(MultimodalDetector(detectors), data.models.fingerprint())
     sources = TrainingDrives(data.drives, data.validation, data.cache)
     parts = []
     for paths in sources.parts:
@@ -123,7 +128,7 @@ def split_detections(data: FusionDataConfig, seed: int) -> SplitDetections:
     training, kept = parts
     validation, judged = _halves(kept, data.split, rng)
     names = next(iter(detectors.values())).class_names
-    return SplitDetections(training, validation, judged, names, detectors_note(detectors))
+    return SplitDetections(training, validation, judged, names, detector_fingerprints(detectors))
 
 
 def _halves(

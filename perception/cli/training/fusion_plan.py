@@ -87,7 +87,7 @@ class TrainedFusion:
     """
 
     file: Path
-    facts: dict[str, str]
+    metadata: dict[str, str]
     fitted: "FittedFusion"
     swept: tuple["SweptSize", ...]
     counts: dict[str, int]
@@ -132,10 +132,10 @@ def run_training(
     ):
         counts |= {f"{name}_frames": len(frames), f"{name}_combinations": len(rows)}
     counts["judged_frames"] = len(found.judged)
-    facts = exported.facts
+    metadata = exported.metadata
     if model.variant == "default":  # the thesis' scores stay as they are printed
-        facts = facts | {"calibration": _calibrate(file, fitted.checkpoint, found)}
-    return TrainedFusion(file, facts, fitted, swept, counts)
+        metadata = metadata | {"calibration": _calibrate(file, fitted.checkpoint, found)}
+    return TrainedFusion(file, metadata, fitted, swept, counts)
 
 
 def fusion_training_config(

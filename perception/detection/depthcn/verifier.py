@@ -18,13 +18,13 @@ KIND = "depthcn"
 VEHICLE = "Car"
 
 CONTRACT = ModelContract(
-    facts={
+    metadata={
         "kind": KIND,
         "classes": VEHICLE,
         "input_height": str(CROP_HEIGHT_PX),
         "input_width": str(CROP_WIDTH_PX),
     },
-    noted=("method", "window", "channels"),
+    required_keys=("method", "window", "channels"),
     inputs={
         "crops": Input(np.uint8, (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX)),
         "windows_px": Input(np.float32, (None, 4)),
@@ -69,7 +69,7 @@ class Verifier:
         file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
         self.model = OnnxModel(file, CONTRACT, threads)
         """The network itself, and what its file says."""
-        channels = self.model.facts["channels"].split(",")
+        channels = self.model.metadata["channels"].split(",")
         self._channels = [CHANNELS.index(name) for name in channels if name in CHANNELS]
         taken = self.model.inputs["crops"].shape[1]
         if not len(channels) == len(self._channels) == taken:
@@ -78,9 +78,9 @@ class Verifier:
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
                 found=f"{', '.join(channels)} for an input of {taken}",
             )
-        self.window: WindowKind = self.model.fact_among("window", _WINDOWS)
+        self.window: WindowKind = self.model.metadata_choice("window", _WINDOWS)
         """Which part of the picture it wants to see of a candidate."""
-        self.method: Method = self.model.fact_among("method", _METHODS)
+        self.method: Method = self.model.metadata_choice("method", _METHODS)
         """By which proposals and maps it was trained."""
 
     def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:

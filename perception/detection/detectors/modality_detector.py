@@ -20,8 +20,8 @@ from perception.types import MODALITIES, Detections, Modality, UInt8
 
 KIND = "detector"
 CONTRACT = ModelContract(
-    facts={"kind": KIND},
-    noted=("modality", "classes", "input_height", "input_width", "filling"),
+    metadata={"kind": KIND},
+    required_keys=("modality", "classes", "input_height", "input_width", "filling"),
     inputs={"pictures": Input(np.uint8, (None, None, None, None))},
     outputs=("boxes_px", "scores"),
     usual_rows=1,
@@ -52,13 +52,13 @@ class ModalityDetector:
         required: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
         if class_names is not None:
             required["classes"] = ",".join(class_names)
-        self.model = OnnxModel(file, CONTRACT.with_facts(required), threads)
+        self.model = OnnxModel(file, CONTRACT.with_metadata(required), threads)
         """The network itself."""
-        self.modality: Modality = self.model.fact_among("modality", MODALITIES)
+        self.modality: Modality = self.model.metadata_choice("modality", MODALITIES)
         """Which view of the road it is shown."""
-        self.filling: MapFilling = self.model.fact_among("filling", _FILLINGS)
+        self.filling: MapFilling = self.model.metadata_choice("filling", _FILLINGS)
         """How the maps that it learned from were made."""
-        self.class_names = tuple(self.facts["classes"].split(","))
+        self.class_names = tuple(self.metadata["classes"].split(","))
         """What it detects."""
         self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
         """Of the pictures that go in; whatever it is shown is stretched to it."""
@@ -66,9 +66,9 @@ class ModalityDetector:
         self._check_classes()
 
     @property
-    def facts(self) -> Mapping[str, str]:
+    def metadata(self) -> Mapping[str, str]:
         """What the file says of itself."""
-        return self.model.facts
+        return self.model.metadata
 
     def detect(self, picture: UInt8) -> Detections:
         """Return the objects in an (H, W, C) picture of its modality, best first.
@@ -111,7 +111,7 @@ class ModalityDetector:
         return replace(seen, boxes_px=within)
 
     def _pixels(self, key: str) -> int:
-        value = self.facts[key]
+        value = self.metadata[key]
         if not value.isdecimal() or int(value) < 1:
             raise ModelError(self.model.name, expected=f"{key} in pixels", found=value)
         return int(value)

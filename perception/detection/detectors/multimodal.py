@@ -24,7 +24,7 @@ from perception.detection.detectors.modalities import (
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.union import Union
-from perception.detection.fusion.fitted_to import warn_of_others
+from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps
@@ -107,7 +107,7 @@ class MultimodalDetector:
         """By modality."""
         self._fusion: DetectionFusion = fusion or Union()
         if isinstance(fusion, Fusion):
-            warn_of_others(fusion, detectors)
+            warn_of_detector_mismatch(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
     def look(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalSight:

@@ -19,28 +19,32 @@ class FittedModel(Protocol):
         ...
 
     @property
-    def facts(self) -> Mapping[str, str]:
+    def metadata(self) -> Mapping[str, str]:
         """By name."""
         ...
 
 
-def detectors_note(detectors: Mapping[Modality, ModalityDetector]) -> str:
+def detector_fingerprints(detectors: Mapping[Modality, ModalityDetector]) -> str:
     """Return what a fusion's file says of the detectors that it is fitted to: rgb 0f3a..., dm ..."""
-    return ", ".join(f"{name} {one.model.mark}" for name, one in sorted(detectors.items()))
+    return ", ".join(f"{name} {one.model.fingerprint}" for name, one in sorted(detectors.items()))
 
 
-def warn_of_others(fusion: FittedModel, detectors: Mapping[Modality, ModalityDetector]) -> None:
+def warn_of_detector_mismatch(
+    fusion: FittedModel, detectors: Mapping[Modality, ModalityDetector]
+) -> None:
     """Say so, once, where detectors are not those that a fusion was fitted to.
 
     It is no error, since detectors are trained further; a file that does not say is taken as it is.
     """
     known = dict(
-        word.split(" ", 1) for word in fusion.facts.get("detectors", "").split(", ") if " " in word
+        word.split(" ", 1)
+        for word in fusion.metadata.get("detectors", "").split(", ")
+        if " " in word
     )
     others = [
         one.model.name
         for name, one in detectors.items()
-        if known.get(name, one.model.mark) != one.model.mark
+        if known.get(name, one.model.fingerprint) != one.model.fingerprint
     ]
     if others:
         log.warning(

@@ -32,8 +32,8 @@ from perception.types import Calibration as CameraCalibration
 
 KIND = "fusion"
 CONTRACT = ModelContract(
-    facts={"kind": KIND, "modalities": ",".join(MODALITIES)},
-    noted=("variant", "features", "hidden", "calibration"),
+    metadata={"kind": KIND, "modalities": ",".join(MODALITIES)},
+    required_keys=("variant", "features", "hidden", "calibration"),
     inputs={"features": Input(np.float32, (None, None))},
     outputs=("scores",),
 )
@@ -80,7 +80,7 @@ class Fusion:
         self._model = OnnxModel(file, CONTRACT, threads=1)
         self.name = self._model.name
         """Of the file."""
-        self.facts = self._model.facts
+        self.metadata = self._model.metadata
         """What the file says of itself."""
         self.variant: Variant = _variant(self._model)
         """What the network is told of a combination."""
@@ -196,9 +196,13 @@ def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> 
 
 def _variant(model: OnnxModel) -> Variant:
     """Return what the file says that it is told, if that is what we can tell it."""
-    said, taken = model.facts["variant"], model.inputs["features"].shape[1]
+    said, taken = model.metadata["variant"], model.inputs["features"].shape[1]
     for variant, names in FEATURES.items():
-        if variant == said and ",".join(names) == model.facts["features"] and taken == len(names):
+        if (
+            variant == said
+            and ",".join(names) == model.metadata["features"]
+            and taken == len(names)
+        ):
             return variant
     raise ModelError(
         model.name,
@@ -210,8 +214,10 @@ def _variant(model: OnnxModel) -> Variant:
 
 def _calibrations(model: OnnxModel) -> Calibrations:
     try:
-        return Calibrations.parse(model.facts["calibration"])
+        return Calibrations.parse(model.metadata["calibration"])
     except (ValueError, UsageError) as error:
         raise ModelError(
-            model.name, expected="a calibration of three numbers", found=model.facts["calibration"]
+            model.name,
+            expected="a calibration of three numbers",
+            found=model.metadata["calibration"],
         ) from error

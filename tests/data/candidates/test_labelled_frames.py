@@ -90,7 +90,7 @@ def test_other_files_make_new_entries(street: LabelledFrames, name: str):
 
 def test_other_code_makes_new_entries(street: LabelledFrames, monkeypatch):
     street.scene(0)
-    monkeypatch.setattr(labelled_frames, "code_mark", lambda *sources: "another")
+    monkeypatch.setattr(labelled_frames, "code_fingerprint", lambda *sources: "another")
     street.scene(0)
     assert entries(street.store) == 2
 

@@ -7,7 +7,7 @@ import pytest
 
 from data.array_store import ArrayStore
 from data.detections.detected_frames import DetectedFrames
-from data.detections.gathering import MarkedLooker, detect_drives, models_mark
+from data.detections.gathering import MarkedLooker, detect_drives, models_fingerprint
 from data.open_drive import open_drive
 from perception.errors import DriveError, PerceptionError, ScanError
 from perception.maps.densify import DenseMaps
@@ -61,9 +61,12 @@ def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
 
 def test_other_models_look_for_themselves(car_frames, tmp_path):
     drive, looker, store = open_drive(car_frames), ToyLooker(), ArrayStore(tmp_path / "kept")
-    marks = [models_mark({"rgb": b"1", "dm": b"2"}), models_mark({"rgb": b"2", "dm": b"1"})]
-    for mark in marks:
-        detect_drives([drive], MarkedLooker(looker, mark), store)
+    fingerprints = [
+        models_fingerprint({"rgb": b"1", "dm": b"2"}),
+        models_fingerprint({"rgb": b"2", "dm": b"1"}),
+    ]
+    for fingerprint in fingerprints:
+        detect_drives([drive], MarkedLooker(looker, fingerprint), store)
     assert looker.looks == 2 * len(drive)
 
 

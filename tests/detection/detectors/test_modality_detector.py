@@ -70,7 +70,7 @@ def test_file_says_what_it_is(write):
     assert detector.class_names == ("Car", "Van")
     assert detector.size == InputSize(height_px=32, width_px=96)
     assert detector.filling == "sparse"
-    assert detector.facts["revision"] == "0123abc"
+    assert detector.metadata["revision"] == "0123abc"
 
 
 def test_answer_does_not_depend_on_threads(write):

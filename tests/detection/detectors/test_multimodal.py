@@ -9,7 +9,7 @@ from perception.detection.detectors.modalities import fill_maps, map_picture
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
-from perception.detection.fusion.fitted_to import detectors_note
+from perception.detection.fusion.fitted_to import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import CalibrationError, ImageError, ModelError, UsageError
 from perception.maps.densify import densify
@@ -135,7 +135,7 @@ def test_detectors_that_a_fusion_was_not_fitted_to_are_named_once(detectors, tmp
         MultimodalDetector(detectors, Fusion(path))
         return caplog.messages
 
-    fitted_to = detectors_note(detectors)
+    fitted_to = detector_fingerprints(detectors)
     assert open_with(fitted_to) == open_with("unknown") == []
     others = fitted_to.replace(detectors["dm"].model.mark, "0123456789abcdef")
     (message,) = open_with(others)

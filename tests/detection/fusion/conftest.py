@@ -13,7 +13,7 @@ AS_IT_WAS = np.eye(3)
 Write = Callable[..., Path]
 
 
-def weighted_sums(variant: Variant, weights, **facts: str) -> bytes:
+def weighted_sums(variant: Variant, weights, **metadata: str) -> bytes:
     """Return a file of: scores = (the first 3 features) @ weights."""
     names = FEATURES[variant]
     matrix = np.zeros((len(names), 3), np.float32)
@@ -34,7 +34,7 @@ def weighted_sums(variant: Variant, weights, **facts: str) -> bytes:
         "hidden": "",
         "calibration": "1.0,1.0,0.0",
     }
-    helper.set_model_props(model, known | facts)
+    helper.set_model_props(model, known | metadata)
     return bytes(model.SerializeToString())
 
 
@@ -42,9 +42,9 @@ def weighted_sums(variant: Variant, weights, **facts: str) -> bytes:
 def fusion_file(tmp_path) -> Write:
     """Return a function that writes such a file: variant, (3, 3) weights, other facts by name."""
 
-    def write(variant: Variant = "features", weights=AS_IT_WAS, **facts: str) -> Path:
+    def write(variant: Variant = "features", weights=AS_IT_WAS, **metadata: str) -> Path:
         path = tmp_path / f"fusion_{variant}.onnx"
-        path.write_bytes(weighted_sums(variant, weights, **facts))
+        path.write_bytes(weighted_sums(variant, weights, **metadata))
         return path
 
     return write

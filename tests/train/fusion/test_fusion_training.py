@@ -38,10 +38,10 @@ def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     fitted = fit_fusion(SETS, config, tmp_path, TrainerConfig(epochs=8, watched=WATCHED))
     first = lowest(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
-    _, facts = load_fusion(fitted.checkpoint)
-    assert facts["hidden"] == "4"
-    assert facts["optimiser"] == optimiser
-    assert facts["training_data"] == "toys"
+    _, metadata = load_fusion(fitted.checkpoint)
+    assert metadata["hidden"] == "4"
+    assert metadata["optimiser"] == optimiser
+    assert metadata["training_data"] == "toys"
     events = EventAccumulator(str(tmp_path)).Reload()
     assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
     assert len(events.Scalars("validation/mse")) >= 2
