@@ -52,6 +52,6 @@ def _parts_ms(prepared: Prepared) -> dict[str, float]:
     detector = DepthCnConfig().open(prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
-        for stage, spent_s in detector.look(frame).timings_s.items():
+        for stage, spent_s in detector.detect(frame).timings_s.items():
             seconds[stage].append(spent_s)
     return {stage: 1e3 * float(np.median(spent)) for stage, spent in seconds.items()}

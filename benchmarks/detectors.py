@@ -91,11 +91,11 @@ def compare_detectors(prepared: Prepared) -> Comparison:
         in_turn = MultimodalDetector(_open(work, "int8", threads=2), workers=1)
         full = MultimodalDetector(_open(work, "fp32", threads=1))
         contenders = [
-            Contender("ours: int8, two at once", lambda i: ours.look(frames[i], work.dense[i])),
-            Contender("int8, in turn", lambda i: in_turn.look(frames[i], work.dense[i])),
-            Contender("fp32, two at once", lambda i: full.look(frames[i], work.dense[i])),
+            Contender("ours: int8, two at once", lambda i: ours.detect(frames[i], work.dense[i])),
+            Contender("int8, in turn", lambda i: in_turn.detect(frames[i], work.dense[i])),
+            Contender("fp32, two at once", lambda i: full.detect(frames[i], work.dense[i])),
             Contender("maps alone", lambda i: densify(project_frame(frames[i]))),
-            Contender("maps and ours", lambda i: ours.look(frames[i])),
+            Contender("maps and ours", lambda i: ours.detect(frames[i])),
         ]
         for library, form in product(_LIBRARIES, _FORMS):
             add_peer(contenders, lambda: _three_networks(work, form, library))  # noqa: B023 - called at once

@@ -52,9 +52,9 @@ def wandering_ratios(in_use: int, frames: int, seed: int = 0) -> Float64:
     rng = np.random.default_rng(seed)
     bins = rng.choice(BINS, in_use, replace=False)
     values = rng.uniform(0.1, 1.0, in_use) + rng.normal(0, 0.05, (frames, in_use)).cumsum(axis=0)
-    is_seen = rng.random((frames, in_use)) > 0.1
+    is_observed = rng.random((frames, in_use)) > 0.1
     ratios = np.zeros((frames, BINS))
-    ratios[:, bins] = np.where(is_seen, np.clip(values, 0, 1), 0)
+    ratios[:, bins] = np.where(is_observed, np.clip(values, 0, 1), 0)
     return ratios
 
 

@@ -74,7 +74,7 @@ class ReferenceShortTermMap:
 
     def _turned(self, stored: _StoredGrid, world_SE3_velo: Float64) -> Float32:
         """Return a stored grid in today's cells, NaN where it saw nothing."""
-        rows, columns = np.nonzero(stored.elevation.is_seen)
+        rows, columns = np.nonzero(stored.elevation.is_observed)
         centers_m = self._cells.centers_m(rows, columns)
         then = np.column_stack([centers_m, np.zeros(len(rows)), np.ones(len(rows))])
         now = then @ (inverse(world_SE3_velo) @ stored.world_SE3_velo).T

@@ -69,7 +69,7 @@ class _ReferenceTrack:
     size_m: Float64
     low_world_m: float
     is_confirmed: bool = False
-    is_seen: bool = True
+    is_observed: bool = True
 
     def bottom_velo_m(self, world_SE3_velo: Float64) -> Float64:
         bottom_world = np.array([*self.filter.mean[:2], self.low_world_m, 1.0])
@@ -136,8 +136,8 @@ class ReferencePointTracker:
         self, track: _ReferenceTrack, last_m: Float64, seen: _ReferenceTrack | None
     ) -> None:
         noise = self.config.measurement_variance_m2 * np.eye(2)
-        track.is_seen = seen is not None
-        track.is_confirmed |= track.is_seen or not self.config.confirms
+        track.is_observed = seen is not None
+        track.is_confirmed |= track.is_observed or not self.config.confirms
         if seen is not None:
             track.filter.update(seen.filter.mean[:2], np.eye(2, 4), noise)
             track.size_m, track.low_world_m = seen.size_m, seen.low_world_m
@@ -179,7 +179,7 @@ class ReferencePointTracker:
                 np.zeros(len(shown)),
             ),
             velocities_m_s=np.array(velocities)[:, :2],
-            is_seen=np.array([track.is_seen for track in shown]),
+            is_observed=np.array([track.is_observed for track in shown]),
         )
 
 

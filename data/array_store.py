@@ -33,7 +33,7 @@ Arrays = Mapping[str, NDArray[Any]]
 _PART = ".part-"
 _ABANDONED_S = 3600.0  # a part as old as this is of a process that died
 _MAPPED_BYTES = 1 << 16  # smaller arrays are read outright: a map costs a file handle
-_LOOK_EVERY = 0.02  # share of the budget that is written between two looks at the whole folder
+_RESCAN_SHARE = 0.02  # share of the budget that is written between two looks at the whole folder
 
 
 def default_folder() -> Path:
@@ -63,7 +63,7 @@ class ArrayStore:
         """
         self.folder = default_folder() if folder is None else folder
         self.budget_bytes = budget_bytes
-        self._unseen_bytes = budget_bytes  # so that the first entry has a look at the folder
+        self._unscanned_bytes = budget_bytes  # so that the first entry has a look at the folder
         if budget_bytes <= 0:
             found = f"{budget_bytes} bytes"
             raise UsageError("budget of the cache", expected="above zero", found=found)
@@ -96,10 +96,10 @@ class ArrayStore:
     def _added(self, entry: Path, arrays: Arrays) -> Arrays:
         """Write an entry whole, or leave the one that another process was faster to write."""
         try:
-            self._unseen_bytes += self._write(entry, arrays)
+            self._unscanned_bytes += self._write(entry, arrays)
         except OSError as error:
             raise self._cannot_write(error) from error
-        if self._unseen_bytes > _LOOK_EVERY * self.budget_bytes:
+        if self._unscanned_bytes > _RESCAN_SHARE * self.budget_bytes:
             self._keep_to_budget(entry)
         return arrays
 
@@ -131,7 +131,7 @@ class ArrayStore:
             if is_to_go:
                 self._discard(path)
                 excess -= sizes[path]
-        self._unseen_bytes = 0
+        self._unscanned_bytes = 0
 
     def _discard(self, path: Path) -> None:
         """Delete an entry so that no process ever sees half of it."""

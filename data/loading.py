@@ -7,8 +7,8 @@ import cv2
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from data.looks import Ask, Looks
-from data.process_share import ProcessShare
+from data.looks import EpochSampler, SampleIndex
+from data.process_share import ContiguousDistributedSampler
 from perception.errors import UsageError
 
 
@@ -43,7 +43,7 @@ def validate_loader_config(loading: LoaderConfig, least: int = 1) -> None:
 def make_loader(
     module: LightningDataModule,
     dataset: Dataset[Any],
-    sampler: Sampler[Ask] | None,
+    sampler: Sampler[SampleIndex] | None,
     loading: LoaderConfig,
     collate: Callable[[Sequence[Any]], Any] | None = None,
 ) -> DataLoader[Any]:
@@ -72,11 +72,13 @@ def make_loader(
     )
 
 
-def share_of_process(module: LightningDataModule, looks: Looks) -> Sampler[Ask]:
+def process_sampler(
+    module: LightningDataModule, epoch_sampler: EpochSampler
+) -> Sampler[SampleIndex]:
     """Return what this process learns from, of all; everything while nothing is trained."""
     trainer = module.trainer
     if trainer is None:
-        return looks
+        return epoch_sampler
     # Workers begin before Lightning says which epoch a resumed training goes on with.
-    looks.set_epoch(trainer.current_epoch)
-    return ProcessShare(looks, trainer.global_rank, trainer.world_size)
+    epoch_sampler.set_epoch(trainer.current_epoch)
+    return ContiguousDistributedSampler(epoch_sampler, trainer.global_rank, trainer.world_size)

@@ -10,7 +10,7 @@ from torch.utils.data import Sampler
 from perception.types import Int
 
 
-class Ask(NamedTuple):
+class SampleIndex(NamedTuple):
     """Which sample is asked for, and which of its looks.
 
     Attributes:
@@ -19,10 +19,10 @@ class Ask(NamedTuple):
     """
 
     row: int
-    look: tuple[int, ...]
+    view: tuple[int, ...]
 
 
-class Looks(Sampler[Ask], ABC):
+class EpochSampler(Sampler[SampleIndex], ABC):
     """Samples in an order of their own at every epoch, each with a new look; subclasses say which order.
 
     What an epoch holds depends on the seed and its number alone, so that training that is resumed goes on
@@ -37,10 +37,10 @@ class Looks(Sampler[Ask], ABC):
         """Say which epoch is next, as Lightning does."""
         self._epoch = epoch
 
-    def __iter__(self) -> Iterator[Ask]:
+    def __iter__(self) -> Iterator[SampleIndex]:
         order = self._order(np.random.default_rng([self._seed, self._epoch]))
         for place, row in enumerate(order.tolist()):
-            yield Ask(row, (self._epoch, place))
+            yield SampleIndex(row, (self._epoch, place))
 
     @abstractmethod
     def __len__(self) -> int: ...
@@ -50,7 +50,7 @@ class Looks(Sampler[Ask], ABC):
         """Return the rows of an epoch."""
 
 
-class ShuffledLooks(Looks):
+class ShuffledSampler(EpochSampler):
     """All samples, in a new random order at every epoch."""
 
     def __init__(self, length: int, seed: int = 0) -> None:

@@ -9,7 +9,7 @@ from torch.utils.data import Sampler
 Item = TypeVar("Item")
 
 
-class ProcessShare(Sampler[Item]):
+class ContiguousDistributedSampler(Sampler[Item]):
     """One run of consecutive items of another sampler, as long for every process.
 
     Lightning's own share takes every n-th item: of two classes that come in turn, two processes would get

@@ -55,7 +55,7 @@ def sides(boxes: Boxes3D, step_m: float = 0.15) -> np.ndarray:
     return np.concatenate(points)
 
 
-def in_sight(points: np.ndarray) -> np.ndarray:
+def visible_points(points: np.ndarray) -> np.ndarray:
     """Return the points that no nearer one hides from a sensor of 0.3 degrees to a beam."""
     range_m = np.linalg.norm(points, axis=1)
     beams = np.column_stack(
@@ -87,7 +87,7 @@ def detected(boxes: Boxes3D, scores: np.ndarray | float = 0.9) -> FusedDetection
     return FusedDetections(found, np.full((count, 3), -1), np.zeros(count, int))
 
 
-def seen_from(x_m: float, boxes_world: Boxes3D) -> tuple[np.ndarray, Boxes3D]:
+def observed_from(x_m: float, boxes_world: Boxes3D) -> tuple[np.ndarray, Boxes3D]:
     """Return the pose of a LiDAR that stands at x in the world, and the boxes as it sees them."""
     pose = se3.from_euler(0, 0, 0, np.array([x_m, 0.0, 0.0]))
     return pose, transform_boxes(se3.inverse(pose), boxes_world)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from data.looks import Looks
+from data.looks import EpochSampler
 from perception.types import Bool, Int
 
 
-class BalancedLooks(Looks):
+class BalancedSampler(EpochSampler):
     """Vehicles and others in turn, each class in a new random order whenever all of it was seen."""
 
     def __init__(self, is_vehicle: Bool, seed: int = 0, length: int | None = None) -> None:

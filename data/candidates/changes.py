@@ -37,7 +37,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Look:
+class CropView:
     """What the network sees of a candidate at one look.
 
     Attributes:
@@ -49,7 +49,7 @@ class Look:
     box_share: Float64
 
 
-def look_at(picture: UInt8, candidate: Candidate, change: Change) -> Look:
+def crop_view(picture: UInt8, candidate: Candidate, change: Change) -> CropView:
     """Cut a candidate out of an (H, W, 3) picture and change it."""
     window = np.asarray(candidate.window_px, np.float64)
     changed_A_picture = place_map(change, window)
@@ -64,7 +64,7 @@ def look_at(picture: UInt8, candidate: Candidate, change: Change) -> Look:
         crop = shift_lines(crop, change.line_shifts_px)
     if change.reflectance != 1.0:
         crop = scale_reflectance(crop, change.reflectance)
-    return Look(crop, box_share)
+    return CropView(crop, box_share)
 
 
 def place_map(change: Change, window_px: Float64) -> Float64:

@@ -8,10 +8,10 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from data.candidates.augmentation import Augmentation, Change, draw_change
-from data.candidates.changes import Candidate, look_at
+from data.candidates.changes import Candidate, crop_view
 from data.candidates.gathering import CandidateSet
 from data.candidates.labelled_frames import LabelledFrames
-from data.looks import Ask
+from data.looks import SampleIndex
 from perception.detection.depthcn.picture import CHANNELS
 from perception.errors import UsageError
 from perception.types import UInt8
@@ -65,21 +65,21 @@ class CandidateDataset(Dataset[Sample]):
     def __len__(self) -> int:
         return len(self.candidates)
 
-    def __getitem__(self, ask: Ask | int) -> Sample:
+    def __getitem__(self, index: SampleIndex | int) -> Sample:
         """Return one sample.
 
         Raises:
             PerceptionError: its frame is to be read again and cannot be.
         """
-        row, change = self._change(ask)
+        row, change = self._change(index)
         candidate = self.candidate(row)
-        look = look_at(self.picture(row), candidate, change)
-        crop = np.ascontiguousarray(look.crop[..., self._channels].transpose(2, 0, 1))
+        view = crop_view(self.picture(row), candidate, change)
+        crop = np.ascontiguousarray(view.crop[..., self._channels].transpose(2, 0, 1))
         return {
             "crops": torch.from_numpy(crop),
             "windows_px": torch.from_numpy(self.candidates.windows_px[row]),
             "is_vehicle": torch.tensor(float(self.candidates.is_vehicle[row])),
-            "box_share": torch.from_numpy(look.box_share.astype(np.float32)),
+            "box_share": torch.from_numpy(view.box_share.astype(np.float32)),
         }
 
     def candidate(self, row: int) -> Candidate:
@@ -96,13 +96,13 @@ class CandidateDataset(Dataset[Sample]):
             self._pictures[number] = np.asarray(self.frames.picture(number))
         return self._pictures[number]
 
-    def _change(self, ask: Ask | int) -> tuple[int, Change]:
-        if not isinstance(ask, Ask):
-            return ask, Change()
+    def _change(self, index: SampleIndex | int) -> tuple[int, Change]:
+        if not isinstance(index, SampleIndex):
+            return index, Change()
         if self.augmentation is None:
-            return ask.row, Change()
-        return ask.row, draw_change(
-            self.augmentation, np.random.default_rng([self.seed, *ask.look])
+            return index.row, Change()
+        return index.row, draw_change(
+            self.augmentation, np.random.default_rng([self.seed, *index.view])
         )
 
     def __getstate__(self) -> dict[str, object]:

@@ -168,8 +168,8 @@ def _shaken(
     scene: Scene, number: int, config: CropSamplingConfig, rng: np.random.Generator
 ) -> CandidateSet:
     """Add vehicles that the LiDAR sees whether or not they are proposed, with boxes a little off."""
-    is_seen = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
-    rows = np.repeat(np.flatnonzero(is_seen & np.isfinite(scene.label_depths_m)), config.shaken)
+    is_observed = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
+    rows = np.repeat(np.flatnonzero(is_observed & np.isfinite(scene.label_depths_m)), config.shaken)
     boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
     size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
     moved = boxes_px + rng.uniform(-config.shake, config.shake, boxes_px.shape) * size

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from data.candidates.augmentation import OPERATIONS, Augmentation, Change, draw_change
-from data.candidates.changes import look_at
+from data.candidates.changes import crop_view
 from data.candidates.dataset import CandidateDataset
 from perception.maps.encoding import decode_depth
 from perception.types import Float, UInt8
@@ -80,21 +80,23 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
 def _grid(
     dataset: CandidateDataset, strengths: Augmentation, rows: Sequence[int], draws: int
 ) -> UInt8:
-    lines = [[_look(dataset, row, Change()) for row in rows]]
+    lines = [[_render_view(dataset, row, Change()) for row in rows]]
     for draw in range(draws):
         lines.append(
             [
-                _look(dataset, row, draw_change(strengths, np.random.default_rng([draw, row])))
+                _render_view(
+                    dataset, row, draw_change(strengths, np.random.default_rng([draw, row]))
+                )
                 for row in rows
             ]
         )
     return np.concatenate([np.concatenate(line, axis=1) for line in lines], axis=0)
 
 
-def _look(dataset: CandidateDataset, row: int, change: Change) -> UInt8:
+def _render_view(dataset: CandidateDataset, row: int, change: Change) -> UInt8:
     candidate = dataset.candidate(row)
-    look = look_at(dataset.picture(row), candidate, change)
+    view = crop_view(dataset.picture(row), candidate, change)
     gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
     return np.pad(
-        shown(look.crop, look.box_share, candidate.depth_m * change.depth), gap, constant_values=255
+        shown(view.crop, view.box_share, candidate.depth_m * change.depth), gap, constant_values=255
     )

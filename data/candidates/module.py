@@ -10,11 +10,11 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import Augmentation
-from data.candidates.balance import BalancedLooks
+from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
 from data.candidates.labelled_frames import FrameConfig, LabelledFrames
-from data.loading import make_loader, share_of_process, validate_loader_config
+from data.loading import make_loader, process_sampler, validate_loader_config
 from data.splitting import SplitBy, split_generator, validation_frames
 from data.training_drives import TrainingDrives, open_drives
 from perception.detection.depthcn.picture import CHANNELS
@@ -129,8 +129,8 @@ class CandidateData(LightningDataModule):
         """Return batches of which half are vehicles."""
         is_vehicle = self.training.candidates.is_vehicle
         loading = self.loading
-        looks = BalancedLooks(is_vehicle, loading.seed, loading.samples_an_epoch)
-        return make_loader(self, self.training, share_of_process(self, looks), loading)
+        epoch_sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_an_epoch)
+        return make_loader(self, self.training, process_sampler(self, epoch_sampler), loading)
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that was kept back, in order."""
@@ -139,8 +139,8 @@ class CandidateData(LightningDataModule):
     def mean_crop(self, samples: int = 1024) -> Tensor:
         """Return (C, 66, 112) the mean of some training samples as they are, half of them vehicles."""
         plain = self._dataset(self.training.frames, self.training.candidates, None)
-        sampler = BalancedLooks(plain.candidates.is_vehicle, self.loading.seed, samples)
-        total = sum(plain[ask]["crops"].to(torch.int64) for ask in sampler)
+        sampler = BalancedSampler(plain.candidates.is_vehicle, self.loading.seed, samples)
+        total = sum(plain[index]["crops"].to(torch.int64) for index in sampler)
         return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
 
     def _frames(self, paths: Sequence[Path]) -> LabelledFrames:

@@ -83,10 +83,10 @@ class Variations:
 def variations(track: TrueTrack) -> Variations:
     """Measure how much an object with at least one labelled frame varies."""
     span = track.frames[-1] - track.frames[0] + 1
-    in_sight = np.count_nonzero((track.occlusion == 0) | (track.occlusion == 3))
+    visible = np.count_nonzero((track.occlusion == 0) | (track.occlusion == 3))
     distances_m = np.hypot(*track.boxes_velo.bottom_m[:, :2].T)
     return Variations(
-        occluded_share=float((span - in_sight) / span),
+        occluded_share=float((span - visible) / span),
         turn_deg=float(np.degrees(np.ptp(np.unwrap(track.boxes_velo.yaw_rad)))),
         distance_ratio=float(distances_m.max() / max(distances_m.min(), 1e-3)),
         speed_change_m_s=_speed_change_m_s(track.stamps_s, distances_m),

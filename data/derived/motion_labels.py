@@ -17,7 +17,7 @@ from scipy import ndimage
 from data.drive import Labels
 from data.kitti.sequence import KittiSequence
 from perception.errors import PoseError, UsageError
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.geometry.boxes import transform_boxes
 from perception.types import Bool, Float64, Int
 
@@ -116,7 +116,7 @@ class MotionLabels:
         """Return (M,) the motions of these tracks in that frame, unknown where they have no box."""
         rows = self.frames == frame
         motion_of = dict(zip(self.track_ids[rows].tolist(), self.motions[rows], strict=True))
-        motions = [motion_of.get(track_id, Motion.UNKNOWN) for track_id in track_ids.tolist()]
+        motions = [motion_of.get(track_id, MotionState.UNKNOWN) for track_id in track_ids.tolist()]
         return np.array(motions, np.int64)
 
     def velocities_of(self, frame: int, track_ids: Int) -> Float64:
@@ -131,7 +131,7 @@ class MotionLabels:
 
     def moving_tracks(self) -> list[int]:
         """Return the tracks that move at some time, in rising order."""
-        return sorted(set(self.track_ids[self.motions == Motion.MOVING].tolist()))
+        return sorted(set(self.track_ids[self.motions == MotionState.MOVING].tolist()))
 
 
 def label_drive_motion(
@@ -183,7 +183,7 @@ def label_motion(
     """Say of every box whether its object stands or moves at that moment."""
     limits = thresholds or MotionLabelConfig()
     velocities_m_s = np.full((len(tracks.frames), 2), np.nan)
-    motions = np.full(len(tracks.frames), Motion.UNKNOWN, np.int64)
+    motions = np.full(len(tracks.frames), MotionState.UNKNOWN, np.int64)
     for track_id in np.unique(tracks.track_ids):
         rows = np.flatnonzero(tracks.track_ids == track_id)
         rows = rows[np.argsort(tracks.stamps_s[rows], kind="stable")]
@@ -225,7 +225,7 @@ def _with_memory(speeds_mps: Float64, spans_s: Float64, limits: MotionLabelConfi
         goes_on = starts | (speeds_mps >= limits.stop_mps)
         stands = (speeds_mps < limits.stop_mps) & (spans_s >= limits.shortest_s - _TIME_SLACK_S)
     moves = _runs_that_hold(goes_on, starts)
-    return np.select([moves, stands], [Motion.MOVING, Motion.STATIC], Motion.UNKNOWN)
+    return np.select([moves, stands], [MotionState.MOVING, MotionState.STATIC], MotionState.UNKNOWN)
 
 
 def _runs_that_hold(runs: Bool, seeds: Bool) -> Bool:

@@ -28,7 +28,7 @@ from perception.evaluation.multi_object.moving_scene import (
 from perception.evaluation.objects import LabelledObjects
 from perception.types import Bool, Float64, Frame, Int
 
-View = Literal["camera", "all"]
+EvaluationView = Literal["camera", "all"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class MovingTruth:
 
     posed: Sequence[PosedLabels | None]
     motion: MotionLabels
-    view: View
+    view: EvaluationView
 
     def scene(self, frame: Frame, clearance_m: float) -> MovingScene | None:
         """Return what was there in a frame, or None where its labels have no pose.
@@ -65,9 +65,9 @@ class MovingTruth:
             objects=LabelledObjects(boxes, self.motion.of(frame.index, ids), ids),
             # Row vectors: times the world's axes in the LiDAR frame.
             velocities_m_s=velocities_world @ posed.world_SE3_velo[:2, :2],
-            moves_sometime=self._moves_sometime(ids),
+            moves_sometime=self._ever_moves(ids),
             points=points_above_feet(boxes, frame.points_velo, clearance_m),
-            view=_view(frame, labels.dont_care_px) if self.view == "camera" else None,
+            view=_labelled_view(frame, labels.dont_care_px) if self.view == "camera" else None,
         )
 
     def types(self) -> dict[int, str]:
@@ -79,7 +79,7 @@ class MovingTruth:
             for track_id, kind in zip(labels.track_ids.tolist(), labels.types, strict=True)
         }
 
-    def _moves_sometime(self, track_ids: Int) -> Bool:
+    def _ever_moves(self, track_ids: Int) -> Bool:
         return np.isin(track_ids, self._moving_tracks)
 
     @cached_property
@@ -88,7 +88,7 @@ class MovingTruth:
 
 
 def moving_truth(
-    drive: Drive, view: View = "camera", thresholds: MotionLabelConfig | None = None
+    drive: Drive, view: EvaluationView = "camera", thresholds: MotionLabelConfig | None = None
 ) -> MovingTruth:
     """Find out what moves in a drive, and how.
 
@@ -122,7 +122,7 @@ def moving_truth(
     return MovingTruth(posed, motion, view)
 
 
-def _posed_labels(drive: KittiSequence, view: View) -> Sequence[PosedLabels | None]:
+def _posed_labels(drive: KittiSequence, view: EvaluationView) -> Sequence[PosedLabels | None]:
     """Read the exact truth of a drive, or else its labels and INS poses."""
     files = truth_files(drive)
     if files is not None:
@@ -158,7 +158,7 @@ def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
     return np.array(velocities, np.float64).reshape(-1, 2)
 
 
-def _view(frame: Frame, dont_care_px: Float64) -> LabelledView:
+def _labelled_view(frame: Frame, dont_care_px: Float64) -> LabelledView:
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
         raise CalibrationError(

@@ -13,7 +13,7 @@ from data.synthetic.drive import SyntheticDrive
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D, Float64
 
-_OUT_OF_SIGHT = (
+_UNLABELLED_OCCLUSION = (
     2  # occlusion of an object that is there by exact truth and not labelled in the image
 )
 
@@ -32,7 +32,7 @@ class DriveObjects:
 
     sequence: str
     stamps_s: Sequence[float]
-    seen: Sequence[Labels]
+    camera_labels: Sequence[Labels]
     truth: MovingTruth | None
 
     @classmethod
@@ -46,7 +46,7 @@ class DriveObjects:
         return cls(
             sequence=drive.name,
             stamps_s=[_stamp_s(drive, index) for index in range(len(drive))],
-            seen=[drive.labels(index) for index in range(len(drive))],
+            camera_labels=[drive.labels(index) for index in range(len(drive))],
             truth=moving_truth(drive) if drive.has_poses else None,
         )
 
@@ -54,7 +54,7 @@ class DriveObjects:
         """Return every object that the camera sees in so many frames, from its first to its last."""
         frames: dict[int, list[int]] = {}
         kinds: dict[int, str] = {}
-        for frame, labels in enumerate(self.seen):
+        for frame, labels in enumerate(self.camera_labels):
             for track_id, kind in zip(labels.track_ids.tolist(), labels.types, strict=True):
                 frames.setdefault(track_id, []).append(frame)
                 kinds[track_id] = str(kind)
@@ -68,7 +68,7 @@ class DriveObjects:
 
     def track(self, target: ObjectSequence) -> TrueTrack:
         """Return one object in those frames in which its place is known."""
-        last = min(target.last_frame, len(self.seen) - 1)
+        last = min(target.last_frame, len(self.camera_labels) - 1)
         rows = [self._row(frame, target.track_id) for frame in range(target.first_frame, last + 1)]
         known = [row for row in rows if row is not None]
         return TrueTrack(
@@ -87,10 +87,10 @@ class DriveObjects:
     def _row(self, frame: int, track_id: int) -> "_Row | None":
         """Return one object in one frame, or None where nobody knows where it is."""
         posed = None if self.truth is None else self.truth.posed[frame]
-        seen = _of_track(self.seen[frame], track_id)
+        camera_labels = _of_track(self.camera_labels[frame], track_id)
         # Exact truth knows who is hidden, labels know who is far.
-        known = seen if posed is None else _of_track(posed.labels, track_id)
-        boxes = known.boxes_velo if len(known) else seen.boxes_velo
+        known = camera_labels if posed is None else _of_track(posed.labels, track_id)
+        boxes = known.boxes_velo if len(known) else camera_labels.boxes_velo
         if len(boxes) == 0:
             return None
         velocity_m_s = np.full(2, np.nan)
@@ -101,9 +101,11 @@ class DriveObjects:
         return _Row(
             frame=frame,
             box_velo=boxes[:1],
-            box_px=seen.boxes_px[0] if len(seen) else np.full(4, np.nan),
+            box_px=camera_labels.boxes_px[0] if len(camera_labels) else np.full(4, np.nan),
             velocity_m_s=velocity_m_s,
-            occlusion=int(seen.occlusion[0]) if len(seen) else _OUT_OF_SIGHT,
+            occlusion=int(camera_labels.occlusion[0])
+            if len(camera_labels)
+            else _UNLABELLED_OCCLUSION,
         )
 
 

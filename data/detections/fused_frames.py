@@ -87,8 +87,8 @@ def judged(
 
 def boxes_beside(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
     """Return what each modality that looked sees by itself, and what the fusion says."""
-    looked = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
-    return {str(name): frames.of_modality(name) for name in looked} | {"fusion": fused.boxes}
+    present = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
+    return {str(name): frames.of_modality(name) for name in present} | {"fusion": fused.boxes}
 
 
 def curves_beside(

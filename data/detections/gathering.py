@@ -32,7 +32,7 @@ from perception.types import MODALITIES, Detections, Frame, ModalDetections, Mod
 log = logging.getLogger(__name__)
 
 
-class Sight(Protocol):
+class DetectorOutput(Protocol):
     """What detectors make of one frame."""
 
     @property
@@ -46,16 +46,16 @@ class Sight(Protocol):
         ...
 
 
-class Looker(Protocol):
+class FrameDetector(Protocol):
     """Detectors of one or more modalities."""
 
-    def look(self, frame: Frame) -> Sight:
+    def detect(self, frame: Frame) -> DetectorOutput:
         """Detect in one frame."""
         ...
 
 
 @dataclass(frozen=True)
-class MarkedLooker:
+class FingerprintedDetector:
     """Detectors, and by what they are told from others.
 
     Attributes:
@@ -63,7 +63,7 @@ class MarkedLooker:
         mark: hash of the model files.
     """
 
-    looker: Looker
+    detector: FrameDetector
     fingerprint: str
 
 
@@ -75,7 +75,7 @@ def models_fingerprint(models: Mapping[Modality, bytes]) -> str:
 
 def detect_drives(
     drives: Sequence[Drive],
-    detectors: MarkedLooker,
+    detectors: FingerprintedDetector,
     store: ArrayStore,
     on_bad_frame: OnBadFrame = "stop",
     progress: Progress = iter,
@@ -116,7 +116,7 @@ def detect_drives(
 
 
 def detected_scene(
-    drive: Drive, index: int, detectors: MarkedLooker, store: ArrayStore
+    drive: Drive, index: int, detectors: FingerprintedDetector, store: ArrayStore
 ) -> DetectedScene:
     """Return what detectors see in one frame, from the store if it knows.
 
@@ -136,7 +136,7 @@ def detected_scene(
         code=code,
         **frame_fingerprint(drive, index),
     )
-    return _to_scene(store.get(key, lambda: _look(drive[index], detectors.looker)))
+    return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
 
 
 def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]) -> None:
@@ -162,10 +162,10 @@ def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, Modalit
                 )
 
 
-def _look(frame: Frame, looker: Looker) -> Arrays:
-    sight = looker.look(frame)
-    size_px = _size_px(frame, sight.dense)
-    scene = scene_of(sight.modal, size_px, sight.dense, frame.calibration)
+def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
+    output = detector.detect(frame)
+    size_px = _size_px(frame, output.dense)
+    scene = scene_of(output.modal, size_px, output.dense, frame.calibration)
     arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
     for name, found in scene.modal.items():
         arrays[f"{name}_boxes_px"] = found.boxes_px

@@ -12,7 +12,7 @@ from perception.types import Bool, Boxes3D, Calibration, Float64, Tracks
 _PEDESTRIAN_M3 = 1.8
 _CYCLIST_M3 = 4.0
 # Of a track that was measured in this scan, and of one that is only predicted.
-_SEEN_SCORE = 1.0
+_OBSERVED_SCORE = 1.0
 _PREDICTED_SCORE = 0.5
 # The rows do not say how much of an object is cut off or hidden.
 _UNKNOWN = -1.0
@@ -45,7 +45,7 @@ def to_tracking_rows(
         sizes_hwl_m=columns[:, :3],
         bottoms_cam_m=columns[:, 3:6],
         headings_rad=columns[:, 6],
-        scores=np.where(tracks.is_seen, _SEEN_SCORE, _PREDICTED_SCORE),
+        scores=np.where(tracks.is_observed, _OBSERVED_SCORE, _PREDICTED_SCORE),
     )
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 from torch.utils.data import Dataset
 
-from data.looks import Ask
+from data.looks import SampleIndex
 from data.pictures.augmentation import PictureAugmentation, changed
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.wanted import DetectionTargets
@@ -58,14 +58,14 @@ class PictureDataset(Dataset[Sample]):
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, ask: Ask | int) -> Sample:
+    def __getitem__(self, index: SampleIndex | int) -> Sample:
         """Return one sample.
 
         Raises:
             PerceptionError: its frame is to be read again and cannot be.
         """
-        row = ask.row if isinstance(ask, Ask) else ask
-        picture, labels = self.look(ask)
+        row = index.row if isinstance(index, SampleIndex) else index
+        picture, labels = self.view(index)
         return {
             "pictures": torch.from_numpy(np.array(picture.transpose(2, 0, 1), order="C")),
             "boxes_px": torch.from_numpy(labels.boxes_px),
@@ -74,17 +74,17 @@ class PictureDataset(Dataset[Sample]):
             "numbers": torch.tensor(row),
         }
 
-    def look(self, ask: Ask | int) -> tuple[UInt8, DetectionTargets]:
+    def view(self, index: SampleIndex | int) -> tuple[UInt8, DetectionTargets]:
         """Return (h, w, C) the picture and the labels of a sample.
 
         Raises:
             PerceptionError: as `[]`.
         """
-        row = ask.row if isinstance(ask, Ask) else ask
+        row = index.row if isinstance(index, SampleIndex) else index
         picture, labels = self.frames.picture(int(self.numbers[row])), self._labels[row]
-        if self.augmentation is None or not isinstance(ask, Ask):
+        if self.augmentation is None or not isinstance(index, SampleIndex):
             return picture, labels
-        rng = np.random.default_rng([self.seed, *ask.look])
+        rng = np.random.default_rng([self.seed, *index.view])
         return changed(picture, labels, self.frames.config, self.augmentation, rng)
 
     def picture_size_px(self, row: int) -> tuple[int, int]:

@@ -11,8 +11,8 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.frames import OnBadFrame
-from data.loading import make_loader, share_of_process, validate_loader_config
-from data.looks import Ask, ShuffledLooks
+from data.loading import make_loader, process_sampler, validate_loader_config
+from data.looks import SampleIndex, ShuffledSampler
 from data.pictures.augmentation import PictureAugmentation
 from data.pictures.dataset import PictureDataset, Sample, collate
 from data.pictures.labelled_pictures import LabelledPictures
@@ -138,8 +138,8 @@ class PictureData(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Sample]:
         """Return batches in a new order, with new looks, at every epoch."""
-        looks = ShuffledLooks(len(self.training), self.loading.seed)
-        return self._loader(self.training, share_of_process(self, looks))
+        epoch_sampler = ShuffledSampler(len(self.training), self.loading.seed)
+        return self._loader(self.training, process_sampler(self, epoch_sampler))
 
     def val_dataloader(self) -> DataLoader[Sample]:
         """Return batches of everything that is judged by, in order."""
@@ -194,5 +194,7 @@ class PictureData(LightningDataModule):
             readable.append(number)
         return np.array(readable, np.int64)
 
-    def _loader(self, dataset: PictureDataset, sampler: Sampler[Ask] | None) -> DataLoader[Sample]:
+    def _loader(
+        self, dataset: PictureDataset, sampler: Sampler[SampleIndex] | None
+    ) -> DataLoader[Sample]:
         return make_loader(self, dataset, sampler, self.loading, collate)

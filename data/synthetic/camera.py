@@ -7,7 +7,7 @@ from data.synthetic.light import Daylight
 from data.synthetic.rig import IMAGE_SIZE_PX, PinholeCamera, near_pixels
 from data.synthetic.scene import Hits, Moving, Rays, rotated
 from data.synthetic.shading import IS_ROUNDED, Shader
-from data.synthetic.sight import Moment, View
+from data.synthetic.sight import GBuffer, RenderState
 from data.synthetic.world import World
 from perception.types import Calibration, Float32, Float64, Int, UInt8
 
@@ -33,15 +33,15 @@ class Camera:
         self, world_SE3_velo: Float64, time_s: float, exposure: Exposure, rng: np.random.Generator
     ) -> UInt8:
         """Return the (H, W, 3) image at a time, the LiDAR being at a pose."""
-        moment = self._moment(world_SE3_velo, time_s)
-        width, height = moment.pinhole.size_px
+        state = self._render_state(world_SE3_velo, time_s)
+        width, height = state.pinhole.size_px
         bands = [
-            self._band(moment, slice(first, min(first + _BAND_ROWS, height)))
+            self._band(state, slice(first, min(first + _BAND_ROWS, height)))
             for first in range(0, height, _BAND_ROWS)
         ]
         return develop(np.concatenate(bands).reshape(height, width, 3), exposure, rng)
 
-    def _moment(self, world_SE3_velo: Float64, time_s: float) -> Moment:
+    def _render_state(self, world_SE3_velo: Float64, time_s: float) -> RenderState:
         pinhole = PinholeCamera(self._calibration, world_SE3_velo)
         _, moving = self._world.moving_at(time_s, _VIEW_M)
         casting = [
@@ -51,36 +51,36 @@ class Camera:
         ]
         footprints = self._world.footprints(moving, pinhole.centre_m, _OPENNESS_M)
         rotation = world_SE3_velo[:3, :3].astype(np.float32)
-        return Moment(pinhole, rotation, moving, casting, footprints)
+        return RenderState(pinhole, rotation, moving, casting, footprints)
 
-    def _band(self, moment: Moment, rows: slice) -> Float32:
+    def _band(self, state: RenderState, rows: slice) -> Float32:
         """Return (rows * W, 3) the light that some rows of pixels receive."""
-        view = self._look(moment, rows)
-        light = np.empty((len(view.hits.row), 3), np.float32)
-        missed = np.flatnonzero(view.hits.row < 0)
-        light[missed] = self._daylight.sky(view.rays.directions[missed])
-        light[view.seen] = self._shader.shade(view, moment)
+        buffer = self._trace(state, rows)
+        light = np.empty((len(buffer.hits.row), 3), np.float32)
+        missed = np.flatnonzero(buffer.hits.row < 0)
+        light[missed] = self._daylight.sky(buffer.rays.directions[missed])
+        light[buffer.seen] = self._shader.shade(buffer, state)
         return light
 
-    def _look(self, moment: Moment, rows: slice) -> View:
+    def _trace(self, state: RenderState, rows: slice) -> GBuffer:
         """Cast the rays of a band of pixels and gather what they meet."""
-        width = moment.pinhole.size_px[0]
+        width = state.pinhole.size_px[0]
         pixels = slice(rows.start * width, rows.stop * width)
-        directions = self._directions_velo[pixels] @ moment.velo_to_world.T
+        directions = self._directions_velo[pixels] @ state.velo_to_world.T
         origins = np.empty_like(directions)
-        origins[:] = moment.pinhole.centre_m
+        origins[:] = state.pinhole.centre_m
         delays = np.zeros(len(directions), np.float32)
-        rays = Rays(origins, directions, delays, near_pixels(moment.pinhole, rows))
-        hits = self._world.scene.cast(rays, moment.moving)
+        rays = Rays(origins, directions, delays, near_pixels(state.pinhole, rows))
+        hits = self._world.scene.cast(rays, state.moving)
         seen = np.flatnonzero(hits.row >= 0)
         tables = self._world.scene.tables
         directions = rays.directions[seen]
         slots = tables.slots[hits.row[seen]]
         points = rays.origins_m[seen] + hits.distance_m[seen, None] * directions
-        normals = self._normals(hits, seen, slots, moment.moving)
+        normals = self._normals(hits, seen, slots, state.moving)
         normals *= -np.sign(np.einsum("ij,ij->i", normals, directions))[:, None]
         shape = (rows.stop - rows.start, width)
-        return View(rows, shape, rays, hits, seen, slots, points, normals)
+        return GBuffer(rows, shape, rays, hits, seen, slots, points, normals)
 
     def _normals(self, hits: Hits, seen: Int, slots: UInt8, moving: list[Moving]) -> Float32:
         """Return unit normals, interpolated over rounded things."""

@@ -36,7 +36,7 @@ class LabelConfig:
         visible_share: at least so much seen is occlusion 0.
         partly_share: at least so much seen is occlusion 1, less is 2.
         max_truncation: share outside the image beyond which an object is DontCare.
-        min_seen_px: area that must be seen for the object to be noticed at all.
+        min_visible_px: area that must be seen for the object to be noticed at all.
     """
 
     min_height_px: float = 12.0
@@ -46,11 +46,11 @@ class LabelConfig:
     visible_share: float = 0.85
     partly_share: float = 0.45
     max_truncation: float = 0.90
-    min_seen_px: float = 30.0
+    min_visible_px: float = 30.0
 
 
 @dataclass(frozen=True)
-class _Sight:
+class _ImageObject:
     """One object before the camera.
 
     Attributes:
@@ -88,22 +88,24 @@ def label(
         rules: what is labelled.
     """
     camera = PinholeCamera(calibration, world_SE3_velo)
-    sights = _sights(world, camera, time_s, config)
-    sights = [_cut_at_image(world, camera, sight) for sight in sights]
-    alone, seen, area = _visibility(world, camera, sights, time_s)
+    image_objects = _objects_in_image(world, camera, time_s, config)
+    image_objects = [_cut_at_image(world, camera, image_object) for image_object in image_objects]
+    alone, seen, area = _sample_visibility(world, camera, image_objects, time_s)
     share = seen / np.maximum(alone, 1)
-    seen_px = share * area
-    height = np.array([s.box_px[3] - s.box_px[1] for s in sights])
-    truncation = np.array([s.truncation for s in sights])
-    distance = np.array([s.distance_m for s in sights])
-    noticed = (seen > 0) & (seen_px >= config.min_seen_px)
+    visible_px = share * area
+    height = np.array([s.box_px[3] - s.box_px[1] for s in image_objects])
+    truncation = np.array([s.truncation for s in image_objects])
+    distance = np.array([s.distance_m for s in image_objects])
+    noticed = (seen > 0) & (visible_px >= config.min_visible_px)
     labelled = noticed & (height >= config.min_height_px) & (distance <= config.max_distance_m)
     labelled &= (share >= config.min_visible_share) & (truncation <= config.max_truncation)
     occlusion = np.select([share >= config.visible_share, share >= config.partly_share], [0, 1], 2)
     occlusion = np.where(height < config.unknown_height_px, 3, occlusion)
-    boxes_px = np.array([s.box_px for s in sights]).reshape(-1, 4)
+    boxes_px = np.array([s.box_px for s in image_objects]).reshape(-1, 4)
     levels = np.digitize(truncation, [0.04, 0.5]).astype(float)
-    kept = [sight for sight, keep in zip(sights, labelled, strict=True) if keep]
+    kept = [
+        image_object for image_object, keep in zip(image_objects, labelled, strict=True) if keep
+    ]
     return Labels(
         boxes_velo=_boxes_velo([s.actor for s in kept], [s.state for s in kept], world_SE3_velo),
         boxes_px=boxes_px[labelled],
@@ -115,20 +117,20 @@ def label(
     )
 
 
-def _sights(
+def _objects_in_image(
     world: World, camera: PinholeCamera, time_s: float, config: LabelConfig
-) -> list[_Sight]:
+) -> list[_ImageObject]:
     """Find the objects of which some part falls into the image."""
     found = []
     for actor in world.actors:
         if not world.is_near(actor, time_s, 1.4 * config.max_distance_m):
             continue
         state = world.state(actor, time_s)
-        if not _may_be_seen(actor, state, camera):
+        if not _may_be_in_view(actor, state, camera):
             continue
-        sight = _sight(actor, state, _outline(actor, time_s), camera)
-        if sight is not None:
-            found.append(sight)
+        image_object = _object_in_image(actor, state, _outline(actor, time_s), camera)
+        if image_object is not None:
+            found.append(image_object)
     return found
 
 
@@ -156,7 +158,7 @@ def _cuboid_edges() -> Float64:
 _CUBOID_EDGES = _cuboid_edges()
 
 
-def _may_be_seen(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
+def _may_be_in_view(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
     """Tell whether the sphere around an object reaches into the camera's field of view."""
     x, _, z = camera.camera_R_world @ (state.world_SE3_thing[:3, 3] - camera.centre_m)
     radius = float(np.linalg.norm(actor.body.size_m))
@@ -164,7 +166,9 @@ def _may_be_seen(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
     return bool(z > -radius and abs(x) < z + 1.5 * radius)
 
 
-def _sight(actor: Actor, state: Moving, outline: Float, camera: PinholeCamera) -> _Sight | None:
+def _object_in_image(
+    actor: Actor, state: Moving, outline: Float, camera: PinholeCamera
+) -> _ImageObject | None:
     pose, width_height = state.world_SE3_thing, np.array(camera.size_px, float)
     pixels, depth_m = camera.project(outline @ pose[:3, :3].T + pose[:3, 3])
     before = depth_m > 0.3
@@ -179,55 +183,60 @@ def _sight(actor: Actor, state: Moving, outline: Float, camera: PinholeCamera) -
     with np.errstate(invalid="ignore"):
         is_in = ((places >= 0) & (places < width_height)).all(axis=1) & (depths > 0)
     middle = float(camera.project(pose[None, :3, 3])[1][0])
-    return _Sight(actor, state, np.concatenate([low, high]), float(1 - is_in.mean()), middle)
+    return _ImageObject(actor, state, np.concatenate([low, high]), float(1 - is_in.mean()), middle)
 
 
-def _cut_at_image(world: World, camera: PinholeCamera, sight: _Sight) -> _Sight:
+def _cut_at_image(world: World, camera: PinholeCamera, image_object: _ImageObject) -> _ImageObject:
     """Draw the box of a person who leaves the image around the part that stays in it."""
-    if sight.truncation == 0 or not sight.actor.body.is_person:
-        return sight
-    pixels, _ = _sample_pixels([sight], _EDGE_SAMPLES)
+    if image_object.truncation == 0 or not image_object.actor.body.is_person:
+        return image_object
+    pixels, _ = _sample_pixels([image_object], _EDGE_SAMPLES)
     rays = camera.rays(pixels)
-    inside = pixels[_covers(world, rays, np.arange(len(pixels)), sight.state)]
+    inside = pixels[_covers(world, rays, np.arange(len(pixels)), image_object.state)]
     if len(inside) == 0:
-        return sight
-    half_step = (sight.box_px[2:] - sight.box_px[:2]) / _EDGE_SAMPLES / 2
-    low = np.maximum(inside.min(axis=0) - half_step, sight.box_px[:2])
-    high = np.minimum(inside.max(axis=0) + half_step, sight.box_px[2:])
-    return replace(sight, box_px=np.concatenate([low, high]))
+        return image_object
+    half_step = (image_object.box_px[2:] - image_object.box_px[:2]) / _EDGE_SAMPLES / 2
+    low = np.maximum(inside.min(axis=0) - half_step, image_object.box_px[:2])
+    high = np.minimum(inside.max(axis=0) + half_step, image_object.box_px[2:])
+    return replace(image_object, box_px=np.concatenate([low, high]))
 
 
-def _visibility(
-    world: World, camera: PinholeCamera, sights: Sequence[_Sight], time_s: float
+def _sample_visibility(
+    world: World, camera: PinholeCamera, image_objects: Sequence[_ImageObject], time_s: float
 ) -> tuple[Int, Int, Float64]:
     """Return, by object, samples that it covers alone, those it is seen in, and its area in pixels."""
-    if not sights:
+    if not image_objects:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    pixels, owner = _sample_pixels(sights, _SAMPLES)
+    pixels, owner = _sample_pixels(image_objects, _SAMPLES)
     rays = camera.rays(pixels)
     covers = np.concatenate(
-        [_covers(world, rays, np.flatnonzero(owner == n), s.state) for n, s in enumerate(sights)]
+        [
+            _covers(world, rays, np.flatnonzero(owner == n), s.state)
+            for n, s in enumerate(image_objects)
+        ]
     )
     index = np.flatnonzero(covers)
     before = camera.rays(pixels[index])
     _, moving = world.moving_at(time_s, 150.0)
     hits = world.scene.cast(before, moving)
     instance = world.scene.tables.instances[hits.thing]
-    own = np.array([sight.actor.track_id + 1 for sight in sights])[owner[index]]
-    is_seen = (hits.row >= 0) & (instance == own)
-    alone = np.bincount(owner[index], minlength=len(sights))
-    seen = np.bincount(owner[index[is_seen]], minlength=len(sights))
-    size = np.array([s.box_px[2:] - s.box_px[:2] for s in sights]).prod(axis=1)
-    return alone, seen, size * alone / np.bincount(owner, minlength=len(sights))
+    own = np.array([image_object.actor.track_id + 1 for image_object in image_objects])[
+        owner[index]
+    ]
+    is_observed = (hits.row >= 0) & (instance == own)
+    alone = np.bincount(owner[index], minlength=len(image_objects))
+    seen = np.bincount(owner[index[is_observed]], minlength=len(image_objects))
+    size = np.array([s.box_px[2:] - s.box_px[:2] for s in image_objects]).prod(axis=1)
+    return alone, seen, size * alone / np.bincount(owner, minlength=len(image_objects))
 
 
-def _sample_pixels(sights: Sequence[_Sight], most: int) -> tuple[Float64, Int]:
+def _sample_pixels(image_objects: Sequence[_ImageObject], max_samples: int) -> tuple[Float64, Int]:
     """Lay an even lattice of pixels over every box."""
     lattices, owners = [], []
-    for number, sight in enumerate(sights):
-        x0, y0, x1, y1 = sight.box_px
-        columns = min(most, max(2, int(x1 - x0)))
-        rows = min(most, max(2, int(y1 - y0)))
+    for number, image_object in enumerate(image_objects):
+        x0, y0, x1, y1 = image_object.box_px
+        columns = min(max_samples, max(2, int(x1 - x0)))
+        rows = min(max_samples, max(2, int(y1 - y0)))
         x = x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0)
         y = y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)
         lattices.append(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))

@@ -8,7 +8,7 @@ from data.synthetic.materials import Slot, column, rgb
 from data.synthetic.painter import Painter
 from data.synthetic.rig import near_pixels
 from data.synthetic.scene import Rays, near_any
-from data.synthetic.sight import Moment, View
+from data.synthetic.sight import GBuffer, RenderState
 from data.synthetic.world import World
 from perception.types import Float32
 
@@ -34,73 +34,75 @@ class Shader:
         self._exposed = np.ones(len(Slot), np.float32)
         self._exposed[Slot.LEAVES] = _IN_CROWNS
 
-    def shade(self, view: View, moment: Moment) -> Float32:
+    def shade(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K, 3) the light that reaches the camera from all that is seen."""
         tables, daylight = self._world.scene.tables, self._daylight
-        thing = view.hits.thing[view.seen]
+        thing = buffer.hits.thing[buffer.seen]
         colours = np.take(
-            tables.palettes.reshape(-1, 4), thing * len(Slot) + view.slots.astype(np.int64), axis=0
+            tables.palettes.reshape(-1, 4),
+            thing * len(Slot) + buffer.slots.astype(np.int64),
+            axis=0,
         )[:, :3]
-        colours = self._painter.paint(tables, view.hits, view.seen, view.slots, colours)
-        open_sky = self._openness(view, moment)
-        facing = np.clip(view.normals @ daylight.sun.astype(np.float32), 0, 1)
+        colours = self._painter.paint(tables, buffer.hits, buffer.seen, buffer.slots, colours)
+        open_sky = self._openness(buffer, state)
+        facing = np.clip(buffer.normals @ daylight.sun.astype(np.float32), 0, 1)
         if daylight.is_sunny:
-            facing *= self._sunlit(view, moment) * np.minimum(2 * open_sky, 1)
-        ambient = (0.55 + 0.45 * view.normals[:, 2]) * open_sky * self._exposed[view.slots]
+            facing *= self._sunlit(buffer, state) * np.minimum(2 * open_sky, 1)
+        ambient = (0.55 + 0.45 * buffer.normals[:, 2]) * open_sky * self._exposed[buffer.slots]
         light = colours * (facing[:, None] * daylight.sun_rgb + ambient[:, None] * daylight.sky_rgb)
-        light = self._gloss(light, view, facing)
-        distance = view.hits.distance_m[view.seen]
+        light = self._gloss(light, buffer, facing)
+        distance = buffer.hits.distance_m[buffer.seen]
         haze = (1 - np.exp(-distance / (2500 - 1500 * daylight.haze)))[:, None]
         return np.asarray(light + haze * (_GREY_HAZE - light), np.float32)
 
-    def _sunlit(self, view: View, moment: Moment) -> Float32:
+    def _sunlit(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K,) how much of the sun reaches each place, from rays for a quarter of the pixels."""
-        height, width = view.shape
+        height, width = buffer.shape
         number = np.full(width * height, -1, np.int64)
-        number[view.seen] = np.arange(len(view.seen))
+        number[buffer.seen] = np.arange(len(buffer.seen))
         coarse = number.reshape(height, width)[::_SHADOW_STEP, ::_SHADOW_STEP]
         asked = coarse[coarse >= 0]
         sun = self._daylight.sun.astype(np.float32)
-        faces = view.normals[asked] @ sun > 0
+        faces = buffer.normals[asked] @ sun > 0
         asked_facing = asked[faces]
         # Rounded things are made of flat triangles, which would shade themselves at the rim.
-        lift = np.where(IS_ROUNDED[view.slots[asked_facing]], np.float32(0.07), np.float32(0.02))
-        shift = lift[:, None] * view.normals[asked_facing]
-        origins = np.asarray(view.points[asked_facing] + shift, np.float32)
+        lift = np.where(IS_ROUNDED[buffer.slots[asked_facing]], np.float32(0.07), np.float32(0.02))
+        shift = lift[:, None] * buffer.normals[asked_facing]
+        origins = np.asarray(buffer.points[asked_facing] + shift, np.float32)
         directions = np.broadcast_to(sun, origins.shape).copy()
         rays = Rays(
             origins, directions, np.zeros(len(origins), np.float32), near_any(origins, directions)
         )
-        blocked = self._world.scene.blocks(rays, moment.casting)
+        blocked = self._world.scene.blocks(rays, state.casting)
         lit = np.ones(len(asked), np.float32)
         lit[np.flatnonzero(faces)[blocked]] = 0.0
         small = np.ones(coarse.shape, np.float32)
         small[coarse >= 0] = lit
         full = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)
-        return np.asarray(full.reshape(-1)[view.seen])
+        return np.asarray(full.reshape(-1)[buffer.seen])
 
-    def _openness(self, view: View, moment: Moment) -> Float32:
+    def _openness(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K,) the share of the sky that the ground sees beside and under vehicles."""
-        open_sky = np.ones(len(view.seen), np.float32)
-        number = np.full(len(view.hits.row), -1, np.int64)
-        number[view.seen] = np.where(_IS_GROUND[view.slots], np.arange(len(view.seen)), -1)
-        near = near_pixels(moment.pinhole, view.rows)
-        for pose, length, width in moment.footprints:
+        open_sky = np.ones(len(buffer.seen), np.float32)
+        number = np.full(len(buffer.hits.row), -1, np.int64)
+        number[buffer.seen] = np.where(_IS_GROUND[buffer.slots], np.arange(len(buffer.seen)), -1)
+        near = near_pixels(state.pinhole, buffer.rows)
+        for pose, length, width in state.footprints:
             at = number[near(pose[:3, 3], length / 2 + 0.4)]
             at = at[at >= 0]
             world_SE3_car = pose.astype(np.float32)
-            x, y, z = ((view.points[at] - world_SE3_car[:3, 3]) @ world_SE3_car[:3, :3]).T
+            x, y, z = ((buffer.points[at] - world_SE3_car[:3, 3]) @ world_SE3_car[:3, :3]).T
             outside = np.maximum(np.abs(x) - length / 2, np.abs(y) - width / 2)
             level = np.abs(z) < 0.3
             shade = np.clip((outside + 0.25) / 0.75, 0, 1)
             open_sky[at] *= np.where(level, _UNDER_CARS + (1 - _UNDER_CARS) * np.sqrt(shade), 1.0)
         return open_sky
 
-    def _gloss(self, light: Float32, view: View, facing: Float32) -> Float32:
+    def _gloss(self, light: Float32, buffer: GBuffer, facing: Float32) -> Float32:
         """Add what paint, glass and metal mirror, more at grazing angles, and the sun's glint."""
-        gloss = column("gloss")[view.slots]
+        gloss = column("gloss")[buffer.slots]
         at = np.flatnonzero(gloss > 0)
-        directions, normals = view.rays.directions[view.seen[at]], view.normals[at]
+        directions, normals = buffer.rays.directions[buffer.seen[at]], buffer.normals[at]
         cosine = np.einsum("ij,ij->i", directions, normals)
         mirrored = directions - 2 * cosine[:, None] * normals
         strength = gloss[at] + (0.55 - 0.5 * gloss[at]) * (1 - np.abs(cosine)) ** 5
@@ -108,6 +110,6 @@ class Shader:
         glossy = light.copy()
         sun = (glint * (facing[at] > 0))[:, None] * self._daylight.sun_rgb
         glossy[at] += strength[:, None] * (
-            self._daylight.mirrored(mirrored, view.points[at]) + 3.0 * sun
+            self._daylight.mirrored(mirrored, buffer.points[at]) + 3.0 * sun
         )
         return glossy

@@ -8,7 +8,7 @@ from perception.types import Float32, Float64, Int, UInt8
 
 
 @dataclass(frozen=True)
-class Moment:
+class RenderState:
     """What is the same for all bands of one image.
 
     Attributes:
@@ -27,7 +27,7 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class View:
+class GBuffer:
     """What the pixels of one band see.
 
     Attributes:

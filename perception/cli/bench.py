@@ -62,11 +62,13 @@ def bench(  # noqa: PLR0913 - flags of a command
     """
     chain, pipeline, stages, parts = _benchmarks()
     model = sensor_named(sensor) if sensor else HDL_64E
-    shows = part in ("all", "pipeline", "following", "detectors")
+    needs_images = part in ("all", "pipeline", "following", "detectors")
     opened: Drive = (
-        SyntheticDrive(frames, sensor=model, images=shows)
+        SyntheticDrive(frames, sensor=model, images=needs_images)
         if drive is None
-        else open_drive(drive, sequence=sequence, sensor=sensor, images=shows or part == "maps")
+        else open_drive(
+            drive, sequence=sequence, sensor=sensor, images=needs_images or part == "maps"
+        )
     )
     config = PipelineConfig.for_motion()
     machine = describe_machine()

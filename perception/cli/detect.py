@@ -16,7 +16,12 @@ from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
 from perception.cli.picture_file import write_jpeg
 from perception.cli.results_folder import new_results_folder
-from perception.cli.vehicle_detector import DepthCnConfig, Sighting, VehicleDetector, sightings
+from perception.cli.vehicle_detector import (
+    DepthCnConfig,
+    VehicleDetector,
+    VehicleDetectorOutput,
+    detect_frames,
+)
 from perception.detection.depthcn.detector import NmsConfig
 from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import PerceptionError
@@ -109,7 +114,7 @@ def detect_in_drive(
     """
     summary = DetectSummary(drive.name, out, plan.shown_score)
     write_config(out, drive, plan=plan, network=dict(detector.metadata))
-    found = sightings(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
+    found = detect_frames(drive, detector, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
         is_film = plan.video and drive.is_sequence
@@ -117,13 +122,13 @@ def detect_in_drive(
         video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
         pictures = _Pictures(out, video, drive, plan)
         try:
-            for sighting in found:
-                number = file_number(drive, sighting.frame.index)
-                rows = format_result_rows(DetectedBoxes.of_frames([sighting.detections]))
+            for output in found:
+                number = file_number(drive, output.frame.index)
+                rows = format_result_rows(DetectedBoxes.of_frames([output.detections]))
                 write_whole(out / "data" / f"{number:06d}.txt", rows.encode())
-                summary.add(sighting)
+                summary.add(output)
                 if plan.video:
-                    pictures.add(number, sighting)
+                    pictures.add(number, output)
         except PerceptionError:
             log.warning("%d frames were done before this; see %s", len(summary.detections), out)
             raise
@@ -143,17 +148,17 @@ class _Pictures:
         self._composition: DetectionComposition | None = None
         self._count = 0
 
-    def add(self, number: int, sighting: Sighting) -> None:
+    def add(self, number: int, output: VehicleDetectorOutput) -> None:
         """Draw one frame."""
         self._count += 1
-        found = sighting.detections
+        found = output.detections
         scene = DetectionScene(
             number=number,
-            image=sighting.frame.image,
-            depth=depth_picture(sighting.dense),
-            proposals_px=sighting.proposals_px,
+            image=output.frame.image,
+            depth=depth_picture(output.dense),
+            proposals_px=output.proposals_px,
             detections=found[found.scores >= self._config.shown_score],
-            timings_s=sighting.timings_s,
+            timings_s=output.timings_s,
         )
         # One layout for all, as a video needs.
         self._composition = self._composition or DetectionComposition.of(scene, self._turn_s)

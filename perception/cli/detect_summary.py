@@ -7,7 +7,7 @@ import numpy as np
 
 from perception.cli.stage_times import STAGE_HEADER, median_frame_s, stage_metrics, stage_rows
 from perception.cli.table import format_table
-from perception.cli.vehicle_detector import Sighting
+from perception.cli.vehicle_detector import VehicleDetectorOutput
 
 
 @dataclass
@@ -34,13 +34,13 @@ class DetectSummary:
     shown: list[int] = field(default_factory=list)
     elapsed_s: float = 0.0
 
-    def add(self, sighting: Sighting) -> None:
+    def add(self, output: VehicleDetectorOutput) -> None:
         """Count one frame."""
-        for stage, seconds in sighting.timings_s.items():
+        for stage, seconds in output.timings_s.items():
             self.seconds.setdefault(stage, []).append(seconds)
-        self.proposals.append(len(sighting.proposals_px))
-        self.detections.append(len(sighting.detections))
-        self.shown.append(int((sighting.detections.scores >= self.shown_score).sum()))
+        self.proposals.append(len(output.proposals_px))
+        self.detections.append(len(output.detections))
+        self.shown.append(int((output.detections.scores >= self.shown_score).sum()))
 
     def table(self) -> str:
         """Return what is printed at the end."""

@@ -106,7 +106,7 @@ def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:
         ids=np.array([object_id]),
         boxes=tracked.box_velo,
         velocities_m_s=tracked.velocity_m_s[None],
-        is_seen=np.array([tracked.state is TrackStatus.SEEN]),
+        is_observed=np.array([tracked.state is TrackStatus.SEEN]),
     )
 
 

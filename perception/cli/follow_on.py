@@ -29,7 +29,7 @@ class ObjectTracking(AbstractContextManager["Following"], Protocol):
 
     figure: TrackedObjectFigure | None
 
-    def see(self, result: Result) -> Result:
+    def update(self, result: Result) -> Result:
         """Take in one frame; return it with the time that this took."""
         ...
 
@@ -48,7 +48,7 @@ class NoObjectTracking:
 
     def __exit__(self, *error: object) -> None: ...
 
-    def see(self, result: Result) -> Result:
+    def update(self, result: Result) -> Result:
         """Return the frame as it is."""
         return result
 
@@ -93,7 +93,7 @@ class HandoverTracking:
                 self._handover.track_id,
             )
 
-    def see(self, result: Result) -> Result:
+    def update(self, result: Result) -> Result:
         """Follow the object in one frame, write where it is, and make its figure."""
         start_s = time.perf_counter()
         with one_blas_thread():

@@ -56,8 +56,8 @@ def run(  # noqa: PLR0913 - flags of a command
         pipeline: choices of the pipeline; --pipeline.method thesis for the thesis' own.
     """
     # Networks, and a tracker of one object, look at images that nobody draws.
-    is_looked_at = "rgb" in enabled_modalities(pipeline.detection) or follow is not None
-    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or is_looked_at)
+    needs_images = "rgb" in enabled_modalities(pipeline.detection) or follow is not None
+    opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or needs_images)
     plan = RunConfig(frames, video, on_bad_frame, pipeline, follow)
     summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
     print(summary.table())
@@ -102,7 +102,7 @@ def run_drive(drive: Drive, out: Path, plan: RunConfig) -> RunSummary:
         pictures = files.enter_context(_pictures(drive, out, plan))
         object_tracking = files.enter_context(_object_tracking(drive, out, plan))
         try:
-            for result in map(object_tracking.see, results):
+            for result in map(object_tracking.update, results):
                 pictures.add(result, object_tracking)
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)

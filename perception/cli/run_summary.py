@@ -32,7 +32,7 @@ class RunSummary:
         track_ids: of every track so far.
         live_tracks: one entry a frame.
         vehicle_ids: of every followed vehicle so far.
-        seen_vehicles: in each frame that detectors looked at, those with a score of 0.5 or more.
+        detected_vehicles: in each frame that detectors looked at, those with a score of 0.5 or more.
         ground: points called ground against exact truth, where the drive has it.
         motion: points called static or moving against exact truth, where the drive has it.
         elapsed_s: wall time with reading, drawing and writing.
@@ -46,7 +46,7 @@ class RunSummary:
     track_ids: set[int] = field(default_factory=set)
     live_tracks: list[int] = field(default_factory=list)
     vehicle_ids: set[int] = field(default_factory=set)
-    seen_vehicles: list[int] = field(default_factory=list)
+    detected_vehicles: list[int] = field(default_factory=list)
     ground: Confusion = field(default_factory=Confusion)
     motion: PointMotion = field(default_factory=PointMotion)
     elapsed_s: float = 0.0
@@ -61,7 +61,7 @@ class RunSummary:
         if (vehicles := result.vehicles) is not None:
             self.vehicle_ids.update(vehicles.ids[vehicles.ids >= 0].tolist())
             likely = vehicles.fused.detections.scores >= _LIKELY
-            self.seen_vehicles.append(int(np.count_nonzero(likely)))
+            self.detected_vehicles.append(int(np.count_nonzero(likely)))
         if truth is not None:
             states = result.obstacles.point_states
             scan = PointClasses(result.frame.points_velo, states, truth.classes)
@@ -98,10 +98,10 @@ class RunSummary:
         return "\n".join(lines)
 
     def _vehicle_lines(self) -> list[str]:
-        if not self.seen_vehicles:
+        if not self.detected_vehicles:
             return []
         return [
-            f"vehicles: {len(self.vehicle_ids)} followed, {np.mean(self.seen_vehicles):.1f} "
+            f"vehicles: {len(self.vehicle_ids)} followed, {np.mean(self.detected_vehicles):.1f} "
             f"at a time with a score of {_LIKELY:g} or more"
         ]
 
@@ -132,9 +132,9 @@ class RunSummary:
             },
             "vehicles": {
                 "ids": len(self.vehicle_ids),
-                "mean_likely": float(np.mean(self.seen_vehicles)),
+                "mean_likely": float(np.mean(self.detected_vehicles)),
             }
-            if self.seen_vehicles
+            if self.detected_vehicles
             else None,
             "points": {state.name.lower(): int(self.points[state]) for state in PointState},
         }

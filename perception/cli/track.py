@@ -146,7 +146,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
             for frame in shown:
                 result, _ = chain.segment(frame)
                 tracker_input = tracker_input_of(result, plan.pipeline.body)
-                timed = timed_tracker.see(tracker_input)
+                timed = timed_tracker.update(tracker_input)
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, tracker_input)
                 lines.write(result, timed.tracked)
@@ -201,7 +201,7 @@ class _TimedTracker:
         self.tracker, self._start = tracker, start
         self._has_begun = False
 
-    def see(self, tracker_input: TrackerInput) -> _TimedObject:
+    def update(self, tracker_input: TrackerInput) -> _TimedObject:
         """Begin, or go on."""
         start_s = time.perf_counter()
         with one_blas_thread():

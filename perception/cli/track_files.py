@@ -66,7 +66,7 @@ def track_line(result: Result) -> dict[str, Any]:
         "tracks": [
             {
                 "id": int(tracks.ids[row]),
-                "is_seen": bool(tracks.is_seen[row]),
+                "is_observed": bool(tracks.is_observed[row]),
                 "size_m": _rounded(tracks.boxes.size_m[row]),
                 "speed_m_s": round(float(np.linalg.norm(tracks.velocities_m_s[row])), 4),
                 "velo": {

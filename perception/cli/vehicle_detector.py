@@ -17,11 +17,11 @@ from perception.pipeline import StageClock
 from perception.sensor import LidarModel
 from perception.types import Detections, Float64, Frame, Method
 
-Look = TypeVar("Look")
+Output = TypeVar("Look")
 
 
 @dataclass(frozen=True)
-class Sighting:
+class VehicleDetectorOutput:
     """What a detector makes of one frame.
 
     Attributes:
@@ -47,7 +47,7 @@ class VehicleDetector(Protocol):
         """What the file of the network says of it."""
         ...
 
-    def look(self, frame: Frame) -> Sighting:
+    def detect(self, frame: Frame) -> VehicleDetectorOutput:
         """Detect in one frame.
 
         Raises:
@@ -67,7 +67,7 @@ class TimedDepthCn:
         """What the file of the network says of it."""
         return self._detector.verifier.model.metadata
 
-    def look(self, frame: Frame) -> Sighting:
+    def detect(self, frame: Frame) -> VehicleDetectorOutput:
         """Detect in one frame.
 
         Raises:
@@ -81,7 +81,7 @@ class TimedDepthCn:
             dense = self._detector.densify(frame)
         with clock.stage("verification"):
             detections = self._detector.verify(proposals, dense, calibration).detections
-        return Sighting(frame, dense, proposals.boxes_px, detections, clock.seconds)
+        return VehicleDetectorOutput(frame, dense, proposals.boxes_px, detections, clock.seconds)
 
 
 @dataclass(frozen=True)
@@ -116,17 +116,17 @@ class DepthCnConfig:
         return TimedDepthCn(detector)
 
 
-def sightings(
+def detect_frames(
     drive: Drive, detector: VehicleDetector, *, limit: int | None, on_bad_frame: OnBadFrame
-) -> Iterator[Sighting]:
+) -> Iterator[VehicleDetectorOutput]:
     """Yield what a detector makes of each frame of a drive, as `looks` does."""
-    for _, sighting in looks(drive, detector.look, limit=limit, on_bad_frame=on_bad_frame):
-        yield sighting
+    for _, output in outputs(drive, detector.detect, limit=limit, on_bad_frame=on_bad_frame):
+        yield output
 
 
-def looks(
-    drive: Drive, look: Callable[[Frame], Look], *, limit: int | None, on_bad_frame: OnBadFrame
-) -> Iterator[tuple[Frame, Look]]:
+def outputs(
+    drive: Drive, detect: Callable[[Frame], Output], *, limit: int | None, on_bad_frame: OnBadFrame
+) -> Iterator[tuple[Frame, Output]]:
     """Yield each frame of a drive and what is made of it, with a progress bar.
 
     Args:
@@ -141,5 +141,5 @@ def looks(
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     for frame in bar(frames, drive.name, frame_count(drive, limit)):
         with one_blas_thread():
-            seen = look(frame)
-        yield frame, seen
+            output = detect(frame)
+        yield frame, output

@@ -48,7 +48,7 @@ class ElevationGrid:
     points: Int
 
     @property
-    def is_seen(self) -> Bool:
+    def is_observed(self) -> Bool:
         """(X, Y) whether any point fell into the cell; the ground counts, with height 0."""
         return np.asarray(self.points > 0)
 

@@ -92,7 +92,7 @@ class ShortTermMap:
         self._world_SE3_before = world_SE3_velo
 
     def _observe(self, elevation: ElevationGrid, window_T_cells: Float64) -> None:
-        seen_m = np.where(elevation.is_seen, elevation.height_m, np.float32(np.nan))
+        seen_m = np.where(elevation.is_observed, elevation.height_m, np.float32(np.nan))
         cells_T_window = np.asarray(np.linalg.inv(window_T_cells), np.float64)
         shape = (self._history.size, self._history.size)
         self._history.observe(_resample(seen_m, cells_T_window, shape, np.nan))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import is_in_view, project
@@ -32,7 +32,7 @@ class ClusterConfig:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class FrameAnnotations:
     """What was labelled around the K clusters of a frame.
 
     Attributes:
@@ -90,7 +90,7 @@ def moving_clusters(
     frame: int,
     points_velo: Float,
     states: UInt8,
-    around: Surroundings,
+    annotations: FrameAnnotations,
     config: ClusterConfig | None = None,
 ) -> MovingClusters:
     """Cluster the points of one scan that were found to move, and note what lies around each."""
@@ -98,15 +98,15 @@ def moving_clusters(
     moving = points_velo[states == PointState.MOVING]
     numbers = cluster_numbers(moving, config)
     counts = np.bincount(numbers)
-    in_view = is_in_view(around.calibration, moving, around.image_size_px)
-    uncared = _is_in_regions(around, moving)
+    in_view = is_in_view(annotations.calibration, moving, annotations.image_size_px)
+    uncared = _is_in_regions(annotations, moving)
     return MovingClusters(
         frames=np.full(len(counts), frame, np.int64),
         points=counts,
         centers_m=np.stack(
             [np.bincount(numbers, moving[:, axis]) / counts for axis in (0, 1)], axis=-1
         ),
-        touched=_touched(numbers, moving, around.objects, config),
+        touched=_touched(numbers, moving, annotations.objects, config),
         view_shares=np.bincount(numbers, in_view) / counts,
         dont_care_shares=np.bincount(numbers, uncared) / counts,
     )
@@ -128,7 +128,7 @@ def is_false(
         ignore_dont_care: leave out clusters with half of their points in DontCare regions.
     """
     config = config or ClusterConfig()
-    unexplained = ~np.isin(clusters.touched, (Motion.MOVING, Motion.UNKNOWN))
+    unexplained = ~np.isin(clusters.touched, (MotionState.MOVING, MotionState.UNKNOWN))
     counts = (clusters.points >= min_points) & (clusters.view_shares >= config.view_share)
     ignored = ignore_dont_care & (clusters.dont_care_shares >= 0.5)
     return np.asarray(unexplained & counts & ~ignored)
@@ -136,15 +136,15 @@ def is_false(
 
 def _touched(numbers: Int, moving: Float, objects: LabelledObjects, config: ClusterConfig) -> Int:
     touched = np.full(len(np.bincount(numbers)), NO_OBJECT, np.int64)
-    for motion in (Motion.STATIC, Motion.UNKNOWN, Motion.MOVING):
+    for motion in (MotionState.STATIC, MotionState.UNKNOWN, MotionState.MOVING):
         boxes = objects.boxes_velo[objects.motions == motion]
         touches = points_inside(boxes, moving, config.margin_m).any(axis=0)
         touched[numbers[touches]] = motion
     return touched
 
 
-def _is_in_regions(around: Surroundings, points_velo: Float) -> Bool:
-    pixels, _ = project(around.calibration.image_P_velo, points_velo)
-    low, high = around.dont_care_px[:, None, :2], around.dont_care_px[:, None, 2:]
+def _is_in_regions(annotations: FrameAnnotations, points_velo: Float) -> Bool:
+    pixels, _ = project(annotations.calibration.image_P_velo, points_velo)
+    low, high = annotations.dont_care_px[:, None, :2], annotations.dont_care_px[:, None, 2:]
     with np.errstate(invalid="ignore"):
         return np.asarray(((pixels >= low) & (pixels <= high)).all(axis=2).any(axis=0))

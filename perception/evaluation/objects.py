@@ -7,7 +7,7 @@ from perception.errors import PerceptionError
 from perception.types import Boxes3D, Int
 
 
-class Motion(IntEnum):
+class MotionState(IntEnum):
     """What the labels say of an object at one moment."""
 
     UNKNOWN = (

@@ -20,7 +20,7 @@ import numpy as np
 from perception.errors import UsageError
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
@@ -144,7 +144,7 @@ class ObjectCounts:
 def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectCounts:
     """Apply the protocol of this file to the objects of any number of frames."""
     counted = observed[observed.points >= config.min_points]
-    moves, stands = counted.motions == Motion.MOVING, counted.motions == Motion.STATIC
+    moves, stands = counted.motions == MotionState.MOVING, counted.motions == MotionState.STATIC
     found_moving = counted.is_moving(config.moving_share)
     tracks = np.unique(counted.track_ids[moves])
     found_tracks = np.unique(counted.track_ids[moves & found_moving])
@@ -163,7 +163,7 @@ def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> Ob
 
 def missed_moving(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectObservations:
     """Return the moving objects that were not found to move."""
-    counts = (observed.points >= config.min_points) & (observed.motions == Motion.MOVING)
+    counts = (observed.points >= config.min_points) & (observed.motions == MotionState.MOVING)
     return observed[counts & ~observed.is_moving(config.moving_share)]
 
 

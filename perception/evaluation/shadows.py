@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.false_clusters import ClusterConfig, Surroundings, cluster_numbers
-from perception.evaluation.objects import Motion
+from perception.evaluation.false_clusters import ClusterConfig, FrameAnnotations, cluster_numbers
+from perception.evaluation.objects import MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside, transform_boxes
 from perception.geometry.camera import is_in_view
@@ -60,7 +60,7 @@ class PlacesLeft:
         self._config = config or ShadowConfig()
         self._past: deque[tuple[float, Boxes3D]] = deque()
 
-    def shadows(self, result: Result, around: Surroundings) -> Shadows:
+    def shadows(self, result: Result, annotations: FrameAnnotations) -> Shadows:
         """Find the shadows among the static voxels of one frame, then remember its moving objects."""
         static_velo, stamp_s = result.obstacles.static.centers_m, result.frame.stamp_s
         world_SE3_velo = result.world_SE3_velo
@@ -70,10 +70,12 @@ class PlacesLeft:
         for _, boxes_world in self._past:
             boxes_velo = transform_boxes(inverse(world_SE3_velo), boxes_world)
             lies_in_shadow |= _is_within(boxes_velo, static_velo, self._config)
-        present = around.objects.boxes_velo
+        present = annotations.objects.boxes_velo
         lies_in_shadow &= ~points_inside(present, static_velo, self._config.margin_m).any(axis=0)
-        lies_in_shadow &= is_in_view(around.calibration, static_velo, around.image_size_px)
-        moving = present[around.objects.motions == Motion.MOVING]
+        lies_in_shadow &= is_in_view(
+            annotations.calibration, static_velo, annotations.image_size_px
+        )
+        moving = present[annotations.objects.motions == MotionState.MOVING]
         self._past.append((stamp_s, transform_boxes(world_SE3_velo, moving)))
         sizes = np.bincount(cluster_numbers(static_velo[lies_in_shadow], ClusterConfig()))
         return Shadows(

@@ -57,10 +57,10 @@ def project_segments(
         crossing = start / (start - stop)
     enters = np.where((start < 0) & (stop >= 0), crossing, 0.0).max(axis=1)
     leaves = np.where((stop < 0) & (start >= 0), crossing, 1.0).min(axis=1)
-    is_seen = ~((start < 0) & (stop < 0)).any(axis=1) & (enters <= leaves)
-    shares = np.column_stack([enters, leaves])[is_seen, :, None]
-    cut = ends[is_seen, :1] * (1 - shares) + ends[is_seen, 1:] * shares
-    return ProjectedSegments(np.flatnonzero(is_seen), cut[..., :2] / cut[..., 2:])
+    is_observed = ~((start < 0) & (stop < 0)).any(axis=1) & (enters <= leaves)
+    shares = np.column_stack([enters, leaves])[is_observed, :, None]
+    cut = ends[is_observed, :1] * (1 - shares) + ends[is_observed, 1:] * shares
+    return ProjectedSegments(np.flatnonzero(is_observed), cut[..., :2] / cut[..., 2:])
 
 
 def outlines_px(ends_px: Float64, owners: Int, count: int) -> Float64:

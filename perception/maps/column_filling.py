@@ -73,9 +73,9 @@ class _Anchors:
         recedes = is_neighbor & (above > config.nearer * below)
         approaches = is_neighbor & (below > config.nearer * above)
         is_narrow = self.cells[2:] - self.cells[:-2] <= config.longest_gap_px
-        is_seen = np.ones(len(self.cells), bool)
-        is_seen[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
-        seen = np.flatnonzero(is_seen)
+        is_observed = np.ones(len(self.cells), bool)
+        is_observed[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
+        seen = np.flatnonzero(is_observed)
         return _Anchors(self.cells[seen], self.values[seen], self.rows)
 
     def interpolate(self, config: ColumnFillingConfig) -> Complex64:

@@ -6,27 +6,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.geometry import se3
-from perception.obstacles.range_image import BeamRaster, RangeImage, Sight
+from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64
 
 
 @dataclass(frozen=True)
-class History:
+class VisibilityHistory:
     """What the scans of the last second or so say of P places, from the newest to the oldest asked.
 
     Attributes:
         ages_s: (A,) how long ago each of the A scans was taken, rising.
         was_free: (A, P) a beam passed the place.
         was_hit: (A, P) a beam ended at the place.
-        was_behind_leaver: (A, P) something hid the place that has itself left since.
+        was_behind_departed: (A, P) something hid the place that has itself left since.
         gaps_m: (A, P) how far it stood before the place.
     """
 
     ages_s: Float64
     was_free: Bool
     was_hit: Bool
-    was_behind_leaver: Bool
+    was_behind_departed: Bool
     gaps_m: Float32
 
 
@@ -50,7 +50,7 @@ class FreeSpaceMemory:
             travel_m: how far the vehicle may have come since then; farther back the beams are too coarse.
             margin_m: depth within which two returns are from one surface; also its error to the side.
         """
-        self._raster = BeamRaster(sensor, tolerance_m=margin_m / 2)
+        self._projection = SphericalProjection(sensor, tolerance_m=margin_m / 2)
         self._period_s = 1 / sensor.rate_hz
         self._travel_m = travel_m
         self._margin_m = margin_m
@@ -58,36 +58,36 @@ class FreeSpaceMemory:
 
     def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
         """Add the newest scan; the oldest falls out."""
-        self._scans.append(_PastScan(RangeImage(points_velo, self._raster), world_SE3_velo))
+        self._scans.append(_PastScan(RangeImage(points_velo, self._projection), world_SE3_velo))
 
     def clear(self) -> None:
         """Forget all scans."""
         self._scans.clear()
 
-    def newest_saw_through(self, points_velo: Float32) -> Bool:
+    def is_free_in_newest(self, points_velo: Float32) -> Bool:
         """Tell which (P, 3) places in the newest scan's frame a beam of it passed."""
-        return self._scans[-1].image.sees_through(points_velo, self._margin_m)
+        return self._scans[-1].image.is_free(points_velo, self._margin_m)
 
-    def ask(self, points_velo: Float32) -> History:
+    def query(self, points_velo: Float32) -> VisibilityHistory:
         """Ask scans of a third, two thirds and all of the horizon about (P, 3) places of the newest."""
         ages = self._ages()
         shape = (len(ages), len(points_velo))
-        was_free, was_hit, was_behind_leaver = (np.zeros(shape, bool) for _ in range(3))
+        was_free, was_hit, was_behind_departed = (np.zeros(shape, bool) for _ in range(3))
         gaps_m = np.zeros(shape, np.float32)
         for row, age in enumerate(ages):
             past = self._scans[-1 - age]
             past_SE3_newest = se3.inverse(past.world_SE3_velo) @ self._scans[-1].world_SE3_velo
             points_past = se3.transform_points(past_SE3_newest, points_velo)
-            sights = past.image.look(points_past, self._margin_m)
-            was_free[row] = sights.states == Sight.FREE
-            was_hit[row] = sights.states == Sight.HIT
-            gaps_m[row] = sights.gaps_m
-            hidden = np.flatnonzero(sights.states == Sight.HIDDEN)
-            ends = _shorten(points_past[hidden], sights.gaps_m[hidden])
+            visibility = past.image.visibility(points_past, self._margin_m)
+            was_free[row] = visibility.states == Visibility.FREE
+            was_hit[row] = visibility.states == Visibility.HIT
+            gaps_m[row] = visibility.gaps_m
+            occluded = np.flatnonzero(visibility.states == Visibility.OCCLUDED)
+            ends = _shorten(points_past[occluded], visibility.gaps_m[occluded])
             ends_now = se3.transform_points(se3.inverse(past_SE3_newest), ends)
-            was_behind_leaver[row, hidden] = self.newest_saw_through(ends_now)
-        return History(
-            np.array(ages) * self._period_s, was_free, was_hit, was_behind_leaver, gaps_m
+            was_behind_departed[row, occluded] = self.is_free_in_newest(ends_now)
+        return VisibilityHistory(
+            np.array(ages) * self._period_s, was_free, was_hit, was_behind_departed, gaps_m
         )
 
     def _ages(self) -> list[int]:

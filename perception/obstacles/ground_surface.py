@@ -235,9 +235,9 @@ class SurfaceGround:
 
     def _gaps(self, memory: Samples, newest: Samples) -> Samples:
         """Return what is remembered of the cells that the newest scan did not see."""
-        is_seen = np.zeros(self._fine.size, bool)
-        is_seen[self._cells_of(newest.points)] = True
-        rows = ~is_seen[self._cells_of(memory.points)]
+        is_observed = np.zeros(self._fine.size, bool)
+        is_observed[self._cells_of(newest.points)] = True
+        rows = ~is_observed[self._cells_of(memory.points)]
         return Samples(memory.points[rows], memory.weights[rows])
 
     def _cells_of(self, points: Float64) -> Int:

@@ -77,12 +77,12 @@ class FreeSpaceSegmenter:
         before = se3.transform_points(
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
-        history = self._memory.ask(places)
+        history = self._memory.query(places)
         moves = moving_voxels(places, history, before, self._config, self._gap_m)
         self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
-        static = static_map.update(seen, moving.keys, pose, self._memory.newest_saw_through)
+        static = static_map.update(seen, moving.keys, pose, self._memory.is_free_in_newest)
         return Obstacles(
             point_states=stands.point_states(moves[voxels.group_of]),
             static=static,

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from perception.obstacles.free_space import History
+from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int
 
 
@@ -28,7 +28,7 @@ class MovingClusterConfig:
             from which on it stands again.
         stop_age_s: a younger scan cannot tell standing from walking.
         clear_age_s: after which a walker at 1 m/s no longer overlaps where he was.
-        leaver_gap_m: how near a leaving thing must come, followed to now, to be this thing.
+        departed_gap_m: how near a leaving thing must come, followed to now, to be this thing.
         whole_share: of an object's voxels that must move for all of it to move.
     """
 
@@ -40,7 +40,7 @@ class MovingClusterConfig:
     stopped_share: float = 0.95
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
-    leaver_gap_m: float = 1.0
+    departed_gap_m: float = 1.0
     whole_share: float = 0.5
 
 
@@ -59,7 +59,7 @@ class Votes:
     trails: Bool
 
 
-def vote(history: History) -> Votes:
+def vote(history: VisibilityHistory) -> Votes:
     """Let the older scans decide and, where none saw the place, the youngest."""
     older = slice(1, None) if len(history.ages_s) > 1 else slice(None)
     free = history.was_free[older].sum(axis=0)
@@ -67,13 +67,13 @@ def vote(history: History) -> Votes:
     unseen = (free == 0) & (hit == 0)
     came = (free > hit) | (unseen & history.was_free[0])
     stood = ((hit >= free) & (hit > 0)) | (unseen & history.was_hit[0])
-    trails = history.was_behind_leaver.any(axis=0) & ~came & ~stood
+    trails = history.was_behind_departed.any(axis=0) & ~came & ~stood
     return Votes(came, stood, trails)
 
 
 def moving_voxels(
     centers_m: Float,
-    history: History,
+    history: VisibilityHistory,
     moved_before_m: Float,
     config: MovingClusterConfig,
     gap_m: float,
@@ -97,7 +97,7 @@ def moving_voxels(
     def tally(voxels: Bool) -> Float64:
         return np.asarray(np.bincount(thing, voxels, things), np.float64)
 
-    leaves = tally(votes.trails) * _leads_here(thing, things, history, config.leaver_gap_m)
+    leaves = tally(votes.trails) * _leads_here(thing, things, history, config.departed_gap_m)
     came = tally(votes.came) + leaves
     was_near = np.zeros(len(thing), bool)
     was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, config.again_reach_m)
@@ -110,7 +110,7 @@ def moving_voxels(
     )
     if history.ages_s[0] >= config.stop_age_s:
         hit = tally(history.was_hit[0])
-        seen = hit + tally(history.was_free[0]) + tally(history.was_behind_leaver[0])
+        seen = hit + tally(history.was_free[0]) + tally(history.was_behind_departed[0])
         moves &= hit < config.stopped_share * np.maximum(seen, 1)
     moves[0] = False
     return _complete(columns, np.asarray(moves[thing]), config.whole_share)
@@ -125,7 +125,7 @@ def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
     return np.asarray(np.isfinite(away_m))
 
 
-def _patience(history: History, config: MovingClusterConfig) -> float:
+def _patience(history: VisibilityHistory, config: MovingClusterConfig) -> float:
     """Return how many standing voxels one that came must outweigh.
 
     While the history is short a walker still overlaps where he was, and only his front has come.
@@ -185,17 +185,17 @@ def _complete(columns: _Columns, moves: Bool, whole_share: float) -> Bool:
     return np.asarray(moves | (share[whole] >= whole_share))
 
 
-def _leads_here(thing: Int, things: int, history: History, gap_m: float) -> Bool:
+def _leads_here(thing: Int, things: int, history: VisibilityHistory, gap_m: float) -> Bool:
     """Tell of which things the leaver before them is their own back, seen earlier.
 
     A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is
     followed to now. A thing that comes to light behind a passer-by keeps its distance to it.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind, behind_twice = history.was_behind_leaver[0], np.zeros(len(thing), bool)
+    behind, behind_twice = history.was_behind_departed[0], np.zeros(len(thing), bool)
     gap_now_m = history.gaps_m[0]
     if old_s > young_s:
-        behind_twice = behind & history.was_behind_leaver[-1]
+        behind_twice = behind & history.was_behind_departed[-1]
         followed_m = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
         gap_now_m = np.where(behind_twice, followed_m, gap_now_m)
     # Seen once, it can only say yes: it may still be coming nearer.

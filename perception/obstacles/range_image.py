@@ -19,17 +19,17 @@ _FIRINGS_A_COLUMN = 2  # so that a lost return rarely empties a pixel
 _LEVELS = 4
 
 
-class Sight(IntEnum):
+class Visibility(IntEnum):
     """What a scan says of a place."""
 
     UNKNOWN = 0  # no beam came near, or the beams disagree
     FREE = 1  # every beam around passed and met something farther
     HIT = 2  # a beam ended here
-    HIDDEN = 3  # the beam ended before
+    OCCLUDED = 3  # the beam ended before
 
 
 @dataclass(frozen=True)
-class Sights:
+class PointVisibility:
     """What a scan says of P places.
 
     Attributes:
@@ -42,23 +42,23 @@ class Sights:
 
 
 @dataclass(frozen=True)
-class Pixels:
+class RangeImagePixels:
     """Where P points fall in a range image.
 
     Attributes:
         rows: (P,) nearest beam, the highest is 0.
         columns: (P,) direction around the vertical.
         ranges_m: (P,) distance from the sensor.
-        are_in_view: (P,) whether a beam of the sensor points there.
+        is_in_view: (P,) whether a beam of the sensor points there.
     """
 
     rows: Int
     columns: Int
     ranges_m: Float32
-    are_in_view: Bool
+    is_in_view: Bool
 
 
-class BeamRaster:
+class SphericalProjection:
     """The pixels of a sensor: one row a beam, one column for every two firings.
 
     Near the sensor a small shift of a point spans many pixels. So places are compared with blocks of
@@ -91,7 +91,7 @@ class BeamRaster:
         ]
         self._level_0_from_m = np.float32(tolerance_m / self.column_step_rad)
 
-    def pixels(self, points_velo: Float32) -> Pixels:
+    def pixels(self, points_velo: Float32) -> RangeImagePixels:
         """Find the pixels of (P, 3+) points in the sensor's frame."""
         x, y, z = np.ascontiguousarray(points_velo[:, :3].T)
         polar = cv2.cartToPolar(x, y) if len(x) else (x, y)  # OpenCV returns nothing for nothing
@@ -99,14 +99,14 @@ class BeamRaster:
         slope = z / np.maximum(across, np.float32(1e-3))
         scale = np.float32((_SLOPE_STEPS - 1) / (self._highest_slope - self._lowest_slope))
         step = (slope - self._lowest_slope) * scale
-        return Pixels(
+        return RangeImagePixels(
             rows=self._row_of_slope[np.clip(step, 0, _SLOPE_STEPS - 1).astype(np.int32)],
             columns=np.minimum(
                 (azimuth_rad * np.float32(1 / self.column_step_rad)).astype(np.int32),
                 self.columns - 1,
             ),
             ranges_m=np.sqrt(across * across + z * z),
-            are_in_view=(step >= 0) & (step <= _SLOPE_STEPS - 1),
+            is_in_view=(step >= 0) & (step <= _SLOPE_STEPS - 1),
         )
 
     def levels(self, ranges_m: Float32) -> Int:
@@ -118,45 +118,45 @@ class BeamRaster:
 class RangeImage:
     """The nearest return in each pixel of one scan."""
 
-    def __init__(self, points_velo: Float32, raster: BeamRaster) -> None:
+    def __init__(self, points_velo: Float32, projection: SphericalProjection) -> None:
         """Draw a scan; points that no beam of the sensor can have met are left out."""
-        pixels = raster.pixels(points_velo)
-        cells = (pixels.rows * raster.columns + pixels.columns)[pixels.are_in_view]
-        flat = np.full(raster.rows * raster.columns, _NOTHING, np.float32)
-        np.minimum.at(flat, cells, pixels.ranges_m[pixels.are_in_view])
-        ranges = flat.reshape(raster.rows, raster.columns)
-        self._raster = raster
-        self._nearest = _block_minima(ranges, raster.blocks)
+        pixels = projection.pixels(points_velo)
+        cells = (pixels.rows * projection.columns + pixels.columns)[pixels.is_in_view]
+        flat = np.full(projection.rows * projection.columns, _NOTHING, np.float32)
+        np.minimum.at(flat, cells, pixels.ranges_m[pixels.is_in_view])
+        ranges = flat.reshape(projection.rows, projection.columns)
+        self._projection = projection
+        self._nearest = _block_minima(ranges, projection.blocks)
         # One more pixel on every side: neighbours are then a fixed step away.
         self._framed = np.pad(np.pad(ranges, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
 
-    def look(self, points_velo: Float32, margin_m: float) -> Sights:
+    def visibility(self, points_velo: Float32, margin_m: float) -> PointVisibility:
         """Say of (P, 3+) places in this scan's frame whether it saw them free, met, or hidden.
 
         Args:
             points_velo: places.
             margin_m: how much farther a beam must go to have passed, and how near it must end to have met.
         """
-        at = self._raster.pixels(points_velo)
+        at = self._projection.pixels(points_velo)
         margin = np.float32(margin_m)
         pixel = (at.rows + 1) * self._framed.shape[1] + at.columns + 1
         beam = self._framed.ravel().take(pixel)
-        states = np.where(beam < at.ranges_m - margin, np.uint8(Sight.HIDDEN), np.uint8(0))
-        states[self._is_passed(at, margin)] = Sight.FREE
-        states[self._ends_near(pixel, at.ranges_m, margin)] = Sight.HIT
-        states[~at.are_in_view] = Sight.UNKNOWN
-        gaps_m = np.where(states == Sight.HIDDEN, at.ranges_m - beam, np.float32(0))
-        return Sights(states, gaps_m)
+        states = np.where(beam < at.ranges_m - margin, np.uint8(Visibility.OCCLUDED), np.uint8(0))
+        states[self._is_passed(at, margin)] = Visibility.FREE
+        states[self._ends_near(pixel, at.ranges_m, margin)] = Visibility.HIT
+        states[~at.is_in_view] = Visibility.UNKNOWN
+        gaps_m = np.where(states == Visibility.OCCLUDED, at.ranges_m - beam, np.float32(0))
+        return PointVisibility(states, gaps_m)
 
-    def sees_through(self, points_velo: Float32, margin_m: float) -> Bool:
+    def is_free(self, points_velo: Float32, margin_m: float) -> Bool:
         """Tell which (P, 3+) places `look` would call free."""
-        at = self._raster.pixels(points_velo)
-        return self._is_passed(at, np.float32(margin_m)) & at.are_in_view
+        at = self._projection.pixels(points_velo)
+        return self._is_passed(at, np.float32(margin_m)) & at.is_in_view
 
-    def _is_passed(self, at: Pixels, margin_m: np.float32) -> Bool:
+    def _is_passed(self, at: RangeImagePixels, margin_m: np.float32) -> Bool:
         """Tell where every beam of the block around met something farther."""
-        pixel = at.rows * self._raster.columns + at.columns
-        level = self._raster.levels(at.ranges_m)
+        pixel = at.rows * self._projection.columns + at.columns
+        level = self._projection.levels(at.ranges_m)
         around = self._nearest.ravel().take(level * self._nearest.shape[1] + pixel)
         return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
 

@@ -37,7 +37,7 @@ class StaticMap:
         seen: KeyCounts,
         moving: Keys,
         world_SE3_velo: Float64,
-        is_seen_through: Callable[[Float32], Bool],
+        is_free: Callable[[Float32], Bool],
     ) -> Voxels:
         """Add a scan's static voxels and return all that still stand, in the scan's frame.
 
@@ -45,21 +45,21 @@ class StaticMap:
             seen: static voxels of the scan.
             moving: voxels of the scan that move, rising; nothing static is left there.
             world_SE3_velo: pose of the scan.
-            is_seen_through: tells of (P, 3) places in the scan's frame which a beam of it passed.
+            is_free: tells of (P, 3) places in the scan's frame which a beam of it passed.
         """
         velo_SE3_world = se3.inverse(world_SE3_velo)
         known = self._known
         centers_velo = se3.transform_points(
             velo_SE3_world @ self._world_SE3_velo, known.centers_velo
         )
-        is_seen = is_among(known.keys, seen.keys)
+        is_observed = is_among(known.keys, seen.keys)
         stays = (
-            (is_seen | (known.unseen_scans < self._memory_scans))
+            (is_observed | (known.unseen_scans < self._memory_scans))
             & self._area.contains_xy(centers_velo)
             & ~is_among(known.keys, moving)
         )
-        asked = np.flatnonzero(stays & ~is_seen)
-        stays[asked] = ~is_seen_through(centers_velo[asked])
+        queried = np.flatnonzero(stays & ~is_observed)
+        stays[queried] = ~is_free(centers_velo[queried])
         kept = _Remembered(
             known.keys[stays],
             known.counts[stays],

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalSight
+from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.session import shipped_model
 from perception.maps.densify import DenseMaps, densify
@@ -19,7 +19,7 @@ from perception.types import MODALITIES, Detections, Frame, Modality
 
 
 @dataclass(frozen=True)
-class Seen:
+class DetectionResult:
     """What the detectors make of one frame, None of those that did not look.
 
     Attributes:
@@ -27,11 +27,11 @@ class Seen:
         depthcn: of DepthCN.
     """
 
-    sight: MultimodalSight | None
+    multimodal: MultimodalOutput | None
     depthcn: Detections | None
 
 
-NOTHING_SEEN = Seen(None, None)
+EMPTY_DETECTION_RESULT = DetectionResult(None, None)
 
 
 @dataclass(frozen=True)
@@ -46,25 +46,29 @@ class DetectionChain:
     multimodal: MultimodalDetector | None
     depthcn: DepthCn | None
 
-    def look(self, frame: Frame, clock: StageClock) -> Seen:
+    def detect(self, frame: Frame, clock: StageClock) -> DetectionResult:
         """Let all of them look at a frame with a camera."""
         # They are made once, for all to look at.
         with clock.stage("maps"):
             dense = densify(project_frame(frame))
-        return Seen(self._detect(frame, dense, clock), self._verify(frame, dense, clock))
+        return DetectionResult(
+            self._detect_multimodal(frame, dense, clock), self._run_depthcn(frame, dense, clock)
+        )
 
-    def _detect(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> MultimodalSight | None:
+    def _detect_multimodal(
+        self, frame: Frame, dense: DenseMaps, clock: StageClock
+    ) -> MultimodalOutput | None:
         """Let the detectors of three views look, and fuse what they see."""
         if self.multimodal is None:
             return None
         if frame.image is None and self.multimodal.detectors.keys() == {"rgb"}:
             return None
         with clock.parts() as parts:
-            sight = self.multimodal.look(frame, dense)
-            parts.extend(sight.spans)
-        return sight
+            multimodal = self.multimodal.detect(frame, dense)
+            parts.extend(multimodal.spans)
+        return multimodal
 
-    def _verify(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
+    def _run_depthcn(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:
         """Let DepthCN look."""
         if self.depthcn is None:
             return None

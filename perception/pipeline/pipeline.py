@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Self
 
-from perception.detection.detectors.multimodal import MultimodalSight
+from perception.detection.detectors.multimodal import MultimodalOutput
 from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
@@ -25,8 +25,8 @@ from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
 from perception.pipeline.detection_chain import (
-    NOTHING_SEEN,
-    Seen,
+    EMPTY_DETECTION_RESULT,
+    DetectionResult,
     is_detection_enabled,
     load_detectors,
 )
@@ -62,9 +62,9 @@ class Pipeline:
         """
         self.sensor = sensor
         self.config = config or PipelineConfig()
-        self._detects = is_detection_enabled(self.config.detection)
+        self._has_detectors = is_detection_enabled(self.config.detection)
         # Where nothing works beside them, obstacles need no process of their own.
-        is_beside = self.config.overlap and self._detects
+        is_beside = self.config.overlap and self._has_detectors
         self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
         with ExitStack() as on_error:
             on_error.callback(self._obstacles.close)
@@ -150,41 +150,43 @@ class Pipeline:
         under: StageClock,
     ) -> Result:
         """Look through the camera's eyes while obstacles are found; then join what both have seen."""
-        seen = self._look(frame, under)
+        detected = self._detect(frame, under)
         surroundings = around.result()
         if surroundings.is_reset:
             self._vehicles.end_all()
         result = surroundings.result(frame)
-        if seen.sight is not None:
-            result = self._add_vehicles(result, seen.sight, under)
+        if detected.multimodal is not None:
+            result = self._add_vehicles(result, detected.multimodal, under)
         return replace(
             result,
-            depthcn=seen.depthcn,
+            depthcn=detected.depthcn,
             timings_s=over.seconds | under.seconds,
             spans=over.spans + under.spans,
         )
 
-    def _look(self, frame: Frame, clock: StageClock) -> Seen:
-        if not self._detects:
-            return NOTHING_SEEN
+    def _detect(self, frame: Frame, clock: StageClock) -> DetectionResult:
+        if not self._has_detectors:
+            return EMPTY_DETECTION_RESULT
         try:
             camera_of(frame)
         except CalibrationError as error:
             self._tell_once("no vehicles are detected: %s", error)
-            return NOTHING_SEEN
-        return self._detection.look(frame, clock)
+            return EMPTY_DETECTION_RESULT
+        return self._detection.detect(frame, clock)
 
-    def _add_vehicles(self, result: Result, sight: MultimodalSight, clock: StageClock) -> Result:
+    def _add_vehicles(
+        self, result: Result, multimodal: MultimodalOutput, clock: StageClock
+    ) -> Result:
         """Add the vehicles, which are seen by the detectors and move as the tracks do."""
         with clock.stage("vehicles"):
-            located = locate(sight.fused, result.frame, result.ground)
+            located = locate(multimodal.fused, result.frame, result.ground)
             moved = self._vehicles.update(
                 located, result.frame, result.world_SE3_velo, result.tracks
             )
         return replace(
             result,
-            modal=sight.modal,
-            map_pictures=sight.pictures,
+            modal=multimodal.modal,
+            map_pictures=multimodal.pictures,
             vehicles=moved.vehicles,
             tracks=moved.tracks,
         )

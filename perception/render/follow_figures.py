@@ -52,7 +52,7 @@ class TrackedObjectFigure:
             ids=np.zeros(1, np.int64),
             boxes=tracked.box_velo,
             velocities_m_s=np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
-            is_seen=np.array([tracked.state is TrackStatus.SEEN]),
+            is_observed=np.array([tracked.state is TrackStatus.SEEN]),
         )
         figures = track_figures(track, [np.zeros((0, 3)) if way_velo is None else way_velo])
         return cls(

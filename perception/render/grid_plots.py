@@ -189,7 +189,7 @@ def _draw_heights(axes: "Axes", grids: MotionGrids, height_m: Float32) -> "AxesI
 def _backdrop(grids: MotionGrids) -> UInt8:
     """Return (X, Y, 3) a dark picture of what the scan saw: nothing, ground, or something standing."""
     part = grids.work_cells.part(grids.config.area)
-    kind = grids.elevation.is_seen[part].astype(int) + (grids.elevation.height_m[part] > 0)
+    kind = grids.elevation.is_observed[part].astype(int) + (grids.elevation.height_m[part] > 0)
     return np.asarray(np.array([_UNSEEN, _SEEN_GROUND, _EXPLAINED], np.uint8)[kind])
 
 

@@ -56,12 +56,12 @@ def draw_overlay(
     The ground is hidden behind obstacles, and nearer cubes hide farther ones.
     """
     height, width = image.shape[:2]
-    voxels, looks = _voxels_and_looks(obstacles)
+    voxels, color_indices = _voxels_and_color_indices(obstacles)
     cubes = render_cubes(image_P_velo, (width, height), voxels)
     colors, opacity = _paint_ground(image_P_velo, (width, height), surface, style)
     _hide_behind(cubes, opacity, style.gap_px)
-    seen_looks = looks.take(cubes.cubes) * len(_FACE_LIGHT) + cubes.faces
-    colors.reshape(-1)[cubes.pixels] = _CUBE_COLORS.take(seen_looks)
+    face_color_indices = color_indices.take(cubes.cubes) * len(_FACE_LIGHT) + cubes.faces
+    colors.reshape(-1)[cubes.pixels] = _CUBE_COLORS.take(face_color_indices)
     opacity.reshape(-1)[cubes.pixels] = style.cube_opacity
     return np.asarray(cv2.blendLinear(unpacked(colors), image, opacity, 1 - opacity), np.uint8)
 
@@ -76,16 +76,16 @@ def _cube_colors() -> PackedColors:
 _CUBE_COLORS = _cube_colors()
 
 
-def _voxels_and_looks(obstacles: Obstacles) -> tuple[Voxels, Int]:
+def _voxels_and_color_indices(obstacles: Obstacles) -> tuple[Voxels, Int]:
     """Put static and moving voxels into one set, so that they hide each other; (V,) tells kind and fullness."""
     both = Voxels(
         np.concatenate([obstacles.static.centers_m, obstacles.moving.centers_m]),
         np.concatenate([obstacles.static.counts, obstacles.moving.counts]),
         obstacles.static.size_m,
     )
-    looks = np.minimum(both.counts, _FULL_COUNT)
-    looks[len(obstacles.static) :] += len(_FULLNESS)
-    return both, looks
+    color_indices = np.minimum(both.counts, _FULL_COUNT)
+    color_indices[len(obstacles.static) :] += len(_FULLNESS)
+    return both, color_indices
 
 
 def _paint_ground(

@@ -53,8 +53,8 @@ def draw_track_labels(
     # Of a box that leaves the canvas, the part that is on it counts.
     height, width = canvas.shape[:2]
     outlines = np.clip(outlines_px, 0, (width, height, width, height))
-    is_seen = (outlines[:, 2:] > outlines[:, :2]).all(axis=1)
-    for row in reversed(np.flatnonzero(is_seen).tolist()):
+    is_observed = (outlines[:, 2:] > outlines[:, :2]).all(axis=1)
+    for row in reversed(np.flatnonzero(is_observed).tolist()):
         label = _Label.of(figures, row, text_px)
         for tag in _places(np.rint(outlines[row]).astype(int).tolist(), label.size_px, width):
             if tag.is_within(canvas) and not any(tag.overlaps(other) for other in taken):
@@ -77,7 +77,7 @@ class _Label:
     def of(cls, figures: TrackFigures, row: int, text_px: int) -> "_Label":
         track = int(figures.tracks.ids[row])
         speed = f"{figures.speeds_m_s[row]:.1f} m/s"
-        tone = palette.TEXT if figures.tracks.is_seen[row] else palette.FAINT_TEXT
+        tone = palette.TEXT if figures.tracks.is_observed[row] else palette.FAINT_TEXT
         return cls(str(track), speed, palette.track_color(track), tone, text_px)
 
     @property

@@ -85,7 +85,7 @@ def draw_track_figures(
     boxes = slice(Part.BOX * count, Part.ARROW * count)
     outlines = outlines_px(strokes.ends_px, strokes.owners, len(Part) * count)[boxes]
     is_dashed = np.zeros(len(Part) * count, bool)
-    is_dashed[boxes] = ~figures.tracks.is_seen
+    is_dashed[boxes] = ~figures.tracks.is_observed
     widths_px = np.full(len(Part) * count, style.line_px)
     widths_px[boxes][_is_small(outlines)] = 1
     _fill_fronts(canvas, image_P_velo, figures, colors)

@@ -16,7 +16,7 @@ from perception.tracking.box_rules import BoxTrackerConfig
 from perception.tracking.fragments import join_fragments, lie_within
 from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
-from perception.tracking.sights import first_sight, measure_all, see_again
+from perception.tracking.sights import init_tracks, measure_all, update_tracks
 from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import from_world
@@ -91,7 +91,9 @@ class BoxTracker:
                     tracks.states, measured.centers_m, measured.noise
                 )
                 pairs = assign_hungarian(costs, costs <= self._config.motion.gate)
-                self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True)
+                self._update_matched(
+                    rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True
+                )
                 things = things[pairs.unmatched_detections]
         return things
 
@@ -112,10 +114,12 @@ class BoxTracker:
         room_m = likely_sizes_m(tracks, self._config.size) + self._config.standing_margin_m
         min_m = self._config.standing_share * tracks.recent_sizes_m[:, 0]
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
-        stood = tracks.moved_s < tracks.seen_s
+        stood = tracks.last_moved_s < tracks.last_seen_s
         may = fits.all(axis=2) & (stood[:, None] | is_new)
         pairs = assign_hungarian(costs, may & (costs <= self._config.motion.gate))
-        self._see(rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False)
+        self._update_matched(
+            rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False
+        )
 
     def _stood_not(self, things: Footprints) -> Bool:
         """Tell which standing things were not there in the scan before, and remember them."""
@@ -126,17 +130,19 @@ class BoxTracker:
         away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
         return np.asarray(~np.isfinite(away_m))
 
-    def _see(self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool) -> None:
+    def _update_matched(
+        self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool
+    ) -> None:
         """Let each of some tracks be continued by one thing."""
         if len(rows) == 0:
             return
-        tracks = see_again(self._tracks[rows], things, sensor_m, self._config)
+        tracks = update_tracks(self._tracks[rows], things, sensor_m, self._config)
         stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
-            seen_s=stamps_s,
-            moved_s=stamps_s if is_moving else tracks.moved_s,
-            sights=tracks.sights + is_moving,
+            last_seen_s=stamps_s,
+            last_moved_s=stamps_s if is_moving else tracks.last_moved_s,
+            hits=tracks.hits + is_moving,
         )
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.life))
         self._tracks = self._tracks.replaced(rows, tracks)
@@ -148,7 +154,7 @@ class BoxTracker:
         things = things[np.flatnonzero(~is_part)]
         if len(things) == 0:
             return
-        tracks = first_sight(things, sensor_m, self._stamp, self._config)
+        tracks = init_tracks(things, sensor_m, self._stamp, self._config)
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(things)
 
@@ -161,7 +167,7 @@ class BoxTracker:
         if self._area is not None:
             places_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
             places_velo = se3.transform_points(se3.inverse(world_SE3_velo), places_m)
-            goes_on &= self._area.contains_xy(places_velo) | (tracks.seen_s == self._stamp)
+            goes_on &= self._area.contains_xy(places_velo) | (tracks.last_seen_s == self._stamp)
         self._tracks = self._tracks[goes_on]
 
     @property
@@ -183,5 +189,5 @@ class BoxTracker:
             ids=tracks.ids,
             boxes=Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad)),
             velocities_m_s=from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad)),
-            is_seen=np.asarray(tracks.seen_s == stamp_s),
+            is_observed=np.asarray(tracks.last_seen_s == stamp_s),
         )

@@ -76,8 +76,8 @@ def first_yaws(things: Footprints, sensor_xy_m: Float64, config: HeadingConfig) 
     yaw_rad = yaws_of_shape(things)
     low_m, high_m = things.extents_m(yaw_rad)
     longer_m = (high_m - low_m)[:, 0]
-    sight_m = things.centroids_m - sensor_xy_m
-    off_rad = wrap(np.arctan2(sight_m[:, 1], sight_m[:, 0]) - yaw_rad, np.pi)
+    line_of_sight_m = things.centroids_m - sensor_xy_m
+    off_rad = wrap(np.arctan2(line_of_sight_m[:, 1], line_of_sight_m[:, 0]) - yaw_rad, np.pi)
     is_width = (longer_m >= config.face_width_m[0]) & (longer_m <= config.face_width_m[1])
     is_face = is_width & (np.abs(off_rad) > np.pi / 4)
     return np.where(is_face, yaw_rad + np.pi / 2, yaw_rad)

@@ -91,7 +91,7 @@ class _PointTracks:
         low_world_m: (T,) z of the lowest point when last seen.
         size_m: (T, 3) along x, y and z of the LiDAR frame when last seen.
         is_confirmed: (T,) not in its first frame any more, and not dropped.
-        is_seen: (T,) measured in the last frame.
+        is_observed: (T,) measured in the last frame.
     """
 
     ids: Int
@@ -99,7 +99,7 @@ class _PointTracks:
     low_world_m: Float64
     size_m: Float64
     is_confirmed: Bool
-    is_seen: Bool
+    is_observed: Bool
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -111,7 +111,7 @@ class _PointTracks:
             self.low_world_m[rows],
             self.size_m[rows],
             self.is_confirmed[rows],
-            self.is_seen[rows],
+            self.is_observed[rows],
         )
 
     def joined(self, others: Self) -> Self:
@@ -122,7 +122,7 @@ class _PointTracks:
             np.concatenate([self.low_world_m, others.low_world_m]),
             np.concatenate([self.size_m, others.size_m]),
             np.concatenate([self.is_confirmed, others.is_confirmed]),
-            np.concatenate([self.is_seen, others.is_seen]),
+            np.concatenate([self.is_observed, others.is_observed]),
         )
 
 
@@ -169,7 +169,7 @@ class PointTracker:
 
         # Correction, and the shape of what was seen.
         states = self._correct(before.states, predicted, measured_m, pairs)
-        after = self._see(replace(before, states=states), candidates, pairs)
+        after = self._update_matched(replace(before, states=states), candidates, pairs)
 
         # Track management: initialisation, confirmation, removal.
         after = after[after.is_confirmed]
@@ -192,7 +192,7 @@ class PointTracker:
             low_world_m=moved.low_m,
             size_m=np.column_stack([greatest_m - min_m, moving.high_m - moving.low_m]),
             is_confirmed=np.zeros(count, bool),
-            is_seen=np.ones(count, bool),
+            is_observed=np.ones(count, bool),
         )
 
     def _predict(self, states: Gaussians, step_s: float) -> Gaussians:
@@ -216,21 +216,21 @@ class PointTracker:
         seen = update(predicted[pairs.tracks], measured_m[pairs.detections], _OBSERVATION, noise)
         return predicted.replaced(pairs.tracks, seen)
 
-    def _see(
+    def _update_matched(
         self, tracks: _PointTracks, candidates: _PointTracks, pairs: Association
     ) -> _PointTracks:
         """Note which tracks were seen, and how large and high each of these was."""
         low_world_m, size_m = tracks.low_world_m.copy(), tracks.size_m.copy()
         low_world_m[pairs.tracks] = candidates.low_world_m[pairs.detections]
         size_m[pairs.tracks] = candidates.size_m[pairs.detections]
-        is_seen = np.zeros(len(tracks), bool)
-        is_seen[pairs.tracks] = True
-        is_confirmed = tracks.is_confirmed | is_seen | (not self.config.confirms)
+        is_observed = np.zeros(len(tracks), bool)
+        is_observed[pairs.tracks] = True
+        is_confirmed = tracks.is_confirmed | is_observed | (not self.config.confirms)
         return replace(
             tracks,
             low_world_m=low_world_m,
             size_m=size_m,
-            is_seen=is_seen,
+            is_observed=is_observed,
             is_confirmed=is_confirmed,
         )
 
@@ -250,7 +250,7 @@ class PointTracker:
             # The thesis' boxes ignore the orientation: they lie along the vehicle's axes.
             boxes=Boxes3D(bottom_m[shown], tracks.size_m, np.zeros(len(tracks))),
             velocities_m_s=velocity_world_m_s @ world_SE3_velo[:2, :2],
-            is_seen=tracks.is_seen,
+            is_observed=tracks.is_observed,
         )
 
 

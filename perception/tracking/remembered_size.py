@@ -13,8 +13,8 @@ class SizeEstimateConfig:
     """What is believed of a thing's size.
 
     Attributes:
-        settling_sights: before so many, the size is what was seen last, since the heading is not known yet.
-        complete_sights: seen from end to end so often, a length or width is known.
+        settling_hits: before so many, the size is what was seen last, since the heading is not known yet.
+        min_complete_hits: seen from end to end so often, a length or width is known.
         complete_angle_rad: a face that is slanted more to the line of sight does not show its far end.
         vehicle_width_m: what is so wide has the length of a vehicle; narrower are two-wheelers.
         vehicle_length_m: what is so long has the width of a vehicle; shorter are two-wheelers.
@@ -28,8 +28,8 @@ class SizeEstimateConfig:
         largest_m: length and width of a city bus: what is larger is several things.
     """
 
-    settling_sights: int = 4
-    complete_sights: int = 5
+    settling_hits: int = 4
+    min_complete_hits: int = 5
     complete_angle_rad: float = float(np.radians(10.0))
     vehicle_width_m: float = 1.3
     vehicle_length_m: float = 2.4
@@ -47,7 +47,7 @@ def likely_sizes_m(tracks: TrackTable, config: SizeEstimateConfig) -> Float64:
     """Return (T, 2) length and width: as seen where seen whole, else at least what is common."""
     least = np.array([config.min_length_m, config.min_width_m])
     length_m, width_m = np.maximum(tracks.sizes_m, least).T
-    is_known = tracks.complete_seen >= config.complete_sights
+    is_known = tracks.complete_counts >= config.min_complete_hits
     common_m = np.clip(config.length_per_width * width_m, *config.prior_length_m)
     is_wide = (width_m >= config.vehicle_width_m) & ~is_known[:, 0]
     is_long = (length_m >= config.vehicle_length_m) & ~is_known[:, 1]
@@ -77,13 +77,13 @@ def remember(
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
     usual_m = np.median(recent_m, axis=1)
     # A box along a wrong heading is too large, and the first few headings are the worst.
-    shrinkage = np.maximum(config.shrinkage, 1 / (1 + tracks.sights))[:, None]
+    shrinkage = np.maximum(config.shrinkage, 1 / (1 + tracks.hits))[:, None]
     gain = np.where(usual_m > tracks.sizes_m, config.growth, np.where(is_complete, shrinkage, 0.0))
-    is_settled = tracks.sights >= config.settling_sights
+    is_settled = tracks.hits >= config.settling_hits
     sizes_m = np.where(
         is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m
     )
-    return sizes_m, recent_m, tracks.complete_seen + (is_complete & is_settled[:, None])
+    return sizes_m, recent_m, tracks.complete_counts + (is_complete & is_settled[:, None])
 
 
 def with_sides_swapped(tracks: TrackTable, rows: Bool) -> TrackTable:
@@ -93,5 +93,7 @@ def with_sides_swapped(tracks: TrackTable, rows: Bool) -> TrackTable:
         tracks,
         sizes_m=np.take_along_axis(tracks.sizes_m, order, axis=1),
         recent_sizes_m=np.take_along_axis(tracks.recent_sizes_m, order[:, None], axis=2),
-        complete_seen=np.asarray(np.take_along_axis(tracks.complete_seen, order, axis=1), np.int64),
+        complete_counts=np.asarray(
+            np.take_along_axis(tracks.complete_counts, order, axis=1), np.int64
+        ),
     )

@@ -62,7 +62,7 @@ def _measure(tracks: TrackTable, seen: Reaches, points: Int, config: BoxTrackerC
     )
 
 
-def see_again(
+def update_tracks(
     tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> TrackTable:
     """Correct each of T tracks by the thing that continues it."""
@@ -83,7 +83,7 @@ def see_again(
     )
 
 
-def first_sight(
+def init_tracks(
     things: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
 ) -> TrackTable:
     """Return the tracks that F things begin; their ids are 0 to F - 1."""
@@ -98,21 +98,23 @@ def first_sight(
         yaw_variance=np.full(count, UNKNOWN_VARIANCE),
         sizes_m=sizes_m,
         recent_sizes_m=np.repeat(sizes_m[:, None], 3, axis=1),
-        complete_seen=np.zeros((count, 2), np.int64),
+        complete_counts=np.zeros((count, 2), np.int64),
         heights_m=things.high_m - things.low_m,
         low_world_m=things.low_m,
-        begun_s=stamps_s,
-        begun_world_m=np.zeros((count, 2)),
-        seen_s=stamps_s,
-        moved_s=stamps_s,
-        sights=np.ones(count, np.int64),
+        first_seen_s=stamps_s,
+        first_seen_world_m=np.zeros((count, 2)),
+        last_seen_s=stamps_s,
+        last_moved_s=stamps_s,
+        hits=np.ones(count, np.int64),
         points=things.points,
         is_confirmed=np.zeros(count, bool),
     )
     measured = _measure(tracks, seen, things.points[:, None], config)
     centers_m = measured.centers_m[:, 0]
     states = motion_model.begin(centers_m, measured.noise[:, 0], sizes_m, config.motion)
-    return replace(tracks, mean=states.mean, covariance=states.covariance, begun_world_m=centers_m)
+    return replace(
+        tracks, mean=states.mean, covariance=states.covariance, first_seen_world_m=centers_m
+    )
 
 
 def _own_reaches(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Reaches:
@@ -126,7 +128,7 @@ def _grown(tracks: TrackTable, seen: Reaches, config: SizeEstimateConfig) -> Tra
     before_m = likely_sizes_m(tracks, config)
     is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]
     sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, config)
-    grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_seen=complete)
+    grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_counts=complete)
     growth_m = likely_sizes_m(grown, config) - before_m
     away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
     is_outside = np.abs(away_m) > before_m / 2

@@ -13,8 +13,8 @@ class TrackLifecycleConfig:
     """When a track is believed, and when it ends.
 
     Attributes:
-        confirming_sights: M, how often a plain thing must be seen moving before it is told of.
-        doubtful_sights: the same of a thing of few points.
+        min_hits: M, how often a plain thing must be seen moving before it is told of.
+        min_hits_poorly_observed: the same of a thing of few points.
         min_points_well_observed: in all sights together, from which on a thing is plain.
         confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
             second scan may miss it.
@@ -23,22 +23,22 @@ class TrackLifecycleConfig:
             and there in a hedge gets nowhere.
         coasting_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
         telling_s: how long a track that was seen often is told of unseen.
-        telling_sights: how often.
+        min_hits_reported_unseen: how often.
         telling_standing_s: how long a track that lives on standing things is told of.
         standing_s: how long such a track lives.
         stopping_s: how long after its last sight a track may be continued by a standing thing.
         stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
     """
 
-    confirming_sights: int = 2
-    doubtful_sights: int = 5
+    min_hits: int = 2
+    min_hits_poorly_observed: int = 5
     min_points_well_observed: int = 50
     confirming_s: float = 0.25
     travel_m: float = 0.15
     min_speed_m_s: float = 0.5
     coasting_s: float = 1.2
     telling_s: float = 0.3
-    telling_sights: int = 5
+    min_hits_reported_unseen: int = 5
     telling_standing_s: float = 1.0
     standing_s: float = 3.0
     stopping_s: float = 0.35
@@ -47,39 +47,39 @@ class TrackLifecycleConfig:
 
 def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks have been seen often enough; once believed, always believed."""
-    age_s = tracks.seen_s - tracks.begun_s
-    travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.begun_world_m, axis=1)
+    age_s = tracks.last_seen_s - tracks.first_seen_s
+    travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.first_seen_world_m, axis=1)
     travels = (
         (travelled_m >= config.travel_m)
         & (travelled_m >= config.min_speed_m_s * age_s)
         & (tracks.speeds_m_s >= config.min_speed_m_s)
     )
     is_well_observed = tracks.points >= config.min_points_well_observed
-    needed = np.where(is_well_observed, config.confirming_sights, config.doubtful_sights)
-    return np.asarray(tracks.is_confirmed | ((tracks.sights >= needed) & travels))
+    needed = np.where(is_well_observed, config.min_hits, config.min_hits_poorly_observed)
+    return np.asarray(tracks.is_confirmed | ((tracks.hits >= needed) & travels))
 
 
 def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
     limit_s = np.where(tracks.is_confirmed, config.coasting_s, config.confirming_s)
-    is_lost = stamp_s - tracks.seen_s > limit_s + _ROUNDING_S
-    stands = stamp_s - tracks.moved_s > config.standing_s + _ROUNDING_S
+    is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
+    stands = stamp_s - tracks.last_moved_s > config.standing_s + _ROUNDING_S
     return np.asarray(~is_lost & ~stands)
 
 
 def may_stand(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which confirmed tracks, unseen in this scan, may have come to a stand."""
-    is_fresh = stamp_s - tracks.seen_s <= config.stopping_s + _ROUNDING_S
+    is_fresh = stamp_s - tracks.last_seen_s <= config.stopping_s + _ROUNDING_S
     is_slow = tracks.speeds_m_s <= config.stopping_speed_m_s
-    return np.asarray(tracks.is_confirmed & (tracks.seen_s < stamp_s) & is_fresh & is_slow)
+    return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 
 def is_told(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks are worth reporting."""
-    limit_s = np.where(tracks.sights >= config.telling_sights, config.telling_s, 0.0)
-    is_seen = stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
-    moves = stamp_s - tracks.moved_s <= config.telling_standing_s + _ROUNDING_S
-    return np.asarray(tracks.is_confirmed & is_seen & moves)
+    limit_s = np.where(tracks.hits >= config.min_hits_reported_unseen, config.telling_s, 0.0)
+    is_observed = stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
+    moves = stamp_s - tracks.last_moved_s <= config.telling_standing_s + _ROUNDING_S
+    return np.asarray(tracks.is_confirmed & is_observed & moves)
 
 
 _ROUNDING_S = 1e-3

@@ -19,13 +19,13 @@ class TrackTable(OnGround):
         yaw_variance: (T,) of the heading.
         sizes_m: (T, 2) remembered length and width.
         recent_sizes_m: (T, 3, 2) length and width as seen the last three times, the newest first.
-        complete_seen: (T, 2) how often length and width were seen from end to end.
+        complete_counts: (T, 2) how often length and width were seen from end to end.
         heights_m: (T,) remembered.
         low_world_m: (T,) z of the ground under it.
-        begun_s: (T,) stamp of the first sight.
-        begun_world_m: (T, 2) place of the first sight.
-        seen_s: (T,) stamp of the last sight.
-        moved_s: (T,) stamp of the last sight as something that moves.
+        first_seen_s: (T,) stamp of the first sight.
+        first_seen_world_m: (T, 2) place of the first sight.
+        last_seen_s: (T,) stamp of the last sight.
+        last_moved_s: (T,) stamp of the last sight as something that moves.
         sights: (T,) how often it was seen moving.
         points: (T,) how many points it has shown in all.
         is_confirmed: (T,)
@@ -36,14 +36,14 @@ class TrackTable(OnGround):
     yaw_variance: Float64
     sizes_m: Float64
     recent_sizes_m: Float64
-    complete_seen: Int
+    complete_counts: Int
     heights_m: Float64
     low_world_m: Float64
-    begun_s: Float64
-    begun_world_m: Float64
-    seen_s: Float64
-    moved_s: Float64
-    sights: Int
+    first_seen_s: Float64
+    first_seen_world_m: Float64
+    last_seen_s: Float64
+    last_moved_s: Float64
+    hits: Int
     points: Int
     is_confirmed: Bool
 
@@ -59,14 +59,14 @@ class TrackTable(OnGround):
             yaw_variance=none,
             sizes_m=np.zeros((0, 2)),
             recent_sizes_m=np.zeros((0, 3, 2)),
-            complete_seen=np.zeros((0, 2), np.int64),
+            complete_counts=np.zeros((0, 2), np.int64),
             heights_m=none,
             low_world_m=none,
-            begun_s=none,
-            begun_world_m=np.zeros((0, 2)),
-            seen_s=none,
-            moved_s=none,
-            sights=whole,
+            first_seen_s=none,
+            first_seen_world_m=np.zeros((0, 2)),
+            last_seen_s=none,
+            last_moved_s=none,
+            hits=whole,
             points=whole,
             is_confirmed=np.zeros(0, bool),
         )

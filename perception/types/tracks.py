@@ -17,20 +17,20 @@ class Tracks:
         ids: (T,) rising; a tracker never gives one twice.
         boxes: (T)
         velocities_m_s: (T, 2) over the ground, not relative to the vehicle, along x and y of the LiDAR frame.
-        is_seen: (T,) measured in this scan; the others are predicted.
+        is_observed: (T,) measured in this scan; the others are predicted.
     """
 
     ids: Int
     boxes: Boxes3D
     velocities_m_s: Float64
-    is_seen: Bool
+    is_observed: Bool
 
     def __post_init__(self) -> None:
         """Refuse arrays of different lengths."""
         count = len(self.ids)
         require_shape("Tracks.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
         require_shape("Tracks.velocities_m_s", self.velocities_m_s, (count, 2))
-        require_shape("Tracks.is_seen", self.is_seen, (count,))
+        require_shape("Tracks.is_observed", self.is_observed, (count,))
 
     def __len__(self) -> int:
         """Return T."""
@@ -39,7 +39,7 @@ class Tracks:
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the tracks of a mask, of indices, or of a slice."""
         return type(self)(
-            self.ids[rows], self.boxes[rows], self.velocities_m_s[rows], self.is_seen[rows]
+            self.ids[rows], self.boxes[rows], self.velocities_m_s[rows], self.is_observed[rows]
         )
 
     @classmethod

@@ -9,7 +9,7 @@ import pytest
 
 from data.drive import Drive
 from data.open_drive import open_drive
-from perception.cli.vehicle_detector import DepthCnConfig, Sighting
+from perception.cli.vehicle_detector import DepthCnConfig, VehicleDetectorOutput
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
@@ -26,7 +26,7 @@ class LabelReader:
         default_factory=lambda: {"method": "labels", "training_data": "nothing at all"}
     )
 
-    def look(self, frame: Frame) -> Sighting:
+    def detect(self, frame: Frame) -> VehicleDetectorOutput:
         """Read the labels of a frame, or be interrupted."""
         if frame.index == self.stop_at:
             raise KeyboardInterrupt
@@ -36,7 +36,9 @@ class LabelReader:
         boxes_px = np.concatenate([labels_px, [[500.0, 10, 600, 80]]])
         scores = np.append(0.9 - 0.1 * np.arange(len(labels_px)), 0.05)
         found = Detections(boxes_px, scores, np.full(len(scores), "Car"))
-        return Sighting(frame, dense, labels_px, found, {"reading": 0.002, "guessing": 0.001})
+        return VehicleDetectorOutput(
+            frame, dense, labels_px, found, {"reading": 0.002, "guessing": 0.001}
+        )
 
 
 @pytest.fixture

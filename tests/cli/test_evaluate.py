@@ -18,7 +18,7 @@ from perception.cli.evaluations.obstacle_figures import obstacle_results, obstac
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
 from perception.cli.main import main
 from perception.errors import UsageError
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
@@ -139,7 +139,7 @@ def test_object_frames_have_obstacles_of_unknown_motion(kitti_root: Path):
     results = [result_of(frame, states_by_height(frame.points_velo))]
     report = measure_obstacles(drive, results, AREA, ObstacleProtocol())
     assert report.clusters is None
-    assert (report.observed.motions == Motion.UNKNOWN).all()
+    assert (report.observed.motions == MotionState.UNKNOWN).all()
     assert report.counts(min_points=1).moving == 0
     assert "it takes tracks and INS poses to tell what moves" in obstacle_tables(report)
 

@@ -21,7 +21,7 @@ from perception.cli.evaluations.datmo_report import (
 )
 from perception.cli.main import main
 from perception.datmo.detector import SegmentedScan
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Boxes3D, Frame, Obstacles, Result, Tracks, Voxels
 
@@ -50,7 +50,7 @@ def knowing_tracks(drive: Drive, frames: int) -> Iterator[tuple[Frame, Tracks]]:
     for index in range(frames):
         frame = drive[index]
         scene = truth.scene(frame, 0.2)
-        moves = scene.objects.motions == Motion.MOVING
+        moves = scene.objects.motions == MotionState.MOVING
         yield (
             frame,
             Tracks(

@@ -126,9 +126,9 @@ def test_networks_of_files_look_at_each_frame_once(
     network_files, car_frames, tmp_path, monkeypatch, capsys
 ):
     looks = []
-    look = MultimodalDetector.look
+    detect = MultimodalDetector.detect
     monkeypatch.setattr(
-        MultimodalDetector, "look", lambda *asked: looks.append(asked) or look(*asked)
+        MultimodalDetector, "look", lambda *asked: looks.append(asked) or detect(*asked)
     )
     words = [f"--models.{name}={file}" for name, file in network_files.items()]
     words += ["--cache", tmp_path / "cache", "--bootstrap", "0", "--iou", "0.5"]

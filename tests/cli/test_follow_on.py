@@ -57,22 +57,22 @@ def hand_over_of(track_id: int) -> TrackHandover:
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
     path = tmp_path / "followed.jsonl"
     with HandoverTracking(path, hand_over_of(8)) as object_tracking:
-        before = object_tracking.see(replace(result, tracks=Tracks.empty()))
+        before = object_tracking.update(replace(result, tracks=Tracks.empty()))
         assert STAGE in before.timings_s
         assert object_tracking.figure is None
         assert object_tracking.shown(before) is before
-        seen = object_tracking.see(result)
+        seen = object_tracking.update(result)
         assert object_tracking.figure.words == "8  5.0 m/s"
         assert object_tracking.shown(seen).tracks.ids.tolist() == [3]
         # Its own track is gone; it is followed on.
-        object_tracking.see(replace(result, tracks=Tracks.empty()))
+        object_tracking.update(replace(result, tracks=Tracks.empty()))
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]] * 2
 
 
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
     with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(99)) as object_tracking:
-        object_tracking.see(result)
+        object_tracking.update(result)
     assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
 
 
@@ -91,9 +91,9 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
     path = tmp_path / "followed.jsonl"
     with HandoverTracking(path, hand_over_of(5)) as object_tracking:
         # Where the LiDAR says too little of it, there is nothing to begin with.
-        object_tracking.see(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
+        object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
         assert object_tracking.figure is None
-        seen = object_tracking.see(replace(result, tracks=Tracks.empty(), vehicles=located))
+        seen = object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=located))
         shown = object_tracking.shown(seen).vehicles
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
@@ -103,14 +103,14 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
 
 def test_where_nobody_is_followed_nothing_changes(result):
     with NoObjectTracking() as object_tracking:
-        assert object_tracking.see(result) is result
+        assert object_tracking.update(result) is result
         assert object_tracking.shown(result) is result
         assert object_tracking.figure is None
 
 
 def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
     with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(8)) as object_tracking:
-        object_tracking.see(result)
+        object_tracking.update(result)
         plain = Composition().draw(result)
         picture = Composition().draw(object_tracking.shown(result), None, object_tracking.figure)
     counts = [int((one == palette.TRACKED_OBJECT).all(axis=2).sum()) for one in (plain, picture)]

@@ -45,7 +45,7 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
     car, walker = line["tracks"]
     assert car == {
         "id": 4,
-        "is_seen": True,
+        "is_observed": True,
         "size_m": [4.2, 1.8, 1.5],
         "speed_m_s": 5.0,
         "velo": {"position_m": [10.0, 2.0, -1.7], "yaw_rad": 0.0},
@@ -55,7 +55,7 @@ def test_a_line_holds_every_track_in_the_world_and_in_the_lidar_frame(result):
             "velocity_m_s": [-4.0, 3.0, 0.0],
         },
     }
-    assert (walker["id"], walker["is_seen"], walker["speed_m_s"]) == (9, False, 1.0)
+    assert (walker["id"], walker["is_observed"], walker["speed_m_s"]) == (9, False, 1.0)
     # 3 rad and a quarter turn are more than half a turn.
     assert walker["world"]["yaw_rad"] == pytest.approx(3 + np.pi / 2 - 2 * np.pi, abs=1e-6)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from data.candidates.balance import BalancedLooks
-from data.process_share import ProcessShare
+from data.candidates.balance import BalancedSampler
+from data.process_share import ContiguousDistributedSampler
 
 
 def rows_of(shares):
@@ -12,7 +12,10 @@ def rows_of(shares):
 
 def shares_of(count, processes, epoch=0):
     is_vehicle = np.arange(count) % 2 == 0
-    shares = [ProcessShare(BalancedLooks(is_vehicle), p, processes) for p in range(processes)]
+    shares = [
+        ContiguousDistributedSampler(BalancedSampler(is_vehicle), p, processes)
+        for p in range(processes)
+    ]
     for share in shares:
         share.set_epoch(epoch)
     return shares

@@ -135,7 +135,7 @@ def test_the_default_survives_an_empty_scan(scans, drive):
     holed = [emptied(scan) if i == 12 else scan for i, scan in enumerate(scans)]
     results = track(holed, "default", drive)
     assert set(results[11].ids) & set(results[12].ids) & set(results[13].ids)
-    assert not results[12].is_seen.any()
+    assert not results[12].is_observed.any()
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -51,7 +51,7 @@ def test_the_thesis_compares_the_mean_and_the_author_the_highest_point():
 def test_seen_ground_differs_from_nothing_seen():
     points = np.array([[1.1, 0.5, -1.7, 0]], np.float32)
     grid = elevation_grid(points, ROAD, CELLS, CONFIG)
-    assert grid.is_seen.sum() == 1
+    assert grid.is_observed.sum() == 1
     assert not grid.height_m.any()
 
 
@@ -65,7 +65,7 @@ def test_points_near_the_lidar_and_out_of_reach_are_left_out():
 
 def test_an_empty_scan_sees_nothing():
     grid = elevation_grid(np.zeros((0, 4), np.float32), ROAD, CELLS, CONFIG)
-    assert not grid.is_seen.any()
+    assert not grid.is_observed.any()
     assert grid.height_m.shape == (30, 30)
 
 

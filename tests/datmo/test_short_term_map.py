@@ -28,9 +28,11 @@ def seen(*values):
 
 
 def random_grid(rng):
-    is_seen = rng.random(CELLS.shape) < 0.6
-    height_m = np.where(is_seen & (rng.random(CELLS.shape) < 0.5), rng.random(CELLS.shape) * 2, 0)
-    return ElevationGrid(height_m.astype(np.float32), is_seen.astype(np.int64))
+    is_observed = rng.random(CELLS.shape) < 0.6
+    height_m = np.where(
+        is_observed & (rng.random(CELLS.shape) < 0.5), rng.random(CELLS.shape) * 2, 0
+    )
+    return ElevationGrid(height_m.astype(np.float32), is_observed.astype(np.int64))
 
 
 def value_after(heights_m, config, grid=ShortTermMap):

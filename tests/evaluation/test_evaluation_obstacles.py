@@ -3,7 +3,7 @@ import pytest
 
 from perception.errors import PerceptionError
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.obstacles import (
     ObjectMatchConfig,
     ObjectObservations,
@@ -21,7 +21,7 @@ STATIC, MOVING = PointState.STATIC, PointState.MOVING
 FOUR_POINTS = ObjectMatchConfig(min_points=4)
 
 
-def three_objects(*motions: Motion) -> LabelledObjects:
+def three_objects(*motions: MotionState) -> LabelledObjects:
     """Return 2 m cubes on the ground at x = 5, 10 and 15, and one beyond the area at x = 40."""
     return LabelledObjects(
         boxes_velo=Boxes3D(
@@ -29,7 +29,7 @@ def three_objects(*motions: Motion) -> LabelledObjects:
             np.full((4, 3), 2.0),
             np.zeros(4),
         ),
-        motions=np.array([*motions, Motion.MOVING]),
+        motions=np.array([*motions, MotionState.MOVING]),
         track_ids=np.array([1, 2, 3, 4]),
     )
 
@@ -50,7 +50,7 @@ def observe(rows: list[np.ndarray], objects: LabelledObjects) -> ObjectObservati
 
 
 def test_an_object_is_found_or_missed_by_its_own_points():
-    objects = three_objects(Motion.STATIC, Motion.MOVING, Motion.MOVING)
+    objects = three_objects(MotionState.STATIC, MotionState.MOVING, MotionState.MOVING)
     observed = observe(
         [
             points_on(5, [STATIC] * 4),  # stands, found
@@ -76,7 +76,7 @@ def test_an_object_is_found_or_missed_by_its_own_points():
 def test_a_moving_object_called_static_is_missed_and_a_static_one_called_moving_is_false():
     observed = observe(
         [points_on(5, [MOVING] * 4), points_on(10, [STATIC] * 4), points_on(15, [STATIC] * 4)],
-        three_objects(Motion.STATIC, Motion.MOVING, Motion.UNKNOWN),
+        three_objects(MotionState.STATIC, MotionState.MOVING, MotionState.UNKNOWN),
     )
     counts = count_objects(observed, FOUR_POINTS)
     assert (counts.moving, counts.missed_moving, counts.tracks_never_moving) == (1, 1, 1)
@@ -88,7 +88,7 @@ def test_a_moving_object_called_static_is_missed_and_a_static_one_called_moving_
 def test_objects_with_few_points_do_not_count():
     observed = observe(
         [points_on(5, [STATIC] * 4), points_on(10, [GROUND] * 3)],
-        three_objects(Motion.STATIC, Motion.STATIC, Motion.STATIC),
+        three_objects(MotionState.STATIC, MotionState.STATIC, MotionState.STATIC),
     )
     assert count_objects(observed, FOUR_POINTS).objects == 1
     seen_at_all = count_objects(observed, ObjectMatchConfig(min_points=1))
@@ -100,7 +100,7 @@ def test_a_track_is_found_where_one_of_its_frames_is():
     observed = ObjectObservations(
         frames=rows,
         track_ids=np.array([7, 7, 8]),
-        motions=np.full(3, Motion.MOVING),
+        motions=np.full(3, MotionState.MOVING),
         ranges_m=np.full(3, 9.0),
         points=np.full(3, 50),
         obstacle_points=np.full(3, 50),
@@ -115,7 +115,7 @@ def test_a_track_is_found_where_one_of_its_frames_is():
 def test_the_share_that_must_move(share: float, found: bool):
     observed = observe(
         [points_on(5, [MOVING, STATIC, STATIC, STATIC])],
-        three_objects(Motion.MOVING, Motion.MOVING, Motion.MOVING),
+        three_objects(MotionState.MOVING, MotionState.MOVING, MotionState.MOVING),
     )
     assert observed.is_moving(share).tolist() == [found, False, False]
 

@@ -3,13 +3,13 @@ import numpy as np
 from perception.evaluation.false_clusters import (
     NO_OBJECT,
     ClusterConfig,
+    FrameAnnotations,
     MovingClusters,
-    Surroundings,
     cluster_numbers,
     is_false,
     moving_clusters,
 )
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.types import Boxes3D, Calibration, PointState
 
 # A camera at the LiDAR's origin that looks ahead: u = 500 - 500 y / x, v = 200 - 500 z / x.
@@ -26,7 +26,9 @@ def clump(x_m: float, y_m: float, count: int = 6) -> np.ndarray:
     return np.column_stack([x_m + spread, y_m + spread, np.full(count, -1.0), np.zeros(count)])
 
 
-def around(*places: tuple[float, Motion], dont_care_px: np.ndarray | None = None) -> Surroundings:
+def annotations(
+    *places: tuple[float, MotionState], dont_care_px: np.ndarray | None = None
+) -> FrameAnnotations:
     """Return 2 m cubes straight ahead at these distances."""
     count = len(places)
     bottom_m = np.array([[x, 0.0, -1.7] for x, _ in places]).reshape(-1, 3)
@@ -36,10 +38,10 @@ def around(*places: tuple[float, Motion], dont_care_px: np.ndarray | None = None
         track_ids=np.arange(count),
     )
     regions = np.zeros((0, 4)) if dont_care_px is None else dont_care_px
-    return Surroundings(objects, regions, CAMERA, SIZE_PX)
+    return FrameAnnotations(objects, regions, CAMERA, SIZE_PX)
 
 
-def clusters_of(points_velo: np.ndarray, surroundings: Surroundings) -> MovingClusters:
+def clusters_of(points_velo: np.ndarray, surroundings: FrameAnnotations) -> MovingClusters:
     states = np.full(len(points_velo), PointState.MOVING, np.uint8)
     return moving_clusters(4, points_velo, states, surroundings)
 
@@ -61,11 +63,12 @@ def test_without_closing_only_the_eight_neighbours_join():
 def test_what_a_cluster_touches_decides_what_it_is():
     points = np.concatenate([clump(10, 0), clump(15.2, 0), clump(20, 0), clump(24, 5)])
     clusters = clusters_of(
-        points, around((10, Motion.MOVING), (14, Motion.STATIC), (20, Motion.UNKNOWN))
+        points,
+        annotations((10, MotionState.MOVING), (14, MotionState.STATIC), (20, MotionState.UNKNOWN)),
     )
     order = np.argsort(clusters.centers_m[:, 0])
     # The second is 0.2 m behind the static box, within its margin.
-    expected = [Motion.MOVING, Motion.STATIC, Motion.UNKNOWN, NO_OBJECT]
+    expected = [MotionState.MOVING, MotionState.STATIC, MotionState.UNKNOWN, NO_OBJECT]
     assert clusters.touched[order].tolist() == expected
     assert clusters.points.tolist() == [6, 6, 6, 6]
     assert clusters.frames.tolist() == [4, 4, 4, 4]
@@ -74,12 +77,14 @@ def test_what_a_cluster_touches_decides_what_it_is():
 
 
 def test_a_cluster_that_touches_two_objects_belongs_to_the_moving_one():
-    clusters = clusters_of(clump(12, 0), around((11, Motion.STATIC), (13, Motion.MOVING)))
-    assert clusters.touched.tolist() == [Motion.MOVING]
+    clusters = clusters_of(
+        clump(12, 0), annotations((11, MotionState.STATIC), (13, MotionState.MOVING))
+    )
+    assert clusters.touched.tolist() == [MotionState.MOVING]
 
 
 def test_clusters_behind_the_camera_or_too_small_are_not_false():
-    clusters = clusters_of(np.concatenate([clump(-4, 0), clump(10, 0, count=2)]), around())
+    clusters = clusters_of(np.concatenate([clump(-4, 0), clump(10, 0, count=2)]), annotations())
     assert not is_false(clusters, 5, ignore_dont_care=True).any()
     assert is_false(clusters, 1, ignore_dont_care=True).sum() == 1
 
@@ -87,13 +92,13 @@ def test_clusters_behind_the_camera_or_too_small_are_not_false():
 def test_dont_care_regions_excuse_where_asked():
     # At x = 10, 1 m down: u = 500, v = 250.
     regions = np.array([[480.0, 240.0, 520.0, 260.0]])
-    clusters = clusters_of(clump(10, 0), around(dont_care_px=regions))
+    clusters = clusters_of(clump(10, 0), annotations(dont_care_px=regions))
     assert is_false(clusters, 5, ignore_dont_care=True).tolist() == [False]
     assert is_false(clusters, 5, ignore_dont_care=False).tolist() == [True]
 
 
 def test_a_scan_in_which_nothing_moves_has_no_cluster():
     states = np.full(6, PointState.STATIC, np.uint8)
-    clusters = moving_clusters(0, clump(10, 0), states, around((10, Motion.MOVING)))
+    clusters = moving_clusters(0, clump(10, 0), states, annotations((10, MotionState.MOVING)))
     assert len(clusters) == 0
     assert len(MovingClusters.concatenate([clusters, clusters])) == 0

@@ -25,7 +25,7 @@ from perception.evaluation.multi_object.moving_scene import (
     points_above_feet,
 )
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.types import Boxes3D, Calibration, Tracks
 
 CONFIG = MovingObjectConfig()
@@ -44,7 +44,7 @@ def boxes_at(*places_m: tuple[float, float], size_m=CAR_M, yaw_rad: float = 0.0)
     return Boxes3D(bottom_m, np.tile(size_m, (count, 1)), np.full(count, yaw_rad))
 
 
-def scene_of(boxes: Boxes3D, motions=Motion.MOVING, points=100, view=None, moves=True):
+def scene_of(boxes: Boxes3D, motions=MotionState.MOVING, points=100, view=None, moves=True):
     count = len(boxes)
     return MovingScene(
         objects=LabelledObjects(boxes, np.full(count, motions), np.arange(10, 10 + count)),
@@ -119,7 +119,7 @@ def test_who_must_be_tracked():
     boxes = boxes_at((10, 0), (31, 0), (10, 11), (-5, 0))
     assert is_target(scene_of(boxes), CONFIG).tolist() == [True, False, False, True]
     assert not is_target(scene_of(boxes, points=19), CONFIG).any()
-    assert not is_target(scene_of(boxes, Motion.STATIC), CONFIG).any()
+    assert not is_target(scene_of(boxes, MotionState.STATIC), CONFIG).any()
     in_view = is_target(scene_of(boxes, view=view_of()), CONFIG)
     assert in_view.tolist() == [True, False, False, False]
 
@@ -128,9 +128,9 @@ def test_who_must_be_tracked():
     ("changes", "is_excused"),
     [
         ({"points": 5}, True),  # hardly seen
-        ({"motions": Motion.UNKNOWN, "moves": False}, True),
-        ({"motions": Motion.STATIC}, True),  # stopped, or not yet moving
-        ({"motions": Motion.STATIC, "moves": False}, False),  # parked all the time
+        ({"motions": MotionState.UNKNOWN, "moves": False}, True),
+        ({"motions": MotionState.STATIC}, True),  # stopped, or not yet moving
+        ({"motions": MotionState.STATIC, "moves": False}, False),  # parked all the time
     ],
 )
 def test_tracks_of_objects_that_need_not_be_tracked(changes: dict, is_excused: bool):
@@ -258,7 +258,7 @@ def test_false_tracks_follow_nobody_for_most_of_their_lives():
     scene = replace(
         scene_of(objects),
         objects=LabelledObjects(
-            objects, np.array([Motion.MOVING, Motion.STATIC]), np.array([1, 2])
+            objects, np.array([MotionState.MOVING, MotionState.STATIC]), np.array([1, 2])
         ),
         moves_sometime=np.array([True, False]),
     )

@@ -1,7 +1,7 @@
 import numpy as np
 
-from perception.evaluation.false_clusters import Surroundings
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.false_clusters import FrameAnnotations
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.shadows import PlacesLeft, ShadowConfig, Shadows
 from perception.geometry.se3 import from_euler
 from perception.types import (
@@ -31,24 +31,26 @@ class Level:
         return np.zeros(len(points_velo))
 
 
-def scene(x_m: float, motion: Motion = Motion.MOVING) -> Surroundings:
+def scene(x_m: float, motion: MotionState = MotionState.MOVING) -> FrameAnnotations:
     """Return a 2 m cube straight ahead."""
     box = Boxes3D(np.array([[x_m, 0.0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     objects = LabelledObjects(box, np.array([motion]), np.array([1]))
-    return Surroundings(objects, np.zeros((0, 4)), CAMERA, (1000, 400))
+    return FrameAnnotations(objects, np.zeros((0, 4)), CAMERA, (1000, 400))
 
 
 def voxels_at(x_m: float, count: int = 6, z_m: float = -0.7) -> np.ndarray:
     return np.array([[x_m, 0.1 * i - 0.25, z_m] for i in range(count)], np.float32)
 
 
-def step(places: PlacesLeft, frame: int, voxels: np.ndarray, around: Surroundings, ego_m=0.0):
+def step(
+    places: PlacesLeft, frame: int, voxels: np.ndarray, annotations: FrameAnnotations, ego_m=0.0
+):
     world_SE3_velo = from_euler(0, 0, 0, np.array([ego_m, 0.0, 0.0]))
     static = Voxels(voxels, np.ones(len(voxels), np.int64), 0.1)
     nothing = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
     scan = Frame(frame, 0.1 * frame, np.zeros((1, 4), np.float32))
     obstacles = Obstacles(np.zeros(1, np.uint8), static, nothing)
-    return places.shadows(Result(scan, world_SE3_velo, Level(), obstacles), around)
+    return places.shadows(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
 
 
 def figures(shadows: Shadows) -> tuple[int, int]:
@@ -71,7 +73,7 @@ def test_places_are_remembered_in_the_world():
 
 def test_an_object_that_stood_leaves_no_shadow():
     places = PlacesLeft()
-    step(places, 0, voxels_at(10), scene(10, Motion.STATIC))
+    step(places, 0, voxels_at(10), scene(10, MotionState.STATIC))
     assert figures(step(places, 1, voxels_at(10), scene(14))) == (0, 0)
 
 

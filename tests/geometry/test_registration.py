@@ -30,7 +30,7 @@ def street(seed: int = 0) -> np.ndarray:
     return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
 
 
-def seen_from(world_SE3_velo: np.ndarray, seed: int) -> np.ndarray:
+def observed_from(world_SE3_velo: np.ndarray, seed: int) -> np.ndarray:
     """Return another sampling of the street, with 1 cm of noise, in the LiDAR's frame."""
     points = street(seed)
     points[:, :3] += np.random.default_rng(seed + 99).normal(0, 0.01, (len(points), 3))
@@ -57,10 +57,10 @@ def apart(first: np.ndarray, second: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize("kind", ["GICP", "ICP"])
 def test_alignment_recovers_a_known_transform(kind: str) -> None:
     truth = from_euler(0.005, -0.01, 0.03, np.array([0.25, -0.1, 0.04]))
-    points = seen_from(np.eye(4), 1)
+    points = observed_from(np.eye(4), 1)
     source = surface_of(points, box_m=0.3)
     # Point to point only finds the truth where it meets the same points again.
-    target_points = points if kind == "ICP" else seen_from(np.eye(4), 2)
+    target_points = points if kind == "ICP" else observed_from(np.eye(4), 2)
     moved = target_points.copy()
     moved[:, :3] = target_points[:, :3] @ truth[:3, :3].T + truth[:3, 3]
     found = align(surface_of(moved, box_m=0.3), source, np.eye(4), reach_m=1.0, kind=kind)
@@ -77,7 +77,7 @@ def test_noisy_ins_is_refined_to_a_centimetre() -> None:
     for index, pose in enumerate(truth):
         noise = from_euler(*random.normal(0, 0.002, 3), random.normal(0, 0.05, 3))
         ins = pose if index == 0 else pose @ noise
-        found = localizer.update(seen_from(pose, index), index * STEP_S, ins)
+        found = localizer.update(observed_from(pose, index), index * STEP_S, ins)
         metres, degrees = apart(pose, found.world_SE3_velo)
         assert metres < 0.01
         assert degrees < 0.05
@@ -90,7 +90,7 @@ def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> No
     truth = path(5, speed_m_s)
     localizer = Localizer()
     for index, pose in enumerate(truth):
-        found = localizer.update(seen_from(pose, index), index * STEP_S)
+        found = localizer.update(observed_from(pose, index), index * STEP_S)
     metres, degrees = apart(truth[-1], found.world_SE3_velo)
     assert metres < 0.02
     assert degrees < 0.05
@@ -99,7 +99,7 @@ def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> No
 def test_many_keyframes_do_not_skew_the_rotation() -> None:
     """Each keyframe's pose is built on the one before: any skew would double each time."""
     localizer = Localizer(RegistrationConfig(keyframe_m=0.0))
-    points = seen_from(np.eye(4), 0)
+    points = observed_from(np.eye(4), 0)
     for index in range(40):
         found = localizer.update(points, index * STEP_S)
     rotation = found.world_SE3_velo[:3, :3]
@@ -111,7 +111,7 @@ def test_same_input_gives_the_same_poses() -> None:
     def run() -> list[np.ndarray]:
         localizer = Localizer()
         return [
-            localizer.update(seen_from(pose, index), index * STEP_S).world_SE3_velo
+            localizer.update(observed_from(pose, index), index * STEP_S).world_SE3_velo
             for index, pose in enumerate(path(3))
         ]
 
@@ -122,7 +122,7 @@ def test_same_input_gives_the_same_poses() -> None:
 def test_a_scan_that_does_not_match_falls_back_on_the_ins() -> None:
     truth = path(3)
     localizer = Localizer()
-    localizer.update(seen_from(truth[0], 0), 0.0, truth[0])
+    localizer.update(observed_from(truth[0], 0), 0.0, truth[0])
     nonsense = np.random.default_rng(0).uniform(200, 300, (5000, 4)).astype(np.float32)
     found = localizer.update(nonsense, STEP_S, truth[1])
     assert found.origin is PoseOrigin.INS
@@ -133,8 +133,8 @@ def test_a_scan_that_does_not_match_is_extrapolated_without_ins() -> None:
     truth = path(4)
     localizer = Localizer()
     for index in range(3):
-        localizer.update(seen_from(truth[index], index), index * STEP_S)
-    found = localizer.update(seen_from(truth[3], 3)[:20], 3 * STEP_S)
+        localizer.update(observed_from(truth[index], index), index * STEP_S)
+    found = localizer.update(observed_from(truth[3], 3)[:20], 3 * STEP_S)
     assert found.origin is PoseOrigin.EXTRAPOLATED
     assert apart(truth[3], found.world_SE3_velo)[0] < 0.03
 
@@ -144,11 +144,11 @@ def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
     truth = path(3)
     localizer = Localizer()
     for index in range(2):
-        localizer.update(seen_from(truth[index], index), index * STEP_S, truth[index])
+        localizer.update(observed_from(truth[index], index), index * STEP_S, truth[index])
     jumped = truth[2].copy()
     jumped[1, 3] += jump_m
     with pytest.raises(PoseError, match=r"oxts 0002: expected an INS pose .* found a jump of"):
-        localizer.update(seen_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
+        localizer.update(observed_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
 
 
 def test_an_ins_slip_of_a_metre_is_repaired() -> None:
@@ -157,7 +157,7 @@ def test_an_ins_slip_of_a_metre_is_repaired() -> None:
     slip = from_euler(0, 0, 0, np.array([0.3, 0.9, 0.0]))
     for index, pose in enumerate(truth):
         ins = pose @ slip if index == 3 else pose
-        found = localizer.update(seen_from(pose, index), index * STEP_S, ins)
+        found = localizer.update(observed_from(pose, index), index * STEP_S, ins)
     assert found.origin is PoseOrigin.REGISTERED
     assert apart(truth[3], found.world_SE3_velo)[0] < 0.01
 
@@ -166,8 +166,8 @@ def test_a_long_gap_resets_the_window_and_follows_the_ins() -> None:
     truth = path(40)
     localizer = Localizer()
     for index in (0, 1):
-        localizer.update(seen_from(truth[index], index), index * STEP_S, truth[index])
-    found = localizer.update(seen_from(truth[39], 39), 39 * STEP_S, truth[39])
+        localizer.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+    found = localizer.update(observed_from(truth[39], 39), 39 * STEP_S, truth[39])
     assert found.is_reset
     assert found.origin is PoseOrigin.INS
     assert apart(truth[39], found.world_SE3_velo)[0] < 0.05
@@ -177,19 +177,19 @@ def test_a_few_missing_frames_are_bridged() -> None:
     truth = path(8)
     localizer = Localizer()
     for index in (0, 1, 2, 7):
-        found = localizer.update(seen_from(truth[index], index), index * STEP_S)
+        found = localizer.update(observed_from(truth[index], index), index * STEP_S)
     assert found.origin is PoseOrigin.REGISTERED
     assert apart(truth[7], found.world_SE3_velo)[0] < 0.02
 
 
 def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> None:
     localizer = Localizer()
-    localizer.update(seen_from(np.eye(4), 0), 5.0)
-    again = localizer.update(seen_from(np.eye(4), 0), 5.0)
+    localizer.update(observed_from(np.eye(4), 0), 5.0)
+    again = localizer.update(observed_from(np.eye(4), 0), 5.0)
     assert again.origin is PoseOrigin.REPEATED
     np.testing.assert_array_equal(again.world_SE3_velo, np.eye(4))
     with pytest.raises(PoseError, match="stamps that rise"):
-        localizer.update(seen_from(np.eye(4), 0), 4.9)
+        localizer.update(observed_from(np.eye(4), 0), 4.9)
 
 
 def test_orthonormal_repairs_printed_digits() -> None:

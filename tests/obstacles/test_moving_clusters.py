@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from perception.obstacles.free_space import History
+from perception.obstacles.free_space import VisibilityHistory
 from perception.obstacles.moving_clusters import MovingClusterConfig, moving_voxels, vote
 
 CONFIG = MovingClusterConfig()
@@ -13,7 +13,7 @@ def history(*states, ages_s=AGES_S, gaps_m=None):
     """Build a history from one word a voxel: F free, H hit, L behind a leaver, - unknown; newest first."""
     letters = np.array([list(word) for word in states]).T
     gaps = np.zeros(letters.shape, np.float32) if gaps_m is None else np.float32(gaps_m)
-    return History(ages_s, letters == "F", letters == "H", letters == "L", gaps)
+    return VisibilityHistory(ages_s, letters == "F", letters == "H", letters == "L", gaps)
 
 
 def column(x, y, voxels):
@@ -80,5 +80,5 @@ def test_a_walker_does_not_make_the_wall_beside_him_move():
 
 def test_without_history_nothing_moves():
     empty = np.zeros((0, 12), bool)
-    none = History(np.zeros(0), empty, empty, empty, empty.astype(np.float32))
+    none = VisibilityHistory(np.zeros(0), empty, empty, empty, empty.astype(np.float32))
     assert not moving_voxels(column(5, 0, 12), none, NOWHERE, CONFIG, gap_m=0.2).any()

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from perception.obstacles.range_image import BeamRaster, RangeImage, Sight
+from perception.obstacles.range_image import RangeImage, SphericalProjection, Visibility
 from perception.sensor import HDL_64E, SENSORS, VLP_16
 
-RASTER = BeamRaster(HDL_64E, tolerance_m=0.1)
+PROJECTION = SphericalProjection(HDL_64E, tolerance_m=0.1)
 MARGIN_M = 0.2
 
 
@@ -25,75 +25,80 @@ def sphere(range_m, sensor=HDL_64E):
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=lambda sensor: sensor.name)
 def test_places_before_at_and_behind_a_return(sensor):
-    image = RangeImage(sphere(20.0, sensor), BeamRaster(sensor, tolerance_m=0.1))
-    sights = image.look(np.array([[10, 0, 0], [19.9, 0, 0], [24, 0, 0]], np.float32), MARGIN_M)
-    assert sights.states.tolist() == [Sight.FREE, Sight.HIT, Sight.HIDDEN]
-    np.testing.assert_allclose(sights.gaps_m, [0, 0, 4], atol=1e-4)
+    image = RangeImage(sphere(20.0, sensor), SphericalProjection(sensor, tolerance_m=0.1))
+    visibility = image.visibility(
+        np.array([[10, 0, 0], [19.9, 0, 0], [24, 0, 0]], np.float32), MARGIN_M
+    )
+    assert visibility.states.tolist() == [Visibility.FREE, Visibility.HIT, Visibility.OCCLUDED]
+    np.testing.assert_allclose(visibility.gaps_m, [0, 0, 4], atol=1e-4)
 
 
 def test_a_direction_without_a_beam_or_a_return_says_nothing():
     half = sphere(20.0)
-    image = RangeImage(half[half[:, 0] > 1.0], RASTER)
+    image = RangeImage(half[half[:, 0] > 1.0], PROJECTION)
     places = np.array([[0, 0, 10], [0, 0, -10], [-10, 0, 0]], np.float32)
-    assert image.look(places, MARGIN_M).states.tolist() == [Sight.UNKNOWN] * 3
+    assert image.visibility(places, MARGIN_M).states.tolist() == [Visibility.UNKNOWN] * 3
 
 
 def test_one_near_return_keeps_its_surroundings_from_being_free():
     pole = np.array([[10.0, 0.0, 0.0]], np.float32)
-    image = RangeImage(np.vstack([sphere(20.0), pole]), RASTER)
+    image = RangeImage(np.vstack([sphere(20.0), pole]), PROJECTION)
     beside = np.array([[10, 0.08, 0], [10, 1.0, 0]], np.float32)
     before = beside * (0.6, 0.6, 0.6)
-    assert image.look(beside, MARGIN_M).states.tolist() == [Sight.HIT, Sight.FREE]
-    assert image.look(before.astype(np.float32), MARGIN_M).states.tolist() == [Sight.FREE] * 2
+    assert image.visibility(beside, MARGIN_M).states.tolist() == [Visibility.HIT, Visibility.FREE]
+    assert (
+        image.visibility(before.astype(np.float32), MARGIN_M).states.tolist()
+        == [Visibility.FREE] * 2
+    )
     behind = (beside * 1.5).astype(np.float32)
-    assert image.look(behind, MARGIN_M).states[1] == Sight.FREE
-    assert image.look(behind, MARGIN_M).states[0] != Sight.FREE
+    assert image.visibility(behind, MARGIN_M).states[1] == Visibility.FREE
+    assert image.visibility(behind, MARGIN_M).states[0] != Visibility.FREE
 
 
 def test_the_turn_has_no_seam():
-    image = RangeImage(sphere(20.0), RASTER)
+    image = RangeImage(sphere(20.0), PROJECTION)
     angles = np.linspace(-np.pi, np.pi, 2001)
     ring = np.stack([10 * np.cos(angles), 10 * np.sin(angles), 0 * angles], axis=1)
-    assert (image.look(ring.astype(np.float32), MARGIN_M).states == Sight.FREE).all()
+    assert (image.visibility(ring.astype(np.float32), MARGIN_M).states == Visibility.FREE).all()
 
 
 def test_what_stands_between_two_beams_of_a_coarse_sensor_is_not_seen_through():
     """The beam below meets the thing's lower part or the ground before it."""
     points = sphere(60.0, VLP_16)
     post = np.array([[12.0, 0.0, z] for z in np.arange(-1.7, 0.3, 0.42)], np.float32)
-    image = RangeImage(np.vstack([points, post]), BeamRaster(VLP_16, tolerance_m=0.1))
+    image = RangeImage(np.vstack([points, post]), SphericalProjection(VLP_16, tolerance_m=0.1))
     between = np.array([[12.0, 0.0, z] for z in np.arange(-1.2, 0.1, 0.05)], np.float32)
-    assert not image.sees_through(between, MARGIN_M).any()
+    assert not image.is_free(between, MARGIN_M).any()
 
 
-def test_seeing_through_is_what_look_calls_free():
+def test_is_free_is_what_visibility_calls_free():
     rng = np.random.default_rng(2)
-    image = RangeImage(rng.normal(0, 8, (20000, 3)).astype(np.float32), RASTER)
+    image = RangeImage(rng.normal(0, 8, (20000, 3)).astype(np.float32), PROJECTION)
     places = rng.normal(0, 8, (4000, 3)).astype(np.float32)
-    free = image.look(places, MARGIN_M).states == Sight.FREE
+    free = image.visibility(places, MARGIN_M).states == Visibility.FREE
     assert free.any()
-    assert (image.sees_through(places, MARGIN_M) == free).all()
+    assert (image.is_free(places, MARGIN_M) == free).all()
 
 
 def test_the_nearest_return_of_a_block_is_the_one_a_loop_finds():
     rng = np.random.default_rng(3)
     points = rng.normal(0, 10, (3000, 3)).astype(np.float32)
-    image, at = RangeImage(points, RASTER), RASTER.pixels(points)
+    image, at = RangeImage(points, PROJECTION), PROJECTION.pixels(points)
     places = rng.normal(0, 6, (60, 3)).astype(np.float32)
-    target = RASTER.pixels(places)
-    levels = RASTER.levels(target.ranges_m)
+    target = PROJECTION.pixels(places)
+    levels = PROJECTION.levels(target.ranges_m)
     for place in range(len(places)):
-        rows, columns = RASTER.blocks[levels[place]]
+        rows, columns = PROJECTION.blocks[levels[place]]
         turn = np.abs(at.columns - target.columns[place])
-        near = (np.abs(at.rows - target.rows[place]) <= rows) & at.are_in_view
-        near &= np.minimum(turn, RASTER.columns - turn) <= columns
+        near = (np.abs(at.rows - target.rows[place]) <= rows) & at.is_in_view
+        near &= np.minimum(turn, PROJECTION.columns - turn) <= columns
         nearest = at.ranges_m[near].min(initial=np.inf)
         expected = np.isfinite(nearest) and nearest > target.ranges_m[place] + MARGIN_M
-        seen = image.sees_through(places[place : place + 1], MARGIN_M)[0]
-        assert seen == (expected and target.are_in_view[place])
+        seen = image.is_free(places[place : place + 1], MARGIN_M)[0]
+        assert seen == (expected and target.is_in_view[place])
 
 
-def test_no_places_give_no_sights():
-    image = RangeImage(sphere(20.0), RASTER)
-    assert len(image.look(np.zeros((0, 3), np.float32), MARGIN_M).states) == 0
-    assert len(image.sees_through(np.zeros((0, 3), np.float32), MARGIN_M)) == 0
+def test_no_points_give_no_visibility():
+    image = RangeImage(sphere(20.0), PROJECTION)
+    assert len(image.visibility(np.zeros((0, 3), np.float32), MARGIN_M).states) == 0
+    assert len(image.is_free(np.zeros((0, 3), np.float32), MARGIN_M)) == 0

@@ -84,16 +84,16 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
 
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
-    has_looked, waited = threading.Event(), []
+    has_detected, waited = threading.Event(), []
     verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
 
     def examine_and_tell(*given):
         verified = verify_frame(*given)
-        has_looked.set()
+        has_detected.set()
         return verified
 
     def step_late(*given):
-        waited.append(has_looked.wait(timeout=20))
+        waited.append(has_detected.wait(timeout=20))
         return step(*given)
 
     monkeypatch.setattr(DepthCn, "examine", examine_and_tell)

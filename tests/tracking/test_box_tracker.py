@@ -118,7 +118,7 @@ def test_a_second_behind_something_keeps_the_id():
             assert len(tracks) == 0  # nobody knows where it is any more
         if step >= 27:
             assert tracks.ids.tolist() == [0]
-            assert tracks.is_seen.all()
+            assert tracks.is_observed.all()
 
 
 def test_two_walkers_who_cross_keep_their_ids():
@@ -165,7 +165,7 @@ def test_a_track_ends_beyond_the_area():
         tracks = drive.scan(sides(8.0, 6.0 + 0.15 * step, np.pi / 2, WALKER))
     y = 6.0 + 0.15 * 29
     assert y > 10
-    assert tracks.is_seen.tolist() == [True]
+    assert tracks.is_observed.tolist() == [True]
     assert len(drive.scan()) == 0
     assert len(drive.scan(sides(8.0, y + 0.3, np.pi / 2, WALKER))) == 0
 

@@ -41,7 +41,7 @@ def test_a_thing_is_a_track_from_its_second_frame_on(config):
     assert len(drive.scan((10, 0))) == 0
     tracks = drive.scan((10, 0))
     assert tracks.ids.tolist() == [0]
-    assert tracks.is_seen.tolist() == [True]
+    assert tracks.is_observed.tolist() == [True]
     np.testing.assert_allclose(tracks.boxes.bottom_m, [[10, 0, -1.5]], atol=1e-9)
     np.testing.assert_allclose(tracks.boxes.size_m, [[2, 1, 1.5]])
     np.testing.assert_allclose(tracks.boxes.yaw_rad, [0])
@@ -61,7 +61,7 @@ def test_the_author_shows_a_leftover_from_the_next_frame_on_seen_or_not():
     drive.scan((10, 0))
     tracks = drive.scan()
     assert tracks.ids.tolist() == [0]
-    assert tracks.is_seen.tolist() == [False]
+    assert tracks.is_observed.tolist() == [False]
 
 
 def test_the_thesis_predicts_through_misses():
@@ -71,10 +71,10 @@ def test_the_thesis_predicts_through_misses():
     np.testing.assert_allclose(tracks.velocities_m_s, [[3, 0]], atol=0.05)
     for miss in range(1, 6):
         tracks = drive.scan()
-        assert tracks.is_seen.tolist() == [False]
+        assert tracks.is_observed.tolist() == [False]
         np.testing.assert_allclose(tracks.boxes.bottom_m[0, 0], 23.7 + 0.3 * miss, atol=0.1)
     np.testing.assert_allclose(tracks.velocities_m_s, [[3, 0]], atol=0.05)
-    assert drive.scan((25.5, 2.0)).is_seen.tolist() == [True]
+    assert drive.scan((25.5, 2.0)).is_observed.tolist() == [True]
 
 
 def test_the_author_brakes_through_misses():
@@ -98,7 +98,7 @@ def test_the_gate_is_around_where_the_rules_say():
                 drive.scan((10, 0), pose=pose)
             tracks = drive.scan((center_m + away_m, 0.0), pose=poses[-1])
             assert tracks.ids.tolist() == [0]
-            assert tracks.is_seen.tolist() == expected
+            assert tracks.is_observed.tolist() == expected
 
 
 @PRESETS
@@ -154,7 +154,7 @@ def test_it_is_the_plain_tracker(config):
         ours, theirs = (d.scan(*found, after_s=step_s, pose=pose) for d in (fast, plain))
         shown += len(ours)
         assert ours.ids.tolist() == theirs.ids.tolist()
-        assert ours.is_seen.tolist() == theirs.is_seen.tolist()
+        assert ours.is_observed.tolist() == theirs.is_observed.tolist()
         np.testing.assert_allclose(ours.boxes.bottom_m, theirs.boxes.bottom_m, atol=1e-8)
         np.testing.assert_allclose(ours.boxes.size_m, theirs.boxes.size_m, atol=1e-8)
         np.testing.assert_allclose(ours.velocities_m_s, theirs.velocities_m_s, atol=1e-8)
@@ -182,7 +182,7 @@ def test_the_thesis_follows_over_a_gap_in_time():
         drive.scan((frame * 0.5 - 5, 2.0))
     tracks = drive.scan((14.5, 2.0), after_s=2.0)
     assert tracks.ids.tolist() == [0]
-    assert tracks.is_seen.tolist() == [True]
+    assert tracks.is_observed.tolist() == [True]
 
 
 def test_the_author_loses_the_thing_in_a_gap():
@@ -205,7 +205,7 @@ def test_an_hour_without_frames_or_without_detections_does_no_harm(config):
     drive.scan((5, 5))
     tracks = drive.scan((5, 5))
     assert np.isfinite(tracks.boxes.bottom_m).all()
-    assert tracks.is_seen.sum() == 1
+    assert tracks.is_observed.sum() == 1
 
 
 @PRESETS

@@ -21,7 +21,7 @@ from train.detector import networks
 from train.detector.anchors import fit_anchors
 from train.detector.descent import PRESETS, Descent
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.pictures import draw_seen
+from train.detector.pictures import draw_detections
 from train.detector.run import InitialWeights, callbacks, train_detector
 from train.detector.training import DetectorTrainingConfig
 from train.networks.depthcn import load_verifier
@@ -184,14 +184,14 @@ def test_boxes_are_drawn_where_they_are():
     samples = ToyPictures().validation
     batch = {name: value[None] for name, value in samples[0].items()}
     seen = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.5]), np.array(["Car"]))
-    picture = draw_seen(batch, 0, seen)
+    picture = draw_detections(batch, 0, seen)
     assert picture.shape == (13 * 64, 13 * 96, 3)
     white, green = (_is_near(picture, color) for color in ((255, 255, 255), palette.MOVING))
     assert white[13 * 40, 13 * 12 : 13 * 28].all()
     left, _, right, bottom = (13 * samples.boxes_px[0, 3]).astype(int)
     assert green[bottom, left + 2 : right - 2].all()
     unsure = Detections(seen.boxes_px, np.array([0.2]), seen.types)
-    assert not _is_near(draw_seen(batch, 0, unsure), (255, 255, 255)).any()
+    assert not _is_near(draw_detections(batch, 0, unsure), (255, 255, 255)).any()
 
 
 def _is_near(picture, color):

@@ -7,7 +7,7 @@ import torch
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
-from data.process_share import ProcessShare
+from data.process_share import ContiguousDistributedSampler
 
 
 def toy_batch(count: int, channels: int, seed: int = 0) -> dict[str, torch.Tensor]:
@@ -57,7 +57,7 @@ class ToyCandidates(LightningDataModule):
         order = _Order(self._count, epoch)
         process = self.trainer.global_rank if self.trainer else 0
         processes = self.trainer.world_size if self.trainer else 1
-        share = ProcessShare(order, process, processes)
+        share = ContiguousDistributedSampler(order, process, processes)
         return DataLoader(self._rows(0), batch_size=self._batch, sampler=share)
 
     def mean_crop(self) -> torch.Tensor:

@@ -8,7 +8,7 @@ from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
 from data.pictures.dataset import collate
-from data.process_share import ProcessShare
+from data.process_share import ContiguousDistributedSampler
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
@@ -103,7 +103,9 @@ class ToyPictures(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader:
         order = _Order(len(self.training), self.trainer.current_epoch, self._repeats)
-        share = ProcessShare(order, self.trainer.global_rank, self.trainer.world_size)
+        share = ContiguousDistributedSampler(
+            order, self.trainer.global_rank, self.trainer.world_size
+        )
         return DataLoader(self.training, self._batch, sampler=share, collate_fn=collate)
 
     def val_dataloader(self) -> DataLoader:

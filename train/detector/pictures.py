@@ -46,7 +46,7 @@ class DetectorPictures(Callback):
         """Draw those of a batch that are chosen."""
         for place, row in enumerate(batch["numbers"].tolist()):
             if row in self._rows:
-                self._drawn[row] = draw_seen(batch, place, outputs["seen"][place])
+                self._drawn[row] = draw_detections(batch, place, outputs["seen"][place])
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show the pictures below each other, and the curves."""
@@ -63,7 +63,7 @@ class DetectorPictures(Callback):
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
 
 
-def draw_seen(batch: Batch, place: int, found: Detections) -> UInt8:
+def draw_detections(batch: Batch, place: int, found: Detections) -> UInt8:
     """Return (H, W, 3) one picture: labels green, what is ignored grey, detections white with scores.
 
     It is a whole number of times as large as the input.

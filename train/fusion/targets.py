@@ -105,12 +105,12 @@ def _scene_rows(
 ) -> FusionRows:
     rows = tri_boxes(scene, TRI_BOX_CONFIGS[variant])
     places = scene.merged.places(rows)
-    is_seen = places >= 0
+    is_observed = places >= 0
     targets = box_targets(scene, truth)
-    is_counted = np.where(is_seen, targets.is_used[places], variant != "default")
+    is_counted = np.where(is_observed, targets.is_used[places], variant != "default")
     return FusionRows(
         tri_box_features(scene, rows, variant).astype(np.float32),
-        np.where(is_seen, targets.ious[places], 0.0).astype(np.float32),
+        np.where(is_observed, targets.ious[places], 0.0).astype(np.float32),
         (weight * is_counted).astype(np.float32),
     )
 

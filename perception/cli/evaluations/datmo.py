@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import cast, get_args
 
-from data.derived.moving_truth import View
+from data.derived.moving_truth import EvaluationView
 from data.frames import OnBadFrame
 from perception.cli.evaluations.datmo_figures import datmo_results, datmo_tables
 from perception.cli.evaluations.datmo_report import PROTOCOL_WORDS, DatmoProtocol, compare_datmo
@@ -21,7 +21,7 @@ def datmo(  # noqa: PLR0913 - flags of a command
     *,
     sequence: str | None = None,
     methods: str = "default,thesis,author",
-    view: View = "camera",
+    view: EvaluationView = "camera",
     sensor: str | None = None,
     frames: int | None = None,
     on_bad_frame: OnBadFrame = "stop",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from data.derived.motion_labels import MotionLabelConfig
-from data.derived.moving_truth import MovingTruth, View, moving_truth
+from data.derived.moving_truth import EvaluationView, MovingTruth, moving_truth
 from data.drive import Drive
 from perception.evaluation.multi_object.false_tracks import (
     FalseTracks,
@@ -87,7 +87,7 @@ class DatmoProtocol:
 
     targets: MovingObjectConfig = field(default_factory=MovingObjectConfig)
     motion: MotionLabelConfig = field(default_factory=MotionLabelConfig)
-    view: View = "camera"
+    view: EvaluationView = "camera"
     distance_threshold: float = 0.5
     overlap_threshold: float = 0.5
     loose_overlap_threshold: float = 0.3

@@ -10,7 +10,7 @@ from perception.cli.evaluations.depthcn_figures import (
     depthcn_results,
     depthcn_table,
 )
-from perception.cli.evaluations.depthcn_steps import FoundCars, find_cars
+from perception.cli.evaluations.depthcn_steps import DetectedCars, detect_cars
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
@@ -62,7 +62,7 @@ def depthcn(
         drive = open_labelled(source, reading)
         detector = detector_config.open(drive.sensor)
         metadata = dict(detector.metadata)
-        found = find_cars(source.name, drive, detector, reading)
+        found = detect_cars(source.name, drive, detector, reading)
         measured.append(measure_cars(found, measuring))
     print(depthcn_table(measured))
     if plot is not None:
@@ -78,7 +78,7 @@ def depthcn(
         write_evaluation(json, [one.found.data for one in measured], configuration, metrics, split)
 
 
-def measure_cars(found: FoundCars, rules: MetricConfig) -> DepthCnMetrics:
+def measure_cars(found: DetectedCars, rules: MetricConfig) -> DepthCnMetrics:
     """Measure detections at every overlap, and what their proposals reach."""
     frames = found.data.frames_evaluated
     recall = proposal_recall(

@@ -11,7 +11,7 @@ from perception.cli.evaluations.class_precision import (
     notes_on_few,
     precision_header,
 )
-from perception.cli.evaluations.depthcn_steps import FoundCars
+from perception.cli.evaluations.depthcn_steps import DetectedCars
 from perception.cli.table import Cell, format_table, percent
 from perception.evaluation.detection.proposal_recall import ProposalRecall
 from perception.evaluation.detection.protocol import DIFFICULTIES
@@ -33,7 +33,7 @@ class DepthCnMetrics:
         recall: of the proposals, at the same IoUs.
     """
 
-    found: FoundCars
+    found: DetectedCars
     precision: ClassPrecision
     recall: ProposalRecall
 

@@ -6,15 +6,15 @@ import numpy as np
 
 from data.drive import Drive
 from data.kitti.detection_rows import DetectionSet
-from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingConfig, see_drive
-from perception.cli.vehicle_detector import Sighting, VehicleDetector
+from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingConfig, detect_drive
+from perception.cli.vehicle_detector import VehicleDetector, VehicleDetectorOutput
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections, Float64
 
 
 @dataclass(frozen=True)
-class FoundCars:
+class DetectedCars:
     """What the detector says of a drive, and what is true.
 
     Attributes:
@@ -30,9 +30,9 @@ class FoundCars:
     seconds: Float64
 
 
-def find_cars(
+def detect_cars(
     name: str, drive: Drive, detector: VehicleDetector, config: ReadingConfig
-) -> FoundCars:
+) -> DetectedCars:
     """Detect in the frames of a drive, and put their labels beside.
 
     Args:
@@ -44,17 +44,19 @@ def find_cars(
     Raises:
         PerceptionError: a frame or its labels cannot be read or used, or no frame can.
     """
-    seen = see_drive(name, drive, lambda frame: _KeptSighting.of(detector.look(frame)), config)
-    return FoundCars(
-        data=seen.data,
-        boxes=seen.beside([one.detections for one in seen.looks]),
-        proposals=DetectedBoxes.of_frames([one.proposals for one in seen.looks]),
-        seconds=np.array([one.seconds for one in seen.looks]),
+    detected = detect_drive(
+        name, drive, lambda frame: _KeptDetections.of(detector.detect(frame)), config
+    )
+    return DetectedCars(
+        data=detected.data,
+        boxes=detected.with_labels([one.detections for one in detected.outputs]),
+        proposals=DetectedBoxes.of_frames([one.proposals for one in detected.outputs]),
+        seconds=np.array([one.seconds for one in detected.outputs]),
     )
 
 
 @dataclass(frozen=True)
-class _KeptSighting:
+class _KeptDetections:
     """What is kept of one frame: no scan, no image, no map."""
 
     detections: Detections
@@ -62,11 +64,11 @@ class _KeptSighting:
     seconds: float
 
     @classmethod
-    def of(cls, sighting: Sighting) -> "_KeptSighting":
-        boxes_px = sighting.proposals_px
+    def of(cls, output: VehicleDetectorOutput) -> "_KeptDetections":
+        boxes_px = output.proposals_px
         count = len(boxes_px)
         return cls(
-            detections=sighting.detections,
+            detections=output.detections,
             proposals=Detections(boxes_px, np.zeros(count), np.full(count, VEHICLE)),
-            seconds=sum(sighting.timings_s.values()),
+            seconds=sum(output.timings_s.values()),
         )

@@ -73,4 +73,6 @@ def detector(  # noqa: PLR0913 - flags of a command
         )
         split = f"the network was trained on: {metadata.get('training_data', 'not known')}"
         configuration = {"model": network.model.name, "network": metadata}
-        write_evaluation(json, [one.seen.data for one in measured], configuration, metrics, split)
+        write_evaluation(
+            json, [one.detected.data for one in measured], configuration, metrics, split
+        )

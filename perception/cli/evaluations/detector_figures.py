@@ -17,7 +17,7 @@ def detector_table(title: str, measured: Sequence[MeasuredDetector]) -> str:
     header = precision_header(all_classes[0], "data", "frames")
     rows: list[list[Cell]] = []
     for one in measured:
-        data = one.seen.data
+        data = one.detected.data
         for of_class, precision in one.precision.items():
             name = data.name if len(one.precision) == 1 else f"{data.name} {of_class.name}"
             rows += precision.rows(name, data.kind, data.frames_evaluated)
@@ -28,9 +28,9 @@ def detector_table(title: str, measured: Sequence[MeasuredDetector]) -> str:
 def detector_results(measured: Sequence[MeasuredDetector]) -> dict[str, Any]:
     """Return all figures by drive and class."""
     return {
-        one.seen.data.name: {
-            "data": one.seen.data.kind,
-            "frames": one.seen.data.frames_evaluated,
+        one.detected.data.name: {
+            "data": one.detected.data.kind,
+            "frames": one.detected.data.frames_evaluated,
             "ms_a_frame": {
                 "median": np.median(one.ms_a_frame),
                 "p99": np.percentile(one.ms_a_frame, 99),
@@ -51,7 +51,7 @@ def detector_panels(measured: Sequence[MeasuredDetector]) -> list[PrecisionPanel
         for one in measured
         for of_class, precision in one.precision.items()
         for panel in precision.panels(
-            f"{one.seen.data.name} ({one.seen.data.kind}), {of_class.name}"
+            f"{one.detected.data.name} ({one.detected.data.kind}), {of_class.name}"
         )
     ]
 
@@ -59,6 +59,6 @@ def detector_panels(measured: Sequence[MeasuredDetector]) -> list[PrecisionPanel
 def _times(measured: Sequence[MeasuredDetector]) -> Iterator[str]:
     for one in measured:
         yield (
-            f"{one.seen.data.name}: {np.median(one.ms_a_frame):.1f} ms a frame in the median for picture "
+            f"{one.detected.data.name}: {np.median(one.ms_a_frame):.1f} ms a frame in the median for picture "
             f"and network, 99 % below {np.percentile(one.ms_a_frame, 99):.1f}"
         )

@@ -24,16 +24,16 @@ def draw_worst(
     folder: Path, drive: Drive, network: ModalityDetector, measured: MeasuredDetector, most: int
 ) -> None:
     """Write pictures DRIVE_CLASS_RANK_NUMBER.jpg of the worst frames of every class."""
-    seen = measured.seen
-    drive_name = "_".join(re.findall(r"\w+", seen.data.name))
+    detected = measured.detected
+    drive_name = "_".join(re.findall(r"\w+", detected.data.name))
     for of_class, precision in measured.precision.items():
         target_class = of_class.at_iou(next(iter(precision.reports)))
-        found = seen.beside([look.detections for look in seen.looks])
+        found = detected.with_labels([output.detections for output in detected.outputs])
         mistakes = count_mistakes(
-            found.truths, found.detections, len(seen.looks), target_class, _DIFFICULTY
+            found.truths, found.detections, len(detected.outputs), target_class, _DIFFICULTY
         )
         for rank, place in enumerate(mistakes.worst(most).tolist()):
-            frame = drive[seen.looks[place].index]
+            frame = drive[detected.outputs[place].index]
             picture = _with_mistakes(
                 picture_of(frame, network.modality, network.filling),
                 measured,
@@ -41,7 +41,7 @@ def draw_worst(
                 target_class,
                 mistakes.threshold,
             )
-            name = f"{drive_name}_{target_class.name}_{rank:02d}_{seen.numbers[place]:06d}.jpg"
+            name = f"{drive_name}_{target_class.name}_{rank:02d}_{detected.numbers[place]:06d}.jpg"
             write_jpeg(folder / name, picture, quality=95)
 
 
@@ -53,11 +53,11 @@ def _with_mistakes(
     threshold: float,
 ) -> UInt8:
     """Draw one frame; what may be found but need not be is told as the measure tells it."""
-    seen = measured.seen
-    truths = seen.truths[seen.truths.frames == place]
-    scene = lay_out(truths, DetectedBoxes.of_frames(()), len(seen.looks))
+    detected = measured.detected
+    truths = detected.truths[detected.truths.frames == place]
+    scene = lay_out(truths, DetectedBoxes.of_frames(()), len(detected.outputs))
     is_valid_truth = evaluation_mask(scene, of_class, _DIFFICULTY).is_valid_truth
-    detections = seen.looks[place].detections
+    detections = detected.outputs[place].detections
     counts = (detections.scores >= threshold) & (
         np.char.lower(detections.types) == of_class.name.lower()
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from data.drive import Drive
 from perception.cli.evaluations.class_precision import ClassPrecision, MetricConfig
-from perception.cli.evaluations.labelled_drives import ReadingConfig, SeenDrive, see_drive
+from perception.cli.evaluations.labelled_drives import DetectedDrive, ReadingConfig, detect_drive
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.errors import UsageError
@@ -19,7 +19,7 @@ _THREADS = 2
 
 
 @dataclass(frozen=True)
-class DetectorLook:
+class FrameDetections:
     """What is kept of one frame.
 
     Attributes:
@@ -44,17 +44,17 @@ class MeasuredDetector:
     """
 
     modality: Modality
-    seen: SeenDrive[DetectorLook]
+    detected: DetectedDrive[FrameDetections]
     precision: Mapping[DetectionClass, ClassPrecision]
 
     @property
     def ms_a_frame(self) -> Float64:
         """(F,) for picture and network."""
-        return 1e3 * np.array([sum(look.timings_s.values()) for look in self.seen.looks])
+        return 1e3 * np.array([sum(detect.timings_s.values()) for detect in self.detected.outputs])
 
     def median_ms(self, part: str) -> float:
         """Return the median time of a part, `maps` or the modality, in milliseconds."""
-        return 1e3 * float(np.median([look.timings_s[part] for look in self.seen.looks]))
+        return 1e3 * float(np.median([detect.timings_s[part] for detect in self.detected.outputs]))
 
 
 def open_detector(model: Modality | Path) -> ModalityDetector:
@@ -97,12 +97,14 @@ def measure_detector(
     """
     detector = MultimodalDetector({network.modality: network}, workers=1)
 
-    def look(frame: Frame) -> DetectorLook:
-        sight = detector.look(frame)
-        return DetectorLook(frame.index, sight.modal[network.modality], sight.timings_s)
+    def detect(frame: Frame) -> FrameDetections:
+        output = detector.detect(frame)
+        return FrameDetections(frame.index, output.modal[network.modality], output.timings_s)
 
-    seen = see_drive(name, drive, look, reading)
-    found = seen.beside([one.detections for one in seen.looks])
+    detected = detect_drive(name, drive, detect, reading)
+    found = detected.with_labels([one.detections for one in detected.outputs])
     return MeasuredDetector(
-        network.modality, seen, {one: ClassPrecision.of(found, one, measuring) for one in classes}
+        network.modality,
+        detected,
+        {one: ClassPrecision.of(found, one, measuring) for one in classes},
     )

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from data.array_store import ArrayStore
-from data.detections.gathering import MarkedLooker, detected_scene
+from data.detections.gathering import FingerprintedDetector, detected_scene
 from data.drive import Drive
 from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MetricConfig
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
 from perception.cli.evaluations.fusion_measure import MeasuredFusion, measure_fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
-from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled, see_drive
+from perception.cli.evaluations.labelled_drives import detect_drive, drive_sources, open_labelled
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
@@ -69,12 +69,14 @@ def fusion(  # noqa: PLR0913 - flags of a command
     files = models or FusionFiles()
     detector = files.open_detectors()
     fusions = files.open_fusions(detector)
-    marked, store = MarkedLooker(detector, files.fingerprint()), ArrayStore(cache)
+    fingerprinted, store = FingerprintedDetector(detector, files.fingerprint()), ArrayStore(cache)
     measured: list[MeasuredFusion] = []
     for source in drive_sources(drives, reading.sequence):
         drive = open_labelled(source, reading)
-        seen = see_drive(source.name, drive, _SceneOfFrame(drive, marked, store), reading)
-        measured.append(measure_fusion(seen, fusions, kitti_class(class_name), measuring))
+        detected = detect_drive(
+            source.name, drive, _SceneOfFrame(drive, fingerprinted, store), reading
+        )
+        measured.append(measure_fusion(detected, fusions, kitti_class(class_name), measuring))
         print(fusion_tables(measured[-1]))
     first = measured[0]
     if plot is not None:
@@ -111,7 +113,7 @@ class _SceneOfFrame:
     """Returns what detectors see in the frames of a drive, each looked at once for all times."""
 
     drive: Drive
-    detectors: MarkedLooker
+    detectors: FingerprintedDetector
     store: ArrayStore
 
     def __call__(self, frame: Frame) -> DetectedScene:

@@ -16,7 +16,7 @@ from perception.cli.evaluations.fusion_steps import (
     step_rows,
     table_rows,
 )
-from perception.cli.evaluations.labelled_drives import LabelledDrive, SeenDrive
+from perception.cli.evaluations.labelled_drives import DetectedDrive, LabelledDrive
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
@@ -75,7 +75,7 @@ class MeasuredFusion:
 
 
 def measure_fusion(
-    seen: SeenDrive[DetectedScene],
+    detected: DetectedDrive[DetectedScene],
     fusions: Mapping[Variant, Fusion],
     of_class: DetectionClass,
     config: MetricConfig,
@@ -83,20 +83,20 @@ def measure_fusion(
     """Measure every row on the same detections."""
     ours = fusions["default"]
     without_intervals = replace(config, resampling=BootstrapConfig())
-    detections = dict(table_rows(seen, fusions))
-    boxes = {name: seen.beside(of_row) for name, of_row in detections.items()}
-    frames, target_class = len(seen.looks), of_class.at_iou(config.iou_thresholds[0])
+    detections = dict(table_rows(detected, fusions))
+    boxes = {name: detected.with_labels(of_row) for name, of_row in detections.items()}
+    frames, target_class = len(detected.outputs), of_class.at_iou(config.iou_thresholds[0])
     return MeasuredFusion(
-        data=seen.data,
-        modalities=modalities_of(seen),
+        data=detected.data,
+        modalities=modalities_of(detected),
         rows={name: ClassPrecision.of(found, of_class, config) for name, found in boxes.items()},
         losses={
-            left: ClassPrecision.of(seen.beside(of_row), of_class, config)
-            for left, of_row in loss_rows(seen, ours)
+            left: ClassPrecision.of(detected.with_labels(of_row), of_class, config)
+            for left, of_row in loss_rows(detected, ours)
         },
         steps={
-            name: ClassPrecision.of(seen.beside(of_row), of_class, without_intervals)
-            for name, of_row in step_rows(seen, ours)
+            name: ClassPrecision.of(detected.with_labels(of_row), of_class, without_intervals)
+            for name, of_row in step_rows(detected, ours)
         },
         reliability={
             name: measure_reliability(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from perception.cli.evaluations.labelled_drives import SeenDrive
+from perception.cli.evaluations.labelled_drives import DetectedDrive
 from perception.cli.training.fusion_data import DetectorModelPaths
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import Union
@@ -75,36 +75,38 @@ class FusionFiles(DetectorModelPaths):
         return fusions
 
 
-def modalities_of(seen: SeenDrive[DetectedScene]) -> tuple[Modality, ...]:
+def modalities_of(detected: DetectedDrive[DetectedScene]) -> tuple[Modality, ...]:
     """Return the modalities that all frames of a drive have."""
-    return tuple(name for name in MODALITIES if all(name in scene.modal for scene in seen.looks))
+    return tuple(
+        name for name in MODALITIES if all(name in scene.modal for scene in detected.outputs)
+    )
 
 
 def table_rows(
-    seen: SeenDrive[DetectedScene], fusions: Mapping[Variant, Fusion]
+    detected: DetectedDrive[DetectedScene], fusions: Mapping[Variant, Fusion]
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield the rows of Table 7.10: each modality by itself, all of them merged, and each fusion."""
-    for modality in modalities_of(seen):
-        yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in seen.looks]
-    yield UNION_NAME, _of_all(seen, merge)
+    for modality in modalities_of(detected):
+        yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in detected.outputs]
+    yield UNION_NAME, _of_all(detected, merge)
     for variant, fusion in fusions.items():
-        yield VARIANT_NAMES[variant], _of_all(seen, fuse_by(fusion))
+        yield VARIANT_NAMES[variant], _of_all(detected, fuse_by(fusion))
 
 
 def loss_rows(
-    seen: SeenDrive[DetectedScene], fusion: Fusion
+    detected: DetectedDrive[DetectedScene], fusion: Fusion
 ) -> Iterator[tuple[tuple[Modality, ...], Sequence[Detections]]]:
     """Yield what a fusion makes of what is left where modalities are lost, the most of them first."""
-    known = modalities_of(seen)
+    known = modalities_of(detected)
     for count in range(len(known) - 1, 0, -1):
         for left in combinations(known, count):
             lost = tuple(name for name in MODALITIES if name not in left)
-            scenes = [scene.without(*lost) for scene in seen.looks]
+            scenes = [scene.without(*lost) for scene in detected.outputs]
             yield left, [fuse_by(fusion)(scene) for scene in scenes]
 
 
 def step_rows(
-    seen: SeenDrive[DetectedScene], fusion: Fusion
+    detected: DetectedDrive[DetectedScene], fusion: Fusion
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield all boxes before rescoring, after it, and after suppression (Fig. 7.14)."""
     steps: tuple[Fuse, ...] = (
@@ -113,7 +115,7 @@ def step_rows(
         fuse_by(fusion),
     )
     for name, step in zip(STEP_NAMES, steps, strict=True):
-        yield name, _of_all(seen, step)
+        yield name, _of_all(detected, step)
 
 
 def merge(scene: DetectedScene) -> Detections:
@@ -132,5 +134,5 @@ def _rescored(fusion: Fusion, scene: DetectedScene) -> Detections:
     return fusion.rescore(scene).detections
 
 
-def _of_all(seen: SeenDrive[DetectedScene], fuse: Fuse) -> Sequence[Detections]:
-    return [fuse(scene) for scene in seen.looks]
+def _of_all(detected: DetectedDrive[DetectedScene], fuse: Fuse) -> Sequence[Detections]:
+    return [fuse(scene) for scene in detected.outputs]

@@ -11,12 +11,12 @@ from data.kitti.detection_rows import DetectionSet
 from data.open_drive import open_drive, sequences_in
 from data.true_boxes import true_boxes
 from perception.cli.flags import require_drives, require_positive
-from perception.cli.vehicle_detector import looks
+from perception.cli.vehicle_detector import outputs
 from perception.errors import DriveError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.types import Detections, Frame
 
-Look = TypeVar("Look")
+Output = TypeVar("Look")
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class LabelledDrive:
 
 
 @dataclass(frozen=True)
-class SeenDrive(Generic[Look]):
+class DetectedDrive(Generic[Output]):
     """What is true of F frames, and what was made of each.
 
     Attributes:
@@ -59,9 +59,9 @@ class SeenDrive(Generic[Look]):
     data: LabelledDrive
     numbers: tuple[int, ...]
     truths: TrueBoxes
-    looks: tuple[Look, ...]
+    outputs: tuple[Output, ...]
 
-    def beside(self, detections: Sequence[Detections]) -> DetectionSet:
+    def with_labels(self, detections: Sequence[Detections]) -> DetectionSet:
         """Put the detections of the F frames beside what is true."""
         found = DetectedBoxes.of_frames(detections)
         return DetectionSet(self.numbers, self.truths, found, without_result=(), beyond=())
@@ -142,9 +142,9 @@ def open_labelled(source: DriveSource, config: ReadingConfig) -> Drive:
     return drive
 
 
-def see_drive(
-    name: str, drive: Drive, look: Callable[[Frame], Look], config: ReadingConfig
-) -> SeenDrive[Look]:
+def detect_drive(
+    name: str, drive: Drive, detect: Callable[[Frame], Output], config: ReadingConfig
+) -> DetectedDrive[Output]:
     """Look at the frames of a drive, and put their labels beside.
 
     Args:
@@ -158,12 +158,12 @@ def see_drive(
     """
     indices: list[int] = []
     labels: list[Labels] = []
-    seen: list[Look] = []
-    for frame, one in looks(drive, look, limit=config.frames, on_bad_frame=config.on_bad_frame):
+    detected: list[Output] = []
+    for frame, one in outputs(drive, detect, limit=config.frames, on_bad_frame=config.on_bad_frame):
         indices.append(frame.index)
         labels.append(drive.labels(frame.index))
-        seen.append(one)
-    if not seen:
+        detected.append(one)
+    if not detected:
         raise DriveError(drive.root, expected="a frame that can be read", found="none")
     data = LabelledDrive(
         name=name,
@@ -171,7 +171,7 @@ def see_drive(
         sensor=drive.sensor.name,
         is_synthetic=drive.point_truth(indices[0]) is not None,
         frames=len(drive),
-        frames_evaluated=len(seen),
+        frames_evaluated=len(detected),
     )
     numbers = tuple(file_number(drive, index) for index in indices)
-    return SeenDrive(data, numbers, true_boxes(labels), tuple(seen))
+    return DetectedDrive(data, numbers, true_boxes(labels), tuple(detected))

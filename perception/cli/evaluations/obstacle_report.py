@@ -11,12 +11,12 @@ from data.drive import Drive, Labels
 from data.kitti.sequence import KittiSequence
 from perception.evaluation.false_clusters import (
     ClusterConfig,
+    FrameAnnotations,
     MovingClusters,
-    Surroundings,
     is_false,
     moving_clusters,
 )
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.obstacles import (
     ObjectCounts,
     ObjectMatchConfig,
@@ -173,7 +173,7 @@ class ObstacleReport:
         return FalseClusters(
             min_points=size,
             clusters=len(false),
-            on_static_objects=int(np.count_nonzero(false.touched == Motion.STATIC)),
+            on_static_objects=int(np.count_nonzero(false.touched == MotionState.STATIC)),
             in_warm_up=int(np.count_nonzero(false.frames < self.protocol.warm_up)),
             with_dont_care=int(np.count_nonzero(everywhere)),
             per_frame=len(false) / self.frames if self.frames else float("nan"),
@@ -199,10 +199,12 @@ def measure_obstacles(
             labels = drive.labels(index)
             objects = _objects(labels, index, motion)
             observed.append(observe_objects(index, scan, states, objects, area, protocol.objects))
-            around = _surroundings(objects, labels, result.frame) if motion else None
-            if around is not None:
-                clusters.append(moving_clusters(index, scan, states, around, protocol.clusters))
-                shadows.append(places.shadows(result, around))
+            annotations = _annotations(objects, labels, result.frame) if motion else None
+            if annotations is not None:
+                clusters.append(
+                    moving_clusters(index, scan, states, annotations, protocol.clusters)
+                )
+                shadows.append(places.shadows(result, annotations))
         truth = drive.point_truth(index)
         if truth is not None:
             points.append(point_motion(states, truth.classes, truth.is_moving))
@@ -224,13 +226,13 @@ def _motion_of(drive: Drive, thresholds: MotionLabelConfig) -> MotionLabels | No
 
 
 def _objects(labels: Labels, index: int, motion: MotionLabels | None) -> LabelledObjects:
-    unknown = np.full(len(labels), Motion.UNKNOWN, np.int64)
+    unknown = np.full(len(labels), MotionState.UNKNOWN, np.int64)
     motions = unknown if motion is None else motion.of(index, labels.track_ids)
     return LabelledObjects(labels.boxes_velo, motions, labels.track_ids)
 
 
-def _surroundings(objects: LabelledObjects, labels: Labels, frame: Frame) -> Surroundings | None:
+def _annotations(objects: LabelledObjects, labels: Labels, frame: Frame) -> FrameAnnotations | None:
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
         return None
-    return Surroundings(objects, labels.dont_care_px, calibration, calibration.image_size_px)
+    return FrameAnnotations(objects, labels.dont_care_px, calibration, calibration.image_size_px)

@@ -13,8 +13,8 @@ from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.evaluations.labelled_drives import (
     DriveSource,
     LabelledDrive,
+    detect_drive,
     open_labelled,
-    see_drive,
 )
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.cli.evaluations.robustness_steps import (
@@ -80,19 +80,19 @@ def robustness(  # noqa: PLR0913 - flags of a command
     undisturbed = files.open_detectors()
     fusion = files.open_fusions(undisturbed)["default"]
     detector = DisturbedDetector(undisturbed, disturbances, evaluation_config.seed)
-    seen = see_drive(source.name, opened, detector.see, reading)
+    detected = detect_drive(source.name, opened, detector.detect, reading)
     of_class = kitti_class(class_name)
     measured = {
         key: {
-            name: ClassPrecision.of(seen.beside(found), of_class, measuring)
-            for name, found in robustness_rows(seen, key, fusion)
+            name: ClassPrecision.of(detected.with_labels(found), of_class, measuring)
+            for name, found in robustness_rows(detected, key, fusion)
         }
-        for key in seen.looks[0]
+        for key in detected.outputs[0]
     }
-    print(robustness_tables(seen.data, disturbances, measured))
+    print(robustness_tables(detected.data, disturbances, measured))
     if plot is not None:
         panels = [_panel(one, measured, iou) for one in disturbances]
-        title = f"{seen.data.name} ({seen.data.kind}, {seen.data.frames_evaluated} frames), {class_name}"
+        title = f"{detected.data.name} ({detected.data.kind}, {detected.data.frames_evaluated} frames), {class_name}"
         value_name = f"AP R{measuring.recall_points} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
         plot_levels(plot, title, value_name, panels)
     if json is not None:
@@ -104,7 +104,7 @@ def robustness(  # noqa: PLR0913 - flags of a command
         }
         words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
         metrics = Evaluation("robustness", words, robustness_results(disturbances, measured))
-        write_evaluation(json, seen.data, {"models": files}, metrics)
+        write_evaluation(json, detected.data, {"models": files}, metrics)
 
 
 def robustness_tables(

@@ -12,7 +12,7 @@ from perception.cli.evaluations.fusion_steps import (
     VARIANT_NAMES,
     merge,
 )
-from perception.cli.evaluations.labelled_drives import SeenDrive
+from perception.cli.evaluations.labelled_drives import DetectedDrive
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.rescoring import Fusion
@@ -104,31 +104,31 @@ class DisturbedDetector:
             for one in disturbances
         }
 
-    def see(self, frame: Frame) -> DisturbedScenes:
+    def detect(self, frame: Frame) -> DisturbedScenes:
         """Return what the detectors see in a frame.
 
         Raises:
             PerceptionError: the frame has nothing to look at, or no camera.
         """
         camera, size_px = camera_of(frame)
-        plain = self._detector.look(frame)
+        plain = self._detector.detect(frame)
         scenes = {UNDISTURBED: scene_of(plain.modal, size_px, plain.dense, camera)}
         for number, one in enumerate(self._disturbances):
             for level in one.levels:
                 rng = np.random.default_rng((self._seed, frame.index, number))
                 disturbed = one.disturb(frame, level, rng)
-                sight = self._affected[one.name].look(disturbed)
-                dense = plain.dense if sight.dense is None else sight.dense
-                modal = {**plain.modal, **sight.modal}
+                output = self._affected[one.name].detect(disturbed)
+                dense = plain.dense if output.dense is None else output.dense
+                modal = {**plain.modal, **output.modal}
                 scenes[one.name, level] = scene_of(modal, size_px, dense, camera)
         return scenes
 
 
 def robustness_rows(
-    seen: SeenDrive[DisturbedScenes], key: tuple[str, float], fusion: Fusion
+    detected: DetectedDrive[DisturbedScenes], key: tuple[str, float], fusion: Fusion
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield each modality, all of them merged, and our fusion, at one level of a disturbance."""
-    scenes = [scenes[key] for scenes in seen.looks]
+    scenes = [scenes[key] for scenes in detected.outputs]
     for modality in MODALITIES:
         if all(modality in scene.modal for scene in scenes):
             yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in scenes]

@@ -196,7 +196,7 @@ def _evaluated(
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
         network_ms=first.median_ms(first.modality),
-        drives=to_serializable({one.seen.data.name: _of_drive(one) for one in measured}),
+        drives=to_serializable({one.detected.data.name: _of_drive(one) for one in measured}),
     )
     write_json(folder / "figures.json", {"judging": asked, "figures": metrics})
     return metrics
@@ -216,7 +216,7 @@ def _measure(model: Path, evaluation: VariantEvaluationConfig) -> list[MeasuredD
 
 def _of_drive(measured: MeasuredDetector) -> dict[str, Any]:
     precision = next(iter(measured.precision.values()))
-    data = measured.seen.data
+    data = measured.detected.data
     return {"data": data.kind, "frames": data.frames_evaluated, "iou": precision.to_json()}
 
 

@@ -139,8 +139,8 @@ def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
     last_s = truth.stamps_s[hidden[-1]]
     overlap = errors.overlap if errors.gives_boxes else errors.overlap_px
     stamps_s = truth.stamps_s[np.isin(truth.frames, errors.frames)]
-    is_seen = (errors.states == TrackStatus.SEEN) & (stamps_s > last_s)
-    is_found = is_seen & (overlap > _REACQUIRED_IOU)
+    is_observed = (errors.states == TrackStatus.SEEN) & (stamps_s > last_s)
+    is_found = is_observed & (overlap > _REACQUIRED_IOU)
     return float(stamps_s[is_found][0] - last_s) if is_found.any() else np.inf
 
 

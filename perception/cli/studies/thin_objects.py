@@ -36,8 +36,8 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     columns = _columns(cloud, ground, area)
     inner = cv2.boxFilter(columns.points, -1, (_INNER_CELLS,) * 2, normalize=False)
     outer = cv2.boxFilter(columns.points, -1, (_OUTER_CELLS,) * 2, normalize=False)
-    is_seen = columns.scans >= int(cloud.age.max()) + 1
-    is_pole = is_seen & (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
+    is_observed = columns.scans >= int(cloud.age.max()) + 1
+    is_pole = is_observed & (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
     is_pole &= inner >= _MIN_SHARE * outer
     is_pole &= _is_whole(is_pole.shape)
     if not is_pole.any():

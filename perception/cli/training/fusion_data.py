@@ -7,7 +7,7 @@ import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
 from data.detections.gathering import (
-    MarkedLooker,
+    FingerprintedDetector,
     detect_drives,
     models_fingerprint,
     require_unseen,
@@ -112,14 +112,14 @@ def split_detections(data: FusionDataConfig, seed: int) -> SplitDetections:
         PerceptionError: a drive, a frame or a model cannot be read or used.
     """
     detectors = data.models.open()
-    marked = MarkedLooker(MultimodalDetector(detectors), data.models.fingerprint())
+    fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), data.models.fingerprint())
     sources = TrainingDrives(data.drives, data.validation, data.cache)
     parts = []
     for paths in sources.parts:
         drives = open_drives(paths)
         require_unseen(drives, detectors)
         bar = frame_bar("detections")
-        parts.append(detect_drives(drives, marked, sources.store, data.on_bad_frame, bar))
+        parts.append(detect_drives(drives, fingerprinted, sources.store, data.on_bad_frame, bar))
     rng = np.random.default_rng([seed, _SPLIT])
     if len(parts) == 1:
         whole = parts[0]

@@ -88,8 +88,8 @@ def find_standing(
     with np.errstate(invalid="ignore"):
         pixels = np.rint(exact_px)
         u, v = pixels.T
-        is_seen = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
-    seen = np.flatnonzero(is_seen & (depths_m > _NEAREST_M))
+        is_observed = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
+    seen = np.flatnonzero(is_observed & (depths_m > _NEAREST_M))
     return Standing(
         rows=candidates[chosen.rows[seen]],
         xy_m=points[seen, :2].astype(np.float64),

@@ -61,7 +61,7 @@ class DetectionFusion(Protocol):
 
 
 @dataclass(frozen=True)
-class MultimodalSight:
+class MultimodalOutput:
     """What the detectors make of one frame.
 
     Attributes:
@@ -110,7 +110,7 @@ class MultimodalDetector:
             warn_of_detector_mismatch(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
-    def look(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalSight:
+    def detect(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalOutput:
         """Detect in one frame; one without an image is seen by the LiDAR's detectors alone.
 
         Args:
@@ -123,20 +123,22 @@ class MultimodalDetector:
             ModelError: a network yields numbers that are not finite.
         """
         begun_s = time.perf_counter()
-        looks: dict[Modality, Future[_Timed[_Look]]] = {}
-        if self._looks_at_image(frame):
-            looks["rgb"] = self._start("rgb", lambda: camera_image(frame))
+        running: dict[Modality, Future[_Timed[_ModalOutput]]] = {}
+        if self._uses_image(frame):
+            running["rgb"] = self._start("rgb", lambda: camera_image(frame))
         maps = _timed(lambda: self._make_maps(frame, dense))
         for modality in MAP_MODALITIES:
             if modality in self.detectors:
-                looks[modality] = self._start(modality, partial(self._picture, modality, maps.made))
-        seen = {name: looks[name].result() for name in MODALITIES if name in looks}
+                running[modality] = self._start(
+                    modality, partial(self._picture, modality, maps.made)
+                )
+        seen = {name: running[name].result() for name in MODALITIES if name in running}
         modal = {name: one.made.seen for name, one in seen.items()}
         shown = next(iter(maps.made.values()), dense)
         fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown, frame.calibration))
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in seen.items()}
-        return MultimodalSight(
+        return MultimodalOutput(
             modal,
             fused.made,
             shown,
@@ -148,7 +150,7 @@ class MultimodalDetector:
             ),
         )
 
-    def _looks_at_image(self, frame: Frame) -> bool:
+    def _uses_image(self, frame: Frame) -> bool:
         is_alone = len(self.detectors) == 1
         return "rgb" in self.detectors and (frame.image is not None or is_alone)
 
@@ -171,14 +173,14 @@ class MultimodalDetector:
     def _start(self, modality: Modality, picture: Callable[[], UInt8]) -> "Future[_Timed[_Look]]":
         """Let a detector look at a picture, which is made by whoever does this, too."""
 
-        def look() -> _Look:
+        def detect() -> _ModalOutput:
             shown = picture()
-            return _Look(shown, self.detectors[modality].detect(shown))
+            return _ModalOutput(shown, self.detectors[modality].detect(shown))
 
-        return self._workers.submit(_timed, look)
+        return self._workers.submit(_timed, detect)
 
 
-class _Look(NamedTuple):
+class _ModalOutput(NamedTuple):
     """What a detector was shown, and what it saw."""
 
     picture: UInt8

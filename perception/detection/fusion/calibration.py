@@ -72,11 +72,11 @@ class Calibrations:
             {name: Calibration.parse(named[name]) for name in MODALITIES if name in named},
         )
 
-    def of(self, looked: Collection[Modality]) -> Calibration:
+    def of(self, modalities: Collection[Modality]) -> Calibration:
         """Return the curve of a frame at which these views looked."""
-        if len(looked) != 1:
+        if len(modalities) != 1:
             return self.joint
-        (only,) = looked
+        (only,) = modalities
         return self.alone.get(only, Calibration())
 
 

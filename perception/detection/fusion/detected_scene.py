@@ -17,7 +17,7 @@ from perception.types import (
     Modality,
 )
 
-_LOOKS = 10  # places along each edge of a box at which its depth is read
+_SAMPLES_PER_EDGE = 10  # places along each edge of a box at which its depth is read
 # Where nobody says: what a camera that looks ahead from a car mostly spans from side to side.
 _USUAL_SPAN_RAD = np.deg2rad(80)
 _NEAR = 0.1  # quantile of the depths that is taken for the near side
@@ -128,12 +128,12 @@ def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:
     Read at a lattice of places, as many in each box: enough for a quantile, and as fast for large boxes.
     """
     height, width = dense.depth_m.shape
-    shares = (np.arange(_LOOKS) + 0.5) / _LOOKS
+    shares = (np.arange(_SAMPLES_PER_EDGE) + 0.5) / _SAMPLES_PER_EDGE
     corners, sizes = boxes_px[:, :2, None], (boxes_px[:, 2:] - boxes_px[:, :2])[:, :, None]
     places = (corners + sizes * shares).astype(np.int64)
     columns = np.clip(places[:, 0], 0, width - 1)
     rows = np.clip(places[:, 1], 0, height - 1)
-    depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(-1, _LOOKS**2)
+    depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(-1, _SAMPLES_PER_EDGE**2)
     known = (depth_m > 0).sum(axis=1)
     ordered = np.sort(np.where(depth_m > 0, depth_m, np.inf), axis=1)
     ranks = (np.maximum(known - 1, 0)[:, None] * (_NEAR, 0.5)).astype(np.int64)

@@ -63,12 +63,12 @@ def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: Variant) -> 
 
 def _layout(boxes: Float64, places: Int) -> list[Float64]:
     """Return the rows after the scores, of (M, 4) boxes in shares of the picture and their (3, T) places."""
-    is_seen = places >= 0
+    is_observed = places >= 0
     shapes = np.hstack([_size_and_center(boxes.T), np.zeros((4, 1))])[:, places]
-    centers, counts = shapes[2:], np.maximum(is_seen.sum(axis=0), 1)
+    centers, counts = shapes[2:], np.maximum(is_observed.sum(axis=0), 1)
     mean = centers.sum(axis=1) / counts
     # Of the population: of one box it is 0, not unknown.
-    squares = np.where(is_seen, (centers - mean[:, None]) ** 2, 0.0).sum(axis=1)
+    squares = np.where(is_observed, (centers - mean[:, None]) ** 2, 0.0).sum(axis=1)
     edges = np.vstack([boxes, [np.inf, np.inf, -np.inf, -np.inf]]).T[:, places]
     around = _size_and_center(np.vstack([edges[:2].min(axis=1), edges[2:].max(axis=1)]))
     return [
@@ -87,7 +87,7 @@ def _size_and_center(edges: Float64) -> Float64:
 
 def _added(scene: DetectedScene, places: Int) -> list[Float64]:
     """Return the rows beyond the printed ones; logarithms, as near and far differ by factors."""
-    boxes_px, is_seen = scene.merged.detections.boxes_px, places >= 0
+    boxes_px, is_observed = scene.merged.detections.boxes_px, places >= 0
     depths_m = scene.merged_depths_m
     size_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
     # How high it is at its distance: what is no car is too high or low.
@@ -100,4 +100,4 @@ def _added(scene: DetectedScene, places: Int) -> list[Float64]:
     overlaps = [paired_iou_px(corners_px[a], corners_px[b]) for a, b in _PAIRS]
     looked = [float(name in scene.modal) for name in MODALITIES]
     of_frame = np.tile([[*looked, float(bool(scene.depths_m))]], (places.shape[1], 1)).T
-    return [each, np.stack(overlaps), is_seen * 1.0, of_frame]
+    return [each, np.stack(overlaps), is_observed * 1.0, of_frame]

@@ -121,10 +121,10 @@ class Fusion:
         rows = tri_boxes(scene, TRI_BOX_CONFIGS[self.variant])
         places = merged.places(rows)
         tri_scores = self._tri_scores(scene, rows)
-        flat, is_seen = places.ravel(), places.ravel() >= 0
+        flat, is_observed = places.ravel(), places.ravel() >= 0
         count = len(merged.detections)
-        sums = np.bincount(flat[is_seen], tri_scores.ravel()[is_seen], count)
-        times = np.bincount(flat[is_seen], minlength=count)
+        sums = np.bincount(flat[is_observed], tri_scores.ravel()[is_observed], count)
+        times = np.bincount(flat[is_observed], minlength=count)
         best = _best_rows(flat, tri_scores.ravel(), count)
         return Rescored(replace(merged.detections, scores=sums / times), rows, tri_scores, best)
 
@@ -175,7 +175,7 @@ def _best_rows(places: Int, scores: Float64, count: int) -> Int:
     return best[:count]
 
 
-def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> Float64:
+def _blended(others_px: Float64, is_own: Bool, is_observed: Bool, ious: Float64) -> Float64:
     """Return (M, 4) for each box the mean of those in its combination that show the same as it does.
 
     Errors of boxes are independent between modalities, and go with 1 - IoU: weights are its inverse square.
@@ -183,12 +183,12 @@ def _blended(others_px: Float64, is_own: Bool, is_seen: Bool, ious: Float64) -> 
     Args:
         others_px: (M, 3, 4) boxes of the combination.
         is_own: (M, 3) which of them is the box itself.
-        is_seen: (M, 3) which are there.
+        is_observed: (M, 3) which are there.
         ious: (M, 3) what they are expected to overlap the object by.
     """
     ours_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
     overlaps = paired_iou_px(ours_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
-    counts = is_own | (is_seen & (overlaps > MAX_IOU))
+    counts = is_own | (is_observed & (overlaps > MAX_IOU))
     weights = np.where(counts, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.asarray((weights[..., None] * others_px).sum(axis=1))

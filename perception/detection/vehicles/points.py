@@ -101,7 +101,9 @@ class _Claims:
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
         box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
-        along_m, left_m = _along_sight(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
+        along_m, left_m = _along_line_of_sight(
+            near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box
+        )
         some = _some_of_each(box, config.samples)
         labels = _clusters(along_m[some], left_m[some], box[some], config)
         return cls(box, point, along_m, left_m, some, labels)
@@ -162,7 +164,7 @@ def _likelihoods(
     return np.asarray(np.exp(-(off_center / config.centrality**2 + (ratio / deviation) ** 2) / 2))
 
 
-def _along_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
+def _along_line_of_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
     """Turn (L,) places, box by box, into how far along the line of sight and how far left of it."""
     x_sum_m, y_sum_m = np.bincount(box, x_m), np.bincount(box, y_m)
     away_m = np.maximum(np.hypot(x_sum_m, y_sum_m), 1e-6)

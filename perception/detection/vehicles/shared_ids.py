@@ -68,7 +68,7 @@ class SharedIds:
         self._bind_lasting(ids, partners, numbers)
         self._part(ids, overlap, numbers)
         shared = np.array([self._id_of[number] for number in numbers], np.int64)
-        renamed = Tracks(shared, tracks.boxes, tracks.velocities_m_s, tracks.is_seen)
+        renamed = Tracks(shared, tracks.boxes, tracks.velocities_m_s, tracks.is_observed)
         return ids, renamed[np.argsort(shared)]
 
     def _take_next(self) -> int:

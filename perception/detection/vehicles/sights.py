@@ -18,7 +18,7 @@ _NEAREST_M = 0.5
 
 
 @dataclass(frozen=True)
-class View:
+class FrameGeometry:
     """From where, when and through what the vehicles are seen.
 
     Attributes:
@@ -42,7 +42,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Sights:
+class VehicleObservations:
     """D detections in the world that stands still.
 
     Attributes:
@@ -58,7 +58,9 @@ class Sights:
     noise: Float64
 
     @classmethod
-    def of(cls, vehicles: Vehicles, view: View, config: VehicleTrackerConfig) -> Self:
+    def of(
+        cls, vehicles: Vehicles, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
+    ) -> Self:
         """Put vehicles into the world."""
         points = np.maximum(vehicles.point_counts, 1)
         away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
@@ -69,7 +71,7 @@ class Sights:
         return cls(
             detections.boxes_px,
             detections.scores,
-            transform_boxes(view.world_SE3_velo, vehicles.boxes),
+            transform_boxes(frame_geometry.world_SE3_velo, vehicles.boxes),
             variances[:, None, None] * np.eye(2),
         )
 
@@ -95,76 +97,94 @@ def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig
     return replace(tracks, mean=states.mean, covariance=states.covariance)
 
 
-def expected_boxes_px(tracks: VehicleTable, view: View) -> Float64:
+def expected_boxes_px(tracks: VehicleTable, frame_geometry: FrameGeometry) -> Float64:
     """Return (T, 4) where in the image each track is now; NaN behind the camera.
 
     A box moves and grows as its 3D box does; of what is nowhere on the ground, as it did so far.
     """
-    now_px = view.anchors_px(tracks)
+    now_px = frame_geometry.anchors_px(tracks)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
     on_ground = (now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4)
-    unseen_s = (view.stamp_s - tracks.seen_s)[:, None]
+    unseen_s = (frame_geometry.stamp_s - tracks.last_seen_s)[:, None]
     in_image = tracks.boxes_px + unseen_s * tracks.speeds_px_s
     return np.where(tracks.is_located[:, None], on_ground, in_image)
 
 
-def begin(sights: Sights, view: View, config: VehicleTrackerConfig) -> VehicleTable:
+def begin(
+    observations: VehicleObservations, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
+) -> VehicleTable:
     """Return the tracks that D detections begin."""
-    tracks = VehicleTable.seen_in_image(sights.boxes_px, sights.scores, view.stamp_s)
-    return _seen_on_ground(tracks, sights, view, config)
+    tracks = VehicleTable.init_in_image(
+        observations.boxes_px, observations.scores, frame_geometry.stamp_s
+    )
+    return _seen_on_ground(tracks, observations, frame_geometry, config)
 
 
-def see_again(
-    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
+def update_tracks(
+    tracks: VehicleTable,
+    observations: VehicleObservations,
+    frame_geometry: FrameGeometry,
+    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it."""
-    elapsed_s = np.maximum(view.stamp_s - tracks.seen_s, 1e-3)[:, None]
-    speeds_px_s = (sights.boxes_px - tracks.boxes_px) / elapsed_s
+    elapsed_s = np.maximum(frame_geometry.stamp_s - tracks.last_seen_s, 1e-3)[:, None]
+    speeds_px_s = (observations.boxes_px - tracks.boxes_px) / elapsed_s
     gain = config.image_speed_gain
     tracks = replace(
         tracks,
-        evidence=tracks.evidence + sights.scores,
-        seen_s=np.full(len(tracks), view.stamp_s),
-        boxes_px=sights.boxes_px,
+        evidence=tracks.evidence + observations.scores,
+        last_seen_s=np.full(len(tracks), frame_geometry.stamp_s),
+        boxes_px=observations.boxes_px,
         speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
     )
-    return _seen_on_ground(tracks, sights, view, config)
+    return _seen_on_ground(tracks, observations, frame_geometry, config)
 
 
 def _seen_on_ground(
-    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
+    tracks: VehicleTable,
+    observations: VehicleObservations,
+    frame_geometry: FrameGeometry,
+    config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct those that the LiDAR found where they were expected; place anew those that it found not."""
-    distances = np.diagonal(place_distances(tracks, sights))
+    distances = np.diagonal(place_distances(tracks, observations))
     is_expected = tracks.is_located & (distances <= config.motion.gate)
-    is_lost = view.stamp_s - tracks.located_s > config.replacing_s
-    anew = np.flatnonzero(sights.is_located & ~is_expected & (is_lost | ~tracks.is_located))
+    is_lost = frame_geometry.stamp_s - tracks.last_located_s > config.replacing_s
+    anew = np.flatnonzero(observations.is_located & ~is_expected & (is_lost | ~tracks.is_located))
     if len(anew):
-        tracks = tracks.replaced(anew, _placed(tracks[anew], sights[anew], config))
-    rows = np.flatnonzero(sights.is_located & is_expected)
+        tracks = tracks.replaced(anew, _placed(tracks[anew], observations[anew], config))
+    rows = np.flatnonzero(observations.is_located & is_expected)
     if len(rows):
-        tracks = tracks.replaced(rows, _corrected(tracks[rows], sights[rows], view, config))
+        tracks = tracks.replaced(
+            rows, _corrected(tracks[rows], observations[rows], frame_geometry, config)
+        )
     both = np.concatenate([anew, rows])
-    located_s = tracks.located_s.copy()
-    located_s[both] = view.stamp_s
-    tracks = replace(tracks, located_s=located_s)
-    return replace(tracks, anchors_px=np.nan_to_num(view.anchors_px(tracks), nan=_NEAREST_M))
+    last_located_s = tracks.last_located_s.copy()
+    last_located_s[both] = frame_geometry.stamp_s
+    tracks = replace(tracks, last_located_s=last_located_s)
+    return replace(
+        tracks, anchors_px=np.nan_to_num(frame_geometry.anchors_px(tracks), nan=_NEAREST_M)
+    )
 
 
-def place_distances(tracks: VehicleTable, sights: Sights) -> Float64:
+def place_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
     """Return (T, D) squared Mahalanobis distances on the ground; NaN where either is not located."""
-    centers_m = np.broadcast_to(sights.boxes_world.bottom_m[:, :2], (len(tracks), len(sights), 2))
+    centers_m = np.broadcast_to(
+        observations.boxes_world.bottom_m[:, :2], (len(tracks), len(observations), 2)
+    )
     # What was never located has no covariance.
-    noise = np.broadcast_to(sights.noise, (len(tracks), len(sights), 2, 2))
+    noise = np.broadcast_to(observations.noise, (len(tracks), len(observations), 2, 2))
     distances = motion_model.squared_distances(tracks.states, centers_m, noise)
-    return np.where(tracks.is_located[:, None] & sights.is_located, distances, np.nan)
+    return np.where(tracks.is_located[:, None] & observations.is_located, distances, np.nan)
 
 
-def _placed(tracks: VehicleTable, sights: Sights, config: VehicleTrackerConfig) -> VehicleTable:
-    boxes = sights.boxes_world
+def _placed(
+    tracks: VehicleTable, observations: VehicleObservations, config: VehicleTrackerConfig
+) -> VehicleTable:
+    boxes = observations.boxes_world
     states = motion_model.begin(
-        boxes.bottom_m[:, :2], sights.noise, boxes.size_m[:, :2], config.motion
+        boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
     )
     return replace(
         tracks,
@@ -180,16 +200,21 @@ def _placed(tracks: VehicleTable, sights: Sights, config: VehicleTrackerConfig) 
 
 
 def _corrected(
-    tracks: VehicleTable, sights: Sights, view: View, config: VehicleTrackerConfig
+    tracks: VehicleTable,
+    observations: VehicleObservations,
+    frame_geometry: FrameGeometry,
+    config: VehicleTrackerConfig,
 ) -> VehicleTable:
-    boxes = sights.boxes_world
-    sizings = np.minimum(tracks.sizings + 1, config.size_sights)
+    boxes = observations.boxes_world
+    sizings = np.minimum(tracks.sizings + 1, config.max_size_samples)
     share = 1.0 / sizings
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
     axis = config.axis_memory * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
-    shift_m = _hidden_shift_m(boxes, sizes_m, view.world_SE3_velo[:2, 3])
-    states = motion_model.correct(tracks.states, boxes.bottom_m[:, :2] + shift_m, sights.noise)
+    shift_m = _hidden_shift_m(boxes, sizes_m, frame_geometry.world_SE3_velo[:2, 3])
+    states = motion_model.correct(
+        tracks.states, boxes.bottom_m[:, :2] + shift_m, observations.noise
+    )
     tracks = replace(
         tracks,
         mean=states.mean,
@@ -232,18 +257,21 @@ def _nearer_end(yaw_rad: Float64, reference_rad: Float64) -> Float64:
     return wrap(reference_rad + wrap(yaw_rad - reference_rad, np.pi))
 
 
-def boxes_in_scan(tracks: VehicleTable, view: View) -> Boxes3D:
+def boxes_in_scan(tracks: VehicleTable, frame_geometry: FrameGeometry) -> Boxes3D:
     """Return (T) boxes in the frame of the scan."""
     bottom_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
     boxes = transform_boxes(
-        se3.inverse(view.world_SE3_velo), Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad)
+        se3.inverse(frame_geometry.world_SE3_velo),
+        Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad),
     )
     return Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad))
 
 
-def velocities_in_scan(tracks: VehicleTable, view: View, config: VehicleTrackerConfig) -> Float64:
+def velocities_in_scan(
+    tracks: VehicleTable, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
+) -> Float64:
     """Return (T, 2) over the ground along x and y of the scan; NaN while they are hardly known."""
-    turn_rad = np.arctan2(view.world_SE3_velo[1, 0], view.world_SE3_velo[0, 0])
+    turn_rad = np.arctan2(frame_geometry.world_SE3_velo[1, 0], frame_geometry.world_SE3_velo[0, 0])
     velocities_m_s = from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad))
     is_known = tracks.is_located & (tracks.speed_deviations_m_s <= config.known_speed_m_s)
     return np.where(is_known[:, None], velocities_m_s, np.nan)

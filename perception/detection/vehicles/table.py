@@ -36,7 +36,7 @@ class VehicleTrackerConfig:
         axis_memory: share of what is known of a heading that is left after the next sight.
         way_speed_m_s: faster, the velocity tells the heading, too.
         sign_speed_m_s: faster, it tells front from rear.
-        size_sights: over so many, sizes are averaged.
+        max_size_samples: over so many, sizes are averaged.
         known_speed_m_s: standard deviation of a velocity that is told.
         image_speed_gain: share of the way to a new motion in the image of what is nowhere on the ground.
     """
@@ -59,7 +59,7 @@ class VehicleTrackerConfig:
     axis_memory: float = 0.7
     way_speed_m_s: float = 2.0
     sign_speed_m_s: float = 1.0
-    size_sights: int = 12
+    max_size_samples: int = 12
     known_speed_m_s: float = 2.0
     image_speed_gain: float = 0.5
 
@@ -71,12 +71,12 @@ class VehicleTable(OnGround):
     Attributes:
         ids: (T,) -1 before they are believed.
         evidence: (T,) sum of their scores.
-        seen_s: (T,) stamp of the last sight.
+        last_seen_s: (T,) stamp of the last sight.
         boxes_px: (T, 4) in the image at the last sight.
         speeds_px_s: (T, 4) of its sides.
         anchors_px: (T, 3) column, row and depth in metres of the middle of the 3D box at the last sight.
         is_located: (T,) whether it was ever found on the ground; else what follows, mean and covariance are void.
-        located_s: (T,) stamp of the last sight there.
+        last_located_s: (T,) stamp of the last sight there.
         axis: (T, 2) sum of sights of the heading, as cosine and sine of twice the angle.
         yaw_rad: (T,) heading in the world.
         sizes_m: (T, 3) length, width, height: means so far.
@@ -86,12 +86,12 @@ class VehicleTable(OnGround):
 
     ids: Int
     evidence: Float64
-    seen_s: Float64
+    last_seen_s: Float64
     boxes_px: Float64
     speeds_px_s: Float64
     anchors_px: Float64
     is_located: Bool
-    located_s: Float64
+    last_located_s: Float64
     axis: Float64
     yaw_rad: Float64
     sizes_m: Float64
@@ -105,18 +105,18 @@ class VehicleTable(OnGround):
         return np.asarray(np.sqrt(variances.max(axis=1, initial=0.0)))
 
     @classmethod
-    def seen_in_image(cls, boxes_px: Float64, scores: Float64, stamp_s: float) -> Self:
+    def init_in_image(cls, boxes_px: Float64, scores: Float64, stamp_s: float) -> Self:
         """Return what is known of T vehicles after one sight in the image alone."""
         count = len(boxes_px)
         return cls(
             ids=np.full(count, -1),
             evidence=scores,
-            seen_s=np.full(count, stamp_s),
+            last_seen_s=np.full(count, stamp_s),
             boxes_px=boxes_px,
             speeds_px_s=np.zeros((count, 4)),
             anchors_px=np.zeros((count, 3)),
             is_located=np.zeros(count, bool),
-            located_s=np.full(count, stamp_s),
+            last_located_s=np.full(count, stamp_s),
             mean=np.zeros((count, 4)),
             covariance=np.zeros((count, 4, 4)),
             axis=np.zeros((count, 2)),

@@ -11,14 +11,14 @@ import numpy as np
 
 from perception.detection.vehicles.shared_ids import SharedIds, SharedIdsConfig
 from perception.detection.vehicles.sights import (
-    Sights,
-    View,
+    FrameGeometry,
+    VehicleObservations,
     begin,
     boxes_in_scan,
     expected_boxes_px,
     place_distances,
     predict,
-    see_again,
+    update_tracks,
     velocities_in_scan,
 )
 from perception.detection.vehicles.table import VehicleTable, VehicleTrackerConfig
@@ -61,7 +61,7 @@ class VehicleTracker:
 
     def end_all(self) -> None:
         """End all tracks; their ids are not used again."""
-        self._tracks = VehicleTable.seen_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
+        self._tracks = VehicleTable.init_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
         self._stamp_s: float | None = None
         self._shared_ids.forget()
 
@@ -86,71 +86,79 @@ class VehicleTracker:
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.end_all()
         calibration, _ = camera_of(frame)
-        view = View(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
-        sights = Sights.of(vehicles, view, self._config)
-        self._predict(view)
-        self._continue_and_begin(sights, view)
-        tracks = self._give_ids(view, tracks or Tracks.empty())
-        return VehicleTrackerResult(self._told(vehicles, view), tracks)
+        frame_geometry = FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
+        observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
+        self._predict(frame_geometry)
+        self._continue_and_begin(observations, frame_geometry)
+        tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
+        return VehicleTrackerResult(self._told(vehicles, frame_geometry), tracks)
 
-    def _predict(self, view: View) -> None:
+    def _predict(self, frame_geometry: FrameGeometry) -> None:
         """Move what goes on to now; ends what nobody has seen for too long."""
-        elapsed_s = 0.0 if self._stamp_s is None else view.stamp_s - self._stamp_s
-        self._stamp_s = view.stamp_s
+        elapsed_s = 0.0 if self._stamp_s is None else frame_geometry.stamp_s - self._stamp_s
+        self._stamp_s = frame_geometry.stamp_s
         tracks, config = self._tracks, self._config
         limit_s = np.where(tracks.ids >= 0, config.coasting_s, config.confirming_s)
-        goes_on = view.stamp_s - tracks.seen_s <= limit_s + _ROUNDING_S
+        goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
         self._tracks = predict(tracks[goes_on], elapsed_s, config)
 
-    def _continue_and_begin(self, sights: Sights, view: View) -> None:
+    def _continue_and_begin(
+        self, observations: VehicleObservations, frame_geometry: FrameGeometry
+    ) -> None:
         """Let detections continue tracks, the surer ones first; the others begin new ones."""
         config = self._config
-        self._row_of = np.full(len(sights), -1)
-        sure = sights.scores >= config.sure_score
-        doubtful = ~sure & (sights.scores >= config.min_score)
+        self._row_of = np.full(len(observations), -1)
+        sure = observations.scores >= config.sure_score
+        doubtful = ~sure & (observations.scores >= config.min_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
             if not (len(chosen) and len(free)):
                 continue
-            pairs = self._match(self._tracks[free], sights[chosen], view)
+            pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
             rows, seen = free[pairs.tracks], chosen[pairs.detections]
-            corrected = see_again(self._tracks[rows], sights[seen], view, config)
+            corrected = update_tracks(
+                self._tracks[rows], observations[seen], frame_geometry, config
+            )
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
             free = free[pairs.unmatched_tracks]
-        is_left = (self._row_of < 0) & (sights.scores >= config.beginning_score)
+        is_left = (self._row_of < 0) & (observations.scores >= config.beginning_score)
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
-            self._tracks = self._tracks.joined(begin(sights[new], view, config))
+            self._tracks = self._tracks.joined(begin(observations[new], frame_geometry, config))
 
-    def _match(self, tracks: VehicleTable, sights: Sights, view: View) -> Association:
+    def _match(
+        self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry
+    ) -> Association:
         config = self._config
-        expected_px = np.nan_to_num(expected_boxes_px(tracks, view))
-        iou = iou_px(expected_px, sights.boxes_px)
-        on_ground, gate = place_distances(tracks, sights), config.motion.gate
+        expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
+        iou = iou_px(expected_px, observations.boxes_px)
+        on_ground, gate = place_distances(tracks, observations), config.motion.gate
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
-        in_image = _side_distances(expected_px, sights.boxes_px, config)
+        in_image = _side_distances(expected_px, observations.boxes_px, config)
         return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.most_apart)
 
-    def _give_ids(self, view: View, moving: Tracks) -> Tracks:
+    def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.confirming_evidence)
-        boxes = _where_known(boxes_in_scan(tracks, view), tracks)
+        boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
         ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
         self._tracks = replace(tracks, ids=ids)
         return moving
 
-    def _told(self, vehicles: Vehicles, view: View) -> Vehicles:
+    def _told(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
         """Return the detections with what their tracks know of them."""
         seen = np.flatnonzero(self._row_of >= 0)
         tracks = self._tracks[self._row_of[seen]]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
         ids[seen] = tracks.ids
-        velocities_m_s[seen] = velocities_in_scan(tracks, view, self._config)
-        boxes = _overwritten(vehicles.boxes, seen, tracks, boxes_in_scan(tracks, view), view)
+        velocities_m_s[seen] = velocities_in_scan(tracks, frame_geometry, self._config)
+        boxes = _overwritten(
+            vehicles.boxes, seen, tracks, boxes_in_scan(tracks, frame_geometry), frame_geometry
+        )
         return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
 
 
@@ -173,10 +181,10 @@ def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
 
 
 def _overwritten(
-    boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, view: View
+    boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, frame_geometry: FrameGeometry
 ) -> Boxes3D:
     """Put the boxes of tracks that were found on the ground now in the place of single sights."""
-    is_found = tracks.is_located & (tracks.located_s == view.stamp_s)
+    is_found = tracks.is_located & (tracks.last_located_s == frame_geometry.stamp_s)
     rows, tracked = seen[is_found], tracked[is_found]
     bottom_m, size_m, yaw_rad = boxes.bottom_m.copy(), boxes.size_m.copy(), boxes.yaw_rad.copy()
     bottom_m[rows], size_m[rows], yaw_rad[rows] = tracked.bottom_m, tracked.size_m, tracked.yaw_rad

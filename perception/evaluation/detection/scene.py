@@ -127,7 +127,7 @@ def evaluation_mask(
     """Decide who counts."""
     truths, detections = scene.truths, scene.detections
     is_of_class = scene.truth_types == of_class.name.lower()
-    is_seen = (
+    is_visible = (
         (truths.occlusion <= difficulty.max_occlusion)
         & (truths.truncation <= difficulty.max_truncation)
         & (_heights_px(truths.boxes_px) > difficulty.min_height_px)
@@ -137,7 +137,7 @@ def evaluation_mask(
     is_valid_detection = ~is_low & (scene.detection_types == of_class.name.lower())
     return EvaluationMask(
         is_matchable_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
-        is_valid_truth=is_of_class & is_seen,
+        is_valid_truth=is_of_class & is_visible,
         is_matchable_detection=is_low | is_valid_detection,
         is_valid_detection=is_valid_detection,
         is_false_positive_if_unmatched=is_valid_detection

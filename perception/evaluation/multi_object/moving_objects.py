@@ -28,7 +28,7 @@ from perception.evaluation.multi_object.moving_scene import (
     is_target,
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.geometry.box_overlap_ground import (
     center_distances_m,
     distance_similarity,
@@ -72,7 +72,7 @@ def assign_tracks(
     own_similarity = np.zeros(len(tracks))
     own_similarity[pairs[1]] = similarity[target_rows][pairs]
 
-    is_parked = (scene.objects.motions == Motion.STATIC) & ~scene.moves_sometime
+    is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_sometime
     ignorable = ~targets & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
     is_candidate = (similarity >= config.min_similarity) | lies_on

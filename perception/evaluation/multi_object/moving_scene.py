@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import PerceptionError, UsageError
-from perception.evaluation.objects import LabelledObjects, Motion
+from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
 from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
@@ -96,9 +96,9 @@ def points_above_feet(boxes_velo: Boxes3D, points_velo: Float, clearance_m: floa
 def is_target(scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell (M,) which objects of a scene must be tracked."""
     boxes = scene.objects.boxes_velo
-    moves = (scene.objects.motions == Motion.MOVING) & (scene.objects.track_ids >= 0)
-    is_seen = scene.points >= config.min_points
-    return np.asarray(moves & is_seen & _is_watched(boxes, scene, config))
+    moves = (scene.objects.motions == MotionState.MOVING) & (scene.objects.track_ids >= 0)
+    is_observed = scene.points >= config.min_points
+    return np.asarray(moves & is_observed & _is_watched(boxes, scene, config))
 
 
 def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:

@@ -34,7 +34,7 @@ from perception.tracking.single_object.pose_search import (
     search,
     squared_distance,
 )
-from perception.tracking.single_object.sight import Sight, points_around, sight_of
+from perception.tracking.single_object.sight import ObjectObservation, observation_of, points_around
 from perception.tracking.single_object.surroundings import Surroundings
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D
@@ -53,7 +53,7 @@ class BoxFitTrackerConfig:
         clearance_m: points so near the ground may be ground.
         headroom_m: points so far above the box are not the object's.
         thin_m: points are gathered by cells of this edge.
-        look_around_m: how far around the box is looked at, least and most.
+        search_margin_m: how far around the box is looked at, least and most.
         known_weight: of a point where something else stood a moment ago.
         min_reward: of the points at the best pose, each worth up to 1, to be seen.
         min_contrast: of what speaks for it, against what speaks against it.
@@ -72,7 +72,7 @@ class BoxFitTrackerConfig:
     clearance_m: float = 0.2
     headroom_m: float = 0.3
     thin_m: float = 0.1
-    look_around_m: tuple[float, float] = (3.0, 6.0)
+    search_margin_m: tuple[float, float] = (3.0, 6.0)
     known_weight: float = 0.1
     min_reward: float = 1.2
     min_contrast: float = 0.5
@@ -108,15 +108,15 @@ class BoxFitTracker:
         self._motion = motion_of(size_m)
         self._track = BoxTrack(
             stamp_s=tracker_input.stamp_s,
-            seen_s=tracker_input.stamp_s,
+            last_seen_s=tracker_input.stamp_s,
             state=self._motion.begin(pose, spread),
             ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
             shape=ObjectShape.of_box(size_m, config.shape),
             surroundings=Surroundings(),
         )
-        _, sight = self._look(tracker_input, self._track)
-        support = self._track.support(sight, self._track.pose)
-        self._track = self._track.seen(sight, support)
+        _, observation = self._observe(tracker_input, self._track)
+        support = self._track.support(observation, self._track.pose)
+        self._track = self._track.seen(observation, support)
         return self._report(tracker_input, self._track)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
@@ -136,13 +136,13 @@ class BoxFitTracker:
     def _updated(self, tracker_input: TrackerInput, before: BoxTrack) -> BoxTrack:
         """Predict, look, search, and take in what was found."""
         expected = self._predicted(before, tracker_input.stamp_s)
-        expected, sight = self._look(tracker_input, expected)
-        found = self._find(before, expected, sight)
+        expected, observation = self._observe(tracker_input, expected)
+        found = self._find(before, expected, observation)
         if found is None:
-            return expected.missed(sight)
+            return expected.missed(observation)
         belief, support = found
         state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
-        return replace(expected, state=state).seen(sight, support)
+        return replace(expected, state=state).seen(observation, support)
 
     def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
         if self._is_lost(before):
@@ -152,38 +152,44 @@ class BoxFitTracker:
         way_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
         return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
 
-    def _look(self, tracker_input: TrackerInput, expected: BoxTrack) -> tuple[BoxTrack, Sight]:
+    def _observe(
+        self, tracker_input: TrackerInput, expected: BoxTrack
+    ) -> tuple[BoxTrack, ObjectObservation]:
         """Return the object with the ground below it, and what is seen above that ground."""
         config, size_m = self._config, expected.shape.size_m
         deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
-        look_m = np.clip(config.search.reach * deviation_m, *config.look_around_m)
-        reach_m = expected.shape.radius_m + float(look_m)
+        margin_m = np.clip(config.search.reach * deviation_m, *config.search_margin_m)
+        reach_m = expected.shape.radius_m + float(margin_m)
         around = points_around(tracker_input, expected.place_world, reach_m)
         ground = ground_seen(
             expected.ground, expected.place_world, float(size_m[0]), tracker_input, around
         )
         above_m = around[:, 2] - ground.z_world_m
         stands = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
-        sight = sight_of(around[stands], tracker_input.world_SE3_velo[:2, 3], config.thin_m)
-        known = expected.surroundings.hold(sight.points_xy_m)
-        return replace(expected, ground=ground), sight.doubting(known, config.known_weight)
+        observation = observation_of(
+            around[stands], tracker_input.world_SE3_velo[:2, 3], config.thin_m
+        )
+        known = expected.surroundings.hold(observation.points_xy_m)
+        return replace(expected, ground=ground), observation.downweighted(
+            known, config.known_weight
+        )
 
     def _find(
-        self, before: BoxTrack, expected: BoxTrack, sight: Sight
+        self, before: BoxTrack, expected: BoxTrack, observation: ObjectObservation
     ) -> tuple[PoseBelief, Support] | None:
         """Return where the object is seen and what supports it, or None."""
-        if len(sight) == 0:
+        if len(observation) == 0:
             return None
-        config, usual_reward = self._config, expected.usual_reward_in(sight)
+        config, usual_reward = self._config, expected.usual_reward_in(observation)
         priors = self._priors(before, expected)
-        belief = search(expected.shape, sight, priors, usual_reward, config.search)
-        support = expected.support(sight, belief.pose)
+        belief = search(expected.shape, observation, priors, usual_reward, config.search)
+        support = expected.support(observation, belief.pose)
         share = config.return_share if before.is_hidden else config.min_share
         least = max(config.min_reward, config.min_contrast * support.penalty, share * usual_reward)
         fits = (
             support.reward >= least
             and min(squared_distance(belief, prior) for prior in priors) <= config.gate
-            and (not before.is_hidden or self._is_as_high(expected, sight, support.top_m))
+            and (not before.is_hidden or self._is_as_high(expected, observation, support.top_m))
         )
         return (belief, support) if fits else None
 
@@ -194,14 +200,14 @@ class BoxFitTracker:
         was = before.belief
         return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
 
-    def _is_as_high(self, expected: BoxTrack, sight: Sight, top_m: float) -> bool:
+    def _is_as_high(self, expected: BoxTrack, observation: ObjectObservation, top_m: float) -> bool:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
-        missed_m = self._sensor.elevation_step_rad * sight.distance_m(expected.pose[:2])
+        missed_m = self._sensor.elevation_step_rad * observation.distance_m(expected.pose[:2])
         off_m = top_m - expected.ground.z_world_m - expected.usual_top_m
         return bool(abs(off_m) <= self._config.return_top_m + missed_m)
 
     def _is_lost(self, track: BoxTrack) -> bool:
-        return track.stamp_s - track.seen_s > self._config.lost_after_s
+        return track.stamp_s - track.last_seen_s > self._config.lost_after_s
 
     def _report(self, tracker_input: TrackerInput, track: BoxTrack) -> TrackedObject:
         size_m, velocity = track.shape.size_m, self._motion.velocity_m_s(track.state)

@@ -12,7 +12,7 @@ from perception.tracking.single_object.heading_of_way import (
     heading_freeze_config_for,
     heading_of_way,
 )
-from perception.tracking.single_object.localizer import Localizer, View
+from perception.tracking.single_object.localizer import Localizer, LocalizerInput
 from perception.tracking.single_object.near_obstacles import obstacles_near
 from perception.tracking.single_object.pitch_ground import PitchFilter, PitchFilterConfig
 from perception.tracking.single_object.point_model import (
@@ -143,7 +143,7 @@ class CentroidTracker:
         self._pitch = PitchFilter(self._sensor.height_m, self._config.pitch)
         self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
         self._model = point_model_of(box_velo, tracker_input.world_SE3_velo)
-        place = self._localizer.begin(self._view(tracker_input, self._model, 0.0))
+        place = self._localizer.begin(self._localizer_input(tracker_input, self._model, 0.0))
         self._state = TrackStatus.PREDICTED if place is None else TrackStatus.SEEN
         self._memory = self._remembered(self._model.place_m if place is None else place)
         return to_tracked_object(self._model, tracker_input, self._state)
@@ -172,7 +172,7 @@ class CentroidTracker:
         noise = self._motion_config.noise if self._motion_config else NoiseLevels(0.0, 0.0)
         expected = self._memory.predicted(elapsed_s, noise)
         place = self._localizer.locate(
-            self._view(tracker_input, replace(last, place_m=expected.place), elapsed_s)
+            self._localizer_input(tracker_input, replace(last, place_m=expected.place), elapsed_s)
         )
         if place is None:
             return self._miss(last, expected, elapsed_s)
@@ -208,7 +208,9 @@ class CentroidTracker:
             return LastPlace(place_m, np.zeros(3))
         return EvenAcceleration.at_rest(place_m, self._motion_config.noise)
 
-    def _view(self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float) -> View:
+    def _localizer_input(
+        self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float
+    ) -> LocalizerInput:
         config = self._config
         window = Window(model.place_m, model.size_m[:2], model.yaw_rad)
         gate = window.scaled(config.gate)
@@ -217,7 +219,7 @@ class CentroidTracker:
         heights_m = (config.min_height_m, float(model.size_m[2]) + config.headroom_m)
         ground = self._ground(tracker_input, elapsed_s)
         around = obstacles_near(tracker_input, ground, model.place_m, reach_m, heights_m)
-        return View(tracker_input, around, window, gate, elapsed_s)
+        return LocalizerInput(tracker_input, around, window, gate, elapsed_s)
 
     def _ground(self, tracker_input: TrackerInput, elapsed_s: float) -> GroundModel:
         if self._config.ground == "pitch":

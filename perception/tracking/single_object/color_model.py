@@ -84,9 +84,9 @@ class AdaptiveColors:
 
     def update(self, ratios: Float64) -> None:
         """Take in the (512,) colour model of one more image."""
-        is_seen = ratios > 0
-        goes_on = is_seen[self._bins]
-        is_new = is_seen.copy()
+        is_observed = ratios > 0
+        goes_on = is_observed[self._bins]
+        is_new = is_observed.copy()
         is_new[self._bins] = False
         old, new = self._bins[goes_on], np.flatnonzero(is_new)
         expected = kalman.predict(self._states[goes_on], _TRANSITION, _PROCESS_NOISE)

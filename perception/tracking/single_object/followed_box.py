@@ -12,7 +12,7 @@ from perception.tracking.single_object.pose_search import (
     Support,
     support_at,
 )
-from perception.tracking.single_object.sight import Sight
+from perception.tracking.single_object.sight import ObjectObservation
 from perception.tracking.single_object.surroundings import Surroundings
 from perception.types import Float64
 
@@ -25,7 +25,7 @@ class BoxTrack:
 
     Attributes:
         stamp_s: of the last scan.
-        seen_s: when it was seen last.
+        last_seen_s: when it was seen last.
         state: where it is and how it moves.
         ground: below it.
         shape: of its box, and what was seen in it.
@@ -35,7 +35,7 @@ class BoxTrack:
     """
 
     stamp_s: float
-    seen_s: float
+    last_seen_s: float
     state: MovingState
     ground: GroundBelow
     shape: ObjectShape
@@ -61,37 +61,37 @@ class BoxTrack:
     @property
     def is_hidden(self) -> bool:
         """Whether the last scan did not show it."""
-        return self.seen_s < self.stamp_s
+        return self.last_seen_s < self.stamp_s
 
-    def usual_reward_in(self, sight: Sight) -> float:
+    def usual_reward_in(self, observation: ObjectObservation) -> float:
         """Return what its points should be worth where it is expected."""
-        return self.usual_reward / sight.distance_m(self.pose[:2]) ** 2
+        return self.usual_reward / observation.distance_m(self.pose[:2]) ** 2
 
-    def support(self, sight: Sight, pose: Float64) -> Support:
+    def support(self, observation: ObjectObservation, pose: Float64) -> Support:
         """Return what speaks for and against (3,) a pose."""
-        return support_at(self.shape, sight, pose)
+        return support_at(self.shape, observation, pose)
 
-    def seen(self, sight: Sight, support: Support) -> "BoxTrack":
+    def seen(self, observation: ObjectObservation, support: Support) -> "BoxTrack":
         """Return what is known after the object was seen where it is now, with that support."""
-        if len(sight) == 0:
-            return replace(self, seen_s=self.stamp_s)
-        reward = support.reward * sight.distance_m(self.pose[:2]) ** 2
+        if len(observation) == 0:
+            return replace(self, last_seen_s=self.stamp_s)
+        reward = support.reward * observation.distance_m(self.pose[:2]) ** 2
         top_m = max(support.top_m - self.ground.z_world_m, 0.0)
-        outside_m = self.shape.outside_m(*into_frame(sight.points_xy_m, self.pose).T)
+        outside_m = self.shape.outside_m(*into_frame(observation.points_xy_m, self.pose).T)
         return replace(
             self,
-            seen_s=self.stamp_s,
-            shape=self.shape.remembering(sight, self.pose),
+            last_seen_s=self.stamp_s,
+            shape=self.shape.with_observation(observation, self.pose),
             surroundings=self.surroundings.seen(
-                sight.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
+                observation.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
             ),
             usual_reward=_learned(self.usual_reward, reward),
             usual_top_m=_learned(self.usual_top_m, top_m),
         )
 
-    def missed(self, sight: Sight) -> "BoxTrack":
+    def missed(self, observation: ObjectObservation) -> "BoxTrack":
         """Return what is known after the object was not seen."""
-        surroundings = self.surroundings.seen(sight.points_xy_m, is_hidden=True)
+        surroundings = self.surroundings.seen(observation.points_xy_m, is_hidden=True)
         return replace(self, surroundings=surroundings)
 
 

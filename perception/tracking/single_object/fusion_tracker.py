@@ -13,7 +13,7 @@ from perception.tracking.single_object.centroid_tracker import (
 )
 from perception.tracking.single_object.color_side import ColorSide
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
-from perception.tracking.single_object.localizer import Localizer, View
+from perception.tracking.single_object.localizer import Localizer, LocalizerInput
 from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
@@ -64,58 +64,72 @@ class FusedLocalizer(Localizer):
         self._point = EvenAcceleration.at_rest(np.zeros(3), config.noise)
         self.colors = ColorSide()
 
-    def begin(self, view: View) -> Float64 | None:
+    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its first box."""
         self.colors = ColorSide()
-        seen = middle_of(view.around.points_world, view.window)
-        place = view.window.place_m if seen is None else seen
+        seen = middle_of(localizer_input.around.points_world, localizer_input.window)
+        place = localizer_input.window.place_m if seen is None else seen
         self.wait(place)
-        self._learn(view, view.window, place)
+        self._learn(localizer_input, localizer_input.window, place)
         return seen
 
-    def locate(self, view: View) -> Float64 | None:
+    def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Fuse what is found within the gate; alone, each of both is enough."""
         config = self._config
-        self._point = self._point.predicted(view.elapsed_s, config.noise)
+        self._point = self._point.predicted(localizer_input.elapsed_s, config.noise)
         seen = (
-            (self._in_scan(view), config.lidar_variance),
-            (self._in_image(view), config.image_variance),
+            (self._in_scan(localizer_input), config.lidar_variance),
+            (self._in_image(localizer_input), config.image_variance),
         )
-        places = [place for place, _ in seen if _is_in_gate(place, view)]
-        variances = [variance for place, variance in seen if _is_in_gate(place, view)]
+        places = [place for place, _ in seen if _is_in_gate(place, localizer_input)]
+        variances = [variance for place, variance in seen if _is_in_gate(place, localizer_input)]
         if not places:
             return None
         self._point = self._point.corrected(np.array(places), np.array(variances))
-        self._learn(view, view.window.moved(self._point.place), self._point.place)
+        self._learn(
+            localizer_input, localizer_input.window.moved(self._point.place), self._point.place
+        )
         return self._point.place
 
     def wait(self, place_m: Float64) -> None:
         """Let the fused point rest."""
         self._point = EvenAcceleration.at_rest(place_m, self._config.noise)
 
-    def _in_scan(self, view: View) -> Float64 | None:
-        climbed = climb(view.around.points_world, view.window, self._config.climb)
-        return None if climbed is None else middle_of(view.around.points_world, climbed)
+    def _in_scan(self, localizer_input: LocalizerInput) -> Float64 | None:
+        climbed = climb(
+            localizer_input.around.points_world, localizer_input.window, self._config.climb
+        )
+        return None if climbed is None else middle_of(localizer_input.around.points_world, climbed)
 
-    def _in_image(self, view: View) -> Float64 | None:
-        center_px = self.colors.locate(view.tracker_input, view.window.place_m)
-        if center_px is None or view.tracker_input.image_P_velo is None:
+    def _in_image(self, localizer_input: LocalizerInput) -> Float64 | None:
+        center_px = self.colors.locate(
+            localizer_input.tracker_input, localizer_input.window.place_m
+        )
+        if center_px is None or localizer_input.tracker_input.image_P_velo is None:
             return None
-        near = view.window.scaled(self._config.search).holds(view.around.points_world)
+        near = localizer_input.window.scaled(self._config.search).holds(
+            localizer_input.around.points_world
+        )
         place_velo = back_project(
-            center_px, view.around.points_velo[near], view.tracker_input.image_P_velo
+            center_px,
+            localizer_input.around.points_velo[near],
+            localizer_input.tracker_input.image_P_velo,
         )
         if place_velo is None:
             return None
-        return np.asarray((view.tracker_input.world_SE3_velo @ np.append(place_velo, 1.0))[:3])
+        return np.asarray(
+            (localizer_input.tracker_input.world_SE3_velo @ np.append(place_velo, 1.0))[:3]
+        )
 
-    def _learn(self, view: View, window: Window, place: Float64) -> None:
-        held = window.holds(view.around.points_world)
-        self.colors.learn(view.tracker_input, view.around.points_velo[held], place)
+    def _learn(self, localizer_input: LocalizerInput, window: Window, place: Float64) -> None:
+        held = window.holds(localizer_input.around.points_world)
+        self.colors.learn(
+            localizer_input.tracker_input, localizer_input.around.points_velo[held], place
+        )
 
 
-def _is_in_gate(place: Float64 | None, view: View) -> bool:
-    return place is not None and bool(view.gate.holds(place[None])[0])
+def _is_in_gate(place: Float64 | None, localizer_input: LocalizerInput) -> bool:
+    return place is not None and bool(localizer_input.gate.holds(place[None])[0])
 
 
 def middle_of(points_world: Float64, window: Window) -> Float64 | None:

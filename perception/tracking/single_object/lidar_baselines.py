@@ -8,7 +8,7 @@ from perception.tracking.single_object.centroid_tracker import (
     CentroidTrackerConfig,
     PointMotionConfig,
 )
-from perception.tracking.single_object.localizer import Localizer, View
+from perception.tracking.single_object.localizer import Localizer, LocalizerInput
 from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
@@ -17,13 +17,13 @@ from perception.types import Float64
 class GateLocalizer(Localizer):
     """3D-KF: the object is the mean of all points in the gate."""
 
-    def begin(self, view: View) -> Float64 | None:
+    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Take the mean of the points in the first box."""
-        return mean_over(view.window, view)
+        return mean_over(localizer_input.window, localizer_input)
 
-    def locate(self, view: View) -> Float64 | None:
+    def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return the mean, or None of an empty gate."""
-        return mean_over(view.gate, view)
+        return mean_over(localizer_input.gate, localizer_input)
 
 
 class MeanShiftLocalizer(Localizer):
@@ -32,19 +32,19 @@ class MeanShiftLocalizer(Localizer):
     def __init__(self, config: MeanShiftConfig) -> None:
         self._config = config
 
-    def begin(self, view: View) -> Float64 | None:
+    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Take the mean of the points in the first box."""
-        return mean_over(view.window, view)
+        return mean_over(localizer_input.window, localizer_input)
 
-    def locate(self, view: View) -> Float64 | None:
+    def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Climb from the expected place."""
-        climbed = climb(view.around.points_world, view.window, self._config)
+        climbed = climb(localizer_input.around.points_world, localizer_input.window, self._config)
         return None if climbed is None else climbed.place_m
 
 
-def mean_over(window: Window, view: View) -> Float64 | None:
+def mean_over(window: Window, localizer_input: LocalizerInput) -> Float64 | None:
     """Return (3,) the mean of the points over a window, or None where there are none."""
-    points = view.around.points_world[window.holds(view.around.points_world)]
+    points = localizer_input.around.points_world[window.holds(localizer_input.around.points_world)]
     return np.asarray(points.mean(axis=0)) if len(points) else None
 
 

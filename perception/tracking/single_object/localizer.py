@@ -10,7 +10,7 @@ from perception.types import Float64
 
 
 @dataclass(frozen=True)
-class View:
+class LocalizerInput:
     """What a localizer is shown.
 
     Attributes:
@@ -31,7 +31,7 @@ class View:
 class Localizer(Protocol):
     """Finds the point that stands for an object."""
 
-    def begin(self, view: View) -> Float64 | None:
+    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
 
         Raises:
@@ -39,7 +39,7 @@ class Localizer(Protocol):
         """
         ...
 
-    def locate(self, view: View) -> Float64 | None:
+    def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Return (3,) the object's place in the world, or None where it is not found in the gate."""
         ...
 

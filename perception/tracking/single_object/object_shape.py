@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from perception.tracking.single_object.sight import Sight
+from perception.tracking.single_object.sight import ObjectObservation
 from perception.types import Float32, Float64
 
 
@@ -106,14 +106,16 @@ class ObjectShape:
         half_m = self.size_m / 2
         return np.asarray(np.maximum(np.abs(along_m) - half_m[0], np.abs(left_m) - half_m[1]))
 
-    def remembering(self, sight: Sight, pose: Float64) -> "ObjectShape":
+    def with_observation(self, observation: ObjectObservation, pose: Float64) -> "ObjectShape":
         """Return the shape with what one more scan showed, the object being at (3,) a pose."""
-        along_m, left_m = into_frame(sight.points_xy_m, pose).T
+        along_m, left_m = into_frame(observation.points_xy_m, pose).T
         rows = self.outside_m(along_m, left_m) < self.config.tolerance_m
         u, v = self.cells_of(along_m[rows], left_m[rows])
         columns = self.seen.shape[1]
         cells = np.rint(u).astype(np.int64) * columns + np.rint(v).astype(np.int64)
-        news = np.bincount(cells, sight.weights[rows], self.seen.size).reshape(self.seen.shape)
+        news = np.bincount(cells, observation.weights[rows], self.seen.size).reshape(
+            self.seen.shape
+        )
         seen = (1 - self.config.memory_fading) * self.seen + np.minimum(news, 1.0)
         return replace(self, seen=seen.astype(np.float32), scans=self.scans + 1)
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from perception.geometry.angles import wrap
 from perception.tracking.single_object.object_shape import ObjectShape, into_frame
-from perception.tracking.single_object.sight import Sight
+from perception.tracking.single_object.sight import ObjectObservation
 from perception.types import Bool, Float32, Float64
 
 _OWN_WORTH = 0.2  # a point that is worth more is the object's
@@ -100,7 +100,7 @@ class _ScoredPoses:
 
 def search(
     shape: ObjectShape,
-    sight: Sight,
+    observation: ObjectObservation,
     priors: tuple[PoseBelief, ...],
     usual_reward: float,
     config: PoseSearchConfig,
@@ -114,12 +114,12 @@ def search(
         usual_reward: what the object's points used to be worth, at this distance.
         rules: how to search.
     """
-    table = shape.rewards(sight.sensor_xy_m, priors[0].pose)
+    table = shape.rewards(observation.sensor_xy_m, priors[0].pose)
     lattice = _first_lattice(priors[0], shape, config)
     for steps in (*config.later_steps, None):
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.config.cell_m)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
-        near = sight.near(lattice.pose[:2], reach_m, config.max_points)
+        near = observation.near(lattice.pose[:2], reach_m, config.max_points)
         scored = _score_poses(shape, smooth, near, lattice)
         kept = usual_reward * shape.kept_by(smooth, table)
         score = _gains(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
@@ -148,18 +148,18 @@ class Support:
     top_m: float
 
 
-def support_at(shape: ObjectShape, sight: Sight, pose: Float64) -> Support:
+def support_at(shape: ObjectShape, observation: ObjectObservation, pose: Float64) -> Support:
     """Return what speaks for and against one pose."""
-    table = shape.rewards(sight.sensor_xy_m, pose)
-    u, v = shape.cells_of(*into_frame(sight.points_xy_m, pose).T)
+    table = shape.rewards(observation.sensor_xy_m, pose)
+    u, v = shape.cells_of(*into_frame(observation.points_xy_m, pose).T)
     rows, columns = table.shape
     i = np.clip(np.rint(u), 0, rows - 1).astype(np.int64)
     j = np.clip(np.rint(v), 0, columns - 1).astype(np.int64)
     worth = table[i, j]
     return Support(
-        reward=float(sight.weights @ np.maximum(worth, 0)),
-        penalty=float(sight.weights @ np.maximum(-worth, 0)),
-        top_m=float(sight.tops_m[worth > _OWN_WORTH].max(initial=-np.inf)),
+        reward=float(observation.weights @ np.maximum(worth, 0)),
+        penalty=float(observation.weights @ np.maximum(-worth, 0)),
+        top_m=float(observation.tops_m[worth > _OWN_WORTH].max(initial=-np.inf)),
     )
 
 
@@ -184,7 +184,7 @@ def _finer(
 
 
 def _score_poses(
-    shape: ObjectShape, table: Float32, sight: Sight, lattice: _Lattice
+    shape: ObjectShape, table: Float32, observation: ObjectObservation, lattice: _Lattice
 ) -> _ScoredPoses:
     """Sum the rewards of all points at every pose.
 
@@ -198,14 +198,14 @@ def _score_poses(
     x0, y0, yaw0 = lattice.pose
     yaws = yaw0 + around
     cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
-    x, y = (sight.points_xy_m - [x0, y0]).T
+    x, y = (observation.points_xy_m - [x0, y0]).T
     u, v = shape.cells_of(cos * x + sin * y, cos * y - sin * x)
     rows, columns = table.shape
     per_m = 1 / shape.config.cell_m
     i = np.clip(np.rint(u[..., None] - per_m * along), 0, rows - 1).astype(np.int32)
     j = np.clip(np.rint(v[..., None] - per_m * across), 0, columns - 1).astype(np.int32)
     worth = table.ravel().take((i * np.int32(columns))[:, :, :, None] + j[:, :, None, :])
-    rewards = np.einsum("n,ynuv->yuv", sight.weights.astype(np.float32), worth)
+    rewards = np.einsum("n,ynuv->yuv", observation.weights.astype(np.float32), worth)
     cos, sin = cos[:, :, None], sin[:, :, None]
     du, dv = along[None, :, None], across[None, None, :]
     poses = np.stack(

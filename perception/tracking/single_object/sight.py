@@ -12,7 +12,7 @@ _FULL_COUNT = 4  # points in a cell at which it weighs 1
 
 
 @dataclass(frozen=True)
-class Sight:
+class ObjectObservation:
     """N small cells seen from above, each with its points' mean, in the world.
 
     Attributes:
@@ -48,7 +48,7 @@ class Sight:
             weights=self.weights[rows] * stride,
         )
 
-    def doubting(self, rows: Bool, share: float) -> "Sight":
+    def downweighted(self, rows: Bool, share: float) -> "Sight":
         """Return the sight with only a share of the weight of some cells."""
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
 
@@ -64,11 +64,11 @@ def points_around(tracker_input: TrackerInput, place_world: Float64, reach_m: fl
     return tracker_input.points_velo[near, :3].astype(np.float64) @ world[:3, :3].T + world[:3, 3]
 
 
-def sight_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> Sight:
+def observation_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> ObjectObservation:
     """Gather (N, 3) points by cells of the ground plane."""
     if len(points_world) == 0:
         none = np.zeros(0)
-        return Sight(np.zeros((0, 2)), none, none, sensor_xy_m)
+        return ObjectObservation(np.zeros((0, 2)), none, none, sensor_xy_m)
     cells = np.floor(points_world[:, :2] / cell_m).astype(np.int64)
     cells -= cells.min(axis=0)
     keys = cells[:, 0] * (cells[:, 1].max() + 1) + cells[:, 1]
@@ -76,7 +76,7 @@ def sight_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> Sigh
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
     points = points_world[order]
     counts = np.diff(starts, append=len(points))
-    return Sight(
+    return ObjectObservation(
         np.add.reduceat(points[:, :2], starts) / counts[:, None],
         np.maximum.reduceat(points[:, 2], starts),
         np.sqrt(np.minimum(counts, _FULL_COUNT) / _FULL_COUNT),

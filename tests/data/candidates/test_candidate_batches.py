@@ -15,13 +15,13 @@ from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import OPERATIONS, Augmentation
-from data.candidates.balance import BalancedLooks
+from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import CandidateDataset
 from data.candidates.gathering import CropSamplingConfig, gather
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
 from data.candidates.module import CandidateData, CropConfig, CropLoadingConfig
-from data.looks import Ask
+from data.looks import SampleIndex
 from data.splitting import validation_frames
 from data.training_drives import TrainingDrives
 from perception.detection.depthcn.crops import crop_windows
@@ -70,7 +70,9 @@ def test_what_is_no_vehicle_says_so(dataset: CandidateDataset):
 
 
 def test_a_look_is_the_same_at_every_asking_and_another_is_not(dataset: CandidateDataset):
-    first, again, other = (dataset[Ask(0, look)]["crops"] for look in ((1, 5), (1, 5), (2, 5)))
+    first, again, other = (
+        dataset[SampleIndex(0, view)]["crops"] for view in ((1, 5), (1, 5), (2, 5))
+    )
     assert bool((first == again).all())
     assert bool((first != other).any())
 
@@ -85,8 +87,8 @@ def test_channels_are_chosen_by_name(street: LabelledFrames, dataset: CandidateD
 
 def test_half_of_every_batch_are_vehicles_and_all_are_seen():
     is_vehicle = np.arange(40) % 10 == 0
-    sampler = BalancedLooks(is_vehicle, seed=1)
-    rows = [ask.row for ask in sampler]
+    sampler = BalancedSampler(is_vehicle, seed=1)
+    rows = [index.row for index in sampler]
     assert len(rows) == len(sampler) == 40
     assert is_vehicle[rows].reshape(-1, 8).sum(axis=1).tolist() == [4] * 5
     vehicles, counts = np.unique([row for row in rows if is_vehicle[row]], return_counts=True)
@@ -96,7 +98,7 @@ def test_half_of_every_batch_are_vehicles_and_all_are_seen():
 
 def test_an_epoch_depends_on_its_number_alone():
     is_vehicle = np.arange(30) % 3 == 0
-    first, resumed = BalancedLooks(is_vehicle, 4), BalancedLooks(is_vehicle, 4)
+    first, resumed = BalancedSampler(is_vehicle, 4), BalancedSampler(is_vehicle, 4)
     epochs = []
     for epoch in range(3):
         first.set_epoch(epoch)
@@ -104,7 +106,7 @@ def test_an_epoch_depends_on_its_number_alone():
     resumed.set_epoch(2)
     assert list(resumed) == epochs[2]
     assert epochs[0] != epochs[1]
-    assert len({ask.look for epoch in epochs for ask in epoch}) == 90
+    assert len({index.view for epoch in epochs for index in epoch}) == 90
 
 
 class Watcher(LightningModule):
@@ -144,11 +146,11 @@ def test_resumed_training_sees_what_it_would_have_seen(
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_workers_give_what_no_worker_gives(dataset: CandidateDataset, method: str):
-    asks = [Ask(row, (0, row)) for row in range(len(dataset))]
+    indices = [SampleIndex(row, (0, row)) for row in range(len(dataset))]
     assert len(dataset.picture(0))  # an open picture stays behind
 
     def crops(**options: object) -> np.ndarray:
-        loader = DataLoader(dataset, batch_size=4, sampler=asks, **options)
+        loader = DataLoader(dataset, batch_size=4, sampler=indices, **options)
         return np.concatenate([batch["crops"].numpy() for batch in loader])
 
     alone = crops()
@@ -193,7 +195,7 @@ def test_validation_drives_are_taken_whole(
 def test_the_mean_crop_is_the_mean_of_plain_samples(make_data: Callable[..., CandidateData]):
     data = make_data()
     data.setup()
-    rows = [ask.row for ask in BalancedLooks(data.training.candidates.is_vehicle, 0, 20)]
+    rows = [index.row for index in BalancedSampler(data.training.candidates.is_vehicle, 0, 20)]
     crops = [data.training[row]["crops"].numpy() for row in rows]
     np.testing.assert_allclose(data.mean_crop(20), np.mean(crops, axis=0), rtol=1e-5)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.candidates.augmentation import Augmentation, Change, Cover, draw_change
-from data.candidates.changes import Candidate, cover_side, look_at, scale_depth, shift_lines
+from data.candidates.changes import Candidate, cover_side, crop_view, scale_depth, shift_lines
 from perception.detection.depthcn.crops import crop_windows
 from perception.maps.encoding import decode_depth, encode_depth
 
@@ -43,17 +43,17 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_the_box_goes_where_its_corners_go(name: str):
-    look = look_at(painted(), Candidate(WINDOW, 20.0, BOX), CHANGES[name])
+    view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), CHANGES[name])
     # A pixel of the crop is 0.009 of its width and 0.015 of its height.
-    np.testing.assert_allclose(extent_share(look.crop), look.box_share, atol=0.017)
+    np.testing.assert_allclose(extent_share(view.crop), view.box_share, atol=0.017)
 
 
 def test_all_draws_together_keep_the_box_on_the_pixels():
     strengths = Augmentation(cover=0.0, line_shift_px=0.0)
     for seed in range(20):
         change = draw_change(strengths, np.random.default_rng(seed))
-        look = look_at(painted(), Candidate(WINDOW, 20.0, BOX), change)
-        np.testing.assert_allclose(extent_share(look.crop), look.box_share, atol=0.017)
+        view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), change)
+        np.testing.assert_allclose(extent_share(view.crop), view.box_share, atol=0.017)
 
 
 @pytest.mark.parametrize(
@@ -68,22 +68,22 @@ def test_all_draws_together_keep_the_box_on_the_pixels():
     ],
 )
 def test_shares_by_hand(change: Change, expected: tuple[float, ...]):
-    look = look_at(painted(), Candidate(WINDOW, 20.0, BOX), change)
-    np.testing.assert_allclose(look.box_share, expected, atol=6e-4)
+    view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), change)
+    np.testing.assert_allclose(view.box_share, expected, atol=6e-4)
 
 
 def test_unchanged_it_is_what_runs_see():
     picture = np.random.default_rng(0).integers(0, 256, (240, 500, 3), np.uint8)
     smooth = np.cumsum(np.cumsum(picture, axis=1), axis=0)
     picture = (255 * smooth / smooth.max()).astype(np.uint8)
-    look = look_at(picture, Candidate(WINDOW, 20.0, BOX), Change())
+    view = crop_view(picture, Candidate(WINDOW, 20.0, BOX), Change())
     at_run_time = crop_windows(picture, WINDOW[None])[0].transpose(1, 2, 0)
-    assert np.abs(look.crop.astype(int) - at_run_time).max() <= 1
+    assert np.abs(view.crop.astype(int) - at_run_time).max() <= 1
 
 
 def test_what_is_no_vehicle_has_no_box():
-    look = look_at(painted(), Candidate(WINDOW, 20.0, np.full(4, np.nan)), CHANGES["all"])
-    assert np.isnan(look.box_share).all()
+    view = crop_view(painted(), Candidate(WINDOW, 20.0, np.full(4, np.nan)), CHANGES["all"])
+    assert np.isnan(view.box_share).all()
 
 
 def scene_crop(depth_m: float = 20.0) -> np.ndarray:

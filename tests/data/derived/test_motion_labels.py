@@ -13,7 +13,7 @@ from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_tracking_labels
 from data.kitti.oxts import Mercator, parse_oxts_packet
 from perception.errors import UsageError
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.geometry.se3 import from_euler, inverse
 from perception.types import Boxes3D
 
@@ -50,48 +50,48 @@ def labels_at(x_m: float, y_m: float, track_id: int) -> Labels:
 
 def test_an_object_that_stops_for_a_while_stands_in_that_while():
     motions = label_motion(one_track(drive_then([(5.0, 3.0), (0.0, 3.0), (5.0, 3.0)]))).motions
-    assert (motions[:28] == Motion.MOVING).all()
-    assert (motions[36:54] == Motion.STATIC).all()
-    assert (motions[62:] == Motion.MOVING).all()
+    assert (motions[:28] == MotionState.MOVING).all()
+    assert (motions[36:54] == MotionState.STATIC).all()
+    assert (motions[62:] == MotionState.MOVING).all()
 
 
 def test_a_walker_who_slows_down_between_the_thresholds_goes_on_moving():
     walk = drive_then([(1.2, 2.0), (0.7, 2.0), (1.2, 2.0)])
-    assert (label_motion(one_track(walk)).motions == Motion.MOVING).all()
+    assert (label_motion(one_track(walk)).motions == MotionState.MOVING).all()
 
 
 def test_creeping_that_never_reaches_the_upper_threshold_is_unknown():
-    assert (label_motion(one_track(drive_then([(0.7, 4.0)]))).motions == Motion.UNKNOWN).all()
+    assert (label_motion(one_track(drive_then([(0.7, 4.0)]))).motions == MotionState.UNKNOWN).all()
 
 
 def test_jitter_and_one_bad_box_do_not_move_a_parked_car():
     rng = np.random.default_rng(3)
     x_m = rng.normal(0, 0.1, 60)
     x_m[25] += 2.0
-    assert (label_motion(one_track(x_m)).motions == Motion.STATIC).all()
+    assert (label_motion(one_track(x_m)).motions == MotionState.STATIC).all()
 
 
 def test_drift_of_a_parked_car_is_no_motion():
-    assert (label_motion(one_track(drive_then([(0.5, 5.0)]))).motions == Motion.STATIC).all()
+    assert (label_motion(one_track(drive_then([(0.5, 5.0)]))).motions == MotionState.STATIC).all()
 
 
 def test_the_vehicles_pitch_moves_nothing():
     track = one_track(np.zeros(40))
     track.positions_world[:, 2] = np.linspace(0, 8, 40)
-    assert (label_motion(track).motions == Motion.STATIC).all()
+    assert (label_motion(track).motions == MotionState.STATIC).all()
 
 
 @pytest.mark.parametrize(
     ("boxes", "speed_mps", "expected"),
     [
-        (1, 0.0, Motion.UNKNOWN),  # nothing can be said of one box
-        (4, 0.0, Motion.UNKNOWN),  # too short to say that it stands
-        (4, 1.3, Motion.UNKNOWN),  # 0.4 m: a walker, or jitter
-        (4, 3.0, Motion.MOVING),
-        (6, 0.0, Motion.STATIC),
+        (1, 0.0, MotionState.UNKNOWN),  # nothing can be said of one box
+        (4, 0.0, MotionState.UNKNOWN),  # too short to say that it stands
+        (4, 1.3, MotionState.UNKNOWN),  # 0.4 m: a walker, or jitter
+        (4, 3.0, MotionState.MOVING),
+        (6, 0.0, MotionState.STATIC),
     ],
 )
-def test_short_tracks(boxes: int, speed_mps: float, expected: Motion):
+def test_short_tracks(boxes: int, speed_mps: float, expected: MotionState):
     track = one_track(np.arange(boxes) * speed_mps * SCAN_S)
     assert (label_motion(track).motions == expected).all()
 
@@ -135,7 +135,7 @@ def test_a_parked_car_seen_from_a_moving_and_turning_vehicle_stands():
         posed.append(PosedLabels(frame, frame * SCAN_S, world_SE3_velo, labels_at(x, y, 4)))
     motion = label_motion(gather_tracks(posed))
     assert motion.moving_tracks() == []
-    assert motion.of(5, np.array([4, 9])).tolist() == [Motion.STATIC, Motion.UNKNOWN]
+    assert motion.of(5, np.array([4, 9])).tolist() == [MotionState.STATIC, MotionState.UNKNOWN]
 
 
 def test_objects_without_a_track_are_left_out():
@@ -176,7 +176,7 @@ def test_sequence_0000_has_the_five_moving_objects_of_the_thesis(kitti_root):
     motion = label_motion(kitti_tracks(kitti_root, "0000", has_ins=True))
     assert motion.moving_tracks() == [0, 1, 2, 4, 12]
     assert len(np.unique(motion.track_ids)) - 5 == 10  # Table 3.1 counts 11 stationary ones
-    assert Motion.UNKNOWN not in motion.motions
+    assert MotionState.UNKNOWN not in motion.motions
 
 
 # Table 3.1 counts 17 and 10. Which of the eleven objects of 0017 it leaves out is not known.

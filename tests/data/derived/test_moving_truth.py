@@ -12,7 +12,7 @@ from data.synthetic.ins import InsNoise
 from data.synthetic.writer import write_raw, write_tracking
 from perception.errors import DriveError, PoseError
 from perception.evaluation.multi_object.moving_scene import MovingScene
-from perception.evaluation.objects import Motion
+from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 
 FRAMES = 8
@@ -44,7 +44,7 @@ def test_velocities_are_those_of_the_boxes_whatever_the_ins_says(drive, truth):
 
     earlier, later = positions(before, 3), positions(after, 5)
     axes_velo = drive.true_world_SE3_velo(4)[:2, :2]
-    moves = here.objects.motions == Motion.MOVING
+    moves = here.objects.motions == MotionState.MOVING
     assert moves.sum() >= 5
     for row in np.flatnonzero(moves):
         number = int(here.objects.track_ids[row])
@@ -56,12 +56,12 @@ def test_velocities_are_those_of_the_boxes_whatever_the_ins_says(drive, truth):
 def test_who_moves_holds_points_that_move(drive, truth):
     scene, point_truth = scene_at(truth, drive, 4), drive.point_truth(4)
     seen = scene.points >= 20
-    assert (seen & (scene.objects.motions == Motion.MOVING)).sum() >= 2
-    for row in np.flatnonzero(seen & (scene.objects.motions == Motion.MOVING)):
+    assert (seen & (scene.objects.motions == MotionState.MOVING)).sum() >= 2
+    for row in np.flatnonzero(seen & (scene.objects.motions == MotionState.MOVING)):
         own = point_truth.instances == scene.objects.track_ids[row] + 1
         assert point_truth.is_moving[own].all()
         assert scene.points[row] <= 1.1 * own.sum()
-    assert (scene.moves_sometime | (scene.objects.motions != Motion.MOVING)).all()
+    assert (scene.moves_sometime | (scene.objects.motions != MotionState.MOVING)).all()
     assert not scene.moves_sometime.all()
 
 
@@ -104,7 +104,7 @@ def test_poses_that_do_not_fit_the_drive_are_refused(drive, tmp_path: Path):
 def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
     scene = moving_truth(drive).scene(drive[0], 0.2)
-    moving = scene.objects.track_ids[scene.objects.motions == Motion.MOVING]
+    moving = scene.objects.track_ids[scene.objects.motions == MotionState.MOVING]
     assert moving.tolist() == [0, 1, 2]
     assert (scene.points[np.isin(scene.objects.track_ids, moving)] >= 20).all()
     assert np.linalg.norm(scene.velocities_m_s, axis=1)[:3] == pytest.approx(

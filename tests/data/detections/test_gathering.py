@@ -7,7 +7,7 @@ import pytest
 
 from data.array_store import ArrayStore
 from data.detections.detected_frames import DetectedFrames
-from data.detections.gathering import MarkedLooker, detect_drives, models_fingerprint
+from data.detections.gathering import FingerprintedDetector, detect_drives, models_fingerprint
 from data.open_drive import open_drive
 from perception.errors import DriveError, PerceptionError, ScanError
 from perception.maps.densify import DenseMaps
@@ -22,32 +22,32 @@ def car_frames(tmp_path):
 
 
 @dataclass(frozen=True)
-class ToySight:
+class ToyOutput:
     modal: dict
     dense: DenseMaps | None
 
 
-class ToyLooker:
+class ToyDetector:
     """Sees one box in the depth map, nothing in the image; counts its looks."""
 
     def __init__(self, fails_at=-1):
         self.looks, self._fails_at = 0, fails_at
 
-    def look(self, frame):
+    def detect(self, frame):
         self.looks += 1
         if frame.index == self._fails_at:
             raise ScanError("scan", expected="points", found="none")
         depth_m = np.full((190, 620), 12, np.float32)
         dense = DenseMaps(depth_m, depth_m * 0, depth_m > 0, depth_m < 0)
         box = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.7]), np.array(["Car"]))
-        return ToySight({"rgb": Detections.empty(), "dm": box}, dense)
+        return ToyOutput({"rgb": Detections.empty(), "dm": box}, dense)
 
 
 def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
-    drive, looker, store = open_drive(car_frames), ToyLooker(), ArrayStore(tmp_path / "kept")
-    first = detect_drives([drive], MarkedLooker(looker, "a"), store)
-    again = detect_drives([drive], MarkedLooker(looker, "a"), store)
-    assert looker.looks == len(drive) == len(first)
+    drive, detector, store = open_drive(car_frames), ToyDetector(), ArrayStore(tmp_path / "kept")
+    first = detect_drives([drive], FingerprintedDetector(detector, "a"), store)
+    again = detect_drives([drive], FingerprintedDetector(detector, "a"), store)
+    assert detector.looks == len(drive) == len(first)
     for scene in (*first.scenes, *again.scenes):
         assert list(scene.modal) == ["rgb", "dm"]
         assert scene.modal["dm"].boxes_px.tolist() == [[10, 20, 30, 40]]
@@ -60,19 +60,19 @@ def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
 
 
 def test_other_models_look_for_themselves(car_frames, tmp_path):
-    drive, looker, store = open_drive(car_frames), ToyLooker(), ArrayStore(tmp_path / "kept")
+    drive, detector, store = open_drive(car_frames), ToyDetector(), ArrayStore(tmp_path / "kept")
     fingerprints = [
         models_fingerprint({"rgb": b"1", "dm": b"2"}),
         models_fingerprint({"rgb": b"2", "dm": b"1"}),
     ]
     for fingerprint in fingerprints:
-        detect_drives([drive], MarkedLooker(looker, fingerprint), store)
-    assert looker.looks == 2 * len(drive)
+        detect_drives([drive], FingerprintedDetector(detector, fingerprint), store)
+    assert detector.looks == 2 * len(drive)
 
 
 def test_a_bad_frame_is_left_out_with_its_labels(car_frames, tmp_path):
     drive, store = open_drive(car_frames), ArrayStore(tmp_path / "kept")
-    bad = MarkedLooker(ToyLooker(fails_at=0), "a")
+    bad = FingerprintedDetector(ToyDetector(fails_at=0), "a")
     with pytest.raises(ScanError):
         detect_drives([drive], bad, store)
     kept = detect_drives([drive], bad, store, "skip")

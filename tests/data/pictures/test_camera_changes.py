@@ -20,8 +20,8 @@ def even(color: tuple[int, int, int]) -> np.ndarray:
 
 def changed_means(color: tuple[int, int, int], strengths: CameraStrengths) -> np.ndarray:
     """Return (60, 3) the mean colours of an even image at 60 looks."""
-    looks = [change_image(even(color), strengths, rng(seed)) for seed in range(60)]
-    return np.array([look.mean(axis=(0, 1)) for look in looks])
+    views = [change_image(even(color), strengths, rng(seed)) for seed in range(60)]
+    return np.array([view.mean(axis=(0, 1)) for view in views])
 
 
 def test_no_strength_changes_nothing():
@@ -33,11 +33,11 @@ def test_no_strength_changes_nothing():
 def test_every_operation_changes_something_the_same_way_again(operation: str):
     image = rng().integers(60, 200, (48, 64, 3), np.uint8)
     strengths = CameraStrengths().only(operation)
-    looks = [change_image(image, strengths, rng(seed)) for seed in range(12)]
-    assert any((look != image).any() for look in looks)
-    for seed, look in enumerate(looks):
-        assert (look.shape, look.dtype) == (image.shape, np.uint8)
-        np.testing.assert_array_equal(change_image(image, strengths, rng(seed)), look)
+    views = [change_image(image, strengths, rng(seed)) for seed in range(12)]
+    assert any((view != image).any() for view in views)
+    for seed, view in enumerate(views):
+        assert (view.shape, view.dtype) == (image.shape, np.uint8)
+        np.testing.assert_array_equal(change_image(image, strengths, rng(seed)), view)
 
 
 def test_brightness_is_a_factor():
@@ -71,13 +71,13 @@ def test_grey_has_no_colour_to_change(operation: str):
 
 
 def test_light_and_shadow_vary_over_the_image_and_shadows_only_darken():
-    looks = [change_image(even((120,) * 3), replace(NONE, light=0.5), rng(s)) for s in range(10)]
-    for look in looks:
-        assert 79 <= look.min() < look.max() <= 181
+    views = [change_image(even((120,) * 3), replace(NONE, light=0.5), rng(s)) for s in range(10)]
+    for view in views:
+        assert 79 <= view.min() < view.max() <= 181
     shadows = [change_image(even((120,) * 3), replace(NONE, shadow=1.0), rng(s)) for s in range(10)]
-    assert max(look.max() for look in shadows) == 120
-    assert min(look.min() for look in shadows) >= 120 * 0.24
-    assert np.mean([look.mean() < 118 for look in shadows]) > 0.5
+    assert max(view.max() for view in shadows) == 120
+    assert min(view.min() for view in shadows) >= 120 * 0.24
+    assert np.mean([view.mean() < 118 for view in shadows]) > 0.5
 
 
 def test_filters_and_blur_leave_an_even_area_as_it_is():

@@ -12,14 +12,14 @@ from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
 from data.array_store import ArrayStore
-from data.looks import Ask, ShuffledLooks
+from data.looks import SampleIndex, ShuffledSampler
 from data.open_drive import open_drive
 from data.pictures.augmentation import PictureAugmentation, changed
 from data.pictures.dataset import PictureDataset, collate
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
 from data.pictures.module import PictureData, PictureLoading
-from data.process_share import ProcessShare
+from data.process_share import ContiguousDistributedSampler
 from data.training_drives import TrainingDrives
 from perception.errors import DriveError, LabelError, ScanError, UsageError
 from perception.types import MODALITIES, Modality
@@ -73,12 +73,12 @@ def test_a_look_is_the_same_at_every_asking_and_another_is_not(
     make_pictures: Callable[..., LabelledPictures], modality: Modality
 ):
     dataset = PictureDataset(make_pictures(modality), np.arange(5), PictureAugmentation(), seed=3)
-    first, again, other = (dataset[Ask(0, look)] for look in ((1, 5), (1, 5), (2, 5)))
+    first, again, other = (dataset[SampleIndex(0, view)] for view in ((1, 5), (1, 5), (2, 5)))
     for name in FIELDS:
         assert torch.equal(first[name], again[name])
     assert not torch.equal(first["pictures"], other["pictures"])
     reseeded = PictureDataset(dataset.frames, np.arange(5), PictureAugmentation(), seed=4)
-    assert not torch.equal(first["pictures"], reseeded[Ask(0, (1, 5))]["pictures"])
+    assert not torch.equal(first["pictures"], reseeded[SampleIndex(0, (1, 5))]["pictures"])
 
 
 @pytest.mark.parametrize("modality", MODALITIES)
@@ -92,7 +92,7 @@ def test_no_augmentation_and_that_of_no_strength_are_plain(
     np.testing.assert_array_equal(picture, frames.picture(0))
     np.testing.assert_allclose(labels.boxes_px, frames.targets(0).boxes_px)
     plain = PictureDataset(frames, np.arange(5))
-    assert torch.equal(plain[Ask(0, (1, 5))]["pictures"], plain[0]["pictures"])
+    assert torch.equal(plain[SampleIndex(0, (1, 5))]["pictures"], plain[0]["pictures"])
 
 
 def test_a_frame_that_the_store_lost_is_made_anew(dataset: PictureDataset):
@@ -138,26 +138,26 @@ def test_a_batch_without_any_label_is_a_batch(
 
 
 def test_an_epoch_holds_every_frame_once_and_depends_on_its_number_alone():
-    first, resumed = ShuffledLooks(20, seed=1), ShuffledLooks(20, seed=1)
+    first, resumed = ShuffledSampler(20, seed=1), ShuffledSampler(20, seed=1)
     epochs = []
     for epoch in range(3):
         first.set_epoch(epoch)
         epochs.append(list(first))
     assert all(sorted(ask.row for ask in epoch) == list(range(20)) for epoch in epochs)
     assert epochs[0] != epochs[1]
-    assert len({ask.look for epoch in epochs for ask in epoch}) == 60
+    assert len({ask.view for epoch in epochs for ask in epoch}) == 60
     resumed.set_epoch(2)
     assert list(resumed) == epochs[2]
-    shares = [list(ProcessShare(resumed, process, 2)) for process in range(2)]
+    shares = [list(ContiguousDistributedSampler(resumed, process, 2)) for process in range(2)]
     assert shares[0] + shares[1] == epochs[2]
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_workers_give_what_no_worker_gives(dataset: PictureDataset, method: str):
-    asks = [Ask(row, (0, row)) for row in range(5)]
+    indices = [SampleIndex(row, (0, row)) for row in range(5)]
 
     def batches(**options: object) -> list[dict[str, torch.Tensor]]:
-        return list(DataLoader(dataset, 2, sampler=asks, collate_fn=collate, **options))
+        return list(DataLoader(dataset, 2, sampler=indices, collate_fn=collate, **options))
 
     alone = batches()
     together = batches(num_workers=1, multiprocessing_context=method)
@@ -308,8 +308,8 @@ class Watcher(LightningModule):
         self.seen: list[tuple[int, float, list[int]]] = []
 
     def training_step(self, batch, batch_idx):
-        looks = batch["pictures"].float().mean()
-        self.seen.append((self.current_epoch, float(looks), batch["numbers"].tolist()))
+        epoch_sampler = batch["pictures"].float().mean()
+        self.seen.append((self.current_epoch, float(epoch_sampler), batch["numbers"].tolist()))
         return (self.weight - 1).square().sum()
 
     def configure_optimizers(self):
@@ -331,7 +331,7 @@ def test_resumed_training_sees_what_it_would_have_seen(make_data: MakeData, tmp_
 
     first, whole = trained(1), trained(3)
     assert {epoch for epoch, *_ in whole} == {0, 1, 2}
-    assert len({looks for _, looks, _ in whole}) == len(whole) == 6
+    assert len({epoch_sampler for _, epoch_sampler, _ in whole}) == len(whole) == 6
     assert first + trained(3, tmp_path / "1.ckpt") == whole
 
 

@@ -48,65 +48,65 @@ def assert_same(one: Detections, other: Detections):
 
 
 def test_each_detector_sees_what_it_sees_alone(detectors, frame):
-    sight = MultimodalDetector(detectors).look(frame)
+    output = MultimodalDetector(detectors).detect(frame)
     dense = densify(project_frame(frame))
     pictures = {"rgb": frame.image} | {name: map_picture(dense, name) for name in ("dm", "rm")}
-    assert list(sight.modal) == list(MODALITIES)
+    assert list(output.modal) == list(MODALITIES)
     for modality, picture in pictures.items():
-        assert_same(sight.modal[modality], detectors[modality].detect(picture))
-        assert len(sight.modal[modality])
-    np.testing.assert_array_equal(sight.dense.depth_m, dense.depth_m)
-    assert sorted(sight.timings_s) == ["dm", "fusion", "maps", "rgb", "rm"]
+        assert_same(output.modal[modality], detectors[modality].detect(picture))
+        assert len(output.modal[modality])
+    np.testing.assert_array_equal(output.dense.depth_m, dense.depth_m)
+    assert sorted(output.timings_s) == ["dm", "fusion", "maps", "rgb", "rm"]
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_answer_does_not_depend_on_who_works_at_once(detectors, frame, workers):
-    expected = MultimodalDetector(detectors).look(frame).fused
-    fused = MultimodalDetector(detectors, workers=workers).look(frame).fused
+    expected = MultimodalDetector(detectors).detect(frame).fused
+    fused = MultimodalDetector(detectors, workers=workers).detect(frame).fused
     assert_same(fused.detections, expected.detections)
     np.testing.assert_array_equal(fused.parts, expected.parts)
 
 
 @pytest.mark.parametrize("names", [("rgb",), ("dm",), ("rgb", "rm"), ("dm", "rm")])
 def test_any_of_the_modalities(detectors, frame, names):
-    sight = MultimodalDetector({name: detectors[name] for name in names}).look(frame)
-    assert tuple(sight.modal) == names
-    assert (sight.dense is None) == (names == ("rgb",))
+    output = MultimodalDetector({name: detectors[name] for name in names}).detect(frame)
+    assert tuple(output.modal) == names
+    assert (output.dense is None) == (names == ("rgb",))
     columns = [MODALITIES.index(name) for name in names]
-    assert set(sight.fused.carriers) <= set(columns)
+    assert set(output.fused.carriers) <= set(columns)
 
 
 def test_frame_without_an_image(detectors, frame):
     blind = replace(frame, image=None)
-    assert list(MultimodalDetector(detectors).look(blind).modal) == ["dm", "rm"]
+    assert list(MultimodalDetector(detectors).detect(blind).modal) == ["dm", "rm"]
     with pytest.raises(ImageError, match="expected a camera image, found none"):
-        MultimodalDetector({"rgb": detectors["rgb"]}).look(blind)
+        MultimodalDetector({"rgb": detectors["rgb"]}).detect(blind)
 
 
 def test_image_alone_needs_no_calibration(detectors, frame):
     bare = replace(frame, calibration=None)
-    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).look(bare).modal) == ["rgb"]
+    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).modal) == ["rgb"]
     with pytest.raises(CalibrationError, match="expected a camera's calibration"):
-        MultimodalDetector(detectors).look(bare)
+        MultimodalDetector(detectors).detect(bare)
 
 
 def test_maps_that_are_made_already_are_used(detectors, frame):
     dense = densify(project_frame(frame))
     dark = replace(dense, reflectance=np.zeros_like(dense.reflectance))
-    sight = MultimodalDetector(detectors).look(frame, dark)
-    assert sight.dense is dark
-    assert len(sight.modal["rm"]) == 0
+    output = MultimodalDetector(detectors).detect(frame, dark)
+    assert output.dense is dark
+    assert len(output.modal["rm"]) == 0
 
 
 def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
     path = tmp_path / "sparse.onnx"
     path.write_bytes(bright_cells("rm", filling="sparse"))
     sparse = ModalityDetector(path, 1)
-    sight = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).look(frame)
+    output = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).detect(frame)
     maps = fill_maps(project_frame(frame), "sparse")
-    assert_same(sight.modal["rm"], sparse.detect(map_picture(maps, "rm")))
+    assert_same(output.modal["rm"], sparse.detect(map_picture(maps, "rm")))
     dense = densify(project_frame(frame))
-    assert_same(sight.modal["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
+    assert_same(output.modal["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
 
 
 def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
@@ -117,12 +117,12 @@ def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
             asked.update(modal=modal, size_px=size_px, dense=dense, camera=camera)
             return FusedDetections.empty()
 
-    sight = MultimodalDetector(detectors, Silent()).look(frame)
-    assert len(sight.fused) == 0
+    output = MultimodalDetector(detectors, Silent()).detect(frame)
+    assert len(output.fused) == 0
     assert asked == {
-        "modal": sight.modal,
+        "modal": output.modal,
         "size_px": SIZE_PX,
-        "dense": sight.dense,
+        "dense": output.dense,
         "camera": frame.calibration,
     }
 

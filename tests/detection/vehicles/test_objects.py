@@ -16,9 +16,9 @@ from tests.vehicle_scenes import (
     cars,
     detected,
     frame_of,
-    in_sight,
     road,
     sides,
+    visible_points,
 )
 
 _GROUND = FlatRoad()
@@ -95,7 +95,7 @@ def test_of_two_cars_that_overlap_in_the_image_each_has_its_own_points():
 
 def test_a_crowd_is_told_apart():
     true = cars(*[(8.0 + 8 * row, 5.0 * side, 0.05 * row) for row in range(3) for side in (-1, 1)])
-    frame = frame_of(in_sight(np.concatenate([road(), sides(true, step_m=0.08)])))
+    frame = frame_of(visible_points(np.concatenate([road(), sides(true, step_m=0.08)])))
     found = locate(detected(true), frame, _GROUND)
     apart_m = np.linalg.norm(found.boxes.bottom_m[:, :2] - true.bottom_m[:, :2], axis=1)
     assert apart_m.max() < 0.3

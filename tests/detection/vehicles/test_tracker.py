@@ -9,7 +9,7 @@ from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.errors import CalibrationError
 from perception.types import Boxes3D, Frame, FusedDetections, Tracks
-from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, road, seen_from, sides
+from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, observed_from, road, sides
 
 _ROAD = road(step_m=1.0)
 
@@ -21,7 +21,7 @@ class Drive:
         self.tracker = VehicleTracker()
         self._speed_m_s, self._index = speed_m_s, -1
 
-    def see(
+    def observe(
         self,
         world: Boxes3D,
         *,
@@ -40,7 +40,7 @@ class Drive:
             blind: whether the LiDAR sees the road only.
         """
         self._index += 1
-        pose, boxes = seen_from(0.1 * self._speed_m_s * self._index, world)
+        pose, boxes = observed_from(0.1 * self._speed_m_s * self._index, world)
         body = np.zeros((0, 3)) if blind else sides(boxes)
         frame = frame_of(_ROAD, body, index=self._index)
         found = np.setdiff1d(np.arange(len(world)), missed)
@@ -61,7 +61,7 @@ def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
 
 def test_parked_cars_keep_their_ids_and_stand_still():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (28.0, -4.0, 0.0), (36.0, 4.0, 0.0))
-    told = [drive.see(world).vehicles for _ in range(20)]
+    told = [drive.observe(world).vehicles for _ in range(20)]
     assert told[0].ids.tolist() == [-1, -1, -1]
     assert [one.ids.tolist() for one in told[1:]] == [[0, 1, 2]] * 19
     np.testing.assert_allclose(told[-1].velocities_m_s, 0.0, atol=0.3)
@@ -71,7 +71,7 @@ def test_parked_cars_keep_their_ids_and_stand_still():
 def test_a_car_that_drives_has_its_speed_and_points_its_way():
     drive, world = Drive(), cars((42.0, 3.0, 0.0))
     for step in range(20):
-        told = drive.see(driven(world, -0.8 * step)).vehicles
+        told = drive.observe(driven(world, -0.8 * step)).vehicles
     np.testing.assert_allclose(told.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
     assert np.cos(told.boxes.yaw_rad[0]) < -0.99
 
@@ -80,10 +80,10 @@ def test_a_car_that_drives_has_its_speed_and_points_its_way():
 def test_a_gap_is_bridged(blind):
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
     for _ in range(5):
-        ids = drive.see(world, blind=blind).vehicles.ids.tolist()
+        ids = drive.observe(world, blind=blind).vehicles.ids.tolist()
     for _ in range(6):
-        drive.see(world, missed=(0,), blind=blind)
-    assert drive.see(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
+        drive.observe(world, missed=(0,), blind=blind)
+    assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
 
 
 def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
@@ -92,29 +92,29 @@ def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
         cars(*[(14.0 + 5.5 * place, 4.0, 0.0) for place in range(6)]),
     )
     for _ in range(4):
-        expected = drive.see(world).vehicles.ids.tolist()
+        expected = drive.observe(world).vehicles.ids.tolist()
     assert expected == list(range(6))
     for missed in (1, 3, 2, 4, 0, 3):
-        told = drive.see(world, missed=(missed,)).vehicles.ids.tolist()
+        told = drive.observe(world, missed=(missed,)).vehicles.ids.tolist()
         assert told == [one for one in expected if one != missed]
-    assert drive.see(world).vehicles.ids.tolist() == expected
+    assert drive.observe(world).vehicles.ids.tolist() == expected
 
 
 def test_a_frame_without_a_camera_is_refused_and_changes_nothing():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
-        located = drive.see(world).vehicles
+        located = drive.observe(world).vehicles
     blind = Frame(9, 0.9, np.ones((len(located.owners), 4), np.float32))
     with pytest.raises(CalibrationError, match="a camera's calibration"):
         drive.tracker.update(located, blind, np.eye(4))
-    assert drive.see(world).vehicles.ids.tolist() == [0]
+    assert drive.observe(world).vehicles.ids.tolist() == [0]
 
 
 def test_what_was_not_located_goes_on_in_the_image():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
-        drive.see(world)
-    told = [drive.see(world, blind=True).vehicles for _ in range(4)]
+        drive.observe(world)
+    told = [drive.observe(world, blind=True).vehicles for _ in range(4)]
     assert [one.ids.tolist() for one in told] == [[0]] * 4
     assert np.isnan(told[0].boxes.yaw_rad).all()
 
@@ -122,16 +122,16 @@ def test_what_was_not_located_goes_on_in_the_image():
 def test_what_was_away_for_long_is_new():
     drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
     for _ in range(3):
-        drive.see(world)
+        drive.observe(world)
     for _ in range(20):
-        drive.see(world, missed=(0,))
-    drive.see(world)
-    assert drive.see(world).vehicles.ids.tolist() == [1]
+        drive.observe(world, missed=(0,))
+    drive.observe(world)
+    assert drive.observe(world).vehicles.ids.tolist() == [1]
 
 
 def test_without_returns_the_image_alone_is_followed():
     drive, world = Drive(), cars((30.0, 4.0, 0.0), (34.0, -4.0, 0.0))
-    told = [drive.see(world, blind=True).vehicles for _ in range(10)]
+    told = [drive.observe(world, blind=True).vehicles for _ in range(10)]
     assert [one.ids.tolist() for one in told[1:]] == [[0, 1]] * 9
     assert np.isnan(told[-1].boxes.bottom_m).all()
     assert np.isnan(told[-1].velocities_m_s).all()
@@ -139,27 +139,27 @@ def test_without_returns_the_image_alone_is_followed():
 
 def test_a_single_doubtful_sight_begins_nothing():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
-    assert [drive.see(world, scores=0.2).vehicles.ids.tolist() for _ in range(8)] == [[-1]] * 8
+    assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(8)] == [[-1]] * 8
 
 
 def test_a_doubtful_sight_continues_what_is_known():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
-        drive.see(world)
-    assert [drive.see(world, scores=0.2).vehicles.ids.tolist() for _ in range(5)] == [[0]] * 5
+        drive.observe(world)
+    assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(5)] == [[0]] * 5
 
 
 def test_a_car_that_overtakes_another_keeps_its_id():
     drive, pair = Drive(), cars((15.0, 1.5, 0.0), (30.0, -1.5, 0.0))
     for step in range(30):
         world = replace(pair, bottom_m=pair.bottom_m + step * np.array([[1.2, 0, 0], [0.3, 0, 0]]))
-        ids = drive.see(world).vehicles.ids.tolist()
+        ids = drive.observe(world).vehicles.ids.tolist()
     assert ids == [0, 1]
 
 
 def test_nothing_detected_is_no_fault():
     drive = Drive()
-    told = drive.see(Boxes3D.empty())
+    told = drive.observe(Boxes3D.empty())
     assert len(told.vehicles) == len(told.tracks) == 0
     assert len(told.vehicles.fused) == len(FusedDetections.empty())
 
@@ -167,22 +167,22 @@ def test_nothing_detected_is_no_fault():
 def test_time_that_does_not_go_on_begins_anew_with_other_ids():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
-        drive.see(world)
+        drive.observe(world)
     drive._index = -1
-    drive.see(world)
-    assert drive.see(world).vehicles.ids.tolist() == [1]
+    drive.observe(world)
+    assert drive.observe(world).vehicles.ids.tolist() == [1]
 
 
 def in_scan(drive: Drive, world: Boxes3D) -> Boxes3D:
     """Return boxes as the next scan will have them."""
-    return seen_from(0.5 * (drive._index + 1), world)[1]
+    return observed_from(0.5 * (drive._index + 1), world)[1]
 
 
 def test_what_begins_to_move_takes_the_id_of_the_vehicle():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
     for _ in range(4):
-        drive.see(world)
-    told = [drive.see(world, moving=moving_at(in_scan(drive, world)[[1]], 7)) for _ in range(4)]
+        drive.observe(world)
+    told = [drive.observe(world, moving=moving_at(in_scan(drive, world)[[1]], 7)) for _ in range(4)]
     assert [one.tracks.ids.tolist() for one in told] == [[1]] * 4
     assert [one.vehicles.ids.tolist() for one in told] == [[0, 1]] * 4
 
@@ -190,9 +190,9 @@ def test_what_begins_to_move_takes_the_id_of_the_vehicle():
 def test_a_vehicle_takes_the_id_of_what_moved_there_before():
     drive, world = Drive(), cars((30.0, -4.0, 0.0))
     for _ in range(4):
-        told = drive.see(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
+        told = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
         assert told.tracks.ids.tolist() == [0]
-    told = [drive.see(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
+    told = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
     assert [one.vehicles.ids.tolist() for one in told] == [[-1], [0], [0], [0]]
     assert [one.tracks.ids.tolist() for one in told] == [[0]] * 4
 
@@ -201,8 +201,8 @@ def test_two_that_turn_out_to_be_one_agree_on_the_id_of_the_vehicle_once():
     drive, world = Drive(), cars((30.0, -4.0, 0.0))
     for _ in range(3):
         beside = cars((30.0, 1.0, 0.0))
-        drive.see(world, moving=moving_at(in_scan(drive, beside), 7))
-    told = [drive.see(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(6)]
+        drive.observe(world, moving=moving_at(in_scan(drive, beside), 7))
+    told = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(6)]
     ids = [one.tracks.ids.tolist()[0] for one in told]
     vehicle = told[0].vehicles.ids.tolist()[0]
     assert [one.vehicles.ids.tolist() for one in told] == [[vehicle]] * 6
@@ -213,12 +213,12 @@ def test_two_that_turn_out_to_be_one_agree_on_the_id_of_the_vehicle_once():
 def test_they_stay_one_when_they_are_apart_for_a_scan_and_are_two_after_some():
     drive, world, away = Drive(), cars((30.0, -4.0, 0.0)), cars((30.0, 6.0, 0.0))
     for _ in range(4):
-        drive.see(world, moving=moving_at(in_scan(drive, world), 7))
+        drive.observe(world, moving=moving_at(in_scan(drive, world), 7))
     told = [
-        drive.see(world, moving=moving_at(in_scan(drive, place), 7)).tracks.ids.tolist()[0]
+        drive.observe(world, moving=moving_at(in_scan(drive, place), 7)).tracks.ids.tolist()[0]
         for place in (away, world, away, away, away, away)
     ]
-    vehicle = drive.see(world).vehicles.ids.tolist()[0]
+    vehicle = drive.observe(world).vehicles.ids.tolist()[0]
     assert told[:4] == [vehicle] * 4
     assert told[4] == told[5] != vehicle
 
@@ -226,11 +226,11 @@ def test_they_stay_one_when_they_are_apart_for_a_scan_and_are_two_after_some():
 def test_a_lost_vehicle_leaves_its_id_to_what_moves_and_gets_it_back():
     drive, world = Drive(speed_m_s=0.0), cars((30.0, -4.0, 0.0))
     for _ in range(4):
-        drive.see(world, moving=moving_at(world, 7))
+        drive.observe(world, moving=moving_at(world, 7))
     for _ in range(25):
-        told = drive.see(world, missed=(0,), moving=moving_at(world, 7))
+        told = drive.observe(world, missed=(0,), moving=moving_at(world, 7))
     assert told.tracks.ids.tolist() == [0]
-    told = [drive.see(world, moving=moving_at(world, 7)) for _ in range(3)]
+    told = [drive.observe(world, moving=moving_at(world, 7)) for _ in range(3)]
     assert told[-1].vehicles.ids.tolist() == told[-1].tracks.ids.tolist() == [0]
 
 
@@ -245,7 +245,9 @@ def test_no_id_is_there_twice_whatever_comes():
         shown = np.flatnonzero(rng.random(10) < 0.6)
         jitter = world.bottom_m[shown] + rng.normal(0, 1.0, (len(shown), 3))
         boxes = replace(world[shown], bottom_m=jitter)
-        told = drive.see(world, missed=missed, moving=moving_at(boxes, *numbers[shown].tolist()))
+        told = drive.observe(
+            world, missed=missed, moving=moving_at(boxes, *numbers[shown].tolist())
+        )
         ids = told.vehicles.ids[told.vehicles.ids >= 0]
         assert len(set(ids.tolist())) == len(ids)
         assert (np.diff(told.tracks.ids) > 0).all()

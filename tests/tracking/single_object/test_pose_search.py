@@ -15,7 +15,7 @@ from perception.tracking.single_object.pose_search import (
     squared_distance,
     support_at,
 )
-from perception.tracking.single_object.sight import Sight, sight_of
+from perception.tracking.single_object.sight import ObjectObservation, observation_of
 from perception.types import Float64
 
 CAR_M = np.array([4.0, 1.8, 1.5])
@@ -36,16 +36,18 @@ def _out_of_frame(points: Float64, pose: Float64) -> Float64:
     return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2])
 
 
-def _sight(points_xy: Float64) -> Sight:
+def _observation(points_xy: Float64) -> ObjectObservation:
     """Return a sight of full cells."""
     points = np.column_stack([points_xy, np.ones(len(points_xy))])
-    return sight_of(np.repeat(points, 4, axis=0), SENSOR, 0.1)
+    return observation_of(np.repeat(points, 4, axis=0), SENSOR, 0.1)
 
 
 def test_finds_a_car_by_two_sides() -> None:
     truth = np.array([10.0, 4.0, 0.1])
     expected = PoseBelief(truth + np.array([0.35, -0.3, 0.12]), WIDE)
-    belief = search(SHAPE, _sight(_side_and_rear(truth)), (expected,), 40.0, PoseSearchConfig())
+    belief = search(
+        SHAPE, _observation(_side_and_rear(truth)), (expected,), 40.0, PoseSearchConfig()
+    )
     np.testing.assert_allclose(belief.pose, truth, atol=0.08)
     assert squared_distance(belief, expected) == pytest.approx(2.8, abs=1.0)
 
@@ -53,7 +55,9 @@ def test_finds_a_car_by_two_sides() -> None:
 def test_a_wall_of_points_says_nothing_of_the_place_along_it() -> None:
     truth = np.array([0.0, 6.0, 0.0])
     middle = np.column_stack([np.arange(-0.8, 0.81, 0.1), np.full(17, 5.1)])
-    belief = search(SHAPE, _sight(middle), (PoseBelief(truth, WIDE),), 17.0, PoseSearchConfig())
+    belief = search(
+        SHAPE, _observation(middle), (PoseBelief(truth, WIDE),), 17.0, PoseSearchConfig()
+    )
     along, across = np.sqrt(np.diag(belief.covariance))[:2]
     assert along > 0.25  # of 0.4 before
     assert across < 0.1
@@ -64,10 +68,10 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     own = _side_and_rear(truth)[::3]
     neighbour = _side_and_rear(truth + np.array([5.0, 0.0, 0.0]))
     expected = PoseBelief(truth, np.diag([1.2, 0.2, 0.05]) ** 2)
-    sight = _sight(np.concatenate([own, neighbour]))
-    shape = SHAPE.remembering(_sight(own), truth)
-    usual = support_at(shape, _sight(own), truth).reward
-    belief = search(shape, sight, (expected,), usual, PoseSearchConfig())
+    observation = _observation(np.concatenate([own, neighbour]))
+    shape = SHAPE.with_observation(_observation(own), truth)
+    usual = support_at(shape, _observation(own), truth).reward
+    belief = search(shape, observation, (expected,), usual, PoseSearchConfig())
     np.testing.assert_allclose(belief.pose[:2], truth[:2], atol=0.15)
 
 
@@ -75,28 +79,33 @@ def test_of_two_expected_places_takes_the_one_that_holds_the_points() -> None:
     truth = np.array([10.0, 4.0, 0.0])
     moved = PoseBelief(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
     stood = PoseBelief(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
-    belief = search(SHAPE, _sight(_side_and_rear(truth)), (moved, stood), 40.0, PoseSearchConfig())
+    belief = search(
+        SHAPE, _observation(_side_and_rear(truth)), (moved, stood), 40.0, PoseSearchConfig()
+    )
     np.testing.assert_allclose(belief.pose, truth, atol=0.06)
 
 
 def test_a_shape_remembers_what_it_showed() -> None:
     pose = np.array([10.0, 4.0, 0.3])
     mirror = np.array([[0.8, -0.5]])  # deep inside, seen again and again
-    sight = _sight(_out_of_frame(mirror, pose))
+    observation = _observation(_out_of_frame(mirror, pose))
     shape = SHAPE
     for _ in range(10):
-        shape = shape.remembering(sight, pose)
-    assert support_at(shape, sight, pose).reward > 1.5 * support_at(SHAPE, sight, pose).reward
+        shape = shape.with_observation(observation, pose)
+    assert (
+        support_at(shape, observation, pose).reward
+        > 1.5 * support_at(SHAPE, observation, pose).reward
+    )
     assert shape.scans == 10
 
 
 def test_points_beside_the_box_speak_against_it() -> None:
     pose = np.array([10.0, 4.0, 0.0])
-    beside = support_at(SHAPE, _sight(_out_of_frame(np.array([[0.0, 1.3]]), pose)), pose)
+    beside = support_at(SHAPE, _observation(_out_of_frame(np.array([[0.0, 1.3]]), pose)), pose)
     assert beside.reward == 0.0
     assert beside.penalty == pytest.approx(0.7, abs=0.01)
     assert beside.top_m == -np.inf
-    far = support_at(SHAPE, _sight(np.array([[20.0, 20.0]])), pose)
+    far = support_at(SHAPE, _observation(np.array([[20.0, 20.0]])), pose)
     assert far.reward == far.penalty == 0.0
 
 

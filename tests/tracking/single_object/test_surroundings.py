@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
-from perception.tracking.single_object.sight import points_around, sight_of
+from perception.tracking.single_object.sight import observation_of, points_around
 from perception.tracking.single_object.surroundings import Surroundings
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
@@ -39,12 +39,12 @@ def test_nothing_is_known_of_nothing() -> None:
 
 def test_a_sight_gathers_points_by_cells() -> None:
     points = np.array([[1.01, 1.01, 0.2], [1.03, 1.05, 0.9], [2.51, 1.0, 0.5]])
-    sight = sight_of(points, np.zeros(2), 0.1)
-    np.testing.assert_allclose(sight.points_xy_m, [[1.02, 1.03], [2.51, 1.0]])
-    np.testing.assert_allclose(sight.tops_m, [0.9, 0.5])
-    np.testing.assert_allclose(sight.weights, [np.sqrt(0.5), 0.5])
-    assert len(sight.near(np.array([2.5, 1.0]), 0.5, 10)) == 1
-    assert len(sight_of(np.zeros((0, 3)), np.zeros(2), 0.1)) == 0
+    observation = observation_of(points, np.zeros(2), 0.1)
+    np.testing.assert_allclose(observation.points_xy_m, [[1.02, 1.03], [2.51, 1.0]])
+    np.testing.assert_allclose(observation.tops_m, [0.9, 0.5])
+    np.testing.assert_allclose(observation.weights, [np.sqrt(0.5), 0.5])
+    assert len(observation.near(np.array([2.5, 1.0]), 0.5, 10)) == 1
+    assert len(observation_of(np.zeros((0, 3)), np.zeros(2), 0.1)) == 0
 
 
 def test_points_around_are_those_in_the_square() -> None:
