@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, take_turns
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.naive_detection_ap import reference_curve
 from benchmarks.stages import Comparison
 from perception.cli.table import Cell
@@ -37,7 +37,7 @@ def compare_average_precision() -> Comparison:
         "plain: every frame at every threshold": reference,
     }
     said: dict[str, list[Float64]] = {name: [] for name in forms}
-    timings = take_turns(
+    timings = time_interleaved(
         [Contender(*form) for form in forms.items()],
         _SETS,
         observe=lambda name, i, output: said[name].append(output),

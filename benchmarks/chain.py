@@ -34,7 +34,7 @@ class ChainMetrics:
     memory_end_mib: float
 
 
-def there_and_back(
+def back_and_forth(
     drive: Drive | Sequence[Frame], frames: int, turn_s: float = 0.1
 ) -> Iterator[Frame]:
     """Yield so many frames by driving to the end, back in reverse, and so on, time going forward."""
@@ -50,7 +50,7 @@ def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainMet
     pipeline = Pipeline(drive.sensor, config)
     times: list[dict[str, float]] = []
     memory_start = resident_mib()
-    for number, frame in enumerate(there_and_back(drive, frames, 1 / drive.sensor.rate_hz)):
+    for number, frame in enumerate(back_and_forth(drive, frames, 1 / drive.sensor.rate_hz)):
         times.append(pipeline.step(frame).timings_s)
         if number == frames // 5:
             memory_start = resident_mib()

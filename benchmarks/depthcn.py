@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measure import Contender, take_turns
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.naive_depthcn import detect_one_by_one
-from benchmarks.stages import Comparison, Prepared, add_peer
+from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from perception.cli.table import Cell
 from perception.cli.vehicle_detector import DepthCnConfig
 from perception.detection.depthcn.detector import DepthCn
 
 
-def compare_depthcn(prepared: Prepared) -> Comparison:
+def compare_depthcn(prepared: PreparedDrive) -> Comparison:
     """Detect from scan to boxes; the plain form calls the same network for each candidate.
 
     Raises:
@@ -38,7 +38,7 @@ def compare_depthcn(prepared: Prepared) -> Comparison:
     def count(name: str, i: int, detections: Any) -> None:  # noqa: ANN401 - of each contender
         found[name].append(len(detections))
 
-    timings = take_turns(contenders, len(frames), count)
+    timings = time_interleaved(contenders, len(frames), count)
     metrics: dict[str, dict[str, Cell]] = {
         "detections": {name: f"{np.mean(counts):.1f}" for name, counts in found.items()}
     }
@@ -47,7 +47,7 @@ def compare_depthcn(prepared: Prepared) -> Comparison:
     return Comparison("DepthCN, from scan to boxes", timings, metrics)
 
 
-def _parts_ms(prepared: Prepared) -> dict[str, float]:
+def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
     """Return the median time of each part of ours."""
     detector = DepthCnConfig().open(prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)

@@ -14,30 +14,30 @@ from export.quantize import to_int8
 from perception.detection.detectors.input_size import InputSize, stretch
 from perception.types import Modality, UInt8
 from train.detector.networks import DetectorNetworkConfig, make_detector
-from train.networks.grid_detector import GridDetector
+from train.networks.grid_detector import YoloDetector
 from train.networks.grid_head import OBJECTNESS
 
-Form = Literal["fp32", "int8"]
+Precision = Literal["fp32", "int8"]
 _SHOWN = 8
 # So many boxes are as sure as a detection has to be, as after training on a busy road.
 _LIKELY = 100
 
 
 @dataclass(frozen=True)
-class DetectorFiles:
+class ModelPair:
     """One network in both forms."""
 
     fp32: Path
     int8: Path
 
-    def of(self, form: Form) -> Path:
+    def of(self, variant: Precision) -> Path:
         """Return the file of a form."""
-        return self.int8 if form == "int8" else self.fp32
+        return self.int8 if variant == "int8" else self.fp32
 
 
 def write_detector(
     folder: Path, network: str, modality: Modality, size: InputSize, pictures: Sequence[UInt8]
-) -> DetectorFiles:
+) -> ModelPair:
     """Write a network with random weights in full precision and in 8 bits.
 
     Args:
@@ -47,20 +47,18 @@ def write_detector(
         size: of its input.
         pictures: (H, W, C) of this modality.
     """
-    form = DetectorNetworkConfig(modality, network, size=size)
+    variant = DetectorNetworkConfig(modality, network, size=size)
     inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in pictures[:_SHOWN]]
     torch.manual_seed(0)
-    detector = make_detector(form)
-    _see_little(detector, torch.from_numpy(np.concatenate(inputs)))
+    detector = make_detector(variant)
+    _limit_confident_boxes(detector, torch.from_numpy(np.concatenate(inputs)))
     exportable = Exportable(
         DecodedDetector(detector.eval()).eval(),
         {"pictures": torch.from_numpy(np.concatenate(inputs[:1] * 2))},
         outputs=("boxes_px", "scores"),
-        metadata=form.metadata,
+        metadata=variant.metadata,
     )
-    files = DetectorFiles(
-        *(folder / f"{network}_{modality}_{name}.onnx" for name in ("fp32", "int8"))
-    )
+    files = ModelPair(*(folder / f"{network}_{modality}_{name}.onnx" for name in ("fp32", "int8")))
     model = to_onnx(exportable)
     files.fp32.write_bytes(model)
     batches = [{"pictures": np.ascontiguousarray(one)} for one in inputs]
@@ -68,7 +66,7 @@ def write_detector(
     return files
 
 
-def _see_little(detector: GridDetector, pictures: torch.Tensor) -> None:
+def _limit_confident_boxes(detector: YoloDetector, pictures: torch.Tensor) -> None:
     """Let batch norms see pictures, and few boxes be likely."""
     with torch.no_grad():
         for _ in range(3):

@@ -7,10 +7,10 @@ from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.detector_files import DetectorFiles, Form, write_detector
-from benchmarks.measure import Contender, take_turns
+from benchmarks.detector_files import ModelPair, Precision, write_detector
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.openvino_peer import openvino_network
-from benchmarks.stages import Comparison, Prepared, add_peer
+from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from export.parity import Arrays, Network
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import camera_image, map_picture
@@ -26,7 +26,7 @@ _LIBRARIES: Mapping[str, Open] = {
     "ONNX Runtime": lambda file, threads: ModalityDetector(file, threads).model,
     "OpenVINO": openvino_network,
 }
-_FORMS: tuple[Form, ...] = ("int8", "fp32")
+_FORMS: tuple[Precision, ...] = ("int8", "fp32")
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class Workload:
         squares: of each frame what YOLOv2 is shown.
     """
 
-    compact: Mapping[Modality, DetectorFiles]
-    yolov2: DetectorFiles
+    compact: Mapping[Modality, ModelPair]
+    yolov2: ModelPair
     dense: list[DenseMaps]
     inputs: list[dict[Modality, Arrays]]
     squares: list[Arrays]
 
     @classmethod
-    def make(cls, prepared: Prepared, folder: Path) -> "Workload":
+    def make(cls, prepared: PreparedDrive, folder: Path) -> "Workload":
         """Write the networks, and make pictures of all frames.
 
         Raises:
@@ -78,7 +78,7 @@ class Workload:
         return cls(compact, yolov2, dense, inputs, squares)
 
 
-def compare_detectors(prepared: Prepared) -> Comparison:
+def compare_detectors(prepared: PreparedDrive) -> Comparison:
     """Detect in maps and images that are there; from scan and image on; and the networks alone.
 
     Raises:
@@ -97,33 +97,35 @@ def compare_detectors(prepared: Prepared) -> Comparison:
             Contender("maps alone", lambda i: densify(project_frame(frames[i]))),
             Contender("maps and ours", lambda i: ours.detect(frames[i])),
         ]
-        for library, form in product(_LIBRARIES, _FORMS):
-            add_peer(contenders, lambda: _three_networks(work, form, library))  # noqa: B023 - called at once
-        for library, form in product(_LIBRARIES, _FORMS):
-            add_peer(contenders, lambda: _yolov2(work, form, library))  # noqa: B023 - called at once
-        timings = take_turns(contenders, len(frames))
+        for library, variant in product(_LIBRARIES, _FORMS):
+            add_peer(contenders, lambda: _three_networks(work, variant, library))  # noqa: B023 - called at once
+        for library, variant in product(_LIBRARIES, _FORMS):
+            add_peer(contenders, lambda: _yolov2(work, variant, library))  # noqa: B023 - called at once
+        timings = time_interleaved(contenders, len(frames))
     title = f"three compact detectors at {COMPACT.height_px}x{COMPACT.width_px}"
     return Comparison(title, timings, {})
 
 
-def _open(work: Workload, form: Form, threads: int) -> dict[Modality, ModalityDetector]:
-    return {name: ModalityDetector(files.of(form), threads) for name, files in work.compact.items()}
+def _open(work: Workload, variant: Precision, threads: int) -> dict[Modality, ModalityDetector]:
+    return {
+        name: ModalityDetector(files.of(variant), threads) for name, files in work.compact.items()
+    }
 
 
-def _three_networks(work: Workload, form: Form, library: str) -> Contender:
+def _three_networks(work: Workload, variant: Precision, library: str) -> Contender:
     """Run the networks alone, each on one thread, two at once."""
     networks = {
-        name: _LIBRARIES[library](files.of(form), 1) for name, files in work.compact.items()
+        name: _LIBRARIES[library](files.of(variant), 1) for name, files in work.compact.items()
     }
     workers = ThreadPoolExecutor(2)
 
     def run(i: int) -> list[Arrays]:
         return list(workers.map(lambda name: networks[name](work.inputs[i][name]), MODALITIES))
 
-    return Contender(f"the networks alone, {form}, {library}", run)
+    return Contender(f"the networks alone, {variant}, {library}", run)
 
 
-def _yolov2(work: Workload, form: Form, library: str) -> Contender:
-    network = _LIBRARIES[library](work.yolov2.of(form), 2)
+def _yolov2(work: Workload, variant: Precision, library: str) -> Contender:
+    network = _LIBRARIES[library](work.yolov2.of(variant), 2)
     size = f"{THESIS.height_px}x{THESIS.width_px}"
-    return Contender(f"one YOLOv2 {size}, {form}, {library}", lambda i: network(work.squares[i]))
+    return Contender(f"one YOLOv2 {size}, {variant}, {library}", lambda i: network(work.squares[i]))

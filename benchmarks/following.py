@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, take_turns
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.naive_color_filters import time_color_filters
-from benchmarks.stages import Comparison, Prepared
+from benchmarks.stages import Comparison, PreparedDrive
 from perception.errors import DriveError, PerceptionError
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.tracking.single_object.hand_over import tracker_input_of
@@ -20,12 +20,12 @@ log = logging.getLogger(__name__)
 _COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
 
 
-def compare_single_object_trackers(prepared: Prepared) -> Comparison:
+def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
     """Let every tracker follow the object that stays longest of those labelled in the first frame."""
     config = PipelineConfig.for_motion("none")
     pipeline = Pipeline(prepared.drive.sensor, config)
     tracker_inputs = [
-        tracker_input_of(pipeline.step(frame), config.body) for frame in prepared.frames
+        tracker_input_of(pipeline.step(frame), config.ego_vehicle) for frame in prepared.frames
     ]
     track_id, box_velo = _longest(prepared)
 
@@ -42,11 +42,11 @@ def compare_single_object_trackers(prepared: Prepared) -> Comparison:
             contenders.append(contender(name))
         except PerceptionError as error:
             log.warning("left out: %s", error)
-    timings = take_turns(contenders, len(tracker_inputs))
+    timings = time_interleaved(contenders, len(tracker_inputs))
     return Comparison(f"following one object, track {track_id}", timings, {})
 
 
-def compare_color_filters(_: Prepared) -> Comparison:
+def compare_color_filters(_: PreparedDrive) -> Comparison:
     """The bank of filters over the bins of a colour model, beside a loop over them."""
     title = f"colour model, {_COLORS_IN_USE} of 512 bins in use"
     return Comparison(title, time_color_filters(_COLORS_IN_USE), {})
@@ -61,7 +61,7 @@ def _tracking(
     return lambda i: update(tracker_inputs[i]) if i else start(tracker_inputs[0], box_velo)
 
 
-def _longest(prepared: Prepared) -> tuple[int, Boxes3D]:
+def _longest(prepared: PreparedDrive) -> tuple[int, Boxes3D]:
     """Return the track of the first frame that is labelled in most frames, and its first box."""
     if not prepared.drive.has_labels:
         raise DriveError(

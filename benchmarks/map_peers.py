@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Float32
 
 _FAR_M = 100.0
 
 
-def fill_by_morphology(sparse: SparseMaps) -> Filling:
+def fill_by_morphology(sparse: SparseMaps) -> FilledMaps:
     """Fill the depth map by dilation of inverted depths, small kernels first, as IP-Basic describes.
 
     From the paper (Ku, Harakeh, Waslander; 2018): dilate with a diamond, close small holes, fill
@@ -19,26 +19,26 @@ def fill_by_morphology(sparse: SparseMaps) -> Filling:
     reflectances are dilated with kernels of the same sizes: the brightest wins there.
     """
     if not len(sparse):
-        return Filling.empty(sparse.size_px)
+        return FilledMaps.empty(sparse.size_px)
     inverted = _dilated(sparse.scattered(np.asarray(_FAR_M - sparse.depth_m, np.float32)))
     # Reflectances of 0 are measured: lifted, so that they differ from none.
     lifted = _dilated(sparse.scattered(sparse.reflectance + np.float32(1)))
     is_known = inverted > 0
     depth_m = np.where(is_known, _FAR_M - inverted, 0).astype(np.float32)
-    return Filling(depth_m, np.clip(lifted - 1, 0, 1)).with_measured(sparse)
+    return FilledMaps(depth_m, np.clip(lifted - 1, 0, 1)).with_measured(sparse)
 
 
-def fill_nearest_by_chamfer(sparse: SparseMaps) -> Filling:
+def fill_nearest_by_chamfer(sparse: SparseMaps) -> FilledMaps:
     """Let OpenCV's distance transform name the nearest return, in its 5 x 5 approximation."""
     if not len(sparse):
-        return Filling.empty(sparse.size_px)
+        return FilledMaps.empty(sparse.size_px)
     _, labels = cv2.distanceTransformWithLabels(
         (~sparse.is_measured).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     number = np.zeros(len(sparse) + 1, np.int32)
     number[labels[sparse.pixels[:, 1], sparse.pixels[:, 0]]] = np.arange(len(sparse))
     nearest = number[labels]
-    return Filling(sparse.depth_m[nearest], sparse.reflectance[nearest])
+    return FilledMaps(sparse.depth_m[nearest], sparse.reflectance[nearest])
 
 
 def _dilated(values: Float32) -> Float32:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
-from benchmarks.measure import Contender, take_turns
-from benchmarks.stages import Comparison, Prepared
+from benchmarks.measure import Contender, time_interleaved
+from benchmarks.stages import Comparison, PreparedDrive
 from perception.cli.table import Cell
-from perception.maps.densify import FILLINGS, Fill, dense_maps
+from perception.maps.densify import FILL_METHODS, Fill, dense_maps
 from perception.maps.encoding import encode_depth, encode_reflectance
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
 from perception.types import Bool, Float64, UInt8
 
@@ -19,17 +19,17 @@ _LEFT_OUT = 0.1
 _RELATIVE, _ABSOLUTE_M = 0.05, 0.5
 
 _CONTENDERS: Mapping[str, Fill] = {
-    "ours": FILLINGS["default"],
-    "thesis: Delaunay, nearest vertex (SciPy)": FILLINGS["thesis"],
-    "nearest return": FILLINGS["nearest"],
-    "linear in triangles (SciPy)": FILLINGS["linear"],
+    "ours": FILL_METHODS["default"],
+    "thesis: Delaunay, nearest vertex (SciPy)": FILL_METHODS["thesis"],
+    "nearest return": FILL_METHODS["nearest"],
+    "linear in triangles (SciPy)": FILL_METHODS["linear"],
     "nearest return, OpenCV's chamfer": fill_nearest_by_chamfer,
     "morphology, as IP-Basic": fill_by_morphology,
 }
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """Errors at K returns that a method was not shown.
 
     Attributes:
@@ -43,7 +43,7 @@ class HeldOut:
     reflectance: Float64
 
 
-def compare_maps(prepared: Prepared) -> Comparison:
+def compare_maps(prepared: PreparedDrive) -> Comparison:
     """Project, fill and encode both maps of every frame; judge each method by a tenth of the returns, left out."""
     sparse = [project_frame(frame) for frame in prepared.frames]
 
@@ -54,7 +54,7 @@ def compare_maps(prepared: Prepared) -> Comparison:
 
         return Contender(name, run)
 
-    timings = take_turns([contender(*item) for item in _CONTENDERS.items()], len(sparse))
+    timings = time_interleaved([contender(*item) for item in _CONTENDERS.items()], len(sparse))
     metrics: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
     for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
         metrics["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
@@ -63,9 +63,11 @@ def compare_maps(prepared: Prepared) -> Comparison:
     return Comparison("depth and reflectance map", timings, metrics)
 
 
-def held_out_errors(scans: list[SparseMaps], generator: np.random.Generator) -> dict[str, HeldOut]:
+def held_out_errors(
+    scans: list[SparseMaps], generator: np.random.Generator
+) -> dict[str, HeldOutErrors]:
     """Leave a tenth of the returns of each scan out; compare where all methods know something."""
-    parts: dict[str, list[HeldOut]] = {name: [] for name in _CONTENDERS}
+    parts: dict[str, list[HeldOutErrors]] = {name: [] for name in _CONTENDERS}
     for sparse in scans:
         is_out = generator.random(len(sparse)) < _LEFT_OUT
         shown, out = sparse[~is_out], sparse[is_out]
@@ -77,18 +79,18 @@ def held_out_errors(scans: list[SparseMaps], generator: np.random.Generator) -> 
     return {name: _joined(of_scans) for name, of_scans in parts.items()}
 
 
-def _errors(filling: Filling, out: SparseMaps) -> HeldOut:
+def _errors(filling: FilledMaps, out: SparseMaps) -> HeldOutErrors:
     column, row = out.pixels.T
     depth_m = np.abs(filling.depth_m[row, column] - out.depth_m).astype(np.float64)
-    return HeldOut(
+    return HeldOutErrors(
         depth_m=depth_m,
         is_close=np.asarray((depth_m < _RELATIVE * out.depth_m) | (depth_m < _ABSOLUTE_M)),
         reflectance=np.abs(filling.reflectance[row, column] - out.reflectance).astype(np.float64),
     )
 
 
-def _joined(parts: list[HeldOut]) -> HeldOut:
-    return HeldOut(
+def _joined(parts: list[HeldOutErrors]) -> HeldOutErrors:
+    return HeldOutErrors(
         np.concatenate([part.depth_m for part in parts]),
         np.concatenate([part.is_close for part in parts]),
         np.concatenate([part.reflectance for part in parts]),

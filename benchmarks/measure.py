@@ -42,7 +42,7 @@ class Timing:
     ratio: float
 
 
-def take_turns(
+def time_interleaved(
     contenders: Sequence[Contender],
     inputs: int,
     observe: Callable[[str, int, Any], None] = lambda name, i, output: None,

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from itertools import cycle, islice
 
-from benchmarks.measure import Contender, take_turns
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.naive_datmo import ReferenceShortTermMap
 from benchmarks.naive_tracking import time_trackers
-from benchmarks.stages import Comparison, Prepared
+from benchmarks.stages import Comparison, PreparedDrive
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import LevelPlane, elevation_grid
 from perception.datmo.grid_rules import THESIS
@@ -23,7 +23,7 @@ _METHODS: dict[str, DatmoMethod] = {
 }
 
 
-def compare_moving_objects(prepared: Prepared) -> Comparison:
+def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
     """Detection and tracking by every method, on the same segmented scans."""
     config = PipelineConfig.for_motion("none")
     chain = ObstacleChain(prepared.drive.sensor, config)
@@ -35,10 +35,10 @@ def compare_moving_objects(prepared: Prepared) -> Comparison:
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]
     title = "moving objects: detection and tracking"
-    return Comparison(title, take_turns(contenders, len(scans)), {})
+    return Comparison(title, time_interleaved(contenders, len(scans)), {})
 
 
-def compare_short_term_maps(prepared: Prepared) -> Comparison:
+def compare_short_term_maps(prepared: PreparedDrive) -> Comparison:
     """Put a scan's grid into the map and ask it, with full queues of several lengths."""
     cells = CellGrid.covering(THESIS.work_area, THESIS.cell_m)
     plane = LevelPlane(-prepared.drive.sensor.height_m)
@@ -51,7 +51,7 @@ def compare_short_term_maps(prepared: Prepared) -> Comparison:
     ]
 
     def contender(form: type[ShortTermMap] | type[ReferenceShortTermMap], queue: int) -> Contender:
-        config = replace(THESIS.background, scans=queue, averaged=min(queue, 30))
+        config = replace(THESIS.background, scans=queue, max_observations=min(queue, 30))
         short_term_map = form(cells, config)
         # There and back until the queue is full, as a drive would fill it.
         for grid, pose in islice(cycle([*inputs, *reversed(inputs)]), queue):
@@ -65,9 +65,9 @@ def compare_short_term_maps(prepared: Prepared) -> Comparison:
 
     contenders = [contender(ShortTermMap, queue) for queue in (50, 10, 200)]
     contenders += [contender(ReferenceShortTermMap, queue) for queue in (50, 10)]
-    return Comparison("short-term map (Algorithm 4)", take_turns(contenders, len(inputs)), {})
+    return Comparison("short-term map (Algorithm 4)", time_interleaved(contenders, len(inputs)), {})
 
 
-def compare_filters(_: Prepared) -> Comparison:
+def compare_filters(_: PreparedDrive) -> Comparison:
     """Fifty simulated objects by one batch of filters and by a loop over them."""
     return Comparison("fifty tracks of the thesis' tracker", time_trackers(objects=50), {})

@@ -6,16 +6,16 @@ Bins), and it is what took most of the thesis' time a frame (7.1.2, Computationa
 
 import numpy as np
 
-from benchmarks.measure import Contender, Timing, take_turns
+from benchmarks.measure import Contender, Timing, time_interleaved
 from benchmarks.naive_tracking import ReferenceKalmanFilter
-from perception.tracking.single_object.color_model import BINS, AdaptiveColors
+from perception.tracking.single_object.color_model import BINS, AdaptiveColorModel
 from perception.types import Float64
 
 _STEP_S = 0.1
 
 
 class ReferenceAdaptiveColors:
-    """`AdaptiveColors` with a filter of its own for every bin."""
+    """`AdaptiveColorModel` with a filter of its own for every bin."""
 
     def __init__(self) -> None:
         self.filters: dict[int, ReferenceKalmanFilter] = {}
@@ -61,9 +61,9 @@ def wandering_ratios(in_use: int, frames: int, seed: int = 0) -> Float64:
 def time_color_filters(in_use: int = 70, frames: int = 50) -> list[Timing]:
     """Time a frame of the bank and of its plain form side by side; 70 bins are the thesis' mean."""
     seen = wandering_ratios(in_use, frames)
-    ours, reference = AdaptiveColors(), ReferenceAdaptiveColors()
+    ours, reference = AdaptiveColorModel(), ReferenceAdaptiveColors()
     contenders = [
         Contender("ours", lambda frame: ours.update(seen[frame])),
         Contender("one filter a bin", lambda frame: reference.update(seen[frame])),
     ]
-    return take_turns(contenders, frames)
+    return time_interleaved(contenders, frames)

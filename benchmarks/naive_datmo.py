@@ -24,7 +24,7 @@ def elevation_by_loop(
     for point, height_m in zip(points_velo, ground.distance_m(points_velo), strict=True):
         x, y = point[:2]
         inside = cells.low_m[0] <= x < cells.high_m[0] and cells.low_m[1] <= y < cells.high_m[1]
-        far = np.hypot(x, y) > config.nearest_m
+        far = np.hypot(x, y) > config.min_range_m
         if inside and far and config.low_m < height_m < config.high_m:
             row, column = np.floor((point[:2] - cells.low_m) / cells.cell_m).astype(int)
             heights_m.setdefault((row, column), []).append(float(height_m))
@@ -58,19 +58,19 @@ class ReferenceShortTermMap:
 
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
         """Take in a scan's grid and return the (X, Y) map around the vehicle."""
-        if self._config.holds_newest:
+        if self._config.includes_newest:
             self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         total_m = np.zeros(self._cells.shape)
         count = np.zeros(self._cells.shape, np.int64)
         for stored in reversed(self._queue):
             seen_m = self._turned(stored, world_SE3_velo)
-            counts = ~np.isnan(seen_m) & (count < self._config.averaged)
+            counts = ~np.isnan(seen_m) & (count < self._config.max_observations)
             total_m[counts] += seen_m[counts]
             count[counts] += 1
-        if not self._config.holds_newest:
+        if not self._config.includes_newest:
             self._queue.append(_StoredGrid(elevation, world_SE3_velo))
         mean_m = total_m / np.maximum(count, 1)
-        return np.where(count >= self._config.least, mean_m, 0).astype(np.float32)
+        return np.where(count >= self._config.min_observations, mean_m, 0).astype(np.float32)
 
     def _turned(self, stored: _StoredGrid, world_SE3_velo: Float64) -> Float32:
         """Return a stored grid in today's cells, NaN where it saw nothing."""

@@ -59,7 +59,7 @@ def reference_features(scene: DetectedScene, tri_boxes: Int) -> Float64:
 
 
 def _parts(scene: DetectedScene) -> list[Detections]:
-    return [scene.modal.get(modality, Detections.empty()) for modality in MODALITIES]
+    return [scene.modality_detections.get(modality, Detections.empty()) for modality in MODALITIES]
 
 
 def _connected(box: Box, links: dict[Box, list[Box]]) -> set[Box]:

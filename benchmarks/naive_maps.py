@@ -6,7 +6,7 @@ import numpy as np
 
 from perception.geometry.camera import project
 from perception.maps.beam_rows import ColumnFillingConfig
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Bool, Calibration, Float
 
@@ -29,10 +29,10 @@ def project_by_loop(
     return found
 
 
-def fill_nearest_by_search(sparse: SparseMaps) -> Filling:
+def fill_nearest_by_search(sparse: SparseMaps) -> FilledMaps:
     """Compare every pixel with every return."""
     width, height = sparse.size_px
-    filling = Filling.empty(sparse.size_px)
+    filling = FilledMaps.empty(sparse.size_px)
     for row in range(height):
         for column in range(width):
             offset = sparse.pixels - (column, row)
@@ -42,7 +42,7 @@ def fill_nearest_by_search(sparse: SparseMaps) -> Filling:
     return filling
 
 
-def fill_natural_by_discs(sparse: SparseMaps) -> Filling:
+def fill_natural_by_discs(sparse: SparseMaps) -> FilledMaps:
     """Count for every pixel the pixels that it would take from each return."""
     width, height = sparse.size_px
     nearest = fill_nearest_by_search(sparse)
@@ -53,7 +53,7 @@ def fill_natural_by_discs(sparse: SparseMaps) -> Filling:
             for v in range(height)
         ]
     )
-    filling = Filling.empty(sparse.size_px)
+    filling = FilledMaps.empty(sparse.size_px)
     for row in range(height):
         for column in range(width):
             takes = (rows - row) ** 2 + (columns - column) ** 2 < to_return
@@ -63,27 +63,27 @@ def fill_natural_by_discs(sparse: SparseMaps) -> Filling:
     return filling.with_measured(sparse)
 
 
-def fill_columns_by_loop(sparse: SparseMaps, config: ColumnFillingConfig) -> Filling:
+def fill_columns_by_loop(sparse: SparseMaps, config: ColumnFillingConfig) -> FilledMaps:
     """Follow each beam from return to return, then look for every pixel up and down its column."""
     width, height = sparse.size_px
     cells = _rows_by_loop(sparse, config)
-    columns = range(-(-width // config.squeeze_px))
+    columns = range(-(-width // config.column_width_px))
     known = [column for column in columns if any(cell[0] == column for cell in cells)]
     region = region_by_loop(sparse)
-    filling = Filling.empty(sparse.size_px)
+    filling = FilledMaps.empty(sparse.size_px)
     for column in range(width):
-        here = column // config.squeeze_px
+        here = column // config.column_width_px
         source = min(known, key=lambda other: abs(other - here))
         anchors = _seen_anchors({r: z for (c, r), z in cells.items() if c == source}, config)
-        first = here * config.squeeze_px
+        first = here * config.column_width_px
         for row in range(int(sparse.pixels[:, 1].min()), height):
-            if region[row, first : first + config.squeeze_px].any():
+            if region[row, first : first + config.column_width_px].any():
                 value = _between(anchors, row, config)
                 filling.depth_m[row, column] = 1 / value.real
                 filling.reflectance[row, column] = value.imag
     column, row = sparse.pixels.T
     return filling.with_measured(
-        sparse[sparse.depth_m <= config.nearer * filling.depth_m[row, column]]
+        sparse[sparse.depth_m <= config.max_depth_ratio * filling.depth_m[row, column]]
     )
 
 
@@ -111,7 +111,7 @@ def _rows_by_loop(sparse: SparseMaps, config: ColumnFillingConfig) -> Cells:
     for (u, v), depth, reflectance in zip(
         sparse.pixels.tolist(), sparse.depth_m, sparse.reflectance, strict=True
     ):
-        cell = u // config.squeeze_px, v
+        cell = u // config.column_width_px, v
         returns.pop(cell, None)  # so that the least deep are last
         returns[cell] = complex(1 / depth, reflectance)
     following = {cell: _next_of(cell, returns, config) for cell in returns}
@@ -146,7 +146,7 @@ def _next_of(
 
 def _across(first: complex, last: complex, share: float, config: ColumnFillingConfig) -> complex:
     near, far = max(first.real, last.real), min(first.real, last.real)
-    if near <= config.nearer * far:
+    if near <= config.max_depth_ratio * far:
         return first + share * (last - first)
     return last if share >= 0.5 else first
 
@@ -157,7 +157,10 @@ def _reach_by_loop(returns: Cells, config: ColumnFillingConfig) -> int:
         rows = sorted(row for c, row in returns if c == column)
         gaps += [below - above for above, below in pairwise(rows) if below - above > 1]
     spacing_px = float(np.median(gaps)) if gaps else 0.0
-    return min(max(1, round(config.reach * spacing_px / config.squeeze_px)), config.max_steps)
+    return min(
+        max(1, round(config.extension_ratio * spacing_px / config.column_width_px)),
+        config.max_steps,
+    )
 
 
 def _seen_anchors(anchors: dict[int, complex], config: ColumnFillingConfig) -> dict[int, complex]:
@@ -165,9 +168,9 @@ def _seen_anchors(anchors: dict[int, complex], config: ColumnFillingConfig) -> d
     hidden = {
         row
         for above, row, below in zip(rows, rows[1:], rows[2:], strict=False)
-        if below - above <= config.longest_gap_px
-        and anchors[above].real > config.nearer * anchors[row].real
-        and anchors[below].real > config.nearer * anchors[row].real
+        if below - above <= config.max_gap_px
+        and anchors[above].real > config.max_depth_ratio * anchors[row].real
+        and anchors[below].real > config.max_depth_ratio * anchors[row].real
     }
     return {row: anchors[row] for row in rows if row not in hidden}
 
@@ -178,6 +181,6 @@ def _between(anchors: dict[int, complex], row: int, config: ColumnFillingConfig)
     if above is None or below is None:
         return anchors[below if above is None else above]  # type: ignore[index]
     gap, change = below - above, anchors[below] - anchors[above]
-    if abs(change.real) <= config.steepest_per_m_px * gap:
+    if abs(change.real) <= config.max_slope_per_m_px * gap:
         return anchors[above] + change * (row - above) / gap
     return anchors[above] if row - above < gap - gap // 2 else anchors[below]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.measure import Contender, Timing, take_turns
+from benchmarks.measure import Contender, Timing, time_interleaved
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import inverse
 from perception.tracking.point_tracker import THESIS, PointTracker, PointTrackerConfig
@@ -209,4 +209,4 @@ def time_trackers(objects: int, frames: int = 50) -> list[Timing]:
             "one filter a track", lambda i: reference.update(0.1 * i, pose, scans[i], nothing)
         ),
     ]
-    return take_turns(contenders, frames)
+    return time_interleaved(contenders, frames)

@@ -11,10 +11,10 @@ from benchmarks.moving_objects import (
     compare_moving_objects,
     compare_short_term_maps,
 )
-from benchmarks.proposals import compare_clusters, compare_proposals, compare_turns
+from benchmarks.proposals import compare_clusters, compare_clusters_full_scan, compare_proposals
 from benchmarks.stages import (
     Comparison,
-    Prepared,
+    PreparedDrive,
     compare_ground,
     compare_motion,
     compare_registration,
@@ -22,7 +22,7 @@ from benchmarks.stages import (
 )
 from perception.errors import MissingDependencyError
 
-COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
+COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
     "registration": compare_registration,
     "ground": compare_ground,
     "voxels": compare_voxels,
@@ -34,14 +34,14 @@ COMPARISONS: Mapping[str, Callable[[Prepared], Comparison]] = {
     "colors": compare_color_filters,
     "maps": compare_maps,
     "clusters": compare_clusters,
-    "turns": compare_turns,
+    "turns": compare_clusters_full_scan,
     "proposals": compare_proposals,
     "depthcn": compare_depthcn,
     "average-precision": lambda _: compare_average_precision(),
 }
 
 
-def _compare_detectors(prepared: Prepared) -> Comparison:
+def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     """Compare what needs torch, to make networks of.
 
     Raises:
@@ -60,4 +60,4 @@ def _compare_detectors(prepared: Prepared) -> Comparison:
 
 
 # Only where asked for by name: the networks take a minute to make.
-BY_NAME: Mapping[str, Callable[[Prepared], Comparison]] = {"detectors": _compare_detectors}
+ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {"detectors": _compare_detectors}

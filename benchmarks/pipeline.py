@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.chain import there_and_back
+from benchmarks.chain import back_and_forth
 from benchmarks.measure import resident_mib
 from data.drive import Drive
 from perception.cli.stage_times import StageTimes
@@ -50,15 +50,15 @@ def measure_pipeline(drive: Drive, frames: int, config: PipelineConfig) -> dict[
     kept = [drive[index] for index in range(min(len(drive), _KEPT))]
     turn_s = 1 / drive.sensor.rate_hz
     ways: dict[str, Ways] = {}
-    with Pipeline(drive.sensor, replace(config, overlap=False)) as pipeline:
-        given = there_and_back(kept, frames, turn_s)
+    with Pipeline(drive.sensor, replace(config, parallel=False)) as pipeline:
+        given = back_and_forth(kept, frames, turn_s)
         ways["one stage after another"] = _measure(map(pipeline.step, given), frames)
     with Pipeline(drive.sensor, config) as pipeline:
-        given = there_and_back(kept, frames, turn_s)
+        given = back_and_forth(kept, frames, turn_s)
         ways["side by side"] = _measure(map(pipeline.step, given), frames)
         pipeline.reset()
-        given = there_and_back(kept, frames, turn_s)
-        with pipeline.stream(_as_they_come(given, turn_s), "latest") as results:
+        given = back_and_forth(kept, frames, turn_s)
+        with pipeline.stream(_at_sensor_rate(given, turn_s), "latest") as results:
             name = f"as they come, {drive.sensor.rate_hz:.0f} a second, the latest"
             ways[name] = replace(_measure(results, frames), dropped=results.dropped)
     return ways
@@ -96,7 +96,7 @@ def pipeline_table(ways: Mapping[str, Ways]) -> str:
     )
 
 
-def _as_they_come(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
+def _at_sensor_rate(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
     """Yield a frame each turn of the LiDAR, late ones at once."""
     start_s = time.perf_counter()
     for number, frame in enumerate(frames):

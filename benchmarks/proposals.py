@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, take_turns
+from benchmarks.measure import Contender, time_interleaved
 from benchmarks.naive_dbscan import cluster_by_definition
 from benchmarks.naive_proposals import boxes_by_loop
-from benchmarks.stages import Comparison, Prepared, add_peer
+from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from data.drive import Labels
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
@@ -24,7 +24,7 @@ _OURS, _PEER = "ours", "scikit-learn"
 _OVERLAPS = (0.5, 0.7)
 
 
-def compare_clusters(prepared: Prepared) -> Comparison:
+def compare_clusters(prepared: PreparedDrive) -> Comparison:
     """DBSCAN of what stands in the camera's view (6.1.2), and whether all give it the same labels."""
     places_m = []
     for frame in prepared.frames:
@@ -34,7 +34,7 @@ def compare_clusters(prepared: Prepared) -> Comparison:
     return _compare("clusters in view", places_m, [reference])
 
 
-def compare_turns(prepared: Prepared) -> Comparison:
+def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
     """DBSCAN of what stands all around; there the plain form takes minutes."""
     places_m = []
     for frame in prepared.frames:
@@ -44,7 +44,7 @@ def compare_turns(prepared: Prepared) -> Comparison:
     return _compare("clusters of a full turn", places_m, [])
 
 
-def compare_proposals(prepared: Prepared) -> Comparison:
+def compare_proposals(prepared: PreparedDrive) -> Comparison:
     """From the scan to boxes, and which share of the cars in view they reach."""
     views = [(frame.points_velo, *camera_of(frame)) for frame in prepared.frames]
 
@@ -57,7 +57,7 @@ def compare_proposals(prepared: Prepared) -> Comparison:
         Contender("thesis, by loop", lambda i: boxes_by_loop(*views[i], _RULES)),
     ]
     boxes_px: dict[str, list[Float64]] = {contender.name: [] for contender in contenders}
-    timings = take_turns(
+    timings = time_interleaved(
         contenders, len(views), lambda name, _, boxes: boxes_px[name].append(boxes)
     )
     metrics: dict[str, dict[str, Cell]] = {
@@ -78,7 +78,7 @@ def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Co
     contenders = [Contender(_OURS, _clustering(cluster, places_m)), *others]
     add_peer(contenders, lambda: Contender(_PEER, _clustering(_scikit_learn(), places_m)))
     labels: dict[str, list[Int]] = {contender.name: [] for contender in contenders}
-    timings = take_turns(
+    timings = time_interleaved(
         contenders, len(places_m), lambda name, _, found: labels[name].append(found)
     )
     same: dict[str, Cell] = {

@@ -23,7 +23,7 @@ def plain_small_gicp(target: Float32, source: Float32, guess: Float64) -> Float6
     return np.asarray(result.T_target_source)
 
 
-def open3d_point_to_plane(box_m: float = 0.5, reach_m: float = 1.0) -> Register:
+def open3d_point_to_plane(voxel_size_m: float = 0.5, reach_m: float = 1.0) -> Register:
     """Return point-to-plane ICP by Open3D on scans thinned to one point a box."""
     try:
         import open3d
@@ -36,7 +36,7 @@ def open3d_point_to_plane(box_m: float = 0.5, reach_m: float = 1.0) -> Register:
     def thin(points: Float32) -> object:
         cloud = open3d.geometry.PointCloud()
         cloud.points = open3d.utility.Vector3dVector(points[:, :3].astype(np.float64))
-        return cloud.voxel_down_sample(box_m)
+        return cloud.voxel_down_sample(voxel_size_m)
 
     def register(target: Float32, source: Float32, guess: Float64) -> Float64:
         fixed, moving = thin(target), thin(source)

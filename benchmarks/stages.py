@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.ground_peers import PatchworkGround, RansacPlane
-from benchmarks.measure import Contender, Timing, take_turns, timing_table
+from benchmarks.measure import Contender, Timing, time_interleaved, timing_table
 from benchmarks.naive_voxels import count_voxels_by_unique_rows
 from benchmarks.registration_peers import open3d_point_to_plane, plain_small_gicp
 from data.drive import Drive
 from perception.cli.table import Cell
 from perception.errors import DriveError, MissingDependencyError, ModelError
-from perception.evaluation.ground import FootErrors, foot_errors, mean_displacement
-from perception.geometry.registration import Localizer
+from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
+from perception.geometry.registration import LidarOdometry
 from perception.geometry.se3 import inverse
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
 from perception.obstacles.motion import motion_segmenter
@@ -47,7 +47,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedDrive:
     """A stretch of a drive in memory, registered once, for all stages alike.
 
     Attributes:
@@ -63,12 +63,12 @@ class Prepared:
     config: PipelineConfig
 
 
-def prepare(drive: Drive, frames: int, config: PipelineConfig) -> Prepared:
+def prepare(drive: Drive, frames: int, config: PipelineConfig) -> PreparedDrive:
     """Read and register so many frames from the start of a drive."""
-    localizer, scans, read = Localizer(config.registration), [], []
+    odometry, scans, read = LidarOdometry(config.registration), [], []
     for index in range(min(frames, len(drive))):
         frame = drive[index]
-        pose = localizer.update(
+        pose = odometry.update(
             frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         ).world_SE3_velo
         read.append(frame)
@@ -81,16 +81,16 @@ def prepare(drive: Drive, frames: int, config: PipelineConfig) -> Prepared:
         for scan in scans[max(0, newest - config.previous_scans) : newest + 1]:
             window.push(scan)
         windows.append(window)
-    return Prepared(drive, read, windows, config)
+    return PreparedDrive(drive, read, windows, config)
 
 
-def compare_registration(prepared: Prepared) -> Comparison:
+def compare_registration(prepared: PreparedDrive) -> Comparison:
     """Ours, scan by scan, beside library calls from scan to scan and the thesis' whole window."""
-    frames, localizer = prepared.frames, Localizer(prepared.config.registration)
+    frames, odometry = prepared.frames, LidarOdometry(prepared.config.registration)
 
     def ours(i: int) -> object:
         frame = frames[i]
-        return localizer.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
+        return odometry.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
 
     def scan_to_scan(register: Callable[..., object]) -> Callable[[int], object]:
         def run(i: int) -> object:
@@ -114,10 +114,10 @@ def compare_registration(prepared: Prepared) -> Comparison:
         contenders,
         lambda: Contender("Open3D, point to plane", scan_to_scan(open3d_point_to_plane())),
     )
-    return Comparison("registration", take_turns(contenders, len(frames)), {})
+    return Comparison("registration", time_interleaved(contenders, len(frames)), {})
 
 
-def compare_ground(prepared: Prepared) -> Comparison:
+def compare_ground(prepared: PreparedDrive) -> Comparison:
     """Ours and the thesis' planes on merged scans; one plane and Patchwork++ on the newest scan."""
     sensor, config = prepared.drive.sensor, prepared.config
     default = ground_estimator(sensor, config, "default")
@@ -144,23 +144,23 @@ def compare_ground(prepared: Prepared) -> Comparison:
 
     add_peer(contenders, plane)
     add_peer(contenders, patchwork)
-    feet: dict[str, list[FootErrors]] = {contender.name: [] for contender in contenders}
+    feet: dict[str, list[GroundErrors]] = {contender.name: [] for contender in contenders}
 
     def evaluate(name: str, i: int, ground: GroundModel) -> None:
         if prepared.drive.has_labels:
             bottoms = prepared.drive.labels(i).boxes_velo.bottom_m
-            feet[name].append(foot_errors(i, ground, bottoms, config.area))
+            feet[name].append(ground_errors(i, ground, bottoms, config.area))
 
-    timings = take_turns(contenders, len(prepared.frames), evaluate)
+    timings = time_interleaved(contenders, len(prepared.frames), evaluate)
     errors: dict[str, Cell] = {
-        name: f"{1e3 * mean_displacement(FootErrors.concatenate(rows)).mde_m:.1f}"
+        name: f"{1e3 * mean_displacement_error(GroundErrors.concatenate(rows)).mde_m:.1f}"
         for name, rows in feet.items()
         if rows
     }
     return Comparison("ground", timings, {"mDE mm": errors} if errors else {})
 
 
-def compare_voxels(prepared: Prepared) -> Comparison:
+def compare_voxels(prepared: PreparedDrive) -> Comparison:
     """Count the voxels of whole scans, beside numpy's unique rows."""
     size_m = 0.1
     contenders = [
@@ -170,10 +170,10 @@ def compare_voxels(prepared: Prepared) -> Comparison:
             lambda i: count_voxels_by_unique_rows(prepared.frames[i].points_velo, size_m),
         ),
     ]
-    return Comparison("voxel counting", take_turns(contenders, len(prepared.frames)), {})
+    return Comparison("voxel counting", time_interleaved(contenders, len(prepared.frames)), {})
 
 
-def compare_motion(prepared: Prepared) -> Comparison:
+def compare_motion(prepared: PreparedDrive) -> Comparison:
     """Free space beside the thesis' counters, on the same ground."""
     sensor, config = prepared.drive.sensor, prepared.config
     estimator = ground_estimator(sensor, config, "default")
@@ -187,7 +187,7 @@ def compare_motion(prepared: Prepared) -> Comparison:
             lambda i: counters.update(prepared.windows[i], grounds[i]),
         ),
     ]
-    return Comparison("static and moving", take_turns(contenders, len(prepared.frames)), {})
+    return Comparison("static and moving", time_interleaved(contenders, len(prepared.frames)), {})
 
 
 def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from data.plausibility import (
-    Oddity,
-    calibration_oddities,
-    label_oddities,
-    motion_oddities,
-    projection_oddities,
-    rotation_oddities,
-    time_oddities,
+    Anomaly,
+    calibration_anomalies,
+    label_anomalies,
+    motion_anomalies,
+    projection_anomalies,
+    rotation_anomalies,
+    time_anomalies,
 )
 from perception.errors import (
     CalibrationError,
@@ -97,7 +97,7 @@ class DriveReport:
 
 
 @dataclass
-class _Notebook:
+class _FindingList:
     """Findings so far, by what they are."""
 
     findings: dict[str, Finding] = field(default_factory=dict)
@@ -109,9 +109,9 @@ class _Notebook:
     def add_error(self, error: PerceptionError) -> None:
         self.add(_WHAT.get(type(error), "other"), str(error))
 
-    def add_oddities(self, oddities: Iterable[Oddity]) -> None:
-        for oddity in oddities:
-            self.add(oddity.what, oddity.example)
+    def add_anomalies(self, anomalies: Iterable[Anomaly]) -> None:
+        for anomaly in anomalies:
+            self.add(anomaly.what, anomaly.example)
 
 
 def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
@@ -121,22 +121,22 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
         drive: opened with its images.
         progress: wraps the frame numbers, as a progress bar does.
     """
-    notebook = _Notebook()
+    collected = _FindingList()
     points: list[int] = []
     stamps_s: dict[int, float] = {}
     for index in progress(range(len(drive))):
-        frame = _inspect_frame(drive, index, notebook)
+        frame = _inspect_frame(drive, index, collected)
         if frame is not None:
             if not points or not drive.is_sequence:
-                _inspect_setup(frame, drive, notebook)
+                _inspect_setup(frame, drive, collected)
             points.append(len(frame.points_velo))
             stamps_s[index] = frame.stamp_s
-        _inspect_truth(drive, index, notebook)
+        _inspect_truth(drive, index, collected)
     distance_m = None
     if isinstance(drive, KittiSequence):
-        notebook.add_oddities(time_oddities(stamps_s))
-        distance_m = _inspect_ins(drive, stamps_s, notebook)
-    _note_what_is_not_there(drive, notebook)
+        collected.add_anomalies(time_anomalies(stamps_s))
+        distance_m = _inspect_ins(drive, stamps_s, collected)
+    _add_missing_parts(drive, collected)
     seconds = max(stamps_s.values()) - min(stamps_s.values()) if stamps_s else 0.0
     summary = DriveSummary(
         name=drive.name,
@@ -147,20 +147,20 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
         mean_points=float(np.mean(points)) if points else 0.0,
         parts=tuple(_parts(drive)),
     )
-    return DriveReport(summary, tuple(notebook.findings.values()))
+    return DriveReport(summary, tuple(collected.findings.values()))
 
 
-def _inspect_frame(drive: KittiDrive, index: int, notebook: _Notebook) -> Frame | None:
+def _inspect_frame(drive: KittiDrive, index: int, collected: _FindingList) -> Frame | None:
     """Read scan and image apart, so that a fault of one does not hide a fault of the other."""
     frame = image = None
     try:
         image = drive.image(index)
     except PerceptionError as error:
-        notebook.add_error(error)
+        collected.add_error(error)
     try:
         frame = _scans_of(drive)[index]
     except PerceptionError as error:
-        notebook.add_error(error)
+        collected.add_error(error)
     if frame is None or frame.calibration is None or image is None:
         return frame
     size_px = (image.shape[1], image.shape[0])
@@ -173,67 +173,69 @@ def _scans_of(drive: KittiDrive) -> KittiDrive:
     return replace(drive, images=None)
 
 
-def _inspect_setup(frame: Frame, drive: KittiDrive, notebook: _Notebook) -> None:
+def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> None:
     """Look at how LiDAR and camera are mounted, which one frame of a drive tells."""
     try:
         check_mounting(frame.points_velo, drive.sensor, frame.source)
     except MountingError as error:
-        notebook.add_error(error)
+        collected.add_error(error)
     if frame.calibration is not None:
-        notebook.add_oddities(calibration_oddities(frame.calibration))
-        notebook.add_oddities(projection_oddities(frame))
+        collected.add_anomalies(calibration_anomalies(frame.calibration))
+        collected.add_anomalies(projection_anomalies(frame))
 
 
-def _inspect_truth(drive: KittiDrive, index: int, notebook: _Notebook) -> None:
+def _inspect_truth(drive: KittiDrive, index: int, collected: _FindingList) -> None:
     try:
         if drive.has_labels:
             size = drive.calibration.image_size_px if drive.calibration else None
-            notebook.add_oddities(label_oddities(drive.labels(index), size, f"frame {index}"))
+            collected.add_anomalies(label_anomalies(drive.labels(index), size, f"frame {index}"))
         if drive.point_labels is not None:
             drive.point_truth(index)
     except ScanError:
         pass  # said already where the frame was read
     except PerceptionError as error:
-        notebook.add_error(error)
+        collected.add_error(error)
 
 
 def _inspect_ins(
-    drive: KittiSequence, stamps_s: dict[int, float], notebook: _Notebook
+    drive: KittiSequence, stamps_s: dict[int, float], collected: _FindingList
 ) -> float | None:
     """Read every packet, look for jumps, and return the distance driven."""
     if drive.ins is None:
         return None
     if drive.velo_SE3_imu is not None:
-        notebook.add_oddities(rotation_oddities(drive.velo_SE3_imu, f"{drive.name} velo_SE3_imu"))
+        collected.add_anomalies(
+            rotation_anomalies(drive.velo_SE3_imu, f"{drive.name} velo_SE3_imu")
+        )
     packets = {}
     for index in range(len(drive)):
         try:
             packets[index] = drive.ins_packet(index)
         except PoseError as error:
-            notebook.add_error(error)
+            collected.add_error(error)
     period_s = 1 / drive.sensor.rate_hz
-    notebook.add_oddities(motion_oddities(packets, stamps_s, period_s))
+    collected.add_anomalies(motion_anomalies(packets, stamps_s, period_s))
     poses = [drive.world_SE3_velo(index) for index in packets]
     positions_m = [pose[:3, 3] for pose in poses if pose is not None]
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(positions_m)))
 
 
 def _parts(drive: KittiDrive) -> Iterator[str]:
-    there = {
+    present = {
         "images": drive.has_images,
         "INS": drive.has_poses,
         "labels": drive.has_labels,
         "point truth": drive.point_labels is not None,
     }
-    return (part for part, is_there in there.items() if is_there)
+    return (part for part, is_present in present.items() if is_present)
 
 
-def _note_what_is_not_there(drive: KittiDrive, notebook: _Notebook) -> None:
+def _add_missing_parts(drive: KittiDrive, collected: _FindingList) -> None:
     consequences = {
         "images": (drive.has_images, "the stages that need a camera cannot run"),
         "INS": (drive.has_poses or not drive.is_sequence, "registration alone gives the poses"),
         "labels": (drive.has_labels, "nothing can be measured against labels"),
     }
-    for part, (is_there, consequence) in consequences.items():
-        if not is_there:
-            notebook.add(f"no {part}", f"{drive.root}: {consequence}.", is_fault=False)
+    for part, (is_present, consequence) in consequences.items():
+        if not is_present:
+            collected.add(f"no {part}", f"{drive.root}: {consequence}.", is_fault=False)

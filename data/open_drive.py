@@ -8,7 +8,7 @@ from data.kitti.raw import is_raw_drive, open_raw, raw_drives_in
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking import open_tracking, tracking_sequences_in
 from perception.errors import DriveError, UsageError
-from perception.sensor import HDL_64E, LidarModel, sensor_named
+from perception.sensor import HDL_64E, LidarModel, load_sensor
 
 _LAYOUTS = (
     "a KITTI raw drive (velodyne_points/data), a folder of raw drives, tracking sequences "
@@ -17,7 +17,7 @@ _LAYOUTS = (
 
 
 @dataclass(frozen=True)
-class _Place:
+class _DriveLocation:
     """What a path turned out to be.
 
     Attributes:
@@ -45,9 +45,9 @@ def open_drive(
     Raises:
         DriveError: the path holds no drive, or several of which none was named.
     """
-    place = _recognise(path)
+    place = _detect_layout(path)
     if place.layout in ("raw", "object"):
-        _refuse_sequence(path, sequence)
+        _reject_sequence(path, sequence)
         chosen = ""
     else:
         chosen = _choose(place, sequence)
@@ -66,28 +66,28 @@ def sequences_in(path: Path) -> list[str | None]:
     Raises:
         DriveError: the path holds no drive.
     """
-    return list(_recognise(path).sequences) or [None]
+    return list(_detect_layout(path).sequences) or [None]
 
 
-def _recognise(path: Path) -> _Place:
+def _detect_layout(path: Path) -> _DriveLocation:
     """Find out which layout a path has, looking into training/, then testing/."""
     if not path.is_dir():
         raise DriveError(path, expected=_LAYOUTS, found="no such folder")
     if is_raw_drive(path):
-        return _Place(path, "raw")
+        return _DriveLocation(path, "raw")
     for folder in (path, path / "training", path / "testing"):
         if is_object_folder(folder):
-            return _Place(folder, "object")
+            return _DriveLocation(folder, "object")
         if (folder / "velodyne").is_dir() and (sequences := tracking_sequences_in(folder)):
-            return _Place(folder, "tracking", tuple(sequences))
+            return _DriveLocation(folder, "tracking", tuple(sequences))
     if drives := raw_drives_in(path):
-        return _Place(path, "date", tuple(drives))
+        return _DriveLocation(path, "date", tuple(drives))
     entries = sorted(entry.name for entry in path.iterdir() if entry.name[0] != ".")
     listing = ", ".join(entries[:6]) + (" ..." if len(entries) > 6 else "")
     raise DriveError(path, expected=_LAYOUTS, found=listing or "an empty folder")
 
 
-def _refuse_sequence(path: Path, sequence: str | None) -> None:
+def _reject_sequence(path: Path, sequence: str | None) -> None:
     if sequence is not None:
         raise UsageError(
             f"sequence {sequence}",
@@ -96,7 +96,7 @@ def _refuse_sequence(path: Path, sequence: str | None) -> None:
         )
 
 
-def _choose(place: _Place, sequence: str | None) -> str:
+def _choose(place: _DriveLocation, sequence: str | None) -> str:
     if sequence is None and len(place.sequences) == 1:
         return place.sequences[0]
     asked = (sequence or "").zfill(4)
@@ -113,6 +113,6 @@ def _choose(place: _Place, sequence: str | None) -> str:
 
 def _sensor(folder: Path, asked: str | None) -> LidarModel:
     if asked is not None:
-        return sensor_named(asked)
+        return load_sensor(asked)
     own = folder / "sensor.json"
-    return sensor_named(str(own)) if own.is_file() else HDL_64E
+    return load_sensor(str(own)) if own.is_file() else HDL_64E

@@ -7,25 +7,25 @@ from itertools import pairwise
 import numpy as np
 
 from data.drive import Labels
-from data.kitti.oxts import InsPacket, Mercator, velocity_world_mps
+from data.kitti.oxts import InsPacket, Mercator, velocity_world_m_s
 from perception.geometry.camera import is_in_view
 from perception.geometry.se3 import inverse, rotation_angle_rad
 from perception.types import Calibration, Float64, Frame
 
-_LONGEST_PERIODS = 1.5  # between two scans
+_MAX_PERIODS = 1.5  # between two scans
 _JUMP_M = 1.0  # the INS off its own velocity between two scans; KITTI: 0.1 at most, measured
-_FASTEST_MPS = 70.0
-_HARDEST_MPS2 = 30.0  # no wheel holds three times the weight
-_FASTEST_TURN_RAD_S = 3.0
+_MAX_SPEED_M_S = 70.0
+_MAX_ACCELERATION_M_S2 = 30.0  # no wheel holds three times the weight
+_MAX_TURN_RATE_RAD_S = 3.0
 _ORTHONORMAL = 1e-3  # the files print seven digits
 _MIN_SHARE_IN_VIEW = 0.1  # of the points ahead; KITTI: 0.49 to 0.76, measured
 _AHEAD_M = 5.0
 _BORDER_PX = 2.0
-_FARTHEST_M = 250.0
+_MAX_DISTANCE_M = 250.0
 
 
 @dataclass(frozen=True)
-class Oddity:
+class Anomaly:
     """One implausible thing.
 
     Attributes:
@@ -37,7 +37,7 @@ class Oddity:
     example: str
 
 
-def time_oddities(stamps_s: Mapping[int, float]) -> Iterator[Oddity]:
+def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
     """Find gaps between consecutive frames, and time that stands still or runs backwards."""
     steps = {b: stamps_s[b] - stamps_s[a] for a, b in pairwise(stamps_s) if b == a + 1}
     if not steps:
@@ -46,17 +46,17 @@ def time_oddities(stamps_s: Mapping[int, float]) -> Iterator[Oddity]:
     for index, step_s in steps.items():
         where = f"frame {index}"
         if step_s <= 0:
-            yield Oddity("time runs backwards", f"{where}: {step_s:.3f} s after the frame before.")
-        elif step_s > _LONGEST_PERIODS * usual_s:
-            yield Oddity(
+            yield Anomaly("time runs backwards", f"{where}: {step_s:.3f} s after the frame before.")
+        elif step_s > _MAX_PERIODS * usual_s:
+            yield Anomaly(
                 "gaps in time",
                 f"{where}: expected {usual_s:.3f} s after the frame before, found {step_s:.3f} s.",
             )
 
 
-def motion_oddities(
+def motion_anomalies(
     packets: Mapping[int, InsPacket], stamps_s: Mapping[int, float], period_s: float
-) -> Iterator[Oddity]:
+) -> Iterator[Anomaly]:
     """Find steps of the INS that do not follow its own velocity, or that no vehicle can make."""
     if not packets:
         return
@@ -65,67 +65,67 @@ def motion_oddities(
         known = before in stamps_s and after in stamps_s
         step_s = stamps_s[after] - stamps_s[before] if known else (after - before) * period_s
         if step_s > 0:
-            yield from _step_oddities(
+            yield from _step_anomalies(
                 world, packets[before], packets[after], step_s, f"frame {after}"
             )
 
 
-def _step_oddities(
+def _step_anomalies(
     world: Mercator, before: InsPacket, after: InsPacket, step_s: float, where: str
-) -> Iterator[Oddity]:
+) -> Iterator[Anomaly]:
     pose_before, pose_after = world.world_SE3_imu(before), world.world_SE3_imu(after)
-    velocities = velocity_world_mps(before), velocity_world_mps(after)
+    velocities = velocity_world_m_s(before), velocity_world_m_s(after)
     expected_m = step_s * (velocities[0] + velocities[1]) / 2
     moved_m = pose_after[:3, 3] - pose_before[:3, 3]
     off_m = float(np.linalg.norm(moved_m - expected_m))
     if off_m > _JUMP_M:
-        yield Oddity(
+        yield Anomaly(
             "INS jumps",
             f"{where}: expected {np.linalg.norm(expected_m):.2f} m moved as its velocity says, "
             f"found {np.linalg.norm(moved_m):.2f} m, {off_m:.2f} m off.",
         )
     turn_rad_s = rotation_angle_rad(inverse(pose_before) @ pose_after) / step_s
     limits = (
-        ("INS speed", float(np.linalg.norm(velocities[1])), _FASTEST_MPS, "m/s"),
+        ("INS speed", float(np.linalg.norm(velocities[1])), _MAX_SPEED_M_S, "m/s"),
         (
             "INS acceleration",
             float(np.linalg.norm(velocities[1] - velocities[0])) / step_s,
-            _HARDEST_MPS2,
+            _MAX_ACCELERATION_M_S2,
             "m/s2",
         ),
-        ("INS turning", turn_rad_s, _FASTEST_TURN_RAD_S, "rad/s"),
+        ("INS turning", turn_rad_s, _MAX_TURN_RATE_RAD_S, "rad/s"),
     )
     for what, value, limit, unit in limits:
         if value > limit:
-            yield Oddity(
+            yield Anomaly(
                 f"{what} implausible",
                 f"{where}: expected at most {limit:g} {unit}, found {value:.1f}.",
             )
 
 
-def rotation_oddities(dst_SE3_src: Float64, where: str) -> Iterator[Oddity]:
+def rotation_anomalies(dst_SE3_src: Float64, where: str) -> Iterator[Anomaly]:
     """Find a rotation that stretches or mirrors."""
     rotation = dst_SE3_src[:3, :3]
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if error > _ORTHONORMAL or np.linalg.det(rotation) < 0:
         found = "a mirror" if error <= _ORTHONORMAL else f"R R' off the identity by {error:.3g}"
-        yield Oddity("rotations that are none", f"{where}: expected a rotation, found {found}.")
+        yield Anomaly("rotations that are none", f"{where}: expected a rotation, found {found}.")
 
 
-def calibration_oddities(calibration: Calibration) -> Iterator[Oddity]:
+def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
     """Find a LiDAR-to-camera rotation that is none, and a principal point outside the image."""
-    yield from rotation_oddities(calibration.cam_SE3_velo, f"{calibration.source} cam_SE3_velo")
+    yield from rotation_anomalies(calibration.cam_SE3_velo, f"{calibration.source} cam_SE3_velo")
     size = calibration.image_size_px
     center_px = calibration.image_P_cam[:2, 2]
     if size is not None and not ((center_px > 0) & (center_px < size)).all():
-        yield Oddity(
+        yield Anomaly(
             "principal points outside the image",
             f"{calibration.source}: expected it within {size[0]}x{size[1]} pixels, "
             f"found {center_px[0]:.1f}, {center_px[1]:.1f}.",
         )
 
 
-def projection_oddities(frame: Frame) -> Iterator[Oddity]:
+def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
     """Find a LiDAR whose points ahead do not fall into the image."""
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
@@ -135,24 +135,24 @@ def projection_oddities(frame: Frame) -> Iterator[Oddity]:
         return
     share = float(is_in_view(calibration, ahead, calibration.image_size_px).mean())
     if share < _MIN_SHARE_IN_VIEW:
-        yield Oddity(
+        yield Anomaly(
             "LiDAR and camera that do not fit",
             f"{frame.source}: expected the camera to see at least {_MIN_SHARE_IN_VIEW:.0%} of "
             f"the points ahead as {calibration.source} has it, found {share:.1%}.",
         )
 
 
-def label_oddities(
+def label_anomalies(
     labels: Labels, image_size_px: tuple[int, int] | None, where: str
-) -> Iterator[Oddity]:
+) -> Iterator[Anomaly]:
     """Find boxes that lie outside the image, have no size, or are out of any LiDAR's reach."""
     boxes = labels.boxes_velo
     reach_m = np.linalg.norm(boxes.bottom_m, axis=1)
     for kind, size_m, distance_m in zip(labels.types, boxes.size_m, reach_m, strict=True):
-        if size_m.min() <= 0 or distance_m > _FARTHEST_M:
-            yield Oddity(
+        if size_m.min() <= 0 or distance_m > _MAX_DISTANCE_M:
+            yield Anomaly(
                 "label boxes implausible",
-                f"{where}: expected a {kind} with a size within {_FARTHEST_M:g} m, "
+                f"{where}: expected a {kind} with a size within {_MAX_DISTANCE_M:g} m, "
                 f"found {size_m.round(2)} m at {distance_m:.0f} m.",
             )
     edges = labels.boxes_px
@@ -160,7 +160,7 @@ def label_oddities(
     limit_px = np.asarray(image_size_px or (np.inf, np.inf)) + _BORDER_PX
     is_outside = ((edges[:, :2] < -_BORDER_PX) | (edges[:, 2:] > limit_px)).any(axis=1)
     for row in np.flatnonzero(is_inverted | is_outside):
-        yield Oddity(
+        yield Anomaly(
             "label boxes outside the image",
             f"{where}: expected x1 y1 x2 y2 of a {labels.types[row]} within "
             f"{image_size_px or 'the image'}, found {edges[row].round(1)}.",

@@ -11,7 +11,7 @@ SplitBy = Literal["frames", "drives"]
 _STREAM = 0x5B  # of random numbers
 
 
-def split_generator(seed: int) -> np.random.Generator:
+def split_rng(seed: int) -> np.random.Generator:
     """Return what draws the frames that are kept back: of one seed always the same."""
     return np.random.default_rng([seed, _STREAM])
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from data.drive import Labels
-from data.kitti.labels import DONT_CARE, no_labels
+from data.kitti.labels import DONT_CARE, empty_labels
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from perception.types import Float64
@@ -19,7 +19,7 @@ def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:
     benchmarks, 97 % of level 0 are cut by no more than 0.15 and all by no more than 0.5, all but four of
     1,050 of level 1 by more than 0.5; level 2 says nothing certain, half of 633 are whole.
     """
-    labels = [*labels, no_labels()]  # one frame more, so that there is something to join
+    labels = [*labels, empty_labels()]  # one frame more, so that there is something to join
     counts = [len(one) + len(one.dont_care_px) for one in labels]
     regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
     return TrueBoxes(

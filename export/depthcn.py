@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from export.exported import Choice, ExportConfig, Exported
-from export.forms import compare_forms
+from export.exported import ChosenVariant, ExportConfig, ExportResult
+from export.forms import compare_variants
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from perception.detection.depthcn.detector import DepthCn
@@ -49,7 +49,7 @@ class Probabilities(nn.Module):
         return torch.sigmoid(logits), boxes_px
 
 
-def export_verifier(config: ExportConfig) -> Exported:
+def export_verifier(config: ExportConfig) -> ExportResult:
     """Make the files of a checkpoint, and show them and the checkpoint noise and candidates of a drive.
 
     The scales of an 8-bit form are those of the candidates. It is for comparison alone.
@@ -81,14 +81,16 @@ def export_verifier(config: ExportConfig) -> Exported:
             name: (len(data), OnnxModel(_write(data, Path(folder, f"{name}.onnx")), CONTRACT))
             for name, data in models.items()
         }
-    forms = compare_forms(exportable, opened, inputs, timed=inputs["noise"][-1])
-    return Exported(
+    variants = compare_variants(exportable, opened, inputs, timed=inputs["noise"][-1])
+    return ExportResult(
         metadata=dict(exportable.metadata),
         models=models,
-        forms=forms,
+        variants=variants,
         tolerances=TOLERANCES,
-        choice=Choice("fp32", "its scores are not worth giving up for the little time they take"),
-        shown=f"{_NOISE_ROWS[-1]} candidates",
+        choice=ChosenVariant(
+            "fp32", "its scores are not worth giving up for the little time they take"
+        ),
+        timed_input=f"{_NOISE_ROWS[-1]} candidates",
     )
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from export.detector_precision import measure_forms
-from export.exported import Choice, ExportConfig, Exported
-from export.forms import Form, compare_forms
+from export.detector_precision import measure_variants
+from export.exported import ChosenVariant, ExportConfig, ExportResult
+from export.forms import ModelVariant, compare_variants
 from export.onnx import Exportable, to_onnx
-from export.parity import Arrays, in_torch
+from export.parity import Arrays, torch_runner
 from export.quantize import QuantizationConfig, Scales, to_int8
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import picture_of
@@ -22,7 +22,7 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.types import UInt8
 from train.detector.networks import load_detector
-from train.networks.grid_detector import GridDetector
+from train.networks.grid_detector import YoloDetector
 
 # Of probabilities, and of pixels, as boxes may be as large as the picture.
 TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}
@@ -32,7 +32,7 @@ TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}
 QUANTIZATION = QuantizationConfig(
     layers=("Conv", "Relu", "LeakyRelu", "Add", "Resize", "MaxPool", "Concat"), ends="Conv"
 )
-FULL, SHORT = "fp32", "int8"
+FP32, INT8 = "fp32", "int8"
 _MAX_LOST = 1.0  # points of average precision in percent, moderate, that 8 bits may cost
 _NOISE_ROWS = (1, 2, 3)
 _BLOCK_PX = 8  # divides every size; noise of single pixels is the same wherever a network looks
@@ -43,7 +43,7 @@ _COMPARED_FRAMES = 8
 class DecodedDetector(nn.Module):
     """A detector that says boxes and scores in place of raw predictions."""
 
-    def __init__(self, detector: GridDetector) -> None:
+    def __init__(self, detector: YoloDetector) -> None:
         super().__init__()
         self.detector = detector
 
@@ -53,7 +53,7 @@ class DecodedDetector(nn.Module):
         return decoded.boxes_px, decoded.scores
 
 
-def export_detector(config: ExportConfig) -> Exported:
+def export_detector(config: ExportConfig) -> ExportResult:
     """Make the files of a checkpoint, show all forms the same pictures, and choose one.
 
     Raises:
@@ -65,36 +65,41 @@ def export_detector(config: ExportConfig) -> Exported:
         raise UsageError("int8", expected="a drive to find its scales with", found="none")
     exportable = exportable_detector(config.checkpoint, config.size)
     shape = tuple(exportable.inputs["pictures"].shape[1:])
-    models = {FULL: to_onnx(exportable)}
+    models = {FP32: to_onnx(exportable)}
     generator = np.random.default_rng(0)
     inputs: dict[str, list[Arrays]] = {
         "noise": [{"pictures": random_pictures(rows, shape, generator)} for rows in _NOISE_ROWS]
     }
     with TemporaryDirectory() as folder:
-        opened = {FULL: _open(models[FULL], Path(folder, "fp32.onnx"))}
-        if pictures := list(_inputs(config, opened[FULL])):
+        opened = {FP32: _open(models[FP32], Path(folder, "fp32.onnx"))}
+        if pictures := list(_inputs(config, opened[FP32])):
             inputs["pictures"] = pictures[:_COMPARED_FRAMES]
         for scales in _scales_to_try(config):
-            name = f"{SHORT} {scales}"
-            models[name] = to_int8(models[FULL], pictures, replace(QUANTIZATION, scales=scales))
+            name = f"{INT8} {scales}"
+            models[name] = to_int8(models[FP32], pictures, replace(QUANTIZATION, scales=scales))
             opened[name] = _open(models[name], Path(folder, f"{scales}.onnx"))
-    forms = compare_forms(
+    variants = compare_variants(
         exportable,
         {name: (len(models[name]), detector.model) for name, detector in opened.items()},
         inputs,
         timed=inputs["noise"][0],
     )
     networks = {name: detector.model for name, detector in opened.items()}
-    precision = measure_forms(config, {"torch": in_torch(exportable)} | networks, opened[FULL])
-    forms = {name: replace(form, precision=precision.get(name, {})) for name, form in forms.items()}
-    short = best_short(forms)
-    return Exported(
+    precision = measure_variants(
+        config, {"torch": torch_runner(exportable)} | networks, opened[FP32]
+    )
+    variants = {
+        name: replace(variant, precision=precision.get(name, {}))
+        for name, variant in variants.items()
+    }
+    int8_name = best_int8(variants)
+    return ExportResult(
         metadata=dict(exportable.metadata),
-        models={name: data for name, data in models.items() if name in (FULL, short)},
-        forms=forms,
+        models={name: data for name, data in models.items() if name in (FP32, int8_name)},
+        variants=variants,
         tolerances=TOLERANCES,
-        choice=choose(forms, short),
-        shown="one picture on one thread",
+        choice=choose(variants, int8_name),
+        timed_input="one picture on one thread",
     )
 
 
@@ -129,31 +134,31 @@ def random_pictures(rows: int, shape: tuple[int, ...], generator: np.random.Gene
     return brightness.repeat(_BLOCK_PX, axis=2).repeat(_BLOCK_PX, axis=3)
 
 
-def best_short(forms: Mapping[str, Form]) -> str | None:
+def best_int8(variants: Mapping[str, ModelVariant]) -> str | None:
     """Name the 8-bit form that sees best, the first of several; None where there is none."""
-    names = [name for name in forms if name.startswith(SHORT)]
-    return max(names, key=lambda name: moderate(forms[name]), default=None)
+    names = [name for name in variants if name.startswith(INT8)]
+    return max(names, key=lambda name: moderate(variants[name]), default=None)
 
 
-def choose(forms: Mapping[str, Form], short: str | None) -> Choice:
+def choose(variants: Mapping[str, ModelVariant], int8_name: str | None) -> ChosenVariant:
     """Choose 8 bits where they are faster than full precision and see as well."""
-    if short is None:
-        return Choice(FULL, "no other form was asked for")
-    full, other = forms[FULL], forms[short]
+    if int8_name is None:
+        return ChosenVariant(FP32, "no other form was asked for")
+    full, other = variants[FP32], variants[int8_name]
     times = f"{other.fastest_ms:.1f} ms beside {full.fastest_ms:.1f} ms"
     if other.fastest_ms >= full.fastest_ms:
-        return Choice(FULL, f"{short} is no faster: {times}")
+        return ChosenVariant(FP32, f"{int8_name} is no faster: {times}")
     if not full.precision:
-        return Choice(FULL, f"no labels tell what {short} loses: {times}")
+        return ChosenVariant(FP32, f"no labels tell what {int8_name} loses: {times}")
     lost = moderate(full) - moderate(other)
-    reason = f"{short} loses {lost:.2f} points of average precision, moderate: {times}"
-    return Choice(FULL if lost > _MAX_LOST else short, reason)
+    reason = f"{int8_name} loses {lost:.2f} points of average precision, moderate: {times}"
+    return ChosenVariant(FP32 if lost > _MAX_LOST else int8_name, reason)
 
 
-def moderate(form: Form) -> float:
+def moderate(variant: ModelVariant) -> float:
     """Return the average precision in percent, moderate, over all classes; 0 where it was not measured."""
     # Of each class at the overlap that KITTI asks for; then again, at a half.
-    of_classes = list(form.precision.values())
+    of_classes = list(variant.precision.values())
     strict = of_classes[: len(of_classes) // 2]
     return float(np.mean([levels["moderate"] for levels in strict])) if strict else 0.0
 

@@ -15,7 +15,7 @@ from train.detector.figures import measure, precision_table
 Precision = dict[str, dict[str, float]]
 
 
-def measure_forms(
+def measure_variants(
     config: ExportConfig, networks: Mapping[str, Network], detector: ModalityDetector
 ) -> dict[str, Precision]:
     """Return average precision in percent by form, class and overlap, and difficulty.
@@ -39,7 +39,7 @@ def measure_forms(
     truths = true_boxes(labels)
     return {
         name: precision_table(
-            measure(truths, DetectedBoxes.of_frames(of_form), len(labels), detector.class_names)
+            measure(truths, DetectedBoxes.of_frames(of_variant), len(labels), detector.class_names)
         )
-        for name, of_form in found.items()
+        for name, of_variant in found.items()
     }

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from data.drive import Drive
-from export.forms import Form
+from export.forms import ModelVariant
 from export.onnx import OPSET
 from perception.detection.detectors.input_size import InputSize
 from perception.types import Frame
@@ -22,7 +22,7 @@ class Progress(Protocol):
         ...
 
 
-def silent(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
+def no_progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Frame]:
     """Show nothing."""
     return frames
 
@@ -45,7 +45,7 @@ class ExportConfig:
     frames: int = 100
     int8: bool = False
     size: InputSize | None = None
-    progress: Progress = silent
+    progress: Progress = no_progress
 
     def read(self, what: str, most: int | None = None) -> Iterator[Frame]:
         """Yield frames of the drive, none without one.
@@ -66,7 +66,7 @@ class ExportConfig:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenVariant:
     """Which of several forms is the one to use.
 
     Attributes:
@@ -74,12 +74,12 @@ class Choice:
         reason: in words.
     """
 
-    form: str
+    variant: str
     reason: str
 
 
 @dataclass(frozen=True)
-class Exported:
+class ExportResult:
     """A network as files, and how they compare with it.
 
     Attributes:
@@ -94,10 +94,10 @@ class Exported:
 
     metadata: dict[str, str]
     models: dict[str, bytes]
-    forms: dict[str, Form]
+    variants: dict[str, ModelVariant]
     tolerances: dict[str, float]
-    choice: Choice
-    shown: str
+    choice: ChosenVariant
+    timed_input: str
     opset: int = OPSET
 
     def require_parity(self, where: str) -> None:
@@ -106,5 +106,5 @@ class Exported:
         Raises:
             ModelError: an output is too far from it.
         """
-        for parity in self.forms["fp32"].parity.values():
+        for parity in self.variants["fp32"].parity.values():
             parity.require(self.tolerances, where)

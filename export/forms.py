@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 from export.latency import fastest_ms
 from export.onnx import Exportable
-from export.parity import Arrays, Network, Parity, compare, in_torch
+from export.parity import Arrays, Network, Parity, compare, torch_runner
 
 
 @dataclass(frozen=True)
-class Form:
+class ModelVariant:
     """One form of a network.
 
     Attributes:
@@ -26,12 +26,12 @@ class Form:
     precision: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
-def compare_forms(
+def compare_variants(
     exportable: Exportable,
     models: Mapping[str, tuple[int, Network]],
     inputs: Mapping[str, Sequence[Arrays]],
     timed: Arrays,
-) -> dict[str, Form]:
+) -> dict[str, ModelVariant]:
     """Return the forms by name, `torch` first.
 
     Args:
@@ -40,11 +40,11 @@ def compare_forms(
         inputs: batches by their kind.
         timed: the batch that all are timed with, taking turns.
     """
-    torch_network = in_torch(exportable)
+    torch_network = torch_runner(exportable)
     networks = {"torch": torch_network} | {name: run for name, (_, run) in models.items()}
     times = fastest_ms(networks, timed)
-    forms = {"torch": Form(None, times["torch"], {})}
+    variants = {"torch": ModelVariant(None, times["torch"], {})}
     for name, (size_bytes, run) in models.items():
         parity = {kind: compare(torch_network, run, batches) for kind, batches in inputs.items()}
-        forms[name] = Form(size_bytes, times[name], parity)
-    return forms
+        variants[name] = ModelVariant(size_bytes, times[name], parity)
+    return variants

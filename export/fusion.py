@@ -8,10 +8,10 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from export.exported import Choice, ExportConfig, Exported
-from export.forms import compare_forms
+from export.exported import ChosenVariant, ExportConfig, ExportResult
+from export.forms import compare_variants
 from export.onnx import Exportable, to_onnx
-from perception.detection.fusion.calibration import Calibrations
+from perception.detection.fusion.calibration import FusionCalibration
 from perception.detection.fusion.rescoring import CONTRACT
 from perception.detection.session import OnnxModel
 from perception.errors import UsageError
@@ -33,7 +33,7 @@ class NamedScores(nn.Module):
         return (self.network(features),)
 
 
-def export_fusion(config: ExportConfig) -> Exported:
+def export_fusion(config: ExportConfig) -> ExportResult:
     """Make the file of a checkpoint, and show it and the checkpoint the same features.
 
     Its scores are not calibrated; training does that, by detections that were not learned from.
@@ -62,18 +62,18 @@ def export_fusion(config: ExportConfig) -> Exported:
         file = Path(folder, "fusion.onnx")
         file.write_bytes(model)
         opened = {"fp32": (len(model), OnnxModel(file, CONTRACT))}
-        forms = compare_forms(exportable, opened, {"features": batches}, timed=batches[-1])
-    return Exported(
+        variants = compare_variants(exportable, opened, {"features": batches}, timed=batches[-1])
+    return ExportResult(
         metadata=dict(metadata),
         models={"fp32": model},
-        forms=forms,
+        variants=variants,
         tolerances=TOLERANCES,
-        choice=Choice("fp32", "no other form is of use to so small a network"),
-        shown=f"{_ROWS[-1]} combinations",
+        choice=ChosenVariant("fp32", "no other form is of use to so small a network"),
+        timed_input=f"{_ROWS[-1]} combinations",
     )
 
 
-def with_calibrations(model: bytes, calibrations: Calibrations) -> bytes:
+def with_calibrations(model: bytes, calibrations: FusionCalibration) -> bytes:
     """Return the same file with other curves from scores to probabilities."""
     loaded = onnx.load_from_string(model)
     metadata = {entry.key: entry.value for entry in loaded.metadata_props}

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 
 from export.depthcn import export_verifier
 from export.detector import export_detector
-from export.exported import ExportConfig, Exported
+from export.exported import ExportConfig, ExportResult
 from export.fusion import export_fusion
 from train.checkpoints import model_of, read_checkpoint
 
-Exporter = Callable[[ExportConfig], Exported]
+Exporter = Callable[[ExportConfig], ExportResult]
 
 EXPORTERS: Mapping[str, Exporter] = {
     "depthcn": export_verifier,
@@ -17,7 +17,7 @@ EXPORTERS: Mapping[str, Exporter] = {
 }
 
 
-def export_network(config: ExportConfig) -> Exported:
+def export_network(config: ExportConfig) -> ExportResult:
     """Make the files of a checkpoint of any network.
 
     Raises:

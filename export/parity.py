@@ -65,7 +65,7 @@ def compare(reference: Network, other: Network, batches: Iterable[Arrays]) -> Pa
     return Parity(rows, largest)
 
 
-def in_torch(exportable: Exportable) -> Network:
+def torch_runner(exportable: Exportable) -> Network:
     """Return the module as a function of arrays."""
 
     def run(batch: Arrays) -> Arrays:

@@ -105,7 +105,7 @@ VLP_16 = LidarModel(
 SENSORS = {sensor.name: sensor for sensor in (HDL_64E, HDL_32E, VLP_16)}
 
 
-def sensor_named(name: str) -> LidarModel:
+def load_sensor(name: str) -> LidarModel:
     """Return the sensor of that name, or the one described by that JSON file.
 
     The file holds the fields of `LidarModel`, angles in radians.
@@ -132,6 +132,6 @@ def sensor_named(name: str) -> LidarModel:
 
 
 def sensor_to_json(sensor: LidarModel) -> str:
-    """Return the text that `sensor_named` reads back."""
+    """Return the text that `load_sensor` reads back."""
     fields = {**vars(sensor), "elevations_rad": sensor.elevations_rad.tolist()}
     return json.dumps(fields, indent=1)

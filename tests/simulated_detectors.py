@@ -50,7 +50,7 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
         true_px = _boxes_at(distances_m, _HEIGHT_M * np.ones_like(distances_m), rng)
         bush_m = rng.uniform(8, 50, 2)
         bush_px = _boxes_at(bush_m, rng.uniform(0.7, 2.5, 2), rng)
-        modal, depths_m = {}, {}
+        modality_detections, depths_m = {}, {}
         for name, quality in QUALITIES.items():
             found_px, scores, found_m = _detected(quality, true_px, distances_m, rng)
             alarm_px, alarm_scores, alarm_m = _alarms(name, quality, (bush_px, bush_m), rng)
@@ -59,10 +59,10 @@ def simulated_frames(count: int, seed: int) -> DetectedFrames:
                 both_px, np.concatenate([scores, alarm_scores]), np.full(len(both_px), "Car")
             )
             kept = suppress(seen, 0.5)
-            modal[name] = seen[kept]
+            modality_detections[name] = seen[kept]
             both_m = np.concatenate([found_m, alarm_m])[kept]
             depths_m[name] = both_m[:, None] * np.array([1.0, 1.05])
-        scenes.append(DetectedScene(modal, SIZE_PX, depths_m))
+        scenes.append(DetectedScene(modality_detections, SIZE_PX, depths_m))
         boxes.append(true_px)
         frames.append(np.full(len(true_px), frame))
     rows = np.concatenate(frames)

@@ -8,12 +8,12 @@ import torch
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch import LightningModule
 
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.errors import ModelError
 from train.checkpoints import read_checkpoint
 
 
-class WholeCheckpoints(TorchCheckpointIO):
+class AtomicCheckpointIO(TorchCheckpointIO):
     """A run that is killed, or finds the disk full, leaves the checkpoint that was there before."""
 
     def save_checkpoint(
@@ -26,7 +26,7 @@ class WholeCheckpoints(TorchCheckpointIO):
         content = io.BytesIO()
         torch.save(checkpoint, content)
         try:
-            write_whole(Path(path), content.getvalue())
+            write_atomically(Path(path), content.getvalue())
         except OSError as error:
             raise ModelError(
                 path,

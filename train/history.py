@@ -8,7 +8,7 @@ import numpy as np
 from perception.types import Float64
 
 
-def logged(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
+def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
     """Return the logged values of each name in the order of their steps.
 
     Of a step that was logged twice, as by a training that was killed and gone on with, the later counts.

@@ -22,7 +22,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.utilities import rank_zero_only
 
 from perception.errors import UsageError
-from train.checkpoint_writer import WholeCheckpoints, require_same_network
+from train.checkpoint_writer import AtomicCheckpointIO, require_same_network
 from train.progress import TrainingBar
 
 BEST, LAST = "best.ckpt", "last.ckpt"
@@ -68,7 +68,7 @@ class TrainerConfig:
             raise UsageError("--accelerator gpu", expected="a GPU that torch sees", found="none")
 
 
-class StepSeeds(Callback):
+class SeedEachStep(Callback):
     """Draw what a step draws from the seed and its number, so that going on changes nothing."""
 
     def __init__(self, seed: int) -> None:
@@ -90,7 +90,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
         plan: how long and on what.
         callbacks: more, such as those that draw.
     """
-    _be_quiet()
+    _silence_lightning()
     best = ModelCheckpoint(
         out,
         filename=Path(BEST).stem,
@@ -121,7 +121,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
         use_distributed_sampler=False,
         logger=TensorBoardLogger(out, name="", version="", default_hp_metric=False),
         callbacks=[
-            StepSeeds(config.seed),
+            SeedEachStep(config.seed),
             LearningRateMonitor("epoch"),
             *callbacks,
             TrainingBar(),
@@ -129,7 +129,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
             best,
             last,
         ],
-        plugins=[WholeCheckpoints()],
+        plugins=[AtomicCheckpointIO()],
         deterministic="warn",
         fast_dev_run=config.is_trial,
         num_sanity_val_steps=0,
@@ -198,7 +198,7 @@ def is_first_process() -> bool:
     return int(getattr(rank_zero_only, "rank", 0) or 0) == 0
 
 
-def _be_quiet() -> None:
+def _silence_lightning() -> None:
     """Let Lightning say only what somebody has to act on."""
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.WARNING)

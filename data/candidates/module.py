@@ -15,7 +15,7 @@ from data.candidates.dataset import CandidateDataset, Sample
 from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
 from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.loading import make_loader, process_sampler, validate_loader_config
-from data.splitting import SplitBy, split_generator, validation_frames
+from data.splitting import SplitBy, split_rng, validation_frames
 from data.training_drives import TrainingDrives, open_drives
 from perception.detection.depthcn.picture import CHANNELS
 from perception.types import Bool, Progress
@@ -42,8 +42,8 @@ class CropLoadingConfig:
         channels: of the picture, in the order of the network's input.
         batch_size: samples a batch, half of them vehicles (7.2.1).
         workers: processes that make samples; 0 makes them where the network is trained.
-        samples_an_epoch: else as many as there are candidates.
-        validation_share: of the training frames or drives, where no validation drives are named (7.2.1).
+        samples_per_epoch: else as many as there are candidates.
+        validation_fraction: of the training frames or drives, where no validation drives are named (7.2.1).
         split_by: keep single frames back, or whole drives.
         seed: of the split, the order and the augmentation.
     """
@@ -51,8 +51,8 @@ class CropLoadingConfig:
     channels: tuple[str, ...] = CHANNELS
     batch_size: int = 128
     workers: int = 0
-    samples_an_epoch: int | None = None
-    validation_share: float = 0.2
+    samples_per_epoch: int | None = None
+    validation_fraction: float = 0.2
     split_by: SplitBy = "frames"
     seed: int = 0
 
@@ -129,7 +129,7 @@ class CandidateData(LightningDataModule):
         """Return batches of which half are vehicles."""
         is_vehicle = self.training.candidates.is_vehicle
         loading = self.loading
-        epoch_sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_an_epoch)
+        epoch_sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_per_epoch)
         return make_loader(self, self.training, process_sampler(self, epoch_sampler), loading)
 
     def val_dataloader(self) -> DataLoader[Sample]:
@@ -149,9 +149,9 @@ class CandidateData(LightningDataModule):
     def _is_kept(self, frames: LabelledFrames) -> Bool:
         """Tell which frames are kept back, where no drives are named to judge by."""
         loading = self.loading
-        rng = split_generator(loading.seed)
+        rng = split_rng(loading.seed)
         return validation_frames(
-            frames.drive_numbers, loading.validation_share, loading.split_by, rng
+            frames.drive_numbers, loading.validation_fraction, loading.split_by, rng
         )
 
     def _dataset(

@@ -25,7 +25,7 @@ class Challenge(StrEnum):
     RVL = "RVL"  # relative velocity varies
 
 
-CHALLENGE_WORDS = {
+CHALLENGE_DESCRIPTIONS = {
     Challenge.OCC: "labelled partly or largely occluded, or not at all, in occluded_share of its frames",
     Challenge.POS: "its heading in the LiDAR frame covers turn_deg",
     Challenge.DIS: "its greatest distance over the ground is distance_ratio times its least",

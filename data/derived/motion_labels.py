@@ -33,25 +33,25 @@ class MotionLabelConfig:
     lies between the two.
 
     Attributes:
-        start_mps: an object moves at this speed and above.
-        stop_mps: an object that moves goes on moving until it is slower than this; below, it stands.
+        start_m_s: an object moves at this speed and above.
+        stop_m_s: an object that moves goes on moving until it is slower than this; below, it stands.
         window_s: over which a speed is measured: ten scans, so that the jitter of boxes averages out.
-        shortest_s: within which nobody can tell that an object stands; a shorter track moves or is unknown.
-        travel_m: the way an object must have gone within the window to move, beyond any jitter of its box.
+        min_duration_s: within which nobody can tell that an object stands; a shorter track moves or is unknown.
+        min_travel_m: the way an object must have gone within the window to move, beyond any jitter of its box.
     """
 
-    start_mps: float = 0.8
-    stop_mps: float = 0.6
+    start_m_s: float = 0.8
+    stop_m_s: float = 0.6
     window_s: float = 1.0
-    shortest_s: float = 0.5
-    travel_m: float = 0.5
+    min_duration_s: float = 0.5
+    min_travel_m: float = 0.5
 
     def __post_init__(self) -> None:
         """Refuse thresholds out of order."""
-        if not (0 < self.stop_mps <= self.start_mps and 0 < self.shortest_s <= self.window_s):
+        if not (0 < self.stop_m_s <= self.start_m_s and 0 < self.min_duration_s <= self.window_s):
             raise UsageError(
                 "motion thresholds",
-                expected="0 < stop_mps <= start_mps and 0 < shortest_s <= window_s",
+                expected="0 < stop_m_s <= start_m_s and 0 < min_duration_s <= window_s",
                 found=str(self),
             )
 
@@ -108,7 +108,7 @@ class MotionLabels:
     motions: Int
 
     @property
-    def speeds_mps(self) -> Float64:
+    def speeds_m_s(self) -> Float64:
         """(R,) lengths of the velocities."""
         return np.asarray(np.linalg.norm(self.velocities_m_s, axis=1))
 
@@ -194,8 +194,8 @@ def label_motion(
             for window in windows
         ]
         spans_s = np.array([np.ptp(stamps_s[window]) for window in windows])
-        speeds_mps = np.linalg.norm(velocities_m_s[rows], axis=1)
-        motions[rows] = _with_memory(speeds_mps, spans_s, limits)
+        speeds_m_s = np.linalg.norm(velocities_m_s[rows], axis=1)
+        motions[rows] = _with_hysteresis(speeds_m_s, spans_s, limits)
     return MotionLabels(tracks.frames, tracks.track_ids, velocities_m_s, motions)
 
 
@@ -218,17 +218,17 @@ def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
     return np.asarray(np.median(velocities, axis=0))
 
 
-def _with_memory(speeds_mps: Float64, spans_s: Float64, limits: MotionLabelConfig) -> Int:
+def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelConfig) -> Int:
     """Apply the two thresholds: what moves goes on moving, before and after, while above the lower."""
     with np.errstate(invalid="ignore"):
-        starts = (speeds_mps >= limits.start_mps) & (speeds_mps * spans_s >= limits.travel_m)
-        goes_on = starts | (speeds_mps >= limits.stop_mps)
-        stands = (speeds_mps < limits.stop_mps) & (spans_s >= limits.shortest_s - _TIME_SLACK_S)
-    moves = _runs_that_hold(goes_on, starts)
+        starts = (speeds_m_s >= limits.start_m_s) & (speeds_m_s * spans_s >= limits.min_travel_m)
+        goes_on = starts | (speeds_m_s >= limits.stop_m_s)
+        stands = (speeds_m_s < limits.stop_m_s) & (spans_s >= limits.min_duration_s - _TIME_SLACK_S)
+    moves = _runs_with_seed(goes_on, starts)
     return np.select([moves, stands], [MotionState.MOVING, MotionState.STATIC], MotionState.UNKNOWN)
 
 
-def _runs_that_hold(runs: Bool, seeds: Bool) -> Bool:
+def _runs_with_seed(runs: Bool, seeds: Bool) -> Bool:
     """Keep the unbroken runs of True that hold at least one seed."""
     numbers, _ = ndimage.label(runs)
     return runs & np.isin(numbers, np.unique(numbers[seeds]))

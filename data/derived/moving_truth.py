@@ -23,7 +23,7 @@ from perception.errors import CalibrationError, DriveError
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingScene,
-    points_above_feet,
+    points_above_bottom,
 )
 from perception.evaluation.objects import LabelledObjects
 from perception.types import Bool, Float64, Frame, Int
@@ -65,8 +65,8 @@ class MovingTruth:
             objects=LabelledObjects(boxes, self.motion.of(frame.index, ids), ids),
             # Row vectors: times the world's axes in the LiDAR frame.
             velocities_m_s=velocities_world @ posed.world_SE3_velo[:2, :2],
-            moves_sometime=self._ever_moves(ids),
-            points=points_above_feet(boxes, frame.points_velo, clearance_m),
+            moves_in_drive=self._ever_moves(ids),
+            points=points_above_bottom(boxes, frame.points_velo, clearance_m),
             view=_labelled_view(frame, labels.dont_care_px) if self.view == "camera" else None,
         )
 

@@ -59,7 +59,7 @@ def table_a_1() -> tuple[ObjectSequence, ...]:
     return _read("table_a_1.csv", "OTD {}")
 
 
-def without_repeats(sequences: Sequence[ObjectSequence]) -> list[ObjectSequence]:
+def unique_sequences(sequences: Sequence[ObjectSequence]) -> list[ObjectSequence]:
     """Return each sequence once, under all of its names."""
     names: dict[tuple[str, int, int, int], list[ObjectSequence]] = {}
     for one in sequences:

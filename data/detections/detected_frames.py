@@ -60,4 +60,6 @@ class DetectedFrames:
     def of_modality(self, modality: Modality) -> DetectedBoxes:
         """Return what one detector saw by itself."""
         empty = Detections.empty()
-        return DetectedBoxes.of_frames([scene.modal.get(modality, empty) for scene in self.scenes])
+        return DetectedBoxes.of_frames(
+            [scene.modality_detections.get(modality, empty) for scene in self.scenes]
+        )

@@ -87,7 +87,11 @@ def judged(
 
 def boxes_beside(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
     """Return what each modality that looked sees by itself, and what the fusion says."""
-    present = [name for name in MODALITIES if any(name in scene.modal for scene in frames.scenes)]
+    present = [
+        name
+        for name in MODALITIES
+        if any(name in scene.modality_detections for scene in frames.scenes)
+    ]
     return {str(name): frames.of_modality(name) for name in present} | {"fusion": fused.boxes}
 
 

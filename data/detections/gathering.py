@@ -27,7 +27,7 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
-from perception.types import MODALITIES, Detections, Frame, ModalDetections, Modality, Progress
+from perception.types import MODALITIES, Detections, Frame, Modality, ModalityDetections, Progress
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ class DetectorOutput(Protocol):
     """What detectors make of one frame."""
 
     @property
-    def modal(self) -> ModalDetections:
+    def modality_detections(self) -> ModalityDetections:
         """What each of them saw."""
         ...
 
@@ -139,7 +139,9 @@ def detected_scene(
     return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
 
 
-def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]) -> None:
+def require_no_training_drives(
+    drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]
+) -> None:
     """Refuse drives that a detector was trained on: it is surer there than it will ever be again.
 
     Raises:
@@ -165,9 +167,9 @@ def require_unseen(drives: Sequence[Drive], detectors: Mapping[Modality, Modalit
 def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
     output = detector.detect(frame)
     size_px = _size_px(frame, output.dense)
-    scene = scene_of(output.modal, size_px, output.dense, frame.calibration)
+    scene = scene_of(output.modality_detections, size_px, output.dense, frame.calibration)
     arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
-    for name, found in scene.modal.items():
+    for name, found in scene.modality_detections.items():
         arrays[f"{name}_boxes_px"] = found.boxes_px
         arrays[f"{name}_scores"] = found.scores
         arrays[f"{name}_types"] = found.types.astype(np.str_)
@@ -185,14 +187,14 @@ def _size_px(frame: Frame, dense: DenseMaps | None) -> tuple[int, int]:
 
 
 def _to_scene(arrays: Arrays) -> DetectedScene:
-    modal: dict[Modality, Detections] = {}
+    modality_detections: dict[Modality, Detections] = {}
     depths_m: dict[Modality, np.ndarray] = {}
     for name in MODALITIES:
         if f"{name}_boxes_px" in arrays:
             columns = [arrays[f"{name}_{part}"] for part in ("boxes_px", "scores", "types")]
-            modal[name] = Detections(*columns)
+            modality_detections[name] = Detections(*columns)
         if f"{name}_depths_m" in arrays:
             depths_m[name] = arrays[f"{name}_depths_m"]
     width, height = arrays["size_px"].tolist()
     focal_px = float(arrays["focal_px"]) if "focal_px" in arrays else None
-    return DetectedScene(modal, (width, height), depths_m, focal_px)
+    return DetectedScene(modality_detections, (width, height), depths_m, focal_px)

@@ -39,15 +39,15 @@ class DetectionSet:
         numbers: (F,) of the frames, in order; rows count frames by their place in it.
         truths: labelled boxes.
         detections: detected boxes.
-        without_result: numbers of frames without a result file, where nothing was detected.
+        missing_results: numbers of frames without a result file, where nothing was detected.
         beyond: numbers of result files that are of none of the frames.
     """
 
     numbers: tuple[int, ...]
     truths: TrueBoxes
     detections: DetectedBoxes
-    without_result: tuple[int, ...]
-    beyond: tuple[int, ...]
+    missing_results: tuple[int, ...]
+    extra_results: tuple[int, ...]
 
 
 def read_detection_set(
@@ -84,8 +84,8 @@ def read_detection_set(
         numbers=chosen,
         truths=_read_labels(label_files, chosen, progress),
         detections=_read_results(result_files, chosen, progress),
-        without_result=tuple(n for n in chosen if n not in result_files.paths),
-        beyond=tuple(sorted(result_files.paths.keys() - set(chosen))),
+        missing_results=tuple(n for n in chosen if n not in result_files.paths),
+        extra_results=tuple(sorted(result_files.paths.keys() - set(chosen))),
     )
 
 

@@ -54,7 +54,7 @@ def read_object_labels(path: Path, calibration: Calibration) -> Labels:
     return _to_labels(rows, calibration)
 
 
-def no_labels() -> Labels:
+def empty_labels() -> Labels:
     """Return the labels of a frame in which nothing was labelled."""
     empty = np.zeros(0)
     return Labels(

@@ -32,8 +32,8 @@ class InsPacket:
         roll_rad: left side up positive.
         pitch_rad: front down positive.
         yaw_rad: 0 to the east, counter-clockwise.
-        velocity_level_mps: (3,) forward, left, up, in the plane of the horizon.
-        acceleration_imu_mps2: (3,) along the IMU's axes, gravity included.
+        velocity_level_m_s: (3,) forward, left, up, in the plane of the horizon.
+        acceleration_imu_m_s2: (3,) along the IMU's axes, gravity included.
         rate_imu_rad_s: (3,) turning about the IMU's axes.
     """
 
@@ -43,8 +43,8 @@ class InsPacket:
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
-    velocity_level_mps: Float64
-    acceleration_imu_mps2: Float64
+    velocity_level_m_s: Float64
+    acceleration_imu_m_s2: Float64
     rate_imu_rad_s: Float64
 
 
@@ -77,7 +77,7 @@ class Mercator:
     def world_SE3_imu(self, packet: InsPacket) -> Float64:
         """Return the pose of the IMU at a packet."""
         east = np.radians(packet.longitude_deg - self.longitude_deg)
-        north = _stretched_rad(packet.latitude_deg) - _stretched_rad(self.latitude_deg)
+        north = _mercator_rad(packet.latitude_deg) - _mercator_rad(self.latitude_deg)
         position_m = np.array([self._scaled_radius_m * east, self._scaled_radius_m * north, 0.0])
         position_m[2] = packet.altitude_m - self.altitude_m
         return from_euler(packet.roll_rad, packet.pitch_rad, packet.yaw_rad, position_m)
@@ -85,13 +85,13 @@ class Mercator:
     def packet(
         self,
         world_SE3_imu: Float64,
-        velocity_world_mps: Float64,
-        acceleration_imu_mps2: Float64,
+        velocity_world_m_s: Float64,
+        acceleration_imu_m_s2: Float64,
         rate_imu_rad_s: Float64,
     ) -> InsPacket:
         """Return the packet that an INS would give there: the inverse of `world_SE3_imu`."""
         east_m, north_m, up_m = world_SE3_imu[:3, 3]
-        stretched_rad = _stretched_rad(self.latitude_deg) + north_m / self._scaled_radius_m
+        stretched_rad = _mercator_rad(self.latitude_deg) + north_m / self._scaled_radius_m
         yaw, pitch, roll = Rotation.from_matrix(world_SE3_imu[:3, :3]).as_euler("ZYX")
         return InsPacket(
             latitude_deg=float(np.degrees(2 * np.arctan(np.exp(stretched_rad)) - np.pi / 2)),
@@ -100,13 +100,13 @@ class Mercator:
             roll_rad=float(roll),
             pitch_rad=float(pitch),
             yaw_rad=float(yaw),
-            velocity_level_mps=_turn(velocity_world_mps, -yaw),
-            acceleration_imu_mps2=acceleration_imu_mps2,
+            velocity_level_m_s=_turn(velocity_world_m_s, -yaw),
+            acceleration_imu_m_s2=acceleration_imu_m_s2,
             rate_imu_rad_s=rate_imu_rad_s,
         )
 
 
-def _stretched_rad(latitude_deg: float) -> float:
+def _mercator_rad(latitude_deg: float) -> float:
     """Return Mercator's stretched latitude, on which a step north is as long as one east."""
     return float(np.log(np.tan(np.pi / 4 + np.radians(latitude_deg) / 2)))
 
@@ -115,9 +115,9 @@ def _turn(vector: Float64, yaw_rad: float) -> Float64:
     return from_euler(0, 0, yaw_rad)[:3, :3] @ vector
 
 
-def velocity_world_mps(packet: InsPacket) -> Float64:
+def velocity_world_m_s(packet: InsPacket) -> Float64:
     """Return (3,) the velocity to the east, to the north and up."""
-    return _turn(packet.velocity_level_mps, packet.yaw_rad)
+    return _turn(packet.velocity_level_m_s, packet.yaw_rad)
 
 
 def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
@@ -150,28 +150,28 @@ def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
         roll_rad=roll_rad,
         pitch_rad=pitch_rad,
         yaw_rad=yaw_rad,
-        velocity_level_mps=numbers[8:11],
-        acceleration_imu_mps2=numbers[11:14],
+        velocity_level_m_s=numbers[8:11],
+        acceleration_imu_m_s2=numbers[11:14],
         rate_imu_rad_s=numbers[17:20],
     )
 
 
 def format_oxts_packet(
-    packet: InsPacket, position_accuracy_m: float = 0.05, velocity_accuracy_mps: float = 0.03
+    packet: InsPacket, position_accuracy_m: float = 0.05, velocity_accuracy_m_s: float = 0.03
 ) -> str:
     """Return the row that `parse_oxts_packet` reads, without a line end."""
-    east_mps, north_mps, _ = velocity_world_mps(packet)
+    east_m_s, north_m_s, _ = velocity_world_m_s(packet)
     tilt = from_euler(packet.roll_rad, packet.pitch_rad, 0)[:3, :3]
     position = f"{packet.latitude_deg:.13f} {packet.longitude_deg:.13f} {packet.altitude_m:.6f}"
     numbers = np.concatenate(
         [
-            (packet.roll_rad, packet.pitch_rad, packet.yaw_rad, north_mps, east_mps),
-            packet.velocity_level_mps,
-            packet.acceleration_imu_mps2,
-            tilt @ packet.acceleration_imu_mps2,
+            (packet.roll_rad, packet.pitch_rad, packet.yaw_rad, north_m_s, east_m_s),
+            packet.velocity_level_m_s,
+            packet.acceleration_imu_m_s2,
+            tilt @ packet.acceleration_imu_m_s2,
             packet.rate_imu_rad_s,
             tilt @ packet.rate_imu_rad_s,
-            (position_accuracy_m, velocity_accuracy_mps),
+            (position_accuracy_m, velocity_accuracy_m_s),
         ]
     )
     return f"{position} {' '.join(f'{number:.12g}' for number in numbers)} {_STATUS}"

@@ -21,7 +21,7 @@ from data.kitti.sensor_files import (
     SKIP_ADVICE,
     NumberedFiles,
 )
-from data.kitti.sequence import Camera, Clock, KittiSequence, SteadyClock
+from data.kitti.sequence import CameraFiles, Clock, FixedRateClock, KittiSequence
 from perception.errors import DriveError, PoseError
 from perception.sensor import LidarModel
 from perception.types import Float64
@@ -49,7 +49,7 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
         raise DriveError(scans.folder, expected="scans named 0000000000.bin", found="none")
     calibration = read_raw_calibration(_calibration_folder(folder))
     image_files = NumberedFiles.within(folder / "image_02" / "data", IMAGE_SUFFIXES)
-    camera = Camera.of(calibration, image_files, load_images=images)
+    camera = CameraFiles.of(calibration, image_files, load_images=images)
     packets = NumberedFiles.within(folder / "oxts" / "data", (".txt",))
     label_file = folder / "label_02.txt"
     point_labels = NumberedFiles.within(folder / "labels", POINT_LABEL_SUFFIXES)
@@ -62,7 +62,7 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
         clock=_clock(folder / "velodyne_points" / "timestamps.txt", scans, sensor),
         images=camera.images,
         image_size=camera.image_size,
-        ins=PacketFiles(packets) if len(packets) else None,
+        ins=OxtsFiles(packets) if len(packets) else None,
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
         point_labels=point_labels if len(point_labels) else None,
@@ -76,7 +76,7 @@ def _calibration_folder(folder: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class PacketFiles:
+class OxtsFiles:
     """INS packets, a file each."""
 
     files: NumberedFiles
@@ -98,7 +98,7 @@ class PacketFiles:
 
 
 @dataclass(frozen=True)
-class StampFile:
+class TimestampFile:
     """Timestamps as read, seconds since the drive's first, NaN where a row is no time.
 
     Attributes:
@@ -130,7 +130,7 @@ class StampFile:
 
 def _clock(path: Path, scans: NumberedFiles, sensor: LidarModel) -> Clock:
     if not path.is_file():
-        return SteadyClock(sensor.rate_hz, scans.numbers[0])
+        return FixedRateClock(sensor.rate_hz, scans.numbers[0])
     timestamps = np.array(
         [_parse_timestamp(line) for line in path.read_text().splitlines()], "datetime64[ns]"
     )
@@ -140,7 +140,7 @@ def _clock(path: Path, scans: NumberedFiles, sensor: LidarModel) -> Clock:
     row_of_number = {number: row for row, number in rows}
     known = timestamps[~np.isnat(timestamps)]
     origin = known[0] if len(known) else np.datetime64("1970-01-01", "ns")
-    return StampFile(path, (timestamps - origin) / np.timedelta64(1, "s"), row_of_number)
+    return TimestampFile(path, (timestamps - origin) / np.timedelta64(1, "s"), row_of_number)
 
 
 def _parse_timestamp(line: str) -> np.datetime64:

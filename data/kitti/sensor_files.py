@@ -19,7 +19,7 @@ SKIP_ADVICE = "pass --on-bad-frame skip to go on without this frame"
 _POINT_BYTES = 16  # x, y, z, reflectance as float32
 # SemanticKITTI numbers the moving classes apart: car, bicyclist, person, motorcyclist, on rails,
 # bus, truck, other vehicle.
-_STILL_CLASS = {252: 10, 253: 31, 254: 30, 255: 32, 256: 16, 257: 13, 258: 18, 259: 20}
+_STATIC_CLASS = {252: 10, 253: 31, 254: 30, 255: 32, 256: 16, 257: 13, 258: 18, 259: 20}
 _END_OF_IMAGE = {b"\x89PNG": b"IEND", b"\xff\xd8\xff": b"\xff\xd9"}  # by how the file begins
 
 
@@ -64,11 +64,11 @@ class NumberedFiles:
 
 
 @dataclass(frozen=True)
-class StatedSize:
+class ImageSize:
     """How large the images of a drive are, and what says so."""
 
     size_px: tuple[int, int]
-    stated_by: str
+    source: str
 
 
 def read_scan(path: Path) -> Float32:
@@ -92,7 +92,7 @@ def read_scan(path: Path) -> Float32:
     return np.frombuffer(bytearray(data), np.float32).reshape(-1, 4)
 
 
-def read_image(path: Path, expected: StatedSize | None = None) -> UInt8:
+def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
     """Read an (H, W, 3) RGB image.
 
     Raises:
@@ -115,7 +115,7 @@ def read_image(path: Path, expected: StatedSize | None = None) -> UInt8:
     if expected is not None and (width, height) != expected.size_px:
         raise ImageError(
             path,
-            expected="{}x{} pixels".format(*expected.size_px) + f" as {expected.stated_by} says",
+            expected="{}x{} pixels".format(*expected.size_px) + f" as {expected.source} says",
             found=f"{width}x{height}",
         )
     return decoded
@@ -146,7 +146,7 @@ def read_point_truth(path: Path, points: int) -> PointTruth:
         )
     words = np.fromfile(path, np.uint32)
     classes, instances = (words & 0xFFFF).astype(np.int64), (words >> 16).astype(np.int64)
-    is_moving = np.isin(classes, list(_STILL_CLASS))
+    is_moving = np.isin(classes, list(_STATIC_CLASS))
     still = np.arange(1 << 16)
-    still[list(_STILL_CLASS)] = list(_STILL_CLASS.values())
+    still[list(_STATIC_CLASS)] = list(_STATIC_CLASS.values())
     return PointTruth(still[classes], instances, np.asarray(is_moving))

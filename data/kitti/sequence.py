@@ -8,11 +8,11 @@ from typing import Protocol
 
 from data.drive import Labels, PointTruth
 from data.kitti.calibration import DriveCalibration
-from data.kitti.labels import no_labels, read_tracking_labels
+from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
 from data.kitti.sensor_files import (
+    ImageSize,
     NumberedFiles,
-    StatedSize,
     read_image,
     read_point_truth,
     read_scan,
@@ -40,7 +40,7 @@ class Clock(Protocol):
 
 
 @dataclass(frozen=True)
-class SteadyClock:
+class FixedRateClock:
     """A clock for drives without timestamps: the sensor turns at its rate.
 
     Attributes:
@@ -82,7 +82,7 @@ class KittiSequence:
     scans: NumberedFiles
     clock: Clock
     images: NumberedFiles | None = None
-    image_size: StatedSize | None = None
+    image_size: ImageSize | None = None
     ins: InsSource | None = None
     velo_SE3_imu: Float64 | None = None
     label_file: Path | None = None
@@ -193,7 +193,7 @@ class KittiSequence:
             DriveError: the drive has none.
             LabelError: the label file cannot be read.
         """
-        return self._labels_by_number.get(self.scans.numbers[index], no_labels())
+        return self._labels_by_number.get(self.scans.numbers[index], empty_labels())
 
     @cached_property
     def _labels_by_number(self) -> Mapping[int, Labels]:
@@ -222,7 +222,7 @@ class KittiSequence:
 
 
 @dataclass(frozen=True)
-class Camera:
+class CameraFiles:
     """The images of a drive and their calibration.
 
     Attributes:
@@ -232,7 +232,7 @@ class Camera:
     """
 
     calibration: Calibration | None
-    image_size: StatedSize | None
+    image_size: ImageSize | None
     images: NumberedFiles | None
 
     @classmethod
@@ -241,19 +241,19 @@ class Camera:
     ) -> "Camera":
         """Bring together what a drive's folders hold."""
         camera = calibration.camera
-        size = _stated_size(camera, images)
+        size = _find_image_size(camera, images)
         if camera is not None and size is not None:
             camera = replace(camera, image_size_px=size.size_px)
         return cls(camera, size, images if load_images and len(images) else None)
 
 
-def _stated_size(camera: Calibration | None, images: NumberedFiles) -> StatedSize | None:
+def _find_image_size(camera: Calibration | None, images: NumberedFiles) -> ImageSize | None:
     if camera is not None and camera.image_size_px is not None:
-        return StatedSize(camera.image_size_px, stated_by=camera.source)
+        return ImageSize(camera.image_size_px, source=camera.source)
     for path in images.paths.values():
         try:
             height, width = read_image(path).shape[:2]
         except ImageError:
             continue  # it will be met again as a frame
-        return StatedSize((width, height), stated_by=f"{path}, the drive's first,")
+        return ImageSize((width, height), source=f"{path}, the drive's first,")
     return None

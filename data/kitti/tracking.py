@@ -17,7 +17,7 @@ from data.kitti.sensor_files import (
     SKIP_ADVICE,
     NumberedFiles,
 )
-from data.kitti.sequence import Camera, KittiSequence, SteadyClock
+from data.kitti.sequence import CameraFiles, FixedRateClock, KittiSequence
 from perception.errors import DriveError, PoseError
 from perception.sensor import LidarModel
 
@@ -45,7 +45,7 @@ def open_tracking(
     if calibration_file.is_file():
         calibration = read_benchmark_calibration(calibration_file)
     image_files = NumberedFiles.within(folder / "image_02" / sequence, IMAGE_SUFFIXES)
-    camera = Camera.of(calibration, image_files, load_images=images)
+    camera = CameraFiles.of(calibration, image_files, load_images=images)
     packets = folder / "oxts" / f"{sequence}.txt"
     label_file = folder / "label_02" / f"{sequence}.txt"
     point_labels = NumberedFiles.within(folder / "labels" / sequence, POINT_LABEL_SUFFIXES)
@@ -55,10 +55,10 @@ def open_tracking(
         sensor=sensor,
         calibration=camera.calibration,
         scans=scans,
-        clock=SteadyClock(sensor.rate_hz, scans.numbers[0]),
+        clock=FixedRateClock(sensor.rate_hz, scans.numbers[0]),
         images=camera.images,
         image_size=camera.image_size,
-        ins=PacketRows.read(packets) if packets.is_file() else None,
+        ins=OxtsFile.read(packets) if packets.is_file() else None,
         velo_SE3_imu=calibration.velo_SE3_imu,
         label_file=label_file if label_file.is_file() else None,
         point_labels=point_labels if len(point_labels) else None,
@@ -66,14 +66,14 @@ def open_tracking(
 
 
 @dataclass(frozen=True)
-class PacketRows:
+class OxtsFile:
     """INS packets, a row each."""
 
     path: Path
     rows: tuple[str, ...]
 
     @classmethod
-    def read(cls, path: Path) -> "PacketRows":
+    def read(cls, path: Path) -> "OxtsFile":
         """Split the file into rows, which are parsed when they are asked for.
 
         Raises:

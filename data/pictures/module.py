@@ -17,7 +17,7 @@ from data.pictures.augmentation import PictureAugmentation
 from data.pictures.dataset import PictureDataset, Sample, collate
 from data.pictures.labelled_pictures import LabelledPictures
 from data.pictures.making import PictureRules
-from data.pictures.splits import Split, drawn_split, listed_split
+from data.pictures.splits import Split, random_split, split_from_lists
 from data.splitting import SplitBy
 from data.training_drives import TrainingDrives, open_drives
 from perception.errors import PerceptionError, UsageError
@@ -33,10 +33,10 @@ class PictureLoading:
     Attributes:
         batch_size: pictures a batch.
         workers: processes that make samples; 0 makes them where the network is trained.
-        validation_share: of the training frames or drives, where no validation drives are named.
-        test_share: of the training frames or drives, kept for the end; the thesis' split is 0.2 and 0.2 (7.2.2).
+        validation_fraction: of the training frames or drives, where no validation drives are named.
+        test_fraction: of the training frames or drives, kept for the end; the thesis' split is 0.2 and 0.2 (7.2.2).
         split_by: keep single frames back, or whole drives.
-        training_share: of what is left to learn from; the first frames, and so the fewer places.
+        training_fraction: of what is left to learn from; the first frames, and so the fewer places.
         frame_lists: files of frame numbers to learn from and to judge by, instead of the shares; of one drive.
         on_bad_frame: stop at a frame that cannot be read, or leave it out.
         seed: of the split, the order and the augmentation.
@@ -44,10 +44,10 @@ class PictureLoading:
 
     batch_size: int = 16
     workers: int = 0
-    validation_share: float = 0.2
-    test_share: float = 0.0
+    validation_fraction: float = 0.2
+    test_fraction: float = 0.0
     split_by: SplitBy = "frames"
-    training_share: float = 1.0
+    training_fraction: float = 1.0
     frame_lists: tuple[Path, Path] | None = None
     on_bad_frame: OnBadFrame = "stop"
     seed: int = 0
@@ -55,10 +55,10 @@ class PictureLoading:
     def __post_init__(self) -> None:
         """Refuse what no batch could be made of."""
         validate_loader_config(self)
-        if not 0 < self.training_share <= 1:
-            found = f"{self.training_share:g}"
+        if not 0 < self.training_fraction <= 1:
+            found = f"{self.training_fraction:g}"
             raise UsageError("training share", expected="above 0, at most 1", found=found)
-        shares = self.validation_share, self.test_share
+        shares = self.validation_fraction, self.test_fraction
         if min(shares) < 0 or sum(shares) >= 1:
             raise UsageError(
                 "validation and test share",
@@ -129,7 +129,7 @@ class PictureData(LightningDataModule):
         if self.sources.validation:
             kept_frames = self._frames(self.sources.validation)
             kept = np.arange(len(kept_frames))
-        learned = split.training[: math.ceil(self.loading.training_share * len(split.training))]
+        learned = split.training[: math.ceil(self.loading.training_fraction * len(split.training))]
         self.training = self._dataset(frames, learned, self.augmentation)
         self.validation = self._dataset(kept_frames, kept, None)
         self.test = self._dataset(frames, split.test, None)
@@ -155,21 +155,21 @@ class PictureData(LightningDataModule):
     def _split(self, frames: LabelledPictures) -> Split:
         loading, has_drives = self.loading, bool(self.sources.validation)
         if loading.frame_lists is None:
-            return drawn_split(
+            return random_split(
                 frames.drive_numbers,
-                validation_share=0.0 if has_drives else loading.validation_share,
-                test_share=loading.test_share,
+                validation_fraction=0.0 if has_drives else loading.validation_fraction,
+                test_fraction=loading.test_fraction,
                 by=loading.split_by,
                 seed=loading.seed,
             )
-        if has_drives or len(frames.drives) > 1 or loading.test_share > 0:
+        if has_drives or len(frames.drives) > 1 or loading.test_fraction > 0:
             raise UsageError(
                 "lists of frames",
                 expected="one drive, no validation drives and no test share beside them",
                 found=f"{len(frames.drives)} drives, {len(self.sources.validation)} validation drives "
-                f"and a test share of {loading.test_share:g}",
+                f"and a test share of {loading.test_fraction:g}",
             )
-        return listed_split(frames.file_numbers, loading.frame_lists)
+        return split_from_lists(frames.file_numbers, loading.frame_lists)
 
     def _dataset(
         self, frames: LabelledPictures, numbers: Int, augmentation: PictureAugmentation | None

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from data.kitti.labels import read_label_lines
-from data.splitting import SplitBy, split_generator, validation_frames
+from data.splitting import SplitBy, split_rng, validation_frames
 from perception.errors import LabelError, UsageError
 from perception.types import Int
 
@@ -26,25 +26,25 @@ class Split:
     test: Int
 
 
-def drawn_split(
-    drive_numbers: Int, *, validation_share: float, test_share: float, by: SplitBy, seed: int
+def random_split(
+    drive_numbers: Int, *, validation_fraction: float, test_fraction: float, by: SplitBy, seed: int
 ) -> Split:
     """Draw a split; the thesis' are 60/20/20 (7.2.2) and 80/20 (B).
 
     Args:
         drive_numbers: (F,) which drive each frame is of.
-        validation_share: of all frames or drives; 0 keeps none back.
-        test_share: likewise.
+        validation_fraction: of all frames or drives; 0 keeps none back.
+        test_fraction: likewise.
         by: draw single frames, or whole drives.
         seed: of the draw.
 
     Raises:
         UsageError: a share is not 0 but leaves nothing of a part, or nothing to learn from.
     """
-    rng = split_generator(seed)
+    rng = split_rng(seed)
     left = np.arange(len(drive_numbers))
     parts, taken = [], 0.0
-    for share in (test_share, validation_share):
+    for share in (test_fraction, validation_fraction):
         is_part = np.zeros(len(left), bool)
         if share > 0:
             is_part = validation_frames(drive_numbers[left], share / (1 - taken), by, rng)
@@ -53,7 +53,7 @@ def drawn_split(
     return Split(left, validation=parts[1], test=parts[0])
 
 
-def listed_split(file_numbers: Int, lists: tuple[Path, Path]) -> Split:
+def split_from_lists(file_numbers: Int, lists: tuple[Path, Path]) -> Split:
     """Read a split from two files of frame numbers, a line each, such as KITTI's 3712 and 3769.
 
     Args:

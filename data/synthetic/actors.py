@@ -74,7 +74,7 @@ class Actor:
 
     track_id: int
     body: Body
-    looks: Float32
+    appearance: Float32
     path: Path | None = None
     world_SE3_parked: Float64 = field(default_factory=lambda: np.eye(4))
     is_steered: bool = False
@@ -184,11 +184,11 @@ def draw_cyclists(rng: np.random.Generator, count: int) -> list[Body]:
     return bodies
 
 
-def draw_looks(body: Body, rng: np.random.Generator) -> Float32:
+def draw_appearance(body: Body, rng: np.random.Generator) -> Float32:
     """Draw paint or clothes."""
     if body.is_person:
         return random_clothes(rng)
-    looks = {Slot.PAINT: random_paint(rng)}
+    appearance = {Slot.PAINT: random_paint(rng)}
     if body.kind in ("Truck", "Misc"):
-        looks[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
-    return palette(looks)
+        appearance[Slot.CARGO] = random_paint(rng, CARGO_PAINTS)
+    return palette(appearance)

@@ -5,7 +5,7 @@ import numpy as np
 from data.synthetic.exposure import Exposure, develop
 from data.synthetic.light import Daylight
 from data.synthetic.rig import IMAGE_SIZE_PX, PinholeCamera, near_pixels
-from data.synthetic.scene import Hits, Moving, Rays, rotated
+from data.synthetic.scene import Hits, MovingObject, Rays, rotated
 from data.synthetic.shading import IS_ROUNDED, Shader
 from data.synthetic.sight import GBuffer, RenderState
 from data.synthetic.world import World
@@ -82,7 +82,7 @@ class Camera:
         shape = (rows.stop - rows.start, width)
         return GBuffer(rows, shape, rays, hits, seen, slots, points, normals)
 
-    def _normals(self, hits: Hits, seen: Int, slots: UInt8, moving: list[Moving]) -> Float32:
+    def _normals(self, hits: Hits, seen: Int, slots: UInt8, moving: list[MovingObject]) -> Float32:
         """Return unit normals, interpolated over rounded things."""
         tables = self._world.scene.tables
         normals = np.zeros((len(hits.row), 3), np.float32)

@@ -51,10 +51,10 @@ class ClutterConfig:
     poles: float = 0.0
     islands: float = 0.0
     delineators: float = 0.0
-    yards: float = 0.0
+    parking_lots: float = 0.0
 
 
-def litter(
+def place_clutter(
     road: Road,
     stretch_m: tuple[float, float],
     clutter: ClutterConfig,
@@ -109,7 +109,7 @@ class _Verge:
         """Let some bushes of one kind grow close together, or in a row as a wild hedge."""
         rng = self.rng
         is_row = rng.random() < _ROWS
-        looks, height_m = vegetation.foliage_palette(rng), float(rng.uniform(0.4, 2.6))
+        appearance, height_m = vegetation.foliage_palette(rng), float(rng.uniform(0.4, 2.6))
         height_m *= 1.6 if is_row else 1.0
         count = int(rng.integers(4, 13) if is_row else rng.integers(1, 7))
         sizes_m = height_m * rng.uniform([0.6, 0.6, 0.6], [1.8, 1.5, 1.2], (count, 3))
@@ -121,7 +121,7 @@ class _Verge:
         places_m[:, 1] = self.road.shape.outer_m + np.maximum(places_m[:, 1], room_m)
         kinds = rng.integers(len(self.shrubs), size=count)
         return [
-            self._grown(self.shrubs[kind], place, size, looks)
+            self._grown(self.shrubs[kind], place, size, appearance)
             for kind, place, size in zip(kinds, places_m, sizes_m, strict=True)
         ]
 
@@ -133,14 +133,14 @@ class _Verge:
             out_m = shape.half_width_m + float(self.rng.uniform(0.1, 0.4))
         size_m = self.rng.uniform([0.6, 0.5, 0.15], [2.5, 1.5, 0.7])
         mesh = self.grasses[int(self.rng.integers(len(self.grasses)))]
-        place_m, looks = np.array([s_m, out_m]), vegetation.foliage_palette(self.rng)
-        return [self._grown(mesh, place_m, size_m, looks)]
+        place_m, appearance = np.array([s_m, out_m]), vegetation.foliage_palette(self.rng)
+        return [self._grown(mesh, place_m, size_m, appearance)]
 
-    def _grown(self, mesh: Mesh, place_m: Float64, size_m: Float64, looks: Float32) -> Part:
+    def _grown(self, mesh: Mesh, place_m: Float64, size_m: Float64, appearance: Float32) -> Part:
         """Stretch a plant by a factor along each axis, and plant it at s and a distance from the centreline."""
         turn = float(self.rng.uniform(0, 2 * np.pi))
         pose = street.standing(self.road, place_m[0], self.side * place_m[1], turn)
-        return Part(meshes.moved(meshes.stretched(mesh, size_m), pose), looks)
+        return Part(meshes.moved(meshes.stretched(mesh, size_m), pose), appearance)
 
     def conifer(self, s_m: float) -> list[Part]:
         """Plant a fir, or a young tree, or a row of them."""
@@ -149,37 +149,39 @@ class _Verge:
             self.rng.uniform(vegetation.CROWN_REACH * height_m, _LAND_M)
         )
         mesh = vegetation.conifer(height_m, self.rng, leaves=600)
-        looks, row = vegetation.foliage_palette(self.rng), int(self.rng.choice([1, 1, 2, 4]))
+        appearance, row = vegetation.foliage_palette(self.rng), int(self.rng.choice([1, 1, 2, 4]))
         return [
             self._grown(
-                mesh, np.array([s_m + 2.2 * n, out_m]), self.rng.uniform(0.8, 1.2, 3), looks
+                mesh, np.array([s_m + 2.2 * n, out_m]), self.rng.uniform(0.8, 1.2, 3), appearance
             )
             for n in range(row)
         ]
 
     def rail(self, s_m: float) -> list[Part]:
         """Set up pieces of a guard rail or a barrier, one after another."""
-        is_steel, looks = self.rng.random() < 0.8, furniture.panel_palette(self.rng)
+        is_steel, appearance = self.rng.random() < 0.8, furniture.panel_palette(self.rng)
         mesh = (furniture.guard_rail if is_steel else furniture.barrier)(_RAIL_M)
         edge_m = self.road.shape.half_width_m + 0.45
         count = int(self.rng.integers(1, 5))
-        return [self._fronting(mesh, s_m + _RAIL_M * n, edge_m, looks) for n in range(count)]
+        return [self._fronting(mesh, s_m + _RAIL_M * n, edge_m, appearance) for n in range(count)]
 
     def railing(self, s_m: float) -> list[Part]:
         """Set up a railing at the kerb or behind the pavement, or a fence of wire behind it."""
-        looks, edge_m = furniture.panel_palette(self.rng), self.road.shape.outer_m + 0.25
+        appearance, edge_m = furniture.panel_palette(self.rng), self.road.shape.outer_m + 0.25
         height_m = float(self.rng.uniform(0.9, 1.3))
         if self.rng.random() < 0.4:
             return [
-                self._fronting(furniture.wire_fence(_RAIL_M, 1.6 * height_m), s_m, edge_m, looks)
+                self._fronting(
+                    furniture.wire_fence(_RAIL_M, 1.6 * height_m), s_m, edge_m, appearance
+                )
             ]
         if self.rng.random() < 0.5:
             edge_m = self.road.shape.half_width_m + 0.3
-        return [self._fronting(furniture.railing(_RAIL_M, height_m), s_m, edge_m, looks)]
+        return [self._fronting(furniture.railing(_RAIL_M, height_m), s_m, edge_m, appearance)]
 
-    def _fronting(self, mesh: Mesh, s_m: float, edge_m: float, looks: Float32) -> Part:
+    def _fronting(self, mesh: Mesh, s_m: float, edge_m: float, appearance: Float32) -> Part:
         pose = street.fronting(self.road, s_m, _RAIL_M, self.side * edge_m)
-        return Part(meshes.moved(mesh, pose), looks)
+        return Part(meshes.moved(mesh, pose), appearance)
 
     def box(self, s_m: float) -> list[Part]:
         """Set up one of the boxes, boards and stands behind the pavement."""
@@ -215,9 +217,9 @@ class _Verge:
         for number in range(int(self.rng.integers(1, 7))):
             turn = np.pi / 2 + float(self.rng.normal(0, 0.12))
             pose = street.standing(self.road, s_m + 0.55 * number, self.side * out_m, turn)
-            looks = random_clothes(self.rng)
+            appearance = random_clothes(self.rng)
             parts.append(
-                Part(meshes.moved(people.bicycle(), pose), looks, SemanticClass.OTHER_OBJECT)
+                Part(meshes.moved(people.bicycle(), pose), appearance, SemanticClass.OTHER_OBJECT)
             )
         return parts
 

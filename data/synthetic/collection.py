@@ -13,7 +13,7 @@ from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import draw_config
 from data.synthetic.writer import Layout
 from perception.errors import UsageError
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.sensor import HDL_64E, LidarModel
 
 _FRAMES_A_WORLD = 5  # of the object layout
@@ -71,7 +71,7 @@ def write_drives(
         recipe: what.
         done: called after each frame.
     """
-    with one_blas_thread():  # frames are written side by side already
+    with limit_blas_threads():  # frames are written side by side already
         if synth_config.layout == "object":
             return [_write_object_frames(out, synth_config, done)]
         write = writer.write_raw if synth_config.layout == "raw" else writer.write_tracking

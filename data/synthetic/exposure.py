@@ -69,7 +69,8 @@ def develop(light: Float32, exposure: Exposure, rng: np.random.Generator) -> UIn
     y, x = np.ogrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     exposed *= (1 - exposure.vignette * (x * x + 0.4 * y * y)).astype(np.float32)[..., None]
     levels = np.take(
-        _tones(exposure.contrast), np.clip(_FULL * _shoulder(exposed), 0, _FULL).astype(np.int32)
+        _tones(exposure.contrast),
+        np.clip(_FULL * _tone_shoulder(exposed), 0, _FULL).astype(np.int32),
     )
     noise = rng.standard_normal((height, width), np.float32) * np.float32(exposure.noise)
     levels += noise[..., None] + (noise[:, ::-1, None] * rgb(0.5, -0.2, 0.6))
@@ -93,7 +94,7 @@ def _colours(exposure: Exposure) -> Float64:
     return np.asarray((grey + exposure.saturation * np.eye(3)) * np.array(exposure.white))
 
 
-def _shoulder(exposed: Float32) -> Float32:
+def _tone_shoulder(exposed: Float32) -> Float32:
     """Bend highlights, lest they clip at once."""
     return np.asarray(exposed / (1 + _SHOULDER * np.maximum(exposed, 0)) * 0.9, np.float32)
 

@@ -8,7 +8,7 @@ import numpy as np
 from data.drive import Labels
 from data.synthetic.actors import Actor
 from data.synthetic.rig import PinholeCamera
-from data.synthetic.scene import Moving, Rays, to_local
+from data.synthetic.scene import MovingObject, Rays, to_local
 from data.synthetic.world import World
 from perception.geometry import se3
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
@@ -62,7 +62,7 @@ class _ImageObject:
     """
 
     actor: Actor
-    state: Moving
+    state: MovingObject
     box_px: Float64
     truncation: float
     distance_m: float
@@ -158,7 +158,7 @@ def _cuboid_edges() -> Float64:
 _CUBOID_EDGES = _cuboid_edges()
 
 
-def _may_be_in_view(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
+def _may_be_in_view(actor: Actor, state: MovingObject, camera: PinholeCamera) -> bool:
     """Tell whether the sphere around an object reaches into the camera's field of view."""
     x, _, z = camera.camera_R_world @ (state.world_SE3_thing[:3, 3] - camera.centre_m)
     radius = float(np.linalg.norm(actor.body.size_m))
@@ -167,7 +167,7 @@ def _may_be_in_view(actor: Actor, state: Moving, camera: PinholeCamera) -> bool:
 
 
 def _object_in_image(
-    actor: Actor, state: Moving, outline: Float, camera: PinholeCamera
+    actor: Actor, state: MovingObject, outline: Float, camera: PinholeCamera
 ) -> _ImageObject | None:
     pose, width_height = state.world_SE3_thing, np.array(camera.size_px, float)
     pixels, depth_m = camera.project(outline @ pose[:3, :3].T + pose[:3, 3])
@@ -244,7 +244,7 @@ def _sample_pixels(image_objects: Sequence[_ImageObject], max_samples: int) -> t
     return np.concatenate(lattices), np.concatenate(owners)
 
 
-def _covers(world: World, rays: Rays, index: Int, state: Moving) -> Bool:
+def _covers(world: World, rays: Rays, index: Int, state: MovingObject) -> Bool:
     """Tell which rays meet an object when nothing else is there."""
     origins, directions = to_local(rays, index, state)
     return world.scene.meets(state.shape, origins, directions)
@@ -268,7 +268,7 @@ def label_around(
 
 
 def _boxes_velo(
-    actors: Sequence[Actor], states: Sequence[Moving], world_SE3_velo: Float64
+    actors: Sequence[Actor], states: Sequence[MovingObject], world_SE3_velo: Float64
 ) -> Boxes3D:
     """Return upright boxes in the LiDAR's frame."""
     if not actors:

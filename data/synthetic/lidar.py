@@ -13,7 +13,7 @@ from data.drive import PointTruth
 from data.synthetic.actors import MOVING_M_S
 from data.synthetic.echoes import EchoModel, Shots
 from data.synthetic.materials import column
-from data.synthetic.scene import Hits, Moving, Rays, near_any
+from data.synthetic.scene import Hits, MovingObject, Rays, near_any
 from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
 from perception.geometry import se3
@@ -111,7 +111,7 @@ def _fire(world: World, sensor: LidarModel, time_s: float) -> tuple[Rays, Float3
 
 
 def _through_glass(
-    world: World, rays: Rays, hits: Hits, moving: list[Moving], rng: np.random.Generator
+    world: World, rays: Rays, hits: Hits, moving: list[MovingObject], rng: np.random.Generator
 ) -> Hits:
     """Let most shots at a pane go on to what is behind it."""
     slots = world.scene.tables.slots[hits.row]
@@ -136,7 +136,7 @@ def _returns(
     sensor: LidarModel,
     rays: Rays,
     hits: Hits,
-    moving: list[Moving],
+    moving: list[MovingObject],
     rng: np.random.Generator,
 ) -> tuple[Bool, Float32]:
     """Return which shots come back, and with which reflectance."""

@@ -19,16 +19,16 @@ def draw_pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> P
         if abs(l_m) > 1 and rng.random() < 0.3:
             reach_m = float(rng.uniform(2, 4.5))
         mesh = furniture.signal(float(rng.uniform(3.0, 5.5)), reach_m, rng)
-        looks = furniture.panel_palette(rng)
+        appearance = furniture.panel_palette(rng)
     elif draw < 0.8:
         kind = int(rng.choice([0, 0, 1, 2, 3]))
-        mesh, looks = (
+        mesh, appearance = (
             furniture.sign(kind, float(rng.uniform(0.03, 0.05))),
             furniture.sign_palette(kind, rng),
         )
     else:
         radius_m = float(rng.uniform(0.04, 0.14))
-        mesh, looks = (
+        mesh, appearance = (
             furniture.bollard(float(rng.uniform(0.9, 7)), radius_m),
             furniture.panel_palette(rng),
         )
@@ -37,7 +37,7 @@ def draw_pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> P
     if reach_m == 0 and rng.random() < 0.4:
         is_left = not is_left
     pose = street.standing(road, s_m, l_m, (np.pi if is_left else 0.0) + float(rng.normal(0, 0.15)))
-    return Part(meshes.moved(mesh, pose), looks)
+    return Part(meshes.moved(mesh, pose), appearance)
 
 
 def islands(

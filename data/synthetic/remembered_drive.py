@@ -9,7 +9,7 @@ from data.synthetic.lidar import LidarScan
 from perception.sensor import HDL_64E, LidarModel
 
 
-class RememberedDrive(SyntheticDrive):
+class CachedDrive(SyntheticDrive):
     """A `SyntheticDrive` without images that keeps its scans: 4 MB each of an HDL-64E."""
 
     def __init__(

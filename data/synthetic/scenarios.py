@@ -16,7 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from data.synthetic import actors as cast_of
+from data.synthetic import actors as actor_models
 from data.synthetic import town, vehicles
 from data.synthetic.actors import Actor, Body
 from data.synthetic.drive import SyntheticDrive
@@ -32,12 +32,12 @@ from perception.errors import UsageError
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Float64
 
-Kind = Literal["Car", "Cyclist", "Pedestrian"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+TargetClass = Literal["Car", "Cyclist", "Pedestrian"]
+TARGET_CLASSES: tuple[TargetClass, ...] = get_args(TargetClass)
 TARGET_ID = 0  # track id of the object that is followed
 _OCCLUDER_ID = 1
 
-_PACE_M_S: dict[Kind, float] = {"Car": 6.0, "Cyclist": 4.5, "Pedestrian": 1.5}
+_PACE_M_S: dict[TargetClass, float] = {"Car": 6.0, "Cyclist": 4.5, "Pedestrian": 1.5}
 _EGO_LANE_M, _VAN_LANE_M, _OBJECT_LANE_M = 0.0, -3.0, -6.0
 _GAP_M = 18.0  # from the LiDAR to the object, along the road
 _FARTHEST_M, _NEAREST_M = 40.0, 18.0  # the same where the distance changes
@@ -50,7 +50,7 @@ _TURN_RAD = -np.radians(65)
 _EGO_LAG_S = 1.0  # over which the ego vehicle evens out the object's speed
 
 
-class Difficulty(StrEnum):
+class ScenarioChallenge(StrEnum):
     """What changes or hides the object while it is followed; the attributes of Table 3.2."""
 
     OCCLUSION = "occlusion"
@@ -70,8 +70,8 @@ class Scenario:
         duration_s: of the drive; all that happens is stretched with it.
     """
 
-    kind: Kind = "Car"
-    difficulties: frozenset[Difficulty] = frozenset()
+    kind: TargetClass = "Car"
+    challenges: frozenset[ScenarioChallenge] = frozenset()
     duration_s: float = 6.0
 
     def __post_init__(self) -> None:
@@ -84,19 +84,23 @@ class Scenario:
     @property
     def name(self) -> str:
         """What happens, in a word."""
-        if len(self.difficulties) == len(Difficulty):
+        if len(self.challenges) == len(ScenarioChallenge):
             return "together"
-        return " and ".join(sorted(self.difficulties)) or "plain"
+        return " and ".join(sorted(self.challenges)) or "plain"
 
-    def has(self, difficulty: Difficulty) -> bool:
+    def has(self, challenge: ScenarioChallenge) -> bool:
         """Tell whether something happens."""
-        return difficulty in self.difficulties
+        return challenge in self.challenges
 
 
-def all_scenarios(kind: Kind, duration_s: float = 6.0) -> list[Scenario]:
+def all_scenarios(kind: TargetClass, duration_s: float = 6.0) -> list[Scenario]:
     """Return nothing happening, one thing at a time, and all of it together."""
-    chosen = [frozenset[Difficulty](), *(frozenset([c]) for c in Difficulty), frozenset(Difficulty)]
-    return [Scenario(kind, difficulties, duration_s) for difficulties in chosen]
+    chosen = [
+        frozenset[ScenarioChallenge](),
+        *(frozenset([c]) for c in ScenarioChallenge),
+        frozenset(ScenarioChallenge),
+    ]
+    return [Scenario(kind, challenges, duration_s) for challenges in chosen]
 
 
 class ScenarioDrive(SyntheticDrive):
@@ -131,7 +135,7 @@ class ScenarioDrive(SyntheticDrive):
 
     def _exposure(self, index: int) -> Exposure:
         """Return a fixed exposure, lest metering make up for the light that changes."""
-        if not self.scenario.has(Difficulty.ILLUMINATION):
+        if not self.scenario.has(ScenarioChallenge.ILLUMINATION):
             return Exposure()
         share = self.stamp_s(index) / self.scenario.duration_s
         return Exposure(_light(share))
@@ -168,19 +172,19 @@ def _build_world(scenario: Scenario, rng: np.random.Generator) -> World:
     stretch = (float(ego.s_m.min()) - 60, float(target.s_m.max()) + 80)
     road = Road(shape, start_m=stretch[0] - 60, end_m=stretch[1] + 60)
     body = _body(scenario.kind, rng)
-    looks = cast_of.draw_looks(body, rng)
-    actors = [Actor(TARGET_ID, body, looks, target, is_steered=True)]
-    if scenario.has(Difficulty.OCCLUSION):
+    appearance = actor_models.draw_appearance(body, rng)
+    actors = [Actor(TARGET_ID, body, appearance, target, is_steered=True)]
+    if scenario.has(ScenarioChallenge.OCCLUSION):
         actors.append(_occluder(scenario, target, ego, rng))
-    parts = town.furnish(road, stretch, style, [], rng)
+    parts = town.lay_out_street(road, stretch, style, [], rng)
     return assemble(config, road, parts, actors, ego, rng)
 
 
-def _body(kind: Kind, rng: np.random.Generator) -> Body:
+def _body(kind: TargetClass, rng: np.random.Generator) -> Body:
     if kind == "Pedestrian":
-        return cast_of.draw_pedestrians(rng, 1)[0]
+        return actor_models.draw_pedestrians(rng, 1)[0]
     if kind == "Cyclist":
-        return cast_of.draw_cyclists(rng, 1)[0]
+        return actor_models.draw_cyclists(rng, 1)[0]
     return _vehicle("Car", BodyStyle.HATCHBACK, rng)
 
 
@@ -193,11 +197,11 @@ def _object_way(scenario: Scenario, times_s: Float64) -> Path:
     """Integrate the object's speed and heading."""
     share = times_s / scenario.duration_s
     speed_m_s = np.full_like(share, _PACE_M_S[scenario.kind])
-    if scenario.has(Difficulty.VELOCITY):
+    if scenario.has(ScenarioChallenge.VELOCITY):
         # Brakes to a crawl within a second, and then goes faster than before.
         speed_m_s *= 1 - 0.9 * _ramp(share, 0.10, 0.25) + 1.2 * _ramp(share, 0.45, 0.62)
     heading_rad = np.zeros_like(share)
-    if scenario.has(Difficulty.POSE):
+    if scenario.has(ScenarioChallenge.POSE):
         heading_rad = _TURN_RAD * _bump(share, 0.55, 0.90, 0.175)
     start = int(np.argmin(np.abs(times_s)))
     s_m = np.cumsum(speed_m_s * np.cos(heading_rad)) * _STEP_S
@@ -209,7 +213,7 @@ def _ego_way(scenario: Scenario, target: Path) -> Path:
     """Follow the object at an even pace."""
     evened_m = gaussian_filter1d(target.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
     gap_m = np.full_like(evened_m, _GAP_M)
-    if scenario.has(Difficulty.DISTANCE):
+    if scenario.has(ScenarioChallenge.DISTANCE):
         share = target.times_s / scenario.duration_s
         gap_m = _FARTHEST_M + (_NEAREST_M - _FARTHEST_M) * _ramp(share, 0.0, 1.0)
     return Path(target.times_s, evened_m - gap_m, np.full_like(gap_m, _EGO_LANE_M))
@@ -222,4 +226,4 @@ def _occluder(scenario: Scenario, target: Path, ego: Path, rng: np.random.Genera
     ahead_m = _OVERTAKES * gap_m * (target.times_s - 0.36 * scenario.duration_s)
     way = Path(target.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
     van = _vehicle("Van", BodyStyle.PANEL_VAN, rng)
-    return Actor(_OCCLUDER_ID, van, cast_of.draw_looks(van, rng), way)
+    return Actor(_OCCLUDER_ID, van, actor_models.draw_appearance(van, rng), way)

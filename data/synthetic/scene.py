@@ -19,7 +19,7 @@ from perception.types import Bool, Float32, Float64, Int
 
 
 @dataclass(frozen=True)
-class Moving:
+class MovingObject:
     """A moving thing at a reference time.
 
     Attributes:
@@ -73,7 +73,7 @@ class Hits:
     moving: Int
 
 
-class Scene:
+class RaycastingScene:
     """Everything that rays can meet, and what it is made of."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
@@ -122,7 +122,7 @@ class Scene:
             np.array(self._instances, np.int32),
         )
 
-    def cast(self, rays: Rays, moving: Sequence[Moving]) -> Hits:
+    def cast(self, rays: Rays, moving: Sequence[MovingObject]) -> Hits:
         """Follow rays to the first thing they meet."""
         met = self._still.run(rays.origins_m, rays.directions, output=1)
         row = met["primID"].copy()
@@ -139,7 +139,7 @@ class Scene:
             self._cast_at(rays, number, thing, hits)
         return hits
 
-    def _cast_at(self, rays: Rays, number: int, thing: Moving, hits: Hits) -> None:
+    def _cast_at(self, rays: Rays, number: int, thing: MovingObject, hits: Hits) -> None:
         """Overwrite the hits of the rays that meet one moving thing first."""
         centre = thing.world_SE3_thing[:3, 3]
         slack = 0.06 * float(np.linalg.norm(thing.velocity_m_s))
@@ -156,7 +156,7 @@ class Scene:
         hits.u[at], hits.v[at] = met["u"][is_first], met["v"][is_first]
         hits.thing[at], hits.moving[at] = thing.thing, number
 
-    def blocks(self, rays: Rays, moving: Sequence[Moving]) -> Bool:
+    def blocks(self, rays: Rays, moving: Sequence[MovingObject]) -> Bool:
         """Tell which rays meet anything at all; panes of glass cast shadows too."""
         blocked = self._still.run(rays.origins_m, rays.directions, query="INTERSECT") >= 0
         for thing in moving:
@@ -169,7 +169,7 @@ class Scene:
         """Tell which rays, in a shape's own frame, meet it when nothing else is there."""
         return np.asarray(self._shapes[shape].run(origins_m, directions, query="INTERSECT") >= 0)
 
-    def face_normals(self, hits: Hits, moving: Sequence[Moving]) -> Float32:
+    def face_normals(self, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
         """Return (N, 3) world normals of the faces met; zero where nothing is."""
         normals = np.where(hits.row[:, None] >= 0, self.tables.face_normals[hits.row], 0)
         return rotated(normals, hits, moving)
@@ -205,7 +205,7 @@ class SurfaceTables:
 
 
 _SEMANTIC_OF_SLOT = column("semantic").astype(np.int32)
-STILL_CLASS = {moving: int(still) for still, moving in MOVING_CLASS.items()}
+STATIC_CLASS = {moving: int(still) for still, moving in MOVING_CLASS.items()}
 SLOT_COUNT = len(Slot)
 
 
@@ -217,7 +217,7 @@ def _embree(mesh: Mesh) -> EmbreeScene:
     return scene
 
 
-def to_local(rays: Rays, index: Int, thing: Moving) -> tuple[Float32, Float32]:
+def to_local(rays: Rays, index: Int, thing: MovingObject) -> tuple[Float32, Float32]:
     """Carry some rays into a moving thing's frame at the time each is fired."""
     rotation = thing.world_SE3_thing[:3, :3].astype(np.float32)
     origins = rays.origins_m[index] - thing.world_SE3_thing[:3, 3].astype(np.float32)
@@ -225,7 +225,7 @@ def to_local(rays: Rays, index: Int, thing: Moving) -> tuple[Float32, Float32]:
     return origins @ rotation, rays.directions[index] @ rotation
 
 
-def rotated(normals: Float32, hits: Hits, moving: Sequence[Moving]) -> Float32:
+def rotated(normals: Float32, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
     """Turn normals on moving things from their own frames to the world's."""
     turned = normals.copy()
     at = np.flatnonzero(hits.moving >= 0)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from data.synthetic.rig import PinholeCamera
-from data.synthetic.scene import Hits, Moving, Rays
+from data.synthetic.scene import Hits, MovingObject, Rays
 from perception.types import Float32, Float64, Int, UInt8
 
 
@@ -21,8 +21,8 @@ class RenderState:
 
     pinhole: PinholeCamera
     velo_to_world: Float32
-    moving: list[Moving]
-    casting: list[Moving]
+    moving: list[MovingObject]
+    casting: list[MovingObject]
     footprints: list[tuple[Float64, float, float]]
 
 

@@ -29,7 +29,7 @@ class Part:
     instance: int = 0
 
 
-def ground(road: Road, start_m: float, end_m: float, looks: Float32 | None = None) -> Part:
+def ground(road: Road, start_m: float, end_m: float, appearance: Float32 | None = None) -> Part:
     """Mesh the carriageway, kerbs, pavements and the land beside them."""
     shape = road.shape
     kerb, outer = shape.half_width_m, shape.outer_m
@@ -46,7 +46,7 @@ def ground(road: Road, start_m: float, end_m: float, looks: Float32 | None = Non
     along = np.stack([s, side], axis=-1).reshape(-1, 2)
     return Part(
         meshes.textured(meshes.smooth(surface, np.radians(25)), along),
-        palette() if looks is None else looks,
+        palette() if appearance is None else appearance,
     )
 
 

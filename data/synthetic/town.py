@@ -55,7 +55,7 @@ class Clearing:
     half_m: float
 
 
-def furnish(
+def lay_out_street(
     road: Road,
     stretch_m: tuple[float, float],
     config: TownConfig,
@@ -83,9 +83,9 @@ def furnish(
 
 
 def _ground_palette(config: TownConfig) -> Float32:
-    looks = palette()
-    looks[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= config.ground_reflectance
-    return looks
+    appearance = palette()
+    appearance[[Slot.ASPHALT, Slot.PAVEMENT, Slot.KERB, Slot.GRASS], 3] *= config.ground_reflectance
+    return appearance
 
 
 @dataclass(frozen=True)
@@ -195,11 +195,11 @@ class _Roadside:
                 parts.append(self._tree(s_m, row_m, float(self.rng.uniform(5, 9))))
         return parts
 
-    def _facing_traffic(self, mesh: Mesh, looks: Float32, s_m: float, out_m: float) -> Part:
+    def _facing_traffic(self, mesh: Mesh, appearance: Float32, s_m: float, out_m: float) -> Part:
         """Stand something with its -x towards the traffic of this side, its y over the road."""
         turn = np.pi if self.side > 0 else 0.0
         pose = street.standing(self.road, s_m, self.side * out_m, turn)
-        return Part(meshes.moved(mesh, pose), looks)
+        return Part(meshes.moved(mesh, pose), appearance)
 
     def _lamp(self) -> Mesh:
         return furniture.lamp(

@@ -72,7 +72,7 @@ def simulation_times(duration_s: float) -> Float64:
     return np.arange(-WARM_UP_S, duration_s + 1.0, STEP_S)
 
 
-def drive_lane(
+def simulate_lane(
     lane: Lane, times_s: Float64, blocks: list[Block], slowdowns: list[Slowdown]
 ) -> Float64:
     """Return (K, V) where each vehicle is at each time."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from data.synthetic import actors as cast_of
+from data.synthetic import actors as actor_models
 from data.synthetic import traffic
 from data.synthetic.actors import Actor, Body
 from data.synthetic.motion import Path, vehicle_poses
@@ -12,7 +12,7 @@ from data.synthetic.road import Road
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.yards import Yard
+from data.synthetic.yards import ParkingLot
 from perception.geometry import se3
 from perception.types import Float64
 
@@ -33,11 +33,15 @@ class TrafficGenerator:
         self.times_s = traffic.simulation_times(duration_s)
         self.actors: list[Actor] = []
         self.clearings: list[Clearing] = []
-        draw = cast_of.draw_mixed_vehicles if config.is_mixed_fleet else cast_of.draw_vehicles
+        draw = (
+            actor_models.draw_mixed_vehicles
+            if config.is_mixed_fleet
+            else actor_models.draw_vehicles
+        )
         self._vehicles = draw(rng, 11)
-        self._heavy = cast_of.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
-        self._walkers = cast_of.draw_pedestrians(rng, 3)
-        self._riders = cast_of.draw_cyclists(rng, 2)
+        self._heavy = actor_models.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
+        self._walkers = actor_models.draw_pedestrians(rng, 3)
+        self._riders = actor_models.draw_cyclists(rng, 2)
         self._crossers: list[Path] = []
         self._tracks: list[tuple[Float64, float]] = []
         self.ego = self._drive()
@@ -46,9 +50,9 @@ class TrafficGenerator:
         """Simulate both lanes; return the ego vehicle's way."""
         lane, bodies, ego_row = self._own_lane()
         slowdowns = self._slowdowns(ego_row)
-        free = traffic.drive_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
+        free = traffic.simulate_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
         own_blocks, oncoming_blocks = self._crossings(free)
-        places = traffic.drive_lane(lane, self.times_s, own_blocks, slowdowns)
+        places = traffic.simulate_lane(lane, self.times_s, own_blocks, slowdowns)
         centre = 0.1 - (self.config.ego_lane + 0.5) * self.road.shape.lane_m
         for row, body in enumerate(bodies):
             if row != ego_row:
@@ -94,7 +98,7 @@ class TrafficGenerator:
         length = np.array([body.size_m[0] for body in bodies])
         desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
         lane = Lane(_apart(place, length, 0), length, desired)
-        places = traffic.drive_lane(lane, self.times_s, [], [])
+        places = traffic.simulate_lane(lane, self.times_s, [], [])
         for row, body in enumerate(bodies):
             self._add_inside(body, Path(self.times_s, places[:, row], self._wander(l_m)))
 
@@ -112,7 +116,7 @@ class TrafficGenerator:
         length = np.array([body.size_m[0] for body in bodies])
         lane = Lane(_apart(place, length, 0), length, desired)
         stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
-        places = traffic.drive_lane(lane, self.times_s, blocks, stops)
+        places = traffic.simulate_lane(lane, self.times_s, blocks, stops)
         for row, body in enumerate(bodies):
             path = Path(self.times_s, -places[:, row], self._wander(l_m), facing=-1)
             self._add_inside(body, path)
@@ -145,7 +149,7 @@ class TrafficGenerator:
                     blocks.append(Block(stop, float(on_lane[0]) - 3.0, float(on_lane[-1])))
         return own, oncoming
 
-    def walk_and_ride(self, stretch_m: tuple[float, float]) -> None:
+    def add_pedestrians_and_cyclists(self, stretch_m: tuple[float, float]) -> None:
         """Add those who cross, cyclists at the lanes' edges and people on the pavements."""
         for path in self._crossers:
             self._try_add(self._walker(), path, 0.35)
@@ -162,7 +166,7 @@ class TrafficGenerator:
                 shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
             )
             stands = self.rng.random() < 0.15
-            body = cast_of.draw_standing(self.rng) if stands else self._walker()
+            body = actor_models.draw_standing(self.rng) if stands else self._walker()
             pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
             self._try_add(body, self._ride(stretch_m, row, way, pace), 0.4)
 
@@ -197,20 +201,20 @@ class TrafficGenerator:
         level = vehicle_poses(self.road, path, np.zeros(1))[0]
         small = (turn_rad + np.pi / 2) % np.pi - np.pi / 2
         pose = level @ se3.from_euler(0, 0, small)
-        looks = cast_of.draw_looks(body, self.rng)
-        self.actors.append(Actor(len(self.actors), body, looks, None, pose))
+        appearance = actor_models.draw_appearance(body, self.rng)
+        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
 
-    def park_off_road(self, yards: Sequence[Yard]) -> None:
+    def park_off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
         """Stand vehicles in yards, in one or two rows, all at about the same angle to the road."""
-        for yard in yards:
+        for parking_lot in parking_lots:
             angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
             for row in range(int(self.rng.choice([1, 1, 2]))):
                 out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
-                self._fill_row(yard, out_m, angle)
+                self._fill_row(parking_lot, out_m, angle)
 
-    def _fill_row(self, yard: Yard, out_m: float, angle_rad: float) -> None:
-        s = yard.s_m + 1.0
-        while s < yard.s_m + yard.length_m - 2.0:
+    def _fill_row(self, parking_lot: ParkingLot, out_m: float, angle_rad: float) -> None:
+        s = parking_lot.s_m + 1.0
+        while s < parking_lot.s_m + parking_lot.length_m - 2.0:
             is_heavy = bool(self._heavy) and self.rng.random() < _HEAVY_IN_YARDS
             body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
             # Long ones stand along the road, lest they reach into it.
@@ -219,16 +223,18 @@ class TrafficGenerator:
             s += along_m / 2 + 0.4
             if self.rng.random() < self.config.town.parking:
                 turn = angle + float(self.rng.normal(0, 0.06)) + np.pi * float(self.rng.integers(2))
-                self._stand(body, s, yard.side * (out_m + float(self.rng.normal(0, 0.2))), turn)
+                self._stand(
+                    body, s, parking_lot.side * (out_m + float(self.rng.normal(0, 0.2))), turn
+                )
             s += along_m / 2 + 0.4
 
     def _stand(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
         """Park a vehicle at any angle to the road, level with the ground under it."""
         path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]))
         level = vehicle_poses(self.road, path, np.zeros(1))[0]
-        looks = cast_of.draw_looks(body, self.rng)
+        appearance = actor_models.draw_appearance(body, self.rng)
         pose = level @ se3.from_euler(0, 0, turn_rad)
-        self.actors.append(Actor(len(self.actors), body, looks, None, pose))
+        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
 
     def _vehicle(self) -> Body:
         """Draw one that drives."""
@@ -267,8 +273,8 @@ class TrafficGenerator:
             for shift_m in np.array([-1, 1]) * (body.size_m[0] / 2 - radius_m):
                 end = Path(path.times_s, path.s_m + shift_m, path.l_m)
                 self._tracks.append((self._sampled(end), radius_m))
-        looks = cast_of.draw_looks(body, self.rng)
-        self.actors.append(Actor(len(self.actors), body, looks, path))
+        appearance = actor_models.draw_appearance(body, self.rng)
+        self.actors.append(Actor(len(self.actors), body, appearance, path))
 
     def _try_add(self, body: Body, path: Path, radius_m: float) -> None:
         """Add someone unless they would run into somebody already there."""

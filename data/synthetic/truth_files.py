@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from data.derived.motion_labels import PosedLabels
-from data.kitti.labels import no_labels, read_tracking_labels
+from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.sequence import KittiSequence
 from perception.errors import PoseError
 from perception.types import Float64
@@ -55,7 +55,7 @@ def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
     poses = _read_poses(files.poses, len(drive))
     return [
         PosedLabels(
-            index, drive.clock.stamp_s(number), poses[index], labels.get(number, no_labels())
+            index, drive.clock.stamp_s(number), poses[index], labels.get(number, empty_labels())
         )
         for index, number in enumerate(drive.scans.numbers)
     ]

@@ -9,11 +9,11 @@ from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
 from data.synthetic.road import Road
-from data.synthetic.scene import Moving, Scene
+from data.synthetic.scene import MovingObject, RaycastingScene
 from data.synthetic.street import Part
 from data.synthetic.traffic_plan import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.yards import draw_yards
+from data.synthetic.yards import draw_parking_lots
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way
@@ -38,7 +38,7 @@ class World:
 
     config: WorldConfig
     road: Road
-    scene: Scene
+    scene: RaycastingScene
     actors: Sequence[Actor]
     ego: Path
     sway_rad: Float64
@@ -68,7 +68,7 @@ class World:
         small[:, :3, :3] = left @ right
         return np.asarray(poses @ small)
 
-    def moving_at(self, time_s: float, within_m: float) -> tuple[list[Actor], list[Moving]]:
+    def moving_at(self, time_s: float, within_m: float) -> tuple[list[Actor], list[MovingObject]]:
         """Return the actors with a way of their own around the ego vehicle, and their states."""
         near = [
             actor
@@ -85,7 +85,7 @@ class World:
         return bool(abs(actor.path.at(time_s)[0] - self.ego.at(time_s)[0]) < within_m)
 
     def footprints(
-        self, moving: Sequence[Moving], centre_m: Float64, within_m: float
+        self, moving: Sequence[MovingObject], centre_m: Float64, within_m: float
     ) -> list[tuple[Float64, float, float]]:
         """Return pose, length and width of the vehicles around a place."""
         by_thing = {state.thing: state.world_SE3_thing for state in moving}
@@ -98,11 +98,11 @@ class World:
                 found.append((pose, *actor.body.size_m[:2]))
         return found
 
-    def state(self, actor: Actor, time_s: float) -> Moving:
+    def state(self, actor: Actor, time_s: float) -> MovingObject:
         """Return where an actor is, and which shape it has there."""
         shape = self.shapes[actor.track_id][actor.phase(time_s)]
         pose, velocity = actor.pose(self.road, time_s), actor.velocity_m_s(self.road, time_s)
-        return Moving(shape, self.things[actor.track_id], pose, velocity)
+        return MovingObject(shape, self.things[actor.track_id], pose, velocity)
 
 
 def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator) -> World:
@@ -117,16 +117,16 @@ def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator
     plan = TrafficGenerator(config, road, duration_s, rng)
     stretch = (plan.ego.s_m.min() - _BEHIND_M, plan.ego.s_m.max() + _AHEAD_M)
     own = rng.spawn(1)[0]
-    yards = draw_yards(stretch, config.clutter.yards, own)
+    parking_lots = draw_parking_lots(stretch, config.clutter.parking_lots, own)
 
     def is_free(s_m: float, length_m: float, side: int) -> bool:
-        return not any(yard.overlaps(s_m, length_m, side) for yard in yards)
+        return not any(parking_lot.overlaps(s_m, length_m, side) for parking_lot in parking_lots)
 
-    parts = town.furnish(road, stretch, config.town, plan.clearings, rng, is_free)
-    parts += clutter.litter(road, stretch, config.clutter, plan.clearings, own)
-    plan.walk_and_ride(stretch)
+    parts = town.lay_out_street(road, stretch, config.town, plan.clearings, rng, is_free)
+    parts += clutter.place_clutter(road, stretch, config.clutter, plan.clearings, own)
+    plan.add_pedestrians_and_cyclists(stretch)
     plan.park(stretch)
-    plan.park_off_road(yards)
+    plan.park_off_road(parking_lots)
     return assemble(config, road, parts, plan.actors, plan.ego, rng)
 
 
@@ -139,14 +139,15 @@ def assemble(
     rng: np.random.Generator,
 ) -> World:
     """Build the scene of what stands, the parked vehicles and the shapes of all who move."""
-    scene = Scene([*parts, *(_parked(actor) for actor in actors if actor.path is None)])
+    scene = RaycastingScene([*parts, *(_parked(actor) for actor in actors if actor.path is None)])
     shapes_of: dict[int, tuple[int, ...]] = {}
     for actor in actors:
         if id(actor.body) not in shapes_of:
             added = tuple(scene.add_shape(mesh) for mesh in actor.body.poses)
             shapes_of[id(actor.body)] = added
     things = [
-        scene.add_thing(actor.looks, actor.body.semantic, actor.track_id + 1) for actor in actors
+        scene.add_thing(actor.appearance, actor.body.semantic, actor.track_id + 1)
+        for actor in actors
     ]
     scene.finish()
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(18, 60))
@@ -168,4 +169,4 @@ def assemble(
 def _parked(actor: Actor) -> Part:
     """Make a parked vehicle part of what stands still."""
     mesh = meshes.moved(actor.body.poses[0], actor.world_SE3_parked)
-    return Part(mesh, actor.looks, actor.body.semantic, actor.track_id + 1)
+    return Part(mesh, actor.appearance, actor.body.semantic, actor.track_id + 1)

@@ -57,7 +57,7 @@ def town_street(rng: np.random.Generator) -> WorldConfig:
         boxes=(1, 6),
         shelters=(0, 0.6),
         poles=(0, 1.2),
-        yards=(0, 1.5),
+        parking_lots=(0, 1.5),
     )
     return _peopled(rng, WorldConfig(road=road, town=town, clutter=clutter), heavy=0.08)
 
@@ -67,7 +67,7 @@ def housing_street(rng: np.random.Generator) -> WorldConfig:
     config = town_street(rng)
     road = replace(config.road, parking_m=_between(rng, 2.0, 2.3), lane_m=_between(rng, 3.2, 3.6))
     town = _drawn(rng, config.town, houses=(0.6, 0.95), parking=(0.6, 1.0), greenery=(0.3, 0.9))
-    clutter = _drawn(rng, replace(config.clutter, yards=0.0), boxes=(4, 10), bushes=(3, 10))
+    clutter = _drawn(rng, replace(config.clutter, parking_lots=0.0), boxes=(4, 10), bushes=(3, 10))
     return replace(
         config, road=road, town=town, clutter=clutter, ego_m_s=_between(rng, 5, 9), heavy=0.03
     )
@@ -153,7 +153,7 @@ def open_junction(rng: np.random.Generator) -> WorldConfig:
         shelters=(0.2, 1.2),
         poles=(1.5, 5),
         islands=(1, 5),
-        yards=(0.5, 4),
+        parking_lots=(0.5, 4),
     )
     config = WorldConfig(road=road, town=town, clutter=clutter)
     return replace(

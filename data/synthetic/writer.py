@@ -27,7 +27,7 @@ from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.sensor import sensor_to_json
 from perception.types import Float64, UInt8
 
@@ -38,7 +38,7 @@ _THREADS = 2  # ray casting and array arithmetic let go of the interpreter
 
 
 @dataclass(frozen=True)
-class FrameFiles:
+class EncodedFrame:
     """What one frame puts on disk.
 
     Attributes:
@@ -57,7 +57,7 @@ class FrameFiles:
 
 
 @dataclass(frozen=True)
-class FramePlaces:
+class FramePaths:
     """Where the files of one frame go."""
 
     scan: Path
@@ -76,12 +76,12 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
     """
     folder = out / DATE / f"{DATE}_drive_{number:04d}_sync"
     for name, text in format_raw_calibration(drive.rig).items():
-        write_whole(folder.parent / name, text.encode())
-    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+        write_atomically(folder.parent / name, text.encode())
+    write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
 
-    def places(index: int) -> FramePlaces:
+    def places(index: int) -> FramePaths:
         stem = f"{index:010d}"
-        return FramePlaces(
+        return FramePaths(
             folder / "velodyne_points" / "data" / f"{stem}.bin",
             folder / "labels" / f"{stem}.label",
             folder / "image_02" / "data" / f"{stem}.png",
@@ -89,12 +89,14 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
 
     labels = []
     for index, frame in _write_frames(drive, range(len(drive)), places, is_tracking=True):
-        write_whole(folder / "oxts" / "data" / f"{index:010d}.txt", f"{frame.packet}\n".encode())
+        write_atomically(
+            folder / "oxts" / "data" / f"{index:010d}.txt", f"{frame.packet}\n".encode()
+        )
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
-    write_whole(folder / "label_02.txt", "".join(labels).encode())
-    write_whole(folder / "truth_labels.txt", _truth_labels(drive))
-    write_whole(folder / "truth_poses.txt", _truth_poses(drive))
+    write_atomically(folder / "label_02.txt", "".join(labels).encode())
+    write_atomically(folder / "truth_labels.txt", _truth_labels(drive))
+    write_atomically(folder / "truth_poses.txt", _truth_poses(drive))
     _write_stamps(drive, folder)
     return folder
 
@@ -111,12 +113,12 @@ def write_tracking(
         done: called after each frame.
     """
     folder, name = out / "training", f"{number:04d}"
-    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+    write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
     calibration = format_benchmark_calibration(drive.rig).encode()
-    write_whole(folder / "calib" / f"{name}.txt", calibration)
+    write_atomically(folder / "calib" / f"{name}.txt", calibration)
 
-    def places(index: int) -> FramePlaces:
-        return FramePlaces(
+    def places(index: int) -> FramePaths:
+        return FramePaths(
             folder / "velodyne" / name / f"{index:06d}.bin",
             folder / "labels" / name / f"{index:06d}.label",
             folder / "image_02" / name / f"{index:06d}.png",
@@ -127,10 +129,10 @@ def write_tracking(
         packets.append(f"{frame.packet}\n")
         labels.append(format_tracking_labels(index, frame.labels, drive.calibration))
         done()
-    write_whole(folder / "oxts" / f"{name}.txt", "".join(packets).encode())
-    write_whole(folder / "label_02" / f"{name}.txt", "".join(labels).encode())
-    write_whole(folder / "truth_labels" / f"{name}.txt", _truth_labels(drive))
-    write_whole(folder / "truth_poses" / f"{name}.txt", _truth_poses(drive))
+    write_atomically(folder / "oxts" / f"{name}.txt", "".join(packets).encode())
+    write_atomically(folder / "label_02" / f"{name}.txt", "".join(labels).encode())
+    write_atomically(folder / "truth_labels" / f"{name}.txt", _truth_labels(drive))
+    write_atomically(folder / "truth_poses" / f"{name}.txt", _truth_poses(drive))
     return folder
 
 
@@ -151,12 +153,12 @@ def write_objects(
         done: called after each frame.
     """
     folder = out / "training"
-    write_whole(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
+    write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
     number_of = {index: first_number + row for row, index in enumerate(frames)}
 
-    def places(index: int) -> FramePlaces:
+    def places(index: int) -> FramePaths:
         stem = f"{number_of[index]:06d}"
-        return FramePlaces(
+        return FramePaths(
             folder / "velodyne" / f"{stem}.bin",
             folder / "labels" / f"{stem}.label",
             folder / "image_2" / f"{stem}.png",
@@ -166,13 +168,13 @@ def write_objects(
     for index, frame in _write_frames(drive, frames, places, is_tracking=False):
         stem = f"{number_of[index]:06d}"
         text = format_object_labels(frame.labels, drive.calibration)
-        write_whole(folder / "calib" / f"{stem}.txt", calibration)
-        write_whole(folder / "label_2" / f"{stem}.txt", text.encode())
+        write_atomically(folder / "calib" / f"{stem}.txt", calibration)
+        write_atomically(folder / "label_2" / f"{stem}.txt", text.encode())
         done()
     return folder
 
 
-def semantic_words(truth: PointTruth) -> np.ndarray:
+def semantic_kitti_labels(truth: PointTruth) -> np.ndarray:
     """Return (N,) SemanticKITTI words: class, moving ones apart, and object number times 65536."""
     classes = truth.classes.astype(np.uint32)
     for still, moving in MOVING_CLASS.items():
@@ -183,19 +185,19 @@ def semantic_words(truth: PointTruth) -> np.ndarray:
 def _write_frames(
     drive: SyntheticDrive,
     frames: Sequence[int],
-    places: Callable[[int], FramePlaces],
+    places: Callable[[int], FramePaths],
     *,
     is_tracking: bool,
-) -> Iterator[tuple[int, FrameFiles]]:
+) -> Iterator[tuple[int, EncodedFrame]]:
     """Write scans, truth and images of some frames; yield the frames in order."""
 
-    def write(index: int) -> FrameFiles:
-        files = frame_files(drive, index, is_tracking=is_tracking)
+    def write(index: int) -> EncodedFrame:
+        files = encode_frame(drive, index, is_tracking=is_tracking)
         place = places(index)
         if files.image is not None:
-            write_whole(place.image, files.image)
-        write_whole(place.truth, files.truth)
-        write_whole(place.scan, files.scan)
+            write_atomically(place.image, files.image)
+        write_atomically(place.truth, files.truth)
+        write_atomically(place.scan, files.scan)
         return files
 
     with ThreadPoolExecutor(_THREADS, thread_name_prefix="synth") as pool:
@@ -205,12 +207,12 @@ def _write_frames(
             pool.shutdown(cancel_futures=True)
 
 
-def frame_files(drive: SyntheticDrive, index: int, *, is_tracking: bool) -> FrameFiles:
+def encode_frame(drive: SyntheticDrive, index: int, *, is_tracking: bool) -> EncodedFrame:
     """See one frame and encode it."""
     scan = drive.scan(index)
-    return FrameFiles(
+    return EncodedFrame(
         scan=scan.points_velo.tobytes(),
-        truth=semantic_words(scan.truth).tobytes(),
+        truth=semantic_kitti_labels(scan.truth).tobytes(),
         image=_png(drive.image(index)) if drive.has_images else None,
         packet=format_oxts_packet(drive.ins_packet(index)),
         labels=drive.labels(index, is_tracking=is_tracking),
@@ -255,7 +257,7 @@ def _write_stamps(drive: SyntheticDrive, folder: Path) -> None:
         shifts_s["image_02/timestamps.txt"] = 0.0
     for name, shift_s in shifts_s.items():
         stamps = [drive.stamp_s(index) + shift_s for index in range(len(drive))]
-        write_whole(folder / name, "".join(f"{_clock(stamp)}\n" for stamp in stamps).encode())
+        write_atomically(folder / name, "".join(f"{_clock(stamp)}\n" for stamp in stamps).encode())
 
 
 def _clock(stamp_s: float) -> str:

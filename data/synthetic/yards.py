@@ -16,7 +16,7 @@ def draw_places(
 
 
 @dataclass(frozen=True)
-class Yard:
+class ParkingLot:
     """A place off the road where vehicles stand.
 
     Attributes:
@@ -35,14 +35,14 @@ class Yard:
         return side == self.side and not (before or after)
 
 
-def draw_yards(
+def draw_parking_lots(
     stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
-) -> list[Yard]:
+) -> list[ParkingLot]:
     """Draw yards along a stretch, none over another."""
-    yards: list[Yard] = []
+    parking_lots: list[ParkingLot] = []
     for side in (-1, 1):
         for s_m in draw_places(stretch_m, amount, rng):
             length_m = float(rng.uniform(*_YARD_M))
-            if not any(yard.overlaps(s_m, length_m, side) for yard in yards):
-                yards.append(Yard(s_m, length_m, side))
-    return yards
+            if not any(parking_lot.overlaps(s_m, length_m, side) for parking_lot in parking_lots):
+                parking_lots.append(ParkingLot(s_m, length_m, side))
+    return parking_lots

@@ -16,17 +16,17 @@ from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.table import format_table
 from perception.errors import ModelError, PerceptionError
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_choice import DetectionConfig
-from perception.sensor import HDL_64E, sensor_named
+from perception.sensor import HDL_64E, load_sensor
 
 if TYPE_CHECKING:
     from benchmarks.chain import ChainMetrics
 
 log = logging.getLogger(__name__)
 
-Part = Literal[
+BenchmarkPart = Literal[
     "all", "chain", "pipeline", "registration", "ground", "voxels", "motion",
     "objects", "map", "filters", "following", "colors", "maps",
     "clusters", "turns", "proposals", "depthcn", "average-precision", "detectors",
@@ -38,7 +38,7 @@ def bench(  # noqa: PLR0913 - flags of a command
     *,
     sequence: str | None = None,
     sensor: str | None = None,
-    part: Part = "all",
+    part: BenchmarkPart = "all",
     frames: int = 30,
     chain_frames: int = 150,
     detection: DetectionConfig = DetectionConfig(),  # noqa: B008 - frozen
@@ -60,8 +60,8 @@ def bench(  # noqa: PLR0913 - flags of a command
         detection: which detectors are part of the pipeline.
         json: gets the same figures.
     """
-    chain, pipeline, stages, parts = _benchmarks()
-    model = sensor_named(sensor) if sensor else HDL_64E
+    chain, pipeline, stages, parts = _import_benchmarks()
+    model = load_sensor(sensor) if sensor else HDL_64E
     needs_images = part in ("all", "pipeline", "following", "detectors")
     opened: Drive = (
         SyntheticDrive(frames, sensor=model, images=needs_images)
@@ -75,9 +75,9 @@ def bench(  # noqa: PLR0913 - flags of a command
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
     document: dict[str, object] = {"drive": opened.name, "machine": machine, "config": config}
     if part in ("all", "pipeline"):
-        ways = pipeline.measure_pipeline(opened, chain_frames, PipelineConfig(detection=detection))
-        print(f"{pipeline.pipeline_table(ways)}\n", flush=True)
-        document["pipeline"] = ways
+        modes = pipeline.measure_pipeline(opened, chain_frames, PipelineConfig(detection=detection))
+        print(f"{pipeline.pipeline_table(modes)}\n", flush=True)
+        document["pipeline"] = modes
     if part in ("all", "chain"):
         thesis = PipelineConfig.for_motion("thesis")
         metrics = {
@@ -89,14 +89,14 @@ def bench(  # noqa: PLR0913 - flags of a command
         }
         print(f"{_chain_table(metrics)}\n", flush=True)
         document["chain"] = metrics
-    comparisons = {**parts.COMPARISONS, **parts.BY_NAME}
+    comparisons = {**parts.COMPARISONS, **parts.ON_REQUEST}
     chosen = (
         list(parts.COMPARISONS) if part == "all" else [name for name in comparisons if name == part]
     )
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
     for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
         try:
-            with one_blas_thread():
+            with limit_blas_threads():
                 comparison = comparisons[name](prepared)
         except ModelError as error:  # a network that did not come with this copy
             if part != "all":
@@ -109,7 +109,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         write_json(json, document)
 
 
-def _benchmarks() -> tuple[ModuleType, ...]:
+def _import_benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
         from benchmarks import chain, parts, pipeline, stages

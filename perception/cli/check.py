@@ -45,8 +45,8 @@ def _check_one(root: Path, sequence: str | None, sensor: str | None, *, is_only:
             raise
         print(f"{sequence}: cannot be opened\n  {error}\n")
         return 1
-    bar = partial(tqdm, desc=drive.name, unit="frame")
-    report = inspect_drive(drive, progress=bar)
+    progress_bar = partial(tqdm, desc=drive.name, unit="frame")
+    report = inspect_drive(drive, progress=progress_bar)
     print(format_report(report))
     return report.faults
 

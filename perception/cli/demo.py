@@ -8,7 +8,7 @@ from tqdm import tqdm
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.run import RunConfig, run_drive
-from perception.sensor import sensor_named
+from perception.sensor import load_sensor
 
 
 def demo(
@@ -24,9 +24,9 @@ def demo(
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file.
         seed: of the street; another seed, another street.
     """
-    synth_config = SynthConfig(frames=frames, sensor=sensor_named(sensor), seed=seed)
-    with tqdm(total=frames, desc="writing a street", unit="frame", file=sys.stderr) as bar:
-        (folder,) = write_drives(out / "drive", synth_config, bar.update)
+    synth_config = SynthConfig(frames=frames, sensor=load_sensor(sensor), seed=seed)
+    with tqdm(total=frames, desc="writing a street", unit="frame", file=sys.stderr) as progress_bar:
+        (folder,) = write_drives(out / "drive", synth_config, progress_bar.update)
     summary = run_drive(open_drive(folder), out, RunConfig())
     print(summary.table())
     print(f"watch:   {out / 'video.mp4'}")

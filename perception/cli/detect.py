@@ -10,7 +10,7 @@ from data.drive import Drive
 from data.frames import OnBadFrame, file_number, frame_count
 from data.kitti.detection_rows import format_result_rows
 from data.open_drive import open_drive
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.cli.detect_summary import DetectSummary
 from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
@@ -125,7 +125,7 @@ def detect_in_drive(
             for output in found:
                 number = file_number(drive, output.frame.index)
                 rows = format_result_rows(DetectedBoxes.of_frames([output.detections]))
-                write_whole(out / "data" / f"{number:06d}.txt", rows.encode())
+                write_atomically(out / "data" / f"{number:06d}.txt", rows.encode())
                 summary.add(output)
                 if plan.video:
                     pictures.add(number, output)

@@ -10,14 +10,14 @@ import numpy as np
 import yaml
 
 from data.drive import Drive
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception import __version__
 
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes
     """Write a document whole or not at all, making its folder; NaN becomes null."""
     text = json.dumps(to_serializable(document), indent=1, allow_nan=False)
-    write_whole(path, f"{text}\n".encode())
+    write_atomically(path, f"{text}\n".encode())
 
 
 def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks whatever configurations and figures hold
@@ -37,7 +37,7 @@ def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks whatever configu
 
 def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes
     """Write a document whole or not at all, keeping the order of its fields."""
-    write_whole(path, yaml.safe_dump(to_serializable(document), sort_keys=False).encode())
+    write_atomically(path, yaml.safe_dump(to_serializable(document), sort_keys=False).encode())
 
 
 def write_config(out: Path, drive: Drive, **effective: object) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Generator
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Result
 
@@ -29,4 +29,4 @@ def drive_results(
         Pipeline(drive.sensor, config) as pipeline,
         pipeline.stream(frames, is_sequence=drive.is_sequence) as results,
     ):
-        yield from bar(results, drive.name, count)
+        yield from progress_bar(results, drive.name, count)

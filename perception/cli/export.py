@@ -6,16 +6,16 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from data.open_drive import open_drive
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.cli.table import Cell, format_table
 from perception.detection.detectors.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
 
 if TYPE_CHECKING:
-    from export.exported import Exported
+    from export.exported import ExportResult
 
 
 def export(  # noqa: PLR0913 - flags of a command
@@ -49,17 +49,19 @@ def export(  # noqa: PLR0913 - flags of a command
     """
     if int8 and data is None:
         raise UsageError("--int8", expected="--data, to find its scales with", found="none")
-    asked = None if size is None else InputSize.parse(size)
-    _require_place(out)
-    kinds = _exporters()
+    input_size = None if size is None else InputSize.parse(size)
+    _require_writable(out)
+    kinds = _import_exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
     exported = kinds.export_network(
-        kinds.ExportConfig(checkpoint, drive, frames, int8=int8, size=asked, progress=bar)
+        kinds.ExportConfig(
+            checkpoint, drive, frames, int8=int8, size=input_size, progress=progress_bar
+        )
     )
     print(_table(out.name, exported))
-    if exported.forms["fp32"].precision:
+    if exported.variants["fp32"].precision:
         print(f"\n{_precision_table(exported)}")
-    print(f"chosen: {exported.choice.form}; {exported.choice.reason}")
+    print(f"chosen: {exported.choice.variant}; {exported.choice.reason}")
     write_json(
         out.with_suffix(".json"),
         {
@@ -70,19 +72,19 @@ def export(  # noqa: PLR0913 - flags of a command
             "tolerances": exported.tolerances,
             "facts": exported.metadata,
             "opset": exported.opset,
-            "forms": exported.forms,
+            "forms": exported.variants,
             "choice": exported.choice,
         },
     )
     exported.require_parity(out.name)
     for name, model in exported.models.items():
-        is_chosen = name == exported.choice.form
+        is_chosen = name == exported.choice.variant
         file = out if is_chosen else out.with_suffix(f".{name.partition(' ')[0]}.onnx")
-        write_whole(file, model)
+        write_atomically(file, model)
         print(f"wrote {file}")
 
 
-def _exporters() -> ModuleType:
+def _import_exporters() -> ModuleType:
     """Return the module that needs torch."""
     try:
         from export import kinds
@@ -93,7 +95,7 @@ def _exporters() -> ModuleType:
     return kinds
 
 
-def _require_place(out: Path) -> None:
+def _require_writable(out: Path) -> None:
     """Refuse, before any work is done, a file that could not be written after it."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -108,18 +110,20 @@ def _require_place(out: Path) -> None:
 
 def _table(name: str, exported: "Exported") -> str:
     """Return size, time and differences of every form."""
-    forms = exported.forms
+    variants = exported.variants
     outputs = [
-        (kind, output) for kind, parity in forms["fp32"].parity.items() for output in parity.largest
+        (kind, output)
+        for kind, parity in variants["fp32"].parity.items()
+        for output in parity.largest
     ]
     rows: list[list[Cell]] = []
-    for form_name, form in forms.items():
-        size = f"{form.size_bytes / 1e6:.2f}" if form.size_bytes else None
+    for form_name, variant in variants.items():
+        size = f"{variant.size_bytes / 1e6:.2f}" if variant.size_bytes else None
         differences = [
-            f"{form.parity[kind].largest[output]:.1e}" if form.parity else None
+            f"{variant.parity[kind].largest[output]:.1e}" if variant.parity else None
             for kind, output in outputs
         ]
-        rows.append([form_name, size, f"{form.fastest_ms:.1f}", *differences])
+        rows.append([form_name, size, f"{variant.fastest_ms:.1f}", *differences])
     header = ("", "MB", "ms", *(f"{output}, {kind}" for kind, output in outputs))
     title = f"{name}: {exported.shown}; largest differences from torch"
     return format_table(title, header, rows)
@@ -127,13 +131,13 @@ def _table(name: str, exported: "Exported") -> str:
 
 def _precision_table(exported: "Exported") -> str:
     """Return average precision of every form, by class and overlap, and by difficulty."""
-    forms = exported.forms
+    variants = exported.variants
     columns = [
-        (name, level) for name, levels in forms["fp32"].precision.items() for level in levels
+        (name, level) for name, levels in variants["fp32"].precision.items() for level in levels
     ]
     rows: list[list[Cell]] = [
-        [form_name, *(f"{form.precision[of_class][level]:.2f}" for of_class, level in columns)]
-        for form_name, form in forms.items()
+        [form_name, *(f"{variant.precision[of_class][level]:.2f}" for of_class, level in columns)]
+        for form_name, variant in variants.items()
     ]
     header = ("", *(f"{of_class} {level}" for of_class, level in columns))
     return format_table("average precision, percent, by class and IoU", header, rows)

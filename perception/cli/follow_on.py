@@ -11,7 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from perception.cli.follow_files import TrajectoryFile
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.render.follow_figures import TrackedObjectFigure
 from perception.render.follow_scene import TrackedObjectTrail
 from perception.tracking.single_object.hand_over import TrackHandover
@@ -33,7 +33,7 @@ class ObjectTracking(AbstractContextManager["Following"], Protocol):
         """Take in one frame; return it with the time that this took."""
         ...
 
-    def shown(self, result: Result) -> Result:
+    def without_object(self, result: Result) -> Result:
         """Return what is left for the pipeline's own tracks to be drawn of."""
         ...
 
@@ -52,7 +52,7 @@ class NoObjectTracking:
         """Return the frame as it is."""
         return result
 
-    def shown(self, result: Result) -> Result:
+    def without_object(self, result: Result) -> Result:
         """Return the frame as it is."""
         return result
 
@@ -96,7 +96,7 @@ class HandoverTracking:
     def update(self, result: Result) -> Result:
         """Follow the object in one frame, write where it is, and make its figure."""
         start_s = time.perf_counter()
-        with one_blas_thread():
+        with limit_blas_threads():
             tracked = self._handover.update(result)
         seconds = time.perf_counter() - start_s
         if tracked is not None:
@@ -107,7 +107,7 @@ class HandoverTracking:
             self.figure = TrackedObjectFigure.of(tracked, way_velo, name)
         return replace(result, timings_s={**result.timings_s, STAGE: seconds})
 
-    def shown(self, result: Result) -> Result:
+    def without_object(self, result: Result) -> Result:
         """Return the frame without the pipeline's own track or vehicle of what is drawn as followed."""
         if self.figure is None:
             return result

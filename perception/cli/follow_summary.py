@@ -107,7 +107,7 @@ class TrackSummary:
             *self._way_words(),
             f"tracker: {np.median(spent_ms):.1f} ms a frame, "
             f"{np.percentile(spent_ms, 99):.1f} ms at the 99th percentile",
-            *_score_words(self.scores(camera)),
+            *_score_lines(self.scores(camera)),
             f"results: {self.out}",
         ]
         return "\n".join(lines)
@@ -151,14 +151,14 @@ def way_length_m(places_m: Float64) -> float:
     return length_m
 
 
-def _score_words(scores: SingleObjectMetrics | None) -> list[str]:
+def _score_lines(scores: SingleObjectMetrics | None) -> list[str]:
     if scores is None:
         return []
     errors = [
         f"E3D {scores.center_m:.2f} m" if np.isfinite(scores.center_m) else "",
         f"E2D {scores.center_px:.1f} px" if np.isfinite(scores.center_px) else "",
         f"heading {scores.heading_rad:.3f} rad" if np.isfinite(scores.heading_rad) else "",
-        f"beside the object in {100 * scores.off:.0f} % of the frames",
+        f"beside the object in {100 * scores.drifted:.0f} % of the frames",
     ]
     words = ", ".join(filter(None, errors))
     return [f"against its {scores.frames} labels, on average: {words}"]

@@ -7,11 +7,11 @@ import cv2
 from data.drive import Drive
 from data.frames import file_number, read_frames
 from data.open_drive import open_drive
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.cli.results_folder import new_results_folder
 from perception.cli.table import format_table
 from perception.errors import DriveError, UsageError
-from perception.maps.densify import FILLINGS, DenseMaps, MapMethod, densify
+from perception.maps.densify import FILL_METHODS, DenseMaps, MapMethod, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import project_frame
 from perception.render.map_figures import plot_maps
@@ -41,7 +41,7 @@ def maps(
     opened = open_drive(drive, sequence=sequence)
     folder = out or new_results_folder(Path("results"))
     if all:
-        for one in bar(read_frames(opened), "frames", len(opened)):
+        for one in progress_bar(read_frames(opened), "frames", len(opened)):
             name = f"{file_number(opened, one.index):06d}.png"
             write_maps(densify(project_frame(one), method), folder, name)
         print(f"{len(opened)} depth and reflectance maps in {folder}")
@@ -49,7 +49,7 @@ def maps(
     chosen = opened[_index(opened, frame)]
     sparse = project_frame(chosen)
     by_method = {
-        name: densify(sparse, name) for name in sorted(FILLINGS, key=lambda m: m != method)
+        name: densify(sparse, name) for name in sorted(FILL_METHODS, key=lambda m: m != method)
     }
     write_maps(by_method[method], folder, f"{frame:06d}.png")
     title = f"{opened.name}, frame {frame}"

@@ -11,9 +11,9 @@ from perception.types import Progress
 Step = TypeVar("Step")
 
 
-def bar(
+def progress_bar(
     steps: Iterable[Step],
-    words: str,
+    description: str,
     total: int | None = None,
     *,
     unit: str = "frame",
@@ -28,14 +28,16 @@ def bar(
         unit: what a step is.
         delay_s: show nothing of what is done before.
     """
-    shown: Iterable[Step] = tqdm(steps, words, total, unit=unit, file=sys.stderr, delay=delay_s)
+    shown: Iterable[Step] = tqdm(
+        steps, description, total, unit=unit, file=sys.stderr, delay=delay_s
+    )
     return shown
 
 
-def frame_bar(words: str) -> Progress:
+def frame_progress_bar(description: str) -> Progress:
     """Return what shows how far the making of something from frames is, where it takes long."""
 
     def shown(frames: Iterable[int]) -> Iterable[int]:
-        return bar(frames, words, delay_s=2)
+        return progress_bar(frames, description, delay_s=2)
 
     return shown

@@ -26,7 +26,7 @@ from typing import Any, Self, TextIO
 import numpy as np
 
 from data.drive import Drive
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.cli.documents import write_json
 from perception.cli.track_files import TrackFiles
 from perception.cli.vehicle_files import VehicleFiles
@@ -83,7 +83,7 @@ class ResultsFolder:
         """Write what the pipeline made of one frame."""
         name = f"{result.frame.index:06d}"
         labels = SEMANTIC_KITTI[result.obstacles.point_states]
-        write_whole(self.out / "labels" / f"{name}.label", labels.tobytes())
+        write_atomically(self.out / "labels" / f"{name}.label", labels.tobytes())
         self._write_obstacles(self.out / "obstacles" / f"{name}.npz", result)
         self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
         self._tracks.write(result)
@@ -102,7 +102,7 @@ class ResultsFolder:
             ground_xy_m=xy_m,
             ground_height_m=heights_m,
         )
-        write_whole(path, content.getvalue())
+        write_atomically(path, content.getvalue())
 
     def write_summary(self, summary: object) -> None:
         """Write the figures of the whole run."""

@@ -133,5 +133,5 @@ def _object_tracking(drive: Drive, out: Path, plan: RunConfig) -> ObjectTracking
     if plan.follow is None:
         return NoObjectTracking()
     tracker = single_object_tracker(TRACKERS[0], drive.sensor)
-    handover = TrackHandover(plan.follow, tracker, plan.pipeline.body)
+    handover = TrackHandover(plan.follow, tracker, plan.pipeline.ego_vehicle)
     return HandoverTracking(out / "followed.jsonl", handover)

@@ -47,7 +47,7 @@ class _Scene:
     """What is drawn of one frame: all of it, less what is drawn as followed, and that."""
 
     result: Result
-    shown: Result
+    without_object: Result
     tracked: TrackedObjectFigure | None
 
 
@@ -93,12 +93,12 @@ class RunPictures:
         """Let a frame be drawn; wait where too many are in line."""
         while len(self._in_line) >= _IN_LINE:
             self._in_line.popleft().result()
-        scene = _Scene(result, object_tracking.shown(result), object_tracking.figure)
+        scene = _Scene(result, object_tracking.without_object(result), object_tracking.figure)
         self._in_line.append(self._painter.submit(self._draw, scene))
 
     def _draw(self, scene: _Scene) -> None:
         self._trails.add(scene.result)
-        picture = self._composition.draw(scene.shown, self._trails, scene.tracked)
+        picture = self._composition.draw(scene.without_object, self._trails, scene.tracked)
         self._video.add(picture)
         if self._count == self._middle:
             write_jpeg(self._out / "picture.jpg", picture, quality=88)

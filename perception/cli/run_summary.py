@@ -10,13 +10,13 @@ from perception.cli.confusion_figures import confusion_metrics, confusion_table
 from perception.cli.stage_times import STAGE_HEADER, StageTimes
 from perception.cli.table import format_table
 from perception.evaluation.confusion import Confusion
-from perception.evaluation.ground import PointClasses, ground_confusion
+from perception.evaluation.ground import LabelledScan, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
 from perception.types import PointState, Result
 
 # From this score on a vehicle is more likely there than not.
-_LIKELY = 0.5
+_MIN_SCORE = 0.5
 
 
 @dataclass
@@ -60,11 +60,11 @@ class RunSummary:
         self.live_tracks.append(len(result.tracks))
         if (vehicles := result.vehicles) is not None:
             self.vehicle_ids.update(vehicles.ids[vehicles.ids >= 0].tolist())
-            likely = vehicles.fused.detections.scores >= _LIKELY
-            self.detected_vehicles.append(int(np.count_nonzero(likely)))
+            is_detected = vehicles.fused.detections.scores >= _MIN_SCORE
+            self.detected_vehicles.append(int(np.count_nonzero(is_detected)))
         if truth is not None:
             states = result.obstacles.point_states
-            scan = PointClasses(result.frame.points_velo, states, truth.classes)
+            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
             self.ground = sum(ground_confusion(scan, area), self.ground)
             self.motion += point_motion(states, truth.classes, truth.is_moving)
 
@@ -102,7 +102,7 @@ class RunSummary:
             return []
         return [
             f"vehicles: {len(self.vehicle_ids)} followed, {np.mean(self.detected_vehicles):.1f} "
-            f"at a time with a score of {_LIKELY:g} or more"
+            f"at a time with a score of {_MIN_SCORE:g} or more"
         ]
 
     def _truth_table(self) -> str:

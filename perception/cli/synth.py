@@ -7,7 +7,7 @@ from tqdm import tqdm
 from data.synthetic.collection import SynthConfig, write_drives
 from data.synthetic.ins import InsNoise
 from data.synthetic.writer import Layout
-from perception.sensor import sensor_named
+from perception.sensor import load_sensor
 
 
 def synth(  # noqa: PLR0913 - flags of a command
@@ -45,13 +45,13 @@ def synth(  # noqa: PLR0913 - flags of a command
         layout=layout,
         frames=frames,
         drives=drives,
-        sensor=sensor_named(sensor),
+        sensor=load_sensor(sensor),
         seed=seed,
         noise=InsNoise(ins_noise_m, ins_noise_deg),
         images=images,
         ego_m_s=speed,
     )
-    with tqdm(total=synth_config.total_frames, desc="synth", unit="frame") as bar:
-        folders = write_drives(out, synth_config, bar.update)
+    with tqdm(total=synth_config.total_frames, desc="synth", unit="frame") as progress_bar:
+        folders = write_drives(out, synth_config, progress_bar.update)
     for folder in dict.fromkeys(folders):
         print(folder)

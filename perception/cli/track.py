@@ -17,11 +17,11 @@ from perception.cli.flags import require_positive
 from perception.cli.follow_files import TrajectoryFile, TrajectoryRows
 from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start
 from perception.cli.follow_summary import TrackSummary
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.cli.results_folder import new_results_folder
 from perception.evaluation.single_object.track import TrueTrack
 from perception.geometry.boxes import points_inside
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
@@ -124,7 +124,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
     pictures = _Pictures(start, last - start.frame)
     chain = ObstacleChain(drive.sensor, plan.pipeline)
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
-    shown = bar(frames, drive.name, last - start.frame)
+    shown = progress_bar(frames, drive.name, last - start.frame)
     with ExitStack() as files:
         lines = files.enter_context(closing(TrajectoryFile(out / "trajectory.jsonl")))
         rows = files.enter_context(
@@ -145,7 +145,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
         try:
             for frame in shown:
                 result, _ = chain.segment(frame)
-                tracker_input = tracker_input_of(result, plan.pipeline.body)
+                tracker_input = tracker_input_of(result, plan.pipeline.ego_vehicle)
                 timed = timed_tracker.update(tracker_input)
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, tracker_input)
@@ -204,7 +204,7 @@ class _TimedTracker:
     def update(self, tracker_input: TrackerInput) -> _TimedObject:
         """Begin, or go on."""
         start_s = time.perf_counter()
-        with one_blas_thread():
+        with limit_blas_threads():
             if self._has_begun:
                 tracked = self.tracker.update(tracker_input)
             else:

@@ -7,10 +7,10 @@ from typing import Protocol, TypeVar
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.detection.depthcn.detector import DepthCn, NmsConfig
 from perception.detection.depthcn.proposals import ProposalConfig
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
@@ -139,7 +139,7 @@ def outputs(
         PerceptionError: a frame cannot be read or used.
     """
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
-    for frame in bar(frames, drive.name, frame_count(drive, limit)):
-        with one_blas_thread():
+    for frame in progress_bar(frames, drive.name, frame_count(drive, limit)):
+        with limit_blas_threads():
             output = detect(frame)
         yield frame, output

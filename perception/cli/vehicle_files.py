@@ -16,7 +16,7 @@ from data.drive import Drive
 from data.frames import file_number
 from data.kitti.tracking_rows import format_result_rows
 from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.geometry.angles import wrap
 from perception.types import MODALITIES, Float64, Result, Vehicles
 
@@ -48,7 +48,7 @@ class VehicleFiles:
             return
         number = file_number(self._drive, result.frame.index)
         rows = format_object_rows(vehicles, calibration)
-        write_whole(self._out / "data" / f"{number:06d}.txt", rows.encode())
+        write_atomically(self._out / "data" / f"{number:06d}.txt", rows.encode())
         if self._lines is None:
             self._lines = (self._out / "vehicles.jsonl").open("w", buffering=1)
         self._lines.write(json.dumps(vehicle_line(result, vehicles)) + "\n")
@@ -89,7 +89,9 @@ def _vehicle(result: Result, vehicles: Vehicles, row: int, points: int) -> dict[
         "box_px": _numbers(fused.detections.boxes_px[row]),
         "carrier": MODALITIES[int(fused.carriers[row])],
         "scores": {
-            modality: _rounded(result.modal[modality].scores[part]) if part >= 0 else None
+            modality: _rounded(result.modality_detections[modality].scores[part])
+            if part >= 0
+            else None
             for modality, part in zip(MODALITIES, fused.parts[row].tolist(), strict=True)
         },
         "points": points,

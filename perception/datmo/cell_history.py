@@ -36,7 +36,7 @@ class _Observed:
 class CellHistory:
     """The mean of the last m observations of each cell, made within the last n scans."""
 
-    def __init__(self, size: int, scans: int, averaged: int, least: int) -> None:
+    def __init__(self, size: int, scans: int, max_observations: int, min_observations: int) -> None:
         """Begin with a window that has seen nothing.
 
         Args:
@@ -46,13 +46,16 @@ class CellHistory:
             least: k, of how many observations a mean is worth naming.
         """
         self.size = size
-        self._averaged, self._least = min(averaged, scans), least
+        self._max_observations, self._min_observations = (
+            min(max_observations, scans),
+            min_observations,
+        )
         self._queue: deque[_Observed] = deque(maxlen=scans)
         self._low = np.zeros(2, np.int64)
         # Observations are numbered cell by cell; those from `first` to before `next` count.
         self._first = np.zeros(size * size, np.int32)
         self._next = np.zeros(size * size, np.int32)
-        self._ring_m = np.zeros(self._averaged * size * size, np.float32)
+        self._ring_m = np.zeros(self._max_observations * size * size, np.float32)
         # Sums of float32 in float64 are exact, in whatever order they come and go.
         self._sum_m = np.zeros(size * size)
         self._mean_m = np.zeros(size * size, np.float32)
@@ -89,7 +92,7 @@ class CellHistory:
             self._first.take(cells),
         )
         slot = self._slot(cells, order)
-        is_full = order - first == self._averaged
+        is_full = order - first == self._max_observations
         # A full ring gives up the value in whose place the new one goes.
         replaced_m = self._ring_m.take(slot) * is_full
         self._ring_m[slot] = values_m
@@ -115,11 +118,11 @@ class CellHistory:
         sum_m = self._sum_m.take(cells) + change_m
         self._sum_m[cells] = sum_m
         count = self._next.take(cells) - self._first.take(cells)
-        self._mean_m[cells] = sum_m / np.maximum(count, 1) * (count >= self._least)
+        self._mean_m[cells] = sum_m / np.maximum(count, 1) * (count >= self._min_observations)
 
     def _slot(self, cells: Int, order: Int) -> Int:
         """Return where in the rings the observations lie."""
-        return np.asarray((order % self._averaged).astype(np.int64) * self.size**2 + cells)
+        return np.asarray((order % self._max_observations).astype(np.int64) * self.size**2 + cells)
 
     def _forget(self, lines: Int, axis: int) -> None:
         """Forget the rows (axis 0) or columns (axis 1) of the torus."""

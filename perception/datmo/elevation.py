@@ -24,7 +24,7 @@ class ElevationGridConfig:
         ground_statistic: which height of the cell that is.
         low_m: points lower than this over the ground are left out.
         high_m: points higher than this over the ground are left out.
-        nearest_m: points within this distance of the LiDAR, seen from above, are left out.
+        min_range_m: points within this distance of the LiDAR, seen from above, are left out.
     """
 
     ground_variance_m2: float
@@ -32,7 +32,7 @@ class ElevationGridConfig:
     ground_statistic: HeightStatistic
     low_m: float
     high_m: float
-    nearest_m: float
+    min_range_m: float
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,6 @@ def _cell_of(points: Float32, cells: CellGrid) -> Int:
 def _left_out(points: Float32, height_m: Float, config: ElevationGridConfig) -> Int:
     """Return the rows of the points that do not count."""
     squared_m2 = points[:, 0] ** 2 + points[:, 1] ** 2
-    is_left_out = squared_m2 <= config.nearest_m**2
+    is_left_out = squared_m2 <= config.min_range_m**2
     is_left_out |= (height_m <= config.low_m) | (height_m >= config.high_m)
     return np.flatnonzero(is_left_out)

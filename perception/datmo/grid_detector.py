@@ -55,12 +55,12 @@ def moving_in_area(
     """Return M over the area in which objects are wanted, by a map that reaches farther."""
     part = CellGrid.covering(config.work_area, config.cell_m).part(config.area)
     height_m = elevation.height_m[part]
-    asked_m = np.zeros_like(elevation.height_m)
-    asked_m[part] = np.where(height_m < config.motion.highest_m, height_m, 0)
-    return motion_grid(asked_m, background_m, config.motion.alpha, radius_cells)[part]
+    candidate_m = np.zeros_like(elevation.height_m)
+    candidate_m[part] = np.where(height_m < config.motion.max_height_m, height_m, 0)
+    return motion_grid(candidate_m, background_m, config.motion.alpha, radius_cells)[part]
 
 
-class GridDetector:
+class MotionGridDetector:
     """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
 
     def __init__(self, sensor: LidarModel, config: MotionGridDetectorConfig = THESIS) -> None:
@@ -110,7 +110,7 @@ class GridDetector:
         elevation = elevation_grid(scan.points_velo, ground, self._work_cells, config.elevation)
         background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
         motion_m = moving_in_area(elevation, background_m, config, config.motion.radius_cells)
-        if self._map.scans < config.background.least:
+        if self._map.scans < config.background.min_observations:
             # No cell of the map has a value yet, so that all that stands would move.
             motion_m = np.zeros_like(motion_m)
         found = find_objects(motion_m, config.cell_m, config.objects)

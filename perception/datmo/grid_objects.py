@@ -19,17 +19,17 @@ class GridObjectsConfig:
         short_cells: their short side.
         least_product_m2: a cell stays in the core of a thing where the product of the two dilated
             heights is greater; the code erodes it with a ball this high.
-        least_motion_m2: a thing with fewer moving cells is dropped.
-        least_m2: a smaller thing is dropped.
-        most_m2: a larger thing is dropped.
+        min_moving_area_m2: a thing with fewer moving cells is dropped.
+        min_area_m2: a smaller thing is dropped.
+        max_area_m2: a larger thing is dropped.
     """
 
     long_cells: int = 10
     short_cells: int = 2
     least_product_m2: float = 0.5
-    least_motion_m2: float = 0.5
-    least_m2: float = 1.2
-    most_m2: float = 15.0
+    min_moving_area_m2: float = 0.5
+    min_area_m2: float = 1.2
+    max_area_m2: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) ->
     area = stats[:, cv2.CC_STAT_AREA]
     cell_m2 = cell_m**2
     is_kept = (
-        (moving >= np.ceil(_whole(config.least_motion_m2 / cell_m2)))
-        & (area >= np.floor(_whole(config.least_m2 / cell_m2)))
-        & (area <= np.floor(_whole(config.most_m2 / cell_m2)))
+        (moving >= np.ceil(_whole(config.min_moving_area_m2 / cell_m2)))
+        & (area >= np.floor(_whole(config.min_area_m2 / cell_m2)))
+        & (area <= np.floor(_whole(config.max_area_m2 / cell_m2)))
     )
     is_kept[0] = False  # what is no thing
     number = np.where(is_kept, np.cumsum(is_kept), 0)

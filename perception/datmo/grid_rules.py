@@ -23,12 +23,12 @@ class MotionGridConfig:
     Attributes:
         alpha: α, by which share of its height a cell may differ from the map.
         radius_cells: ε, how far the map is searched for its like.
-        highest_m: higher cells are left out: crowns of trees, signs, bridges.
+        max_height_m: higher cells are left out: crowns of trees, signs, bridges.
     """
 
     alpha: float
     radius_cells: int
-    highest_m: float
+    max_height_m: float
 
 
 @dataclass(frozen=True)
@@ -90,14 +90,16 @@ THESIS = MotionGridDetectorConfig(
         ground_statistic="mean",  # (5.6)
         low_m=-1.0,  # code
         high_m=2.5,  # code
-        nearest_m=3.0,  # code
+        min_range_m=3.0,  # code
     ),
     # n, m, k: Table 7.4; the newest grid joins before the mean is taken: Algorithm 4.
-    background=ShortTermMapConfig(scans=50, averaged=30, least=3, holds_newest=True),
+    background=ShortTermMapConfig(
+        scans=50, max_observations=30, min_observations=3, includes_newest=True
+    ),
     motion=MotionGridConfig(
         alpha=0.2,  # Table 7.4
         radius_cells=5,  # Table 7.4
-        highest_m=2.0,  # code
+        max_height_m=2.0,  # code
     ),
 )
 """The values of the thesis: Table 7.4, and the author's code where it is silent."""
@@ -113,9 +115,11 @@ AUTHOR = MotionGridDetectorConfig(
         ground_statistic="max",
         low_m=-1.0,
         high_m=2.5,
-        nearest_m=3.0,
+        min_range_m=3.0,
     ),
-    background=ShortTermMapConfig(scans=90, averaged=60, least=5, holds_newest=True),
-    motion=MotionGridConfig(alpha=0.3, radius_cells=10, highest_m=2.0),
+    background=ShortTermMapConfig(
+        scans=90, max_observations=60, min_observations=5, includes_newest=True
+    ),
+    motion=MotionGridConfig(alpha=0.3, radius_cells=10, max_height_m=2.0),
 )
 """The values of the author's released code throughout."""

@@ -21,7 +21,7 @@ class PointDetectorConfig:
         standing_least_points: of a thing that stands, of which there are many and most do not matter.
         standing_cell_m: edge of the cells in which standing points are joined.
         standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
-        attached_share: of a thing's points that may touch what stands. What moves keeps clear of it; what
+        max_attached_ratio: of a thing's points that may touch what stands. What moves keeps clear of it; what
             comes to light between two beams of a parked car or a hedge does not. In drives with truth
             one in twenty moving things, and three in four false ones, touch with more than a tenth.
         min_beams_across: a thing that so many beams cross, one over the other, may touch what stands: between
@@ -32,7 +32,7 @@ class PointDetectorConfig:
     standing_least_points: int = 5
     standing_cell_m: float = 0.2
     standing_length_m: float = 12.0
-    attached_share: float = 0.4
+    max_attached_ratio: float = 0.4
     min_beams_across: float = 12.0
 
 
@@ -60,8 +60,8 @@ class PointDetector:
         if len(standing):
             cells = StandingCells.under(standing, config.standing_cell_m)
             may_touch = self._beams_across(moving, thing_of) >= config.min_beams_across
-            touches = cells.touch(moving) & ~may_touch[thing_of]
-            thing_of = _without_attached(thing_of, touches, config.attached_share)
+            touches = cells.is_touching(moving) & ~may_touch[thing_of]
+            thing_of = _without_attached(thing_of, touches, config.max_attached_ratio)
             stands = cells.things(config.standing_least_points, config.standing_length_m)
         return DetectedObjects(
             moving=_on_ground(_outline(moving, thing_of, config.min_points), scan.ground),

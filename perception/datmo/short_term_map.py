@@ -26,22 +26,22 @@ class ShortTermMapConfig:
         scans: n, the length of the queue of elevation grids.
         averaged: m, how many of a cell's observations are averaged, the latest.
         least: k, with fewer observations a cell's value is 0.
-        holds_newest: whether the newest grid is in the queue before the mean is taken, as Algorithm 4
+        includes_newest: whether the newest grid is in the queue before the mean is taken, as Algorithm 4
             and the author's code have it, or joins only after.
     """
 
     scans: int
-    averaged: int
-    least: int
-    holds_newest: bool = True
+    max_observations: int
+    min_observations: int
+    includes_newest: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a queue that could never fill a cell."""
-        if not 1 <= self.least <= min(self.averaged, self.scans):
+        if not 1 <= self.min_observations <= min(self.max_observations, self.scans):
             raise UsageError(
                 "short-term map",
                 expected="1 <= least <= averaged and least <= scans",
-                found=f"least {self.least}, averaged {self.averaged}, scans {self.scans}",
+                found=f"least {self.min_observations}, averaged {self.max_observations}, scans {self.scans}",
             )
 
 
@@ -53,7 +53,7 @@ class ShortTermMap:
         # Holds the grid at any heading, from its middle to its corners.
         self._half_cells = int(np.ceil(np.hypot(*cells.shape) / 2)) + 1
         self._history = CellHistory(
-            2 * self._half_cells, config.scans, config.averaged, config.least
+            2 * self._half_cells, config.scans, config.max_observations, config.min_observations
         )
         self.clear()
 
@@ -75,10 +75,10 @@ class ShortTermMap:
         low = low.astype(np.int64) - self._half_cells
         self._history.move_to(low)
         window_T_cells = _shift(-low) @ self._plane_T_cells
-        if self._config.holds_newest:
+        if self._config.includes_newest:
             self._observe(elevation, window_T_cells)
         background_m = _resample(self._history.mean_m(), window_T_cells, self._cells.shape, 0.0)
-        if not self._config.holds_newest:
+        if not self._config.includes_newest:
             self._observe(elevation, window_T_cells)
         return background_m
 

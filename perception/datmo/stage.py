@@ -4,7 +4,7 @@ from typing import Literal
 
 from perception.datmo import grid_rules
 from perception.datmo.detector import ObjectDetector, SegmentedScan
-from perception.datmo.grid_detector import GridDetector
+from perception.datmo.grid_detector import MotionGridDetector
 from perception.datmo.point_detector import PointDetector
 from perception.geometry.grids import LocalArea
 from perception.sensor import LidarModel
@@ -21,23 +21,23 @@ class Datmo:
     """Detects and tracks moving objects, scan after scan."""
 
     def __init__(
-        self, detector: ObjectDetector, tracker: MultiObjectTracker, *, by_ins: bool = False
+        self, detector: ObjectDetector, tracker: MultiObjectTracker, *, uses_ins_poses: bool = False
     ) -> None:
         """Begin without a scan.
 
         Args:
             detector: finds what moves in a scan.
             tracker: follows it.
-            by_ins: whether tracks lie in the world of the INS, as in the thesis, or of refined poses.
+            uses_ins_poses: whether tracks lie in the world of the INS, as in the thesis, or of refined poses.
         """
-        self._detector, self._tracker, self._by_ins = detector, tracker, by_ins
+        self._detector, self._tracker, self._uses_ins_poses = detector, tracker, uses_ins_poses
 
     def update(self, scan: SegmentedScan) -> Tracks:
         """Return every confirmed track at the moment of the scan."""
         if scan.is_reset:
             self._tracker.end_all()
         found = self._detector.detect(scan)
-        pose = scan.ins_world_SE3_velo if self._by_ins else scan.world_SE3_velo
+        pose = scan.ins_world_SE3_velo if self._uses_ins_poses else scan.world_SE3_velo
         return self._tracker.update(scan.stamp_s, pose, found.moving, found.standing)
 
 
@@ -53,11 +53,11 @@ def datmo_stage(
         area: that the scans' points were segmented in; the default ends tracks that leave it.
     """
     if method == "thesis":
-        detector = GridDetector(sensor, grid_rules.THESIS)
-        return Datmo(detector, PointTracker(point_tracker.THESIS), by_ins=True)
+        detector = MotionGridDetector(sensor, grid_rules.THESIS)
+        return Datmo(detector, PointTracker(point_tracker.THESIS), uses_ins_poses=True)
     if method == "author":
-        detector = GridDetector(sensor, grid_rules.AUTHOR)
-        return Datmo(detector, PointTracker(point_tracker.AUTHOR), by_ins=True)
+        detector = MotionGridDetector(sensor, grid_rules.AUTHOR)
+        return Datmo(detector, PointTracker(point_tracker.AUTHOR), uses_ins_poses=True)
     if method == "default":
         return Datmo(PointDetector(sensor), BoxTracker(area))
     return None

@@ -72,7 +72,7 @@ class StandingCells:
             points[kept].astype(np.int64),
         )
 
-    def touch(self, points_velo: Float) -> Bool:
+    def is_touching(self, points_velo: Float) -> Bool:
         """Tell which of (P, 2+) points lie in a cell with a standing point or beside one."""
         grown = cv2.dilate(self.picture, np.ones((3, 3), np.uint8))
         x = _cell_numbers(points_velo[:, 0], self.cell_m) - self.first[0]

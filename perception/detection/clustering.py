@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from perception.detection.point_cells import CellPairs, PointCells, spread
+from perception.detection.point_cells import CellPairs, PointCells, expand_ranges
 from perception.errors import UsageError
 from perception.types import Bool, Float, Int
 
@@ -72,10 +72,10 @@ def _find_cores(cells: PointCells, pairs: CellPairs, radius_m: float, least: int
     other = np.concatenate([part.second, part.first])
     asked = np.flatnonzero(is_open[one])
     one, other = one[asked], other[asked]
-    owner, points = spread(cells.starts[one], cells.counts[one])
+    owner, points = expand_ranges(cells.starts[one], cells.counts[one])
     near = np.flatnonzero(cells.may_be_near(points, other[owner], radius_m))
     points, other = points[near], other[owner[near]]
-    owner, neighbours = spread(cells.starts[other], cells.counts[other])
+    owner, neighbours = expand_ranges(cells.starts[other], cells.counts[other])
     points = points[owner]
     hits = np.flatnonzero(cells.is_near(points, neighbours, radius_m))
     points, neighbours = points[hits], neighbours[hits]
@@ -140,7 +140,7 @@ def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) 
         touches[pair_of_one[apart_m < radius_m * (1 - 1e-9)]] = True
         is_open = (apart_m < radius_m * (1 + 1e-9)) & ~touches[pair_of_one]
         ones, pair_of_one = ones[is_open], pair_of_one[is_open]
-    owner, at = spread(starts[pair_of_one], counts[pair_of_one])
+    owner, at = expand_ranges(starts[pair_of_one], counts[pair_of_one])
     hits = cells.is_near(ones[owner], others[at], radius_m)
     touches[pair_of_one[owner[hits]]] = True
     return touches
@@ -150,7 +150,7 @@ def _cores_near(
     cells: PointCells, of_cell: Int, to_cell: Int, is_core: Bool, radius_m: float
 ) -> tuple[Int, Int]:
     """Return the cores of each cell within the radius of the box of another, and whose pair's they are."""
-    pair, points = spread(cells.starts[of_cell], cells.counts[of_cell])
+    pair, points = expand_ranges(cells.starts[of_cell], cells.counts[of_cell])
     near = is_core[points] & cells.may_be_near(points, to_cell[pair], radius_m)
     return points[near], pair[near]
 

@@ -134,7 +134,7 @@ class CellPairs:
         return type(self)(self.first[rows], self.second[rows], self.is_whole[rows])
 
 
-def spread(starts: Int, counts: Int) -> tuple[Int, Int]:
+def expand_ranges(starts: Int, counts: Int) -> tuple[Int, Int]:
     """Return, for ranges of so many numbers from each start, whose range and which number, end to end."""
     owner = np.arange(len(counts)).repeat(counts)
     before = counts.cumsum() - counts

@@ -23,7 +23,7 @@ _TYPE_NAMES: Mapping[type[np.generic], str] = {
 
 
 @dataclass(frozen=True)
-class Input:
+class ModelInput:
     """What goes into a network.
 
     Attributes:
@@ -39,7 +39,7 @@ class Input:
         name = self.type.__name__ if self.type else "another type"
         return f"{name} {' x '.join(str(n or 'any') for n in self.shape)}"
 
-    def takes(self, other: "Input") -> bool:
+    def accepts(self, other: "Input") -> bool:
         """Tell whether the other is as this one asks for."""
         return (
             other.type is self.type
@@ -60,15 +60,15 @@ class ModelContract:
         noted: names of metadata that have to be there, whatever their value.
         inputs: by name; the file must have these and no others.
         outputs: names.
-        usual_rows: that go in at once, as many as a frame has candidates: memory for them is set aside
+        warmup_rows: that go in at once, as many as a frame has candidates: memory for them is set aside
             before the first frame.
     """
 
     metadata: Mapping[str, str]
     required_keys: tuple[str, ...] = ()
-    inputs: Mapping[str, Input] = field(default_factory=dict)
+    inputs: Mapping[str, ModelInput] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
-    usual_rows: int = 32
+    warmup_rows: int = 32
 
     def with_metadata(self, metadata: Mapping[str, str]) -> Self:
         """Return the same contract with further facts, or others in their place."""
@@ -108,7 +108,7 @@ class OnnxModel:
         """What comes out, by name; None along an axis of any length."""
         self._check_metadata(contract)
         self._check_interface(contract)
-        self(self._blank_inputs(contract.usual_rows))
+        self(self._blank_inputs(contract.warmup_rows))
 
     def __call__(self, inputs: Mapping[str, Array]) -> dict[str, Array]:
         """Run the network once.
@@ -162,7 +162,7 @@ class OnnxModel:
 
     def _check_interface(self, contract: ModelContract) -> None:
         fits = self.inputs.keys() == contract.inputs.keys() and all(
-            required.takes(self.inputs[name]) for name, required in contract.inputs.items()
+            required.accepts(self.inputs[name]) for name, required in contract.inputs.items()
         )
         if not fits:
             raise ModelError(
@@ -218,14 +218,14 @@ def _first_line(error: Exception) -> str:
     return str(error).partition("\n")[0].rstrip(".")
 
 
-def _input_of(entry: Any) -> Input:  # noqa: ANN401 - ONNX Runtime has no types
+def _input_of(entry: Any) -> ModelInput:  # noqa: ANN401 - ONNX Runtime has no types
     types = {name: number for number, name in _TYPE_NAMES.items()}
-    return Input(types.get(entry.type), _shape_of(entry))
+    return ModelInput(types.get(entry.type), _shape_of(entry))
 
 
 def _shape_of(entry: Any) -> tuple[int | None, ...]:  # noqa: ANN401 - ONNX Runtime has no types
     return tuple(n if isinstance(n, int) else None for n in entry.shape)
 
 
-def _listed(inputs: Mapping[str, Input]) -> str:
+def _listed(inputs: Mapping[str, ModelInput]) -> str:
     return ", ".join(f"{name} {entry}" for name, entry in inputs.items())

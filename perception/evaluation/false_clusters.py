@@ -65,12 +65,12 @@ class MovingClusters(Rows):
     frames: Int
     points: Int
     centers_m: Float64
-    touched: Int
+    object_motions: Int
     view_shares: Float64
     dont_care_shares: Float64
 
 
-def cluster_numbers(points_xy: Float, config: ClusterConfig) -> Int:
+def cluster_ids(points_xy: Float, config: ClusterConfig) -> Int:
     """Return (P,) the cluster, 0 to K - 1, of every (P, 2+) point: cells joined over eight neighbours."""
     if len(points_xy) == 0:
         return np.zeros(0, np.int64)
@@ -96,7 +96,7 @@ def moving_clusters(
     """Cluster the points of one scan that were found to move, and note what lies around each."""
     config = config or ClusterConfig()
     moving = points_velo[states == PointState.MOVING]
-    numbers = cluster_numbers(moving, config)
+    numbers = cluster_ids(moving, config)
     counts = np.bincount(numbers)
     in_view = is_in_view(annotations.calibration, moving, annotations.image_size_px)
     uncared = _is_in_regions(annotations, moving)
@@ -106,7 +106,7 @@ def moving_clusters(
         centers_m=np.stack(
             [np.bincount(numbers, moving[:, axis]) / counts for axis in (0, 1)], axis=-1
         ),
-        touched=_touched(numbers, moving, annotations.objects, config),
+        object_motions=_object_motions(numbers, moving, annotations.objects, config),
         view_shares=np.bincount(numbers, in_view) / counts,
         dont_care_shares=np.bincount(numbers, uncared) / counts,
     )
@@ -128,19 +128,21 @@ def is_false(
         ignore_dont_care: leave out clusters with half of their points in DontCare regions.
     """
     config = config or ClusterConfig()
-    unexplained = ~np.isin(clusters.touched, (MotionState.MOVING, MotionState.UNKNOWN))
+    unexplained = ~np.isin(clusters.object_motions, (MotionState.MOVING, MotionState.UNKNOWN))
     counts = (clusters.points >= min_points) & (clusters.view_shares >= config.view_share)
     ignored = ignore_dont_care & (clusters.dont_care_shares >= 0.5)
     return np.asarray(unexplained & counts & ~ignored)
 
 
-def _touched(numbers: Int, moving: Float, objects: LabelledObjects, config: ClusterConfig) -> Int:
-    touched = np.full(len(np.bincount(numbers)), NO_OBJECT, np.int64)
+def _object_motions(
+    numbers: Int, moving: Float, objects: LabelledObjects, config: ClusterConfig
+) -> Int:
+    object_motions = np.full(len(np.bincount(numbers)), NO_OBJECT, np.int64)
     for motion in (MotionState.STATIC, MotionState.UNKNOWN, MotionState.MOVING):
         boxes = objects.boxes_velo[objects.motions == motion]
         touches = points_inside(boxes, moving, config.margin_m).any(axis=0)
-        touched[numbers[touches]] = motion
-    return touched
+        object_motions[numbers[touches]] = motion
+    return object_motions
 
 
 def _is_in_regions(annotations: FrameAnnotations, points_velo: Float) -> Bool:

@@ -25,50 +25,52 @@ UNLABELLED_CLASSES = (0, 1)  # unlabelled, outlier: neither right nor wrong
 RANGE_EDGES_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
 
 
-def displacement_errors(ground: GroundModel, foot_points: Float) -> Float64:
+def displacement_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
     """Return (K,) distances |(p_k - p) . n| of (K, 3) true ground points from the ground (7.1)."""
-    return np.abs(signed_errors(ground, foot_points))
+    return np.abs(signed_errors(ground, bottom_centers))
 
 
-def signed_errors(ground: GroundModel, foot_points: Float) -> Float64:
+def signed_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
     """Return (K,) distances along the ground's normal: positive where the estimate lies too low."""
-    if len(foot_points) == 0:
+    if len(bottom_centers) == 0:
         return np.zeros(0)
-    return np.asarray(ground.distance_m(foot_points), np.float64)
+    return np.asarray(ground.distance_m(bottom_centers), np.float64)
 
 
 @dataclass(frozen=True)
-class FootErrors(Rows):
+class GroundErrors(Rows):
     """The errors at the feet of K labelled objects, of one frame or of many.
 
     Attributes:
         frames: (K,) number of the frame.
-        feet_m: (K, 2) x and y of the foot in the LiDAR frame.
+        bottom_centers_m: (K, 2) x and y of the foot in the LiDAR frame.
         errors_m: (K,) signed: positive where the estimated ground lies too low.
     """
 
     frames: Int
-    feet_m: Float64
+    bottom_centers_m: Float64
     errors_m: Float64
 
     @property
     def ranges_m(self) -> Float64:
         """(K,) horizontal distance of the foot from the LiDAR."""
-        return np.asarray(np.linalg.norm(self.feet_m, axis=-1))
+        return np.asarray(np.linalg.norm(self.bottom_centers_m, axis=-1))
 
 
-def foot_errors(frame: int, ground: GroundModel, foot_points: Float, area: LocalArea) -> FootErrors:
+def ground_errors(
+    frame: int, ground: GroundModel, bottom_centers: Float, area: LocalArea
+) -> GroundErrors:
     """Measure one frame at the (K, 3) feet of its labelled objects, as far as they are in the area."""
-    feet = foot_points[area.contains_xy(foot_points)]
-    return FootErrors(
+    feet = bottom_centers[area.contains_xy(bottom_centers)]
+    return GroundErrors(
         frames=np.full(len(feet), frame, np.int64),
-        feet_m=feet[:, :2].astype(np.float64),
+        bottom_centers_m=feet[:, :2].astype(np.float64),
         errors_m=signed_errors(ground, feet),
     )
 
 
 @dataclass(frozen=True)
-class Displacement:
+class MeanDisplacementError:
     """The mean of displacement errors, and what it rests on.
 
     Attributes:
@@ -84,13 +86,13 @@ class Displacement:
     objects: int
 
 
-def mean_displacement(errors: FootErrors) -> Displacement:
+def mean_displacement_error(errors: GroundErrors) -> MeanDisplacementError:
     """Average first within each frame, then over the frames that have an object (7.1)-(7.2)."""
     frames, frame_of_object = np.unique(errors.frames, return_inverse=True)
     if len(frames) == 0:
-        return Displacement(float("nan"), float("nan"), 0, 0)
+        return MeanDisplacementError(float("nan"), float("nan"), 0, 0)
     objects = np.bincount(frame_of_object)
-    return Displacement(
+    return MeanDisplacementError(
         mde_m=float(np.mean(np.bincount(frame_of_object, np.abs(errors.errors_m)) / objects)),
         bias_m=float(np.mean(np.bincount(frame_of_object, errors.errors_m) / objects)),
         frames=len(frames),
@@ -99,8 +101,8 @@ def mean_displacement(errors: FootErrors) -> Displacement:
 
 
 def displacement_by_interval(
-    errors: FootErrors, positions_m: Float64, edges_m: Sequence[float]
-) -> list[Displacement]:
+    errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
+) -> list[MeanDisplacementError]:
     """Return one figure for each interval between rising edges, and one for what lies beyond the last.
 
     Args:
@@ -109,7 +111,7 @@ def displacement_by_interval(
         edges_m: of the intervals.
     """
     interval = _interval_of(positions_m, edges_m)
-    return [mean_displacement(errors[interval == number]) for number in range(len(edges_m))]
+    return [mean_displacement_error(errors[interval == number]) for number in range(len(edges_m))]
 
 
 def interval_names(edges_m: Sequence[float]) -> list[str]:
@@ -119,7 +121,7 @@ def interval_names(edges_m: Sequence[float]) -> list[str]:
 
 
 @dataclass(frozen=True)
-class PointClasses:
+class LabelledScan:
     """What was said of the N points of one scan, and what is true.
 
     Attributes:
@@ -134,7 +136,7 @@ class PointClasses:
 
 
 def ground_confusion(
-    scan: PointClasses, area: LocalArea, edges_m: Sequence[float] = RANGE_EDGES_M
+    scan: LabelledScan, area: LocalArea, edges_m: Sequence[float] = RANGE_EDGES_M
 ) -> list[Confusion]:
     """Compare the points called ground with the true ones, for each interval of horizontal range.
 

@@ -20,14 +20,14 @@ class LocationErrors(Rows):
     """N true vehicles that were detected; NaN where the detection has no box or no return.
 
     Attributes:
-        away_m: (N,) from the LiDAR to the true centre, over the ground.
+        range_m: (N,) from the LiDAR to the true centre, over the ground.
         center_m: (N,) between the centres, over the ground.
         yaw_rad: (N,) between the headings.
         axis_rad: (N,) the same where front and rear are not told apart.
         distance_m: (N,) between the told distance and that of the nearest return in the true box.
     """
 
-    away_m: Float64
+    range_m: Float64
     center_m: Float64
     yaw_rad: Float64
     axis_rad: Float64
@@ -53,14 +53,14 @@ def location_errors(
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
     pairs = assign_hungarian(1.0 - iou, iou >= min_iou)
     true, found = true_boxes[pairs.tracks], vehicles.boxes[pairs.detections]
-    apart_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
+    center_offsets_m = found.bottom_m[:, :2] - true.bottom_m[:, :2]
     turn_rad = found.yaw_rad - true.yaw_rad
     nearest_m = np.array(
         [_nearest_m(points_velo[inside]) for inside in points_inside(true, points_velo, _MARGIN_M)]
     )
     return LocationErrors(
-        away_m=np.hypot(true.bottom_m[:, 0], true.bottom_m[:, 1]),
-        center_m=np.hypot(apart_m[:, 0], apart_m[:, 1]),
+        range_m=np.hypot(true.bottom_m[:, 0], true.bottom_m[:, 1]),
+        center_m=np.hypot(center_offsets_m[:, 0], center_offsets_m[:, 1]),
         yaw_rad=np.abs(wrap(turn_rad)),
         axis_rad=np.abs(wrap(turn_rad, np.pi)),
         distance_m=np.abs(vehicles.distances_m[pairs.detections] - nearest_m.reshape(-1)),

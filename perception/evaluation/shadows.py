@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.false_clusters import ClusterConfig, FrameAnnotations, cluster_numbers
+from perception.evaluation.false_clusters import ClusterConfig, FrameAnnotations, cluster_ids
 from perception.evaluation.objects import MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside, transform_boxes
@@ -53,7 +53,7 @@ class Shadows(Rows):
     clusters: Int
 
 
-class PlacesLeft:
+class ShadowDetector:
     """Remembers for a while where labelled objects have moved, in the world."""
 
     def __init__(self, config: ShadowConfig | None = None) -> None:
@@ -77,7 +77,7 @@ class PlacesLeft:
         )
         moving = present[annotations.objects.motions == MotionState.MOVING]
         self._past.append((stamp_s, transform_boxes(world_SE3_velo, moving)))
-        sizes = np.bincount(cluster_numbers(static_velo[lies_in_shadow], ClusterConfig()))
+        sizes = np.bincount(cluster_ids(static_velo[lies_in_shadow], ClusterConfig()))
         return Shadows(
             frames=np.array([result.frame.index]),
             voxels=np.array([np.count_nonzero(lies_in_shadow)]),

@@ -1,5 +1,5 @@
 """Rigid transforms, the camera, boxes, grids and registration."""
 
-from perception.geometry.threads import let_waiting_threads_sleep
+from perception.geometry.threads import set_passive_openmp_wait
 
-let_waiting_threads_sleep()
+set_passive_openmp_wait()

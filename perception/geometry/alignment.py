@@ -16,7 +16,7 @@ _STEP_RAD, _STEP_M = 1e-3, 3e-3
 
 
 @dataclass(frozen=True)
-class Surface:
+class PreprocessedPoints:
     """A thinned scan with a local covariance at each point, ready to be matched.
 
     Attributes:
@@ -49,21 +49,23 @@ class Alignment:
     is_converged: bool
 
 
-def surface_of(points: Float32, box_m: float, neighbors: int = 10, threads: int = 1) -> Surface:
+def preprocess_points(
+    points: Float32, voxel_size_m: float, neighbors: int = 10, threads: int = 1
+) -> PreprocessedPoints:
     """Thin (N, 3+) points to one a box and fit a covariance to each one's neighbours."""
     # The filter keeps another set of points each time when it runs on several threads.
-    cloud = small_gicp.voxelgrid_sampling(points[:, :3].astype(np.float64), box_m, 1)
+    cloud = small_gicp.voxelgrid_sampling(points[:, :3].astype(np.float64), voxel_size_m, 1)
     tree = small_gicp.KdTree(cloud, num_threads=threads)
     if cloud.size():
         small_gicp.estimate_covariances(cloud, tree, neighbors, threads)
-    return Surface(cloud, tree)
+    return PreprocessedPoints(cloud, tree)
 
 
 def align(
-    target: Surface,
-    source: Surface,
-    seed: Float64,
-    reach_m: float,
+    target: PreprocessedPoints,
+    source: PreprocessedPoints,
+    initial_guess: Float64,
+    max_correspondence_m: float,
     threads: int = 1,
     kind: Literal["ICP", "GICP"] = "GICP",
 ) -> Alignment:
@@ -73,19 +75,19 @@ def align(
         target: what stands.
         source: what is moved.
         seed: (4, 4) first guess.
-        reach_m: the farthest match that counts.
+        max_correspondence_m: the farthest match that counts.
         threads: more than one changes the last digits from run to run.
         kind: point to point as the thesis does, or surface to surface.
     """
     if min(len(target), len(source)) < _MIN_POINTS:
-        return Alignment(seed, inlier_ratio=0.0, cost=1.0, is_converged=False)
+        return Alignment(initial_guess, inlier_ratio=0.0, cost=1.0, is_converged=False)
     result = small_gicp.align(
         target.cloud,
         source.cloud,
         target.tree,
-        seed,
+        initial_guess,
         registration_type=kind,
-        max_correspondence_distance=reach_m,
+        max_correspondence_distance=max_correspondence_m,
         num_threads=threads,
         max_iterations=_MAX_ITERATIONS,
         rotation_epsilon=_STEP_RAD,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.geometry.box_overlap_ground import paired_shared_areas_m2
+from perception.geometry.box_overlap_ground import paired_intersection_areas_m2
 from perception.types import Boxes3D, Float64
 
 
@@ -13,7 +13,7 @@ def paired_iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:
     """
     top_m = np.minimum(_tops_m(a), _tops_m(b))
     bottom_m = np.maximum(a.bottom_m[:, 2], b.bottom_m[:, 2])
-    shared_m3 = paired_shared_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0)
+    shared_m3 = paired_intersection_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0)
     joint_m3 = a.size_m.prod(axis=1) + b.size_m.prod(axis=1) - shared_m3
     iou = np.divide(shared_m3, joint_m3, out=np.zeros_like(joint_m3), where=joint_m3 != 0)
     return np.asarray(iou)

@@ -9,19 +9,19 @@ from perception.types import Boxes3D, Float64
 _FLAT_M = 1e-9  # an edge that rises less across the other box is level
 
 
-def iou_ground(a: Boxes3D, b: Boxes3D) -> Float64:
+def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (A, B) shared area over joint area of the boxes' outlines; 0 where a box has no area."""
-    shared_m2 = shared_areas_m2(a, b)
+    shared_m2 = intersection_areas_m2(a, b)
     joint_m2 = _areas_m2(a)[:, None] + _areas_m2(b)[None] - shared_m2
     return np.divide(shared_m2, joint_m2, out=np.zeros_like(shared_m2), where=joint_m2 > 0)
 
 
-def shared_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+def intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (A, B) the area that lies under both boxes."""
     return _shared_m2(_outlines(a).of_rows(), _outlines(b).of_columns())
 
 
-def paired_shared_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
+def paired_intersection_areas_m2(a: Boxes3D, b: Boxes3D) -> Float64:
     """Return (M,) the area that lies under each box and the one in the same row of b."""
     return _shared_m2(_outlines(a), _outlines(b))
 

@@ -46,7 +46,7 @@ MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
 
 
 @dataclass(frozen=True)
-class VehicleBody:
+class EgoVehicle:
     """The outline of the vehicle around its LiDAR: what returns from inside it is the vehicle itself.
 
     The defaults hold a large car with a LiDAR over its middle, and an arm's length on each side.

@@ -17,7 +17,7 @@ from perception.types import Float, Float64, Int
 
 
 @dataclass(frozen=True)
-class Samples:
+class HeightSamples:
     """Scattered heights.
 
     Attributes:
@@ -34,7 +34,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Bilinear:
+class BilinearWeights:
     """Where N points lie between the nodes.
 
     Attributes:
@@ -88,7 +88,7 @@ class HeightGrid:
         y = self.y0_m + self.cell_m * np.arange(self.nodes_y)
         return np.column_stack([np.repeat(x, self.nodes_y), np.tile(y, self.nodes_x)])
 
-    def bilinear(self, xy_m: Float64) -> Bilinear:
+    def bilinear(self, xy_m: Float64) -> BilinearWeights:
         """Return the nodes around (N, 2+) positions; outside, the outermost cell goes on."""
         u = (xy_m[:, 0] - self.x0_m) / self.cell_m
         v = (xy_m[:, 1] - self.y0_m) / self.cell_m
@@ -96,7 +96,7 @@ class HeightGrid:
         j = np.clip(np.floor(v).astype(np.int64), 0, self.nodes_y - 2)
         first = i * self.nodes_y + j
         u, v = u - i, v - j
-        return Bilinear(
+        return BilinearWeights(
             nodes=first + np.array([[0], [1], [self.nodes_y], [self.nodes_y + 1]]),
             weights=np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v]),
         )
@@ -110,7 +110,9 @@ class HeightGrid:
     def _bandwidth(self) -> int:
         return 2 * self.nodes_y
 
-    def fit(self, samples: Samples, place: Bilinear, stiffness: float, prior_m: Float64) -> Float64:
+    def fit(
+        self, samples: HeightSamples, place: BilinearWeights, stiffness: float, prior_m: Float64
+    ) -> Float64:
         """Return (size,) heights that minimise squared misfits + stiffness x roughness.
 
         Args:

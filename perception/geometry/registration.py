@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from perception.errors import PoseError
-from perception.geometry.alignment import Alignment, Surface, align, surface_of
+from perception.geometry.alignment import Alignment, PreprocessedPoints, align, preprocess_points
 from perception.geometry.se3 import (
     from_rotation_translation,
     inverse,
@@ -29,15 +29,15 @@ class RegistrationConfig:
     """How scans are registered, and what is believed.
 
     Attributes:
-        box_m: edge of the box-grid filter (measured: 0.3 no better, 0.7 half as accurate).
+        voxel_size_m: edge of the box-grid filter (measured: 0.3 no better, 0.7 half as accurate).
         max_points: of a scan given to the filter; more are thinned evenly (measured: by a sixth of an
             HDL-64E scan, steps are 8 mm off those of a whole one, by a quarter 6 mm; ground and
             obstacles are found alike).
         neighbors: points that a local surface is fitted to (measured: 10 to 20 no better).
         max_correspondence_m: farthest match; leaves out what moved.
         threads: of the alignment.
-        keyframe_m: travel after which the reference scan is replaced.
-        keyframe_rad: turn after which the reference scan is replaced.
+        keyframe_distance_m: travel after which the reference scan is replaced.
+        keyframe_angle_rad: turn after which the reference scan is replaced.
         min_inlier_ratio: matched share under which an alignment is not believed.
         max_correction_m: farthest that an alignment may move its seed.
         max_correction_rad: farthest that an alignment may turn its seed.
@@ -48,13 +48,13 @@ class RegistrationConfig:
         max_turn_rad_s: a faster turn is an error.
     """
 
-    box_m: float = 0.5
+    voxel_size_m: float = 0.5
     max_points: int = 20_500
     neighbors: int = 8
     max_correspondence_m: float = 0.5
     threads: int = 2
-    keyframe_m: float = 5.0
-    keyframe_rad: float = np.radians(15)
+    keyframe_distance_m: float = 5.0
+    keyframe_angle_rad: float = np.radians(15)
     min_inlier_ratio: float = 0.4
     max_correction_m: float = 1.0
     max_correction_rad: float = np.radians(4)
@@ -93,7 +93,7 @@ class Localization:
 
 
 @dataclass(frozen=True)
-class _Moment:
+class _PreviousScan:
     """What the next scan needs to know of the last one."""
 
     stamp_s: float
@@ -102,10 +102,10 @@ class _Moment:
     velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
 
 
-_BLIND_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses where neither INS nor history says
+_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses where neither INS nor history says
 
 
-class Localizer:
+class LidarOdometry:
     """Refine the pose of each scan of a drive, in order, registering each once.
 
     A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
@@ -114,8 +114,8 @@ class Localizer:
 
     def __init__(self, config: RegistrationConfig | None = None) -> None:
         self._config = config or RegistrationConfig()
-        self._last: _Moment | None = None
-        self._keyframe: Surface
+        self._last: _PreviousScan | None = None
+        self._keyframe: PreprocessedPoints
         self._world_SE3_keyframe: Float64
 
     def update(
@@ -156,7 +156,7 @@ class Localizer:
             self._check_motion(step_ins, gap_s, last.velocity, source)
         localization = self._locate(points_velo, gap_s, step_ins, last)
         velocity = _velocity(last, localization, gap_s)
-        self._last = _Moment(stamp_s, ins_world_SE3_velo, localization, velocity)
+        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, velocity)
         return localization
 
     def _start(
@@ -164,43 +164,45 @@ class Localizer:
     ) -> Localization:
         pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
         localization = Localization(pose, PoseOrigin.START, is_reset=True)
-        self._last = _Moment(stamp_s, ins_world_SE3_velo, localization, None)
-        self._keyframe, self._world_SE3_keyframe = self._surface(points_velo), pose
+        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, None)
+        self._keyframe, self._world_SE3_keyframe = self._preprocess(points_velo), pose
         return localization
 
     def _check_motion(
         self, step: Float64, gap_s: float, velocity: Float64 | None, source: str
     ) -> None:
         config = self._config
-        travel_m = float(np.linalg.norm(step[:3, 3]))
+        min_travel_m = float(np.linalg.norm(step[:3, 3]))
         turn_rad = rotation_angle_rad(step)
         unexplained_m = 0.0
         if velocity is not None and gap_s <= config.max_gap_s:
             unexplained_m = float(np.linalg.norm(step[:3, 3] - velocity[3:] * gap_s))
         if (
-            travel_m > config.max_speed_m_s * gap_s
+            min_travel_m > config.max_speed_m_s * gap_s
             or turn_rad > config.max_turn_rad_s * gap_s
             or unexplained_m > config.max_jump_m + config.max_acceleration_m_s2 * gap_s**2
         ):
             raise PoseError(
                 source,
                 expected="an INS pose that a vehicle can reach from the one before",
-                found=f"a jump of {travel_m:.2f} m and {np.degrees(turn_rad):.1f} deg "
+                found=f"a jump of {min_travel_m:.2f} m and {np.degrees(turn_rad):.1f} deg "
                 f"in {gap_s:.3f} s, {unexplained_m:.2f} m beside the motion so far",
                 advice="repair the INS rows there, or run without INS",
             )
 
     def _locate(
-        self, points_velo: Float32, gap_s: float, step_ins: Float64 | None, last: _Moment
+        self, points_velo: Float32, gap_s: float, step_ins: Float64 | None, last: _PreviousScan
     ) -> Localization:
         """Register the scan with the keyframe, or fall back on the INS or on constant velocity."""
         last_pose = last.localization.world_SE3_velo
-        surface = self._surface(points_velo)
+        surface = self._preprocess(points_velo)
         is_near = gap_s <= self._config.max_gap_s
         if is_near:
-            steps = self._steps(step_ins, last.velocity, gap_s)
-            seeds = [inverse(self._world_SE3_keyframe) @ last_pose @ step for step in steps]
-            best = self._best_alignment(self._keyframe, surface, seeds)
+            steps = self._guess_motions(step_ins, last.velocity, gap_s)
+            initial_guesses = [
+                inverse(self._world_SE3_keyframe) @ last_pose @ step for step in steps
+            ]
+            best = self._best_alignment(self._keyframe, surface, initial_guesses)
             if best is not None:
                 pose = _rounded(self._world_SE3_keyframe @ best.target_SE3_source)
                 if self._is_far(best.target_SE3_source):
@@ -211,14 +213,14 @@ class Localizer:
         self._keyframe, self._world_SE3_keyframe = surface, last_pose @ step
         return Localization(last_pose @ step, origin, is_reset=not is_near)
 
-    def _steps(
+    def _guess_motions(
         self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
     ) -> list[Float64]:
         """Return guesses of the motion since the last scan."""
         if velocity is None and step_ins is None:
             return [
                 from_rotation_translation(np.eye(3), np.array([speed * gap_s, 0, 0]))
-                for speed in _BLIND_SPEEDS_M_S
+                for speed in _INITIAL_SPEEDS_M_S
             ]
         guesses = [] if step_ins is None else [step_ins]
         if velocity is not None:
@@ -230,26 +232,34 @@ class Localizer:
         return guesses
 
     def _best_alignment(
-        self, target: Surface, source: Surface, seeds: Sequence[Float64]
+        self,
+        target: PreprocessedPoints,
+        source: PreprocessedPoints,
+        initial_guesses: Sequence[Float64],
     ) -> Alignment | None:
         """Align from each seed and return the best that can be believed."""
         config = self._config
         reach_m = config.max_correspondence_m
-        if len(seeds) > 2:  # blind: the seeds lie metres apart, so reach far before reaching near
-            seeds = [
-                align(target, source, seed, 3 * reach_m, config.threads).target_SE3_source
-                for seed in seeds
+        if (
+            len(initial_guesses) > 2
+        ):  # blind: the seeds lie metres apart, so reach far before reaching near
+            initial_guesses = [
+                align(target, source, initial_guess, 3 * reach_m, config.threads).target_SE3_source
+                for initial_guess in initial_guesses
             ]
-        alignments = [align(target, source, seed, reach_m, config.threads) for seed in seeds]
+        alignments = [
+            align(target, source, initial_guess, reach_m, config.threads)
+            for initial_guess in initial_guesses
+        ]
         believed = [
             alignment
-            for seed, alignment in zip(seeds, alignments, strict=True)
-            if self._is_believed(seed, alignment)
+            for initial_guess, alignment in zip(initial_guesses, alignments, strict=True)
+            if self._is_believed(initial_guess, alignment)
         ]
         return min(believed, key=lambda alignment: alignment.cost, default=None)
 
-    def _is_believed(self, seed: Float64, alignment: Alignment) -> bool:
-        correction = inverse(seed) @ alignment.target_SE3_source
+    def _is_believed(self, initial_guess: Float64, alignment: Alignment) -> bool:
+        correction = inverse(initial_guess) @ alignment.target_SE3_source
         return bool(
             alignment.is_converged
             and alignment.inlier_ratio >= self._config.min_inlier_ratio
@@ -258,18 +268,24 @@ class Localizer:
         )
 
     def _is_far(self, keyframe_SE3_velo: Float64) -> bool:
-        travel_m = float(np.linalg.norm(keyframe_SE3_velo[:3, 3]))
+        min_travel_m = float(np.linalg.norm(keyframe_SE3_velo[:3, 3]))
         turn_rad = rotation_angle_rad(keyframe_SE3_velo)
-        return travel_m > self._config.keyframe_m or turn_rad > self._config.keyframe_rad
+        return (
+            min_travel_m > self._config.keyframe_distance_m
+            or turn_rad > self._config.keyframe_angle_rad
+        )
 
-    def _surface(self, points_velo: Float32) -> Surface:
+    def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
         stride = -(-len(points_velo) // self._config.max_points)
-        return surface_of(
-            points_velo[::stride], self._config.box_m, self._config.neighbors, self._config.threads
+        return preprocess_points(
+            points_velo[::stride],
+            self._config.voxel_size_m,
+            self._config.neighbors,
+            self._config.threads,
         )
 
 
-def _velocity(last: _Moment, now: Localization, gap_s: float) -> Float64 | None:
+def _velocity(last: _PreviousScan, now: Localization, gap_s: float) -> Float64 | None:
     if now.origin not in (PoseOrigin.REGISTERED, PoseOrigin.INS):
         return last.velocity
     step = inverse(last.localization.world_SE3_velo) @ now.world_SE3_velo

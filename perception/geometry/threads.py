@@ -10,7 +10,7 @@ import cv2
 from threadpoolctl import ThreadpoolController
 
 
-def let_waiting_threads_sleep() -> None:
+def set_passive_openmp_wait() -> None:
     """Keep OpenMP threads from spinning on cores that others need; to be called before it is loaded.
 
     Measured beside a busy process: 22 ms a registration instead of 70.
@@ -18,7 +18,7 @@ def let_waiting_threads_sleep() -> None:
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 
-def keep_opencv_to_one_thread() -> None:
+def limit_opencv_threads() -> None:
     """Leave the cores to stages that work side by side, for the rest of the process.
 
     Measured with two stages at a time on two cores: 87 ms a frame instead of 103, and a sixth less processor time.
@@ -27,7 +27,7 @@ def keep_opencv_to_one_thread() -> None:
 
 
 @contextmanager
-def one_blas_thread() -> Iterator[None]:
+def limit_blas_threads() -> Iterator[None]:
     """Keep BLAS to one thread: on arrays this small, more of them cost time and gain none.
 
     The number of threads is the whole process', so that the limit stands until the last who asked has left.

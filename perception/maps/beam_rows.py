@@ -22,28 +22,28 @@ class ColumnFillingConfig:
     """What is one beam, and what is one surface.
 
     Attributes:
-        squeeze_px: image columns that are filled as one, about the step of a beam.
-        longest_gap_px: a surface goes on behind a hole of this size.
+        column_width_px: image columns that are filled as one, about the step of a beam.
+        max_gap_px: a surface goes on behind a hole of this size.
         nearer: two inverse depths of a greater ratio side by side belong to two surfaces.
-        steepest_per_m_px: most change of inverse depth from row to row on one surface. A plane that
+        max_slope_per_m_px: most change of inverse depth from row to row on one surface. A plane that
             passes the camera at d metres has 1 / (focal length * d): at one metre on KITTI.
         reach: how far a row goes on past its end, as a share of the way to the next beam.
     """
 
-    squeeze_px: int = 2
-    longest_gap_px: int = 16
-    nearer: float = 1.1
-    steepest_per_m_px: float = 1.4e-3
-    reach: float = 0.25
+    column_width_px: int = 2
+    max_gap_px: int = 16
+    max_depth_ratio: float = 1.1
+    max_slope_per_m_px: float = 1.4e-3
+    extension_ratio: float = 0.25
 
     @property
     def max_steps(self) -> int:
         """Columns from a return to the next of its beam, at most."""
-        return max(1, self.longest_gap_px // self.squeeze_px)
+        return max(1, self.max_gap_px // self.column_width_px)
 
 
 @dataclass(frozen=True)
-class Grid:
+class ColumnGrid:
     """Cells in columns, one after the other, each from the highest return down and with a blank cell below.
 
     Attributes:
@@ -63,11 +63,11 @@ class Grid:
         """Lay it over the image of at least one return."""
         width, height = sparse.size_px
         top = int(sparse.pixels[:, 1].min())
-        return cls(-(-width // config.squeeze_px), height - top + 1, top, config.max_steps)
+        return cls(-(-width // config.column_width_px), height - top + 1, top, config.max_steps)
 
     def cells_of(self, sparse: SparseMaps, config: ColumnFillingConfig) -> Int:
         """Return the (N,) cell of each return, counted from the left margin on."""
-        column = sparse.pixels[:, 0] // config.squeeze_px + self.margin
+        column = sparse.pixels[:, 0] // config.column_width_px + self.margin
         return np.asarray(column * self.rows + (sparse.pixels[:, 1] - self.top), np.intp)
 
     def zeros(self, kind: type) -> np.ndarray:
@@ -96,7 +96,7 @@ class _Returns:
     steps: Int
 
 
-def fill_rows(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> Complex64:
+def fill_rows(sparse: SparseMaps, grid: ColumnGrid, config: ColumnFillingConfig) -> Complex64:
     """Return what the rows of beams say in each cell: inverse depth + i reflectance, 0 where none passes.
 
     One complex number for both maps: all that is done with them is linear.
@@ -110,7 +110,7 @@ def fill_rows(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> Co
     return np.asarray(grid.within(filled))
 
 
-def _linked(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> _Returns:
+def _linked(sparse: SparseMaps, grid: ColumnGrid, config: ColumnFillingConfig) -> _Returns:
     """Find the next return of each beam: in the nearest column, there in the same row if possible."""
     cells, number = grid.cells_of(sparse, config), np.arange(len(sparse))
     at = grid.zeros(np.int32) - 1
@@ -134,17 +134,17 @@ def _linked(sparse: SparseMaps, grid: Grid, config: ColumnFillingConfig) -> _Ret
 
 
 def _extend_ends(
-    filled: Complex64, returns: _Returns, grid: Grid, config: ColumnFillingConfig
+    filled: Complex64, returns: _Returns, grid: ColumnGrid, config: ColumnFillingConfig
 ) -> None:
     is_first = np.ones(len(returns.cells), bool)
     is_first[returns.following[np.flatnonzero(returns.steps)]] = False
     last, first = np.flatnonzero(returns.steps == 0), np.flatnonzero(is_first)
-    for step in range(_reach(returns.cells, grid, config), 0, -1):
+    for step in range(_extension_columns(returns.cells, grid, config), 0, -1):
         for ends, way in ((last, grid.rows), (first, -grid.rows)):
             filled[returns.cells[ends] + step * way] = returns.values[ends]
 
 
-def _reach(cells: Int, grid: Grid, config: ColumnFillingConfig) -> int:
+def _extension_columns(cells: Int, grid: ColumnGrid, config: ColumnFillingConfig) -> int:
     """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
     is_return = grid.zeros(bool)
     is_return[cells] = True
@@ -152,11 +152,13 @@ def _reach(cells: Int, grid: Grid, config: ColumnFillingConfig) -> int:
     gaps = np.diff(in_order)
     gaps = gaps[np.flatnonzero((gaps > 1) & (np.diff(in_order // grid.rows) == 0))]
     spacing_px = float(np.median(gaps)) if len(gaps) else 0.0
-    return min(max(1, round(config.reach * spacing_px / config.squeeze_px)), grid.margin)
+    return min(
+        max(1, round(config.extension_ratio * spacing_px / config.column_width_px)), grid.margin
+    )
 
 
 def _bridge_gaps(
-    filled: Complex64, returns: _Returns, grid: Grid, config: ColumnFillingConfig
+    filled: Complex64, returns: _Returns, grid: ColumnGrid, config: ColumnFillingConfig
 ) -> None:
     """Interpolate between the two sides of a gap if they are one surface, else take the closer side."""
     begin = np.flatnonzero(returns.steps > 1)
@@ -177,4 +179,4 @@ def _bridge_gaps(
 
 def _is_one_surface(first: Complex64, last: Complex64, config: ColumnFillingConfig) -> Bool:
     near, far = np.maximum(first.real, last.real), np.minimum(first.real, last.real)
-    return np.asarray(near <= config.nearer * far)
+    return np.asarray(near <= config.max_depth_ratio * far)

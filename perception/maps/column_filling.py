@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from cv2.typing import MatLike
 
-from perception.maps.beam_rows import ColumnFillingConfig, Grid, fill_rows
-from perception.maps.filling import Filling
+from perception.maps.beam_rows import ColumnFillingConfig, ColumnGrid, fill_rows
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.maps.region import first_rows, nearest_true
 from perception.types import Bool, Complex64, Float32, Int
@@ -25,11 +25,11 @@ from perception.types import Bool, Complex64, Float32, Int
 _CONFIG = ColumnFillingConfig()
 
 
-def fill_columns(sparse: SparseMaps, config: ColumnFillingConfig = _CONFIG) -> Filling:
+def fill_columns(sparse: SparseMaps, config: ColumnFillingConfig = _CONFIG) -> FilledMaps:
     """Fill along rows, then along columns; both maps from one set of anchors."""
     if not len(sparse):
-        return Filling.empty(sparse.size_px)
-    grid = Grid.over(sparse, config)
+        return FilledMaps.empty(sparse.size_px)
+    grid = ColumnGrid.over(sparse, config)
     filled = fill_rows(sparse, grid, config).reshape(-1, grid.rows)
     # Neither of the two numbers of a cell is -0: where a beam passes, some bit is set.
     is_passed = filled.view(np.int64) != 0
@@ -70,9 +70,9 @@ class _Anchors:
         inverse = self.values.real
         above, below = inverse[:-1], inverse[1:]
         is_neighbor = self._is_neighbor
-        recedes = is_neighbor & (above > config.nearer * below)
-        approaches = is_neighbor & (below > config.nearer * above)
-        is_narrow = self.cells[2:] - self.cells[:-2] <= config.longest_gap_px
+        recedes = is_neighbor & (above > config.max_depth_ratio * below)
+        approaches = is_neighbor & (below > config.max_depth_ratio * above)
+        is_narrow = self.cells[2:] - self.cells[:-2] <= config.max_gap_px
         is_observed = np.ones(len(self.cells), bool)
         is_observed[1:-1] = ~(recedes[:-1] & approaches[1:] & is_narrow)
         seen = np.flatnonzero(is_observed)
@@ -88,7 +88,7 @@ class _Anchors:
         column = self.cells // self.rows
         row = self.cells - column * self.rows
         gap, change = np.diff(self.cells).astype(np.float32), np.diff(self.values)
-        is_surface = self._is_neighbor & (np.abs(change.real) <= config.steepest_per_m_px * gap)
+        is_surface = self._is_neighbor & (np.abs(change.real) <= config.max_slope_per_m_px * gap)
         slopes = np.zeros((len(row), 2), np.complex64)
         slopes[:-1, 1] = change * (is_surface / gap)
         starts = np.stack(
@@ -112,28 +112,32 @@ class _Anchors:
 
 
 def _in_image(
-    columns: Complex64, grid: Grid, sparse: SparseMaps, config: ColumnFillingConfig
-) -> Filling:
+    columns: Complex64, grid: ColumnGrid, sparse: SparseMaps, config: ColumnFillingConfig
+) -> FilledMaps:
     """Return both maps within the region; a return that the camera sees keeps its value at its pixel."""
     both = columns[:, : grid.rows - 1].T
-    begins = np.arange(0, sparse.size_px[0], config.squeeze_px)
+    begins = np.arange(0, sparse.size_px[0], config.column_width_px)
     first = np.minimum.reduceat(first_rows(sparse), begins) - grid.top
     is_inside = (np.arange(grid.rows - 1, dtype=np.int32)[:, None] >= first).view(np.uint8)
     inverse, reflectance = np.ascontiguousarray(both.real), np.ascontiguousarray(both.imag)
     depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, config)
     whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, config)
     # What the camera does not see is not shown either.
-    seen = np.flatnonzero(sparse.depth_m <= config.nearer * depth_m.ravel()[sparse.places])
-    places = sparse.places[seen]
-    depth_m.ravel()[places] = sparse.depth_m[seen]
-    whole.ravel()[places] = sparse.reflectance[seen]
-    return Filling(depth_m, whole)
+    seen = np.flatnonzero(
+        sparse.depth_m <= config.max_depth_ratio * depth_m.ravel()[sparse.flat_indices]
+    )
+    flat_indices = sparse.flat_indices[seen]
+    depth_m.ravel()[flat_indices] = sparse.depth_m[seen]
+    whole.ravel()[flat_indices] = sparse.reflectance[seen]
+    return FilledMaps(depth_m, whole)
 
 
-def _widened(rows: MatLike, grid: Grid, sparse: SparseMaps, config: ColumnFillingConfig) -> Float32:
+def _widened(
+    rows: MatLike, grid: ColumnGrid, sparse: SparseMaps, config: ColumnFillingConfig
+) -> Float32:
     """Return (rows, columns) in an (H, W) map."""
     width, height = sparse.size_px
-    image = np.empty((height, grid.columns * config.squeeze_px), np.float32)
+    image = np.empty((height, grid.columns * config.column_width_px), np.float32)
     image[: grid.top] = 0
-    cv2.merge([rows] * config.squeeze_px, image[grid.top :].reshape(*rows.shape, -1))
+    cv2.merge([rows] * config.column_width_px, image[grid.top :].reshape(*rows.shape, -1))
     return np.ascontiguousarray(image[:, :width])

@@ -8,22 +8,22 @@ import numpy as np
 
 from perception.maps.column_filling import fill_columns
 from perception.maps.distance_filling import fill_natural, fill_nearest
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
-from perception.maps.triangle_filling import fill_linear, fill_triangles
+from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
 from perception.types import Bool, Float32
 
 MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
-Fill = Callable[[SparseMaps], Filling]
+Fill = Callable[[SparseMaps], FilledMaps]
 
 
 def _within_region(fill: Fill) -> Fill:
     return lambda sparse: fill(sparse).within_region(sparse)
 
 
-FILLINGS: Mapping[MapMethod, Fill] = {
+FILL_METHODS: Mapping[MapMethod, Fill] = {
     "default": fill_columns,
-    "thesis": _within_region(fill_triangles),
+    "thesis": _within_region(fill_nearest_vertex),
     "nearest": _within_region(fill_nearest),
     "linear": _within_region(fill_linear),
     "natural": _within_region(fill_natural),
@@ -60,7 +60,7 @@ def densify(sparse: SparseMaps, method: MapMethod = "default") -> DenseMaps:
         method: `default` along beams and columns, `thesis` the nearest vertex of the Delaunay triangle,
             `nearest` the nearest return, `linear` planes over the triangles, `natural` natural neighbours.
     """
-    return dense_maps(sparse, FILLINGS[method])
+    return dense_maps(sparse, FILL_METHODS[method])
 
 
 def dense_maps(sparse: SparseMaps, fill: Fill) -> DenseMaps:
@@ -71,8 +71,10 @@ def dense_maps(sparse: SparseMaps, fill: Fill) -> DenseMaps:
     return DenseMaps(filling.depth_m, filling.reflectance, is_measured, is_valid > is_measured)
 
 
-def _keeps_return(filling: Filling, sparse: SparseMaps) -> Bool:
+def _keeps_return(filling: FilledMaps, sparse: SparseMaps) -> Bool:
     """Tell which (H, W) pixels have the depth of a return that lies there: a method may pass over some."""
     is_measured = np.zeros(filling.depth_m.shape, bool)
-    is_measured.ravel()[sparse.places] = filling.depth_m.ravel()[sparse.places] == sparse.depth_m
+    is_measured.ravel()[sparse.flat_indices] = (
+        filling.depth_m.ravel()[sparse.flat_indices] == sparse.depth_m
+    )
     return is_measured

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Float32, Float64, Int
 
@@ -11,15 +11,15 @@ from perception.types import Float32, Float64, Int
 _FARTHEST_PX = 24
 
 
-def fill_nearest(sparse: SparseMaps) -> Filling:
+def fill_nearest(sparse: SparseMaps) -> FilledMaps:
     """Give every pixel the depth and reflectance of the nearest return, exactly."""
     if not len(sparse):
-        return Filling.empty(sparse.size_px)
+        return FilledMaps.empty(sparse.size_px)
     nearest = _nearest_return(sparse)
-    return Filling(sparse.depth_m[nearest], sparse.reflectance[nearest])
+    return FilledMaps(sparse.depth_m[nearest], sparse.reflectance[nearest])
 
 
-def fill_natural(sparse: SparseMaps) -> Filling:
+def fill_natural(sparse: SparseMaps) -> FilledMaps:
     """Weigh returns by the area that each would lose to a pixel that joined them (Sibson), on the raster.
 
     A pixel loses itself to every pixel that is nearer to it than its own return. So each pixel hands
@@ -27,7 +27,7 @@ def fill_natural(sparse: SparseMaps) -> Filling:
     interpolation.
     """
     if not len(sparse):
-        return Filling.empty(sparse.size_px)
+        return FilledMaps.empty(sparse.size_px)
     nearest = _nearest_return(sparse)
     rows, columns = np.indices(nearest.shape)
     offset = np.stack([columns, rows], axis=-1) - sparse.pixels[nearest]
@@ -39,7 +39,7 @@ def fill_natural(sparse: SparseMaps) -> Filling:
     ]
     count = np.maximum(sums[0], 1)
     means = [(total / count).astype(np.float32) for total in sums[1:]]
-    return Filling(means[0], means[1]).with_measured(sparse)
+    return FilledMaps(means[0], means[1]).with_measured(sparse)
 
 
 def _nearest_return(sparse: SparseMaps) -> Int:

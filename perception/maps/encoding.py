@@ -7,23 +7,25 @@ from perception.errors import UsageError
 from perception.types import Float32, UInt8
 
 
-def encode_depth(depth_m: Float32, nearest_m: float = 5.0, farthest_m: float = 80.0) -> UInt8:
+def encode_depth(depth_m: Float32, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> UInt8:
     """Return depths as 0 at the nearest and 255 at the farthest, linear in inverse depth (6.2).
 
     Rounded, not floored as printed: half the error. What lies outside the limits takes the limit's
     value, what is not known (0) that of the nearest; the validity mask tells them apart.
     """
-    if not 0 < nearest_m < farthest_m:
+    if not 0 < min_depth_m < max_depth_m:
         raise UsageError(
             "range of the depth map",
             expected="0 < nearest < farthest",
-            found=f"{nearest_m:g} and {farthest_m:g} m",
+            found=f"{min_depth_m:g} and {max_depth_m:g} m",
         )
-    scale = 255 * farthest_m / (farthest_m - nearest_m)
-    inverse = np.clip(depth_m, np.float32(nearest_m), np.float32(farthest_m))
+    scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
+    inverse = np.clip(depth_m, np.float32(min_depth_m), np.float32(max_depth_m))
     np.reciprocal(inverse, out=inverse)
     # The one call that scales, rounds and saturates at once; nothing here is below -0.5.
-    return np.asarray(cv2.convertScaleAbs(inverse, alpha=-scale * nearest_m, beta=scale), np.uint8)
+    return np.asarray(
+        cv2.convertScaleAbs(inverse, alpha=-scale * min_depth_m, beta=scale), np.uint8
+    )
 
 
 def encode_reflectance(reflectance: Float32) -> UInt8:
@@ -31,7 +33,7 @@ def encode_reflectance(reflectance: Float32) -> UInt8:
     return np.asarray(cv2.convertScaleAbs(reflectance, alpha=255.0), np.uint8)
 
 
-def decode_depth(encoded: UInt8, nearest_m: float = 5.0, farthest_m: float = 80.0) -> Float32:
+def decode_depth(encoded: UInt8, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> Float32:
     """Return the depths that `encode_depth` made 8-bit values of, to within its rounding."""
-    scale = 255 * farthest_m / (farthest_m - nearest_m)
-    return np.asarray(scale * nearest_m / (scale - encoded.astype(np.float32)), np.float32)
+    scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
+    return np.asarray(scale * min_depth_m / (scale - encoded.astype(np.float32)), np.float32)

@@ -11,7 +11,7 @@ from perception.types import Float32
 
 
 @dataclass(frozen=True)
-class Filling:
+class FilledMaps:
     """Both maps over the whole image, as far as a method can tell.
 
     Attributes:

@@ -52,9 +52,9 @@ class SparseMaps:
         )
 
     @cached_property
-    def places(self) -> Int:
+    def flat_indices(self) -> Int:
         """(N,) row * width + column."""
-        return _places(self.pixels, self.size_px)
+        return _flat_indices(self.pixels, self.size_px)
 
     def scattered(self, values: Float32) -> Float32:
         """Return (N,) values in an (H, W) map, 0 where there is no return."""
@@ -139,11 +139,11 @@ def may_be_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[i
 def _nearest_of_each(pixels: Int, depths_m: Float32, size_px: tuple[int, int]) -> Int:
     """Return which of N points own their pixels, the farthest first."""
     order = _farthest_first(depths_m)
-    places = _places(pixels, size_px)[order]
+    flat_indices = _flat_indices(pixels, size_px)[order]
     # Of what is written to one place, the last stays.
     owner = np.empty(size_px[0] * size_px[1], np.int32)
-    owner[places] = order
-    return order[np.flatnonzero(owner[places] == order)]
+    owner[flat_indices] = order
+    return order[np.flatnonzero(owner[flat_indices] == order)]
 
 
 def _farthest_first(depths_m: Float32) -> Int:
@@ -157,6 +157,6 @@ def _farthest_first(depths_m: Float32) -> Int:
     return np.asarray(keys[::-1] & np.uint64(0xFFFFFFFF), np.intp)
 
 
-def _places(pixels: Int, size_px: tuple[int, int]) -> Int:
+def _flat_indices(pixels: Int, size_px: tuple[int, int]) -> Int:
     """Return row * width + column of (N, 2) pixels."""
     return np.asarray(pixels[:, 1] * np.int32(size_px[0]) + pixels[:, 0], np.intp)

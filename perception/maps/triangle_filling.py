@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import Delaunay, QhullError
 
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Float32, Float64, Int
 
@@ -20,12 +20,12 @@ class _Covered:
         corners: (P, 3) the returns at the triangle's vertices.
     """
 
-    places: Int
+    flat_indices: Int
     pixels: Int
     corners: Int
 
 
-def fill_triangles(sparse: SparseMaps) -> Filling:
+def fill_nearest_vertex(sparse: SparseMaps) -> FilledMaps:
     """Give every pixel within a triangle the value of the nearest of its vertices (6.3)."""
     covered = _triangulate(sparse)
     offset = sparse.pixels[covered.corners] - covered.pixels[:, None]
@@ -35,7 +35,7 @@ def fill_triangles(sparse: SparseMaps) -> Filling:
     return _filled(sparse, covered, weights)
 
 
-def fill_linear(sparse: SparseMaps) -> Filling:
+def fill_linear(sparse: SparseMaps) -> FilledMaps:
     """Lay a plane through the vertices of every triangle (RMlinear of B.2.2)."""
     covered = _triangulate(sparse)
     first, second, third = np.moveaxis(sparse.pixels[covered.corners].astype(np.float64), 1, 0)
@@ -56,17 +56,17 @@ def _triangulate(sparse: SparseMaps) -> _Covered:
     except (QhullError, ValueError):
         return _Covered(np.zeros(0, int), pixels[:0], np.zeros((0, 3), int))
     simplex = triangles.find_simplex(pixels)
-    places = np.flatnonzero(simplex >= 0)
-    return _Covered(places, pixels[places], triangles.simplices[simplex[places]])
+    flat_indices = np.flatnonzero(simplex >= 0)
+    return _Covered(flat_indices, pixels[flat_indices], triangles.simplices[simplex[flat_indices]])
 
 
-def _filled(sparse: SparseMaps, covered: _Covered, weights: Float64) -> Filling:
+def _filled(sparse: SparseMaps, covered: _Covered, weights: Float64) -> FilledMaps:
     def dense(values: Float32) -> Float32:
         flat = np.zeros(sparse.size_px[0] * sparse.size_px[1], np.float32)
-        flat[covered.places] = (weights * values[covered.corners]).sum(axis=1)
+        flat[covered.flat_indices] = (weights * values[covered.corners]).sum(axis=1)
         return flat.reshape(sparse.size_px[::-1])
 
-    return Filling(dense(sparse.depth_m), dense(sparse.reflectance)).with_measured(sparse)
+    return FilledMaps(dense(sparse.depth_m), dense(sparse.reflectance)).with_measured(sparse)
 
 
 def triangles_of(sparse: SparseMaps) -> Int:

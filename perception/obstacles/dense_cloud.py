@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.alignment import align, surface_of
+from perception.geometry.alignment import align, preprocess_points
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import inverse, transform_points
 from perception.types import Float32, Float64, UInt8
@@ -89,28 +89,33 @@ def _moved(scan: PosedScan, dst_SE3_world: Float64) -> Float32:
 
 
 def register_window(
-    window: ScanWindow, box_m: float = 0.5, reach_m: float = 1.0, threads: int = 2
+    window: ScanWindow,
+    voxel_size_m: float = 0.5,
+    max_correspondence_m: float = 1.0,
+    threads: int = 2,
 ) -> ScanWindow:
     """Align every scan with the newest one anew, as the thesis does for each frame (Algorithm 2).
 
     Args:
         window: scans with INS poses.
-        box_m: edge of the box-grid filter; the thesis names none.
-        reach_m: the farthest match of the point-to-point ICP; the thesis names none.
+        voxel_size_m: edge of the box-grid filter; the thesis names none.
+        max_correspondence_m: the farthest match of the point-to-point ICP; the thesis names none.
         threads: of the ICP.
 
     Returns:
         The same scans. A pose whose alignment fails stays the INS's.
     """
     newest = window.newest
-    target = surface_of(newest.points_velo, box_m, threads=threads)
+    target = preprocess_points(newest.points_velo, voxel_size_m, threads=threads)
     newest_SE3_world = inverse(newest.world_SE3_velo)
     registered = ScanWindow(previous_scans=len(window) - 1)
     for scan in window:
         pose = scan.world_SE3_velo
         if scan is not newest:
-            source = surface_of(scan.points_velo, box_m, threads=threads)
-            found = align(target, source, newest_SE3_world @ pose, reach_m, threads, "ICP")
+            source = preprocess_points(scan.points_velo, voxel_size_m, threads=threads)
+            found = align(
+                target, source, newest_SE3_world @ pose, max_correspondence_m, threads, "ICP"
+            )
             if found.is_converged:
                 pose = newest.world_SE3_velo @ np.round(found.target_SE3_source, 10)
         registered.push(PosedScan(scan.points_velo, pose))

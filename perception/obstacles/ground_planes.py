@@ -210,7 +210,7 @@ def validate(
 
 
 @dataclass(frozen=True)
-class PlaneGround:
+class PiecewisePlanesEstimator:
     """Estimates the piecewise planes of a cloud.
 
     Attributes:

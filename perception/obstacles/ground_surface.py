@@ -15,7 +15,7 @@ import numpy as np
 
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
-from perception.geometry.height_grid import HeightGrid, HeightSurface, Samples
+from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.sensor import LidarModel
@@ -34,7 +34,7 @@ class GroundSurfaceConfig:
         max_slope: steepest mean slope of the ground seen from the sensor; steeper streets are rare.
         max_step_m: farthest that the ground beneath the sensor may be from the sensor's height.
         stiffness: of the first surface, between nodes twice as far apart (25 there is 100 here).
-        flexibility_stiffness: of the second surface.
+        fine_stiffness: of the second surface.
         stiff_scales_m: misfit at which a sample loses most of its say, round by round, first surface.
         scales_m: the same, second surface.
         low_scale_ratio: how much larger the scale is below the surface: what lies low is ground rather
@@ -54,7 +54,7 @@ class GroundSurfaceConfig:
     max_slope: float = 0.15
     max_step_m: float = 0.5
     stiffness: float = 25.0
-    flexibility_stiffness: float = 0.3
+    fine_stiffness: float = 0.3
     stiff_scales_m: tuple[float, ...] = (0.3, 0.15, 0.1)
     scales_m: tuple[float, ...] = (0.15, 0.15)
     low_scale_ratio: float = 2.0
@@ -100,11 +100,11 @@ class _CellPoints:
 class _Memory:
     """The averages of one earlier scan, and where it was taken."""
 
-    samples: Samples
+    samples: HeightSamples
     world_SE3_velo: Float64
 
 
-class SurfaceGround:
+class GroundSurfaceEstimator:
     """Estimates the ground of each scan of a drive in turn, remembering a few scans.
 
     A single scan is a window of one.
@@ -146,9 +146,9 @@ class SurfaceGround:
         samples = _joined(averages, self._gaps(memory, averages))
         coarse_m = self._stiff.bilinear(self._fine.nodes_xy_m).interpolate(stiff)
         fine = self._robust_fit(
-            self._fine, samples, coarse_m, config.scales_m, config.flexibility_stiffness
+            self._fine, samples, coarse_m, config.scales_m, config.fine_stiffness
         )
-        self._remember(Samples(averages.points[is_clean], averages.weights[is_clean]), scan)
+        self._remember(HeightSamples(averages.points[is_clean], averages.weights[is_clean]), scan)
         return HeightSurface(self._fine, fine)
 
     def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
@@ -163,7 +163,7 @@ class SurfaceGround:
         cells = i[rows].astype(np.int64) * grid.nodes_y + j[rows].astype(np.int64)
         return _CellPoints(x[rows], y[rows], z[rows], cells)
 
-    def _lowest(self, points: _CellPoints) -> Samples:
+    def _lowest(self, points: _CellPoints) -> HeightSamples:
         """Return the lowest point of each small cell, as far as its height can be ground."""
         off_level_m = np.abs(points.z + self._height_m)
         reach_m = np.hypot(points.x, points.y)
@@ -171,9 +171,9 @@ class SurfaceGround:
         lowest_m = np.full(self._samples.size, np.inf, np.float32)
         np.minimum.at(lowest_m, points.cells, points.z)
         lowest = points[points.z == lowest_m[points.cells]]
-        return Samples(lowest.xyz, np.ones(len(lowest.z)))
+        return HeightSamples(lowest.xyz, np.ones(len(lowest.z)))
 
-    def _stiff_surface(self, samples: Samples) -> Float64:
+    def _stiff_surface(self, samples: HeightSamples) -> Float64:
         config = self._config
         plane = _robust_plane(samples.points, self._height_m)
         plane_m = self._stiff.nodes_xy_m @ plane[:2] + plane[2]
@@ -184,7 +184,7 @@ class SurfaceGround:
     def _robust_fit(
         self,
         grid: HeightGrid,
-        samples: Samples,
+        samples: HeightSamples,
         start_m: Float64,
         scales_m: tuple[float, ...],
         stiffness: float,
@@ -195,11 +195,11 @@ class SurfaceGround:
             misfit_m = samples.points[:, 2] - place.interpolate(heights_m)
             scale = np.where(misfit_m < 0, scale_m * self._config.low_scale_ratio, scale_m)
             weights = samples.weights / (1 + (misfit_m / scale) ** 2) ** 2
-            weighted = Samples(samples.points, weights)
+            weighted = HeightSamples(samples.points, weights)
             heights_m = grid.fit(weighted, place, stiffness, heights_m)
         return heights_m
 
-    def _averages(self, points: _CellPoints, stiff_m: Float64) -> tuple[Samples, Bool]:
+    def _averages(self, points: _CellPoints, stiff_m: Float64) -> tuple[HeightSamples, Bool]:
         """Average the points near the first surface by small cells.
 
         Returns:
@@ -217,9 +217,9 @@ class SurfaceGround:
         sums = [np.bincount(near.cells, values, size)[seen] for values in (near.x, near.y, near.z)]
         means = np.column_stack(sums) / counts[seen, None]
         weights = np.minimum(counts[seen], config.full_count) / config.full_count
-        return Samples(means, weights), np.bincount(stands, minlength=size)[seen] == 0
+        return HeightSamples(means, weights), np.bincount(stands, minlength=size)[seen] == 0
 
-    def _recall(self, world_SE3_velo: Float64) -> Samples:
+    def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
         """Return what is known before the newest scan, in its frame, inside the grid.
 
         That is the remembered averages, and that the vehicle stands on the ground.
@@ -228,17 +228,17 @@ class SurfaceGround:
         recalled = self._footing
         for memory in self._memories:
             moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
-            recalled = _joined(recalled, Samples(moved, memory.samples.weights))
+            recalled = _joined(recalled, HeightSamples(moved, memory.samples.weights))
         inside = self._cells_of(recalled.points) >= 0
         weights = self._config.memory_weight * recalled.weights
-        return Samples(recalled.points[inside], weights[inside])
+        return HeightSamples(recalled.points[inside], weights[inside])
 
-    def _gaps(self, memory: Samples, newest: Samples) -> Samples:
+    def _gaps(self, memory: HeightSamples, newest: HeightSamples) -> HeightSamples:
         """Return what is remembered of the cells that the newest scan did not see."""
         is_observed = np.zeros(self._fine.size, bool)
         is_observed[self._cells_of(newest.points)] = True
         rows = ~is_observed[self._cells_of(memory.points)]
-        return Samples(memory.points[rows], memory.weights[rows])
+        return HeightSamples(memory.points[rows], memory.weights[rows])
 
     def _cells_of(self, points: Float64) -> Int:
         """Return the cell of the surface's grid that each point lies in, -1 outside."""
@@ -248,7 +248,7 @@ class SurfaceGround:
         inside = (i >= 0) & (i < grid.nodes_x - 1) & (j >= 0) & (j < grid.nodes_y - 1)
         return np.where(inside, i * grid.nodes_y + j, -1)
 
-    def _remember(self, clean: Samples, scan: PosedScan) -> None:
+    def _remember(self, clean: HeightSamples, scan: PosedScan) -> None:
         if self._updates % self._config.remember_every == 0:
             self._memories.append(_Memory(clean, scan.world_SE3_velo))
         self._updates += 1
@@ -281,15 +281,15 @@ def _robust_plane(points: Float64, height_m: float) -> Float64:
     return plane
 
 
-def _footing(height_m: float) -> Samples:
+def _footing(height_m: float) -> HeightSamples:
     """Return the ground between the wheels of a car, which its sensor's height tells."""
     x, y = np.meshgrid([-1.5, 0.0, 1.5], [-0.75, 0.0, 0.75])
     z = np.full(x.size, -height_m)
-    return Samples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))
+    return HeightSamples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))
 
 
-def _joined(first: Samples, second: Samples) -> Samples:
-    return Samples(
+def _joined(first: HeightSamples, second: HeightSamples) -> HeightSamples:
+    return HeightSamples(
         np.concatenate([first.points, second.points]),
         np.concatenate([first.weights, second.weights]),
     )

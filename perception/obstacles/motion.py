@@ -58,7 +58,7 @@ class FreeSpaceSegmenter:
         self._gap_m = area.ahead_m * sensor.elevation_step_rad
         # 20 cm: range noise, pose error of 5 cm and the slant of a surface within a pixel. 12 m: seen
         # from farther back, a post of 10 cm at the end of the area falls between two beams.
-        self._memory = FreeSpaceMemory(sensor, horizon_s, travel_m=12.0, margin_m=0.2)
+        self._memory = FreeSpaceMemory(sensor, horizon_s, min_travel_m=12.0, margin_m=0.2)
         self._grid_world: VoxelGrid | None = None
         self._static_map: StaticMap | None = None
         self._moved_before = np.zeros((0, 3), np.float32)

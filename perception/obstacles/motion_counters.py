@@ -19,7 +19,7 @@ from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
 
 
 @dataclass(frozen=True)
-class Subtracted:
+class SubtractedVoxels:
     """The voxel grids before and after the preprocessing.
 
     Attributes:
@@ -34,7 +34,7 @@ class Subtracted:
 
 
 @dataclass(frozen=True)
-class Masks:
+class MotionMasks:
     """Which columns of the ground plane are static and which move; some are neither.
 
     Attributes:
@@ -61,15 +61,15 @@ class MotionCounters:
     """
 
     grid: VoxelGrid
-    voxels: Subtracted
+    voxels: SubtractedVoxels
     static_before: Int
     static: Int
     moving: Int
     log_ratio: Float64
-    masks: Masks
+    masks: MotionMasks
 
 
-def subtract(scan_keys: Sequence[Keys]) -> Subtracted:
+def subtract(scan_keys: Sequence[Keys]) -> SubtractedVoxels:
     """Remove from the merged grid what one scan alone filled, then from the newest what stays.
 
     D <= P_k for some scan k says that all points of the voxel come from that scan, so it is enough to
@@ -86,7 +86,7 @@ def subtract(scan_keys: Sequence[Keys]) -> Subtracted:
     static = KeyCounts(merged.keys[stays], merged.counts[stays])
     newest = scans[-1]
     leaves = ~is_among(newest.keys, static.keys)
-    return Subtracted(merged, static, KeyCounts(newest.keys[leaves], newest.counts[leaves]))
+    return SubtractedVoxels(merged, static, KeyCounts(newest.keys[leaves], newest.counts[leaves]))
 
 
 def column_counter(grid: VoxelGrid, voxels: KeyCounts) -> Int:
@@ -96,23 +96,25 @@ def column_counter(grid: VoxelGrid, voxels: KeyCounts) -> Int:
     return total.astype(np.int64).reshape(across)
 
 
-def log_ratio(moving: Int, static: Int, least: float = 1.0) -> Float64:
+def log_ratio(moving: Int, static: Int, epsilon: float = 1.0) -> Float64:
     """Return log(max(C_d, ε) / max(C_s, ε)), negative where static (5.4)."""
-    return np.asarray(np.log(np.maximum(moving, least)) - np.log(np.maximum(static, least)))
+    return np.asarray(np.log(np.maximum(moving, epsilon)) - np.log(np.maximum(static, epsilon)))
 
 
-def decide(static: Int, moving: Int, static_points: int, moving_points: int) -> Masks:
+def classify_columns(
+    static: Int, moving: Int, min_static_points: int, min_moving_points: int
+) -> MotionMasks:
     """Decide the columns of the ground plane.
 
     As printed, (5.5) compares a log ratio with 50 and 5, which no cell reaches. Read as floors on the
     counts under the ratio, the same numbers work: a column needs T_s points to be static and T_d to
     move, the larger counter wins, and a rival of fewer than T_d points counts as ε = 1.
     """
-    static_rival = np.where(moving >= moving_points, moving, 1)
-    moving_rival = np.where(static >= moving_points, static, 1)
-    return Masks(
-        is_static=(static >= static_points) & (static > static_rival),
-        is_moving=(moving >= moving_points) & (moving > moving_rival),
+    static_rival = np.where(moving >= min_moving_points, moving, 1)
+    moving_rival = np.where(static >= min_moving_points, static, 1)
+    return MotionMasks(
+        is_static=(static >= min_static_points) & (static > static_rival),
+        is_moving=(moving >= min_moving_points) & (moving > moving_rival),
     )
 
 
@@ -124,8 +126,8 @@ class CounterSegmenter:
         area: LocalArea,
         voxel_size_m: float = 0.1,
         clearance_m: float = 0.2,
-        static_points: int = 50,
-        moving_points: int = 5,
+        min_static_points: int = 50,
+        min_moving_points: int = 5,
     ) -> None:
         """Take the thesis' values (Table 7.1).
 
@@ -133,14 +135,14 @@ class CounterSegmenter:
             area: in which obstacles are wanted.
             voxel_size_m: edge of a voxel, υ.
             clearance_m: least distance of an obstacle point from the ground, d_min.
-            static_points: T_s, for a window of 7 scans of an HDL-64E.
-            moving_points: T_d.
+            min_static_points: T_s, for a window of 7 scans of an HDL-64E.
+            min_moving_points: T_d.
         """
         self._area = area
         self._voxel_size_m = voxel_size_m
         self._clearance_m = clearance_m
-        self._static_points = static_points
-        self._moving_points = moving_points
+        self._min_static_points = min_static_points
+        self._min_moving_points = min_moving_points
 
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
         """Segment the newest scan of the window.
@@ -186,7 +188,7 @@ class CounterSegmenter:
             static,
             moving,
             log_ratio(moving, static),
-            decide(static, moving, self._static_points, self._moving_points),
+            classify_columns(static, moving, self._min_static_points, self._min_moving_points),
         )
 
 

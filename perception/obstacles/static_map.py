@@ -12,7 +12,7 @@ from perception.types import Bool, Float32, Float64, Voxels
 
 
 @dataclass(frozen=True)
-class _Remembered:
+class _StaticVoxels:
     """R voxels by rising key, their centres in the frame of the scan that was added last."""
 
     keys: Keys
@@ -29,7 +29,7 @@ class StaticMap:
         self._area = area
         self._memory_scans = memory_scans
         nothing: Keys = np.zeros(0, np.int64)
-        self._known = _Remembered(nothing, nothing, nothing, np.zeros((0, 3), np.float32))
+        self._known = _StaticVoxels(nothing, nothing, nothing, np.zeros((0, 3), np.float32))
         self._world_SE3_velo = np.eye(4)
 
     def update(
@@ -60,7 +60,7 @@ class StaticMap:
         )
         queried = np.flatnonzero(stays & ~is_observed)
         stays[queried] = ~is_free(centers_velo[queried])
-        kept = _Remembered(
+        kept = _StaticVoxels(
             known.keys[stays],
             known.counts[stays],
             known.unseen_scans[stays] + 1,
@@ -76,7 +76,7 @@ class StaticMap:
         return np.asarray(centers_world @ rotation.T + translation_m, np.float32)
 
 
-def _join(kept: _Remembered, seen: KeyCounts, seen_centers_velo: Float32) -> _Remembered:
+def _join(kept: _StaticVoxels, seen: KeyCounts, seen_centers_velo: Float32) -> _StaticVoxels:
     """Add up the counts of voxels kept and seen; what is seen is 0 scans old."""
     groups = group_keys(np.concatenate([kept.keys, seen.keys]))
     voxels = len(groups.first)
@@ -85,7 +85,7 @@ def _join(kept: _Remembered, seen: KeyCounts, seen_centers_velo: Float32) -> _Re
     unseen[groups.group_of[: len(kept.keys)]] = kept.unseen_scans
     unseen[groups.group_of[len(kept.keys) :]] = 0
     centers = np.concatenate([kept.centers_velo, seen_centers_velo])
-    return _Remembered(
+    return _StaticVoxels(
         groups.counted.keys,
         np.bincount(groups.group_of, counts, voxels).astype(np.int64),
         unseen,

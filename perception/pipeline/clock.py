@@ -36,14 +36,14 @@ class StageClock:
         self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
 
     @contextmanager
-    def parts(self) -> Iterator[list[StageSpan]]:
+    def nested(self) -> Iterator[list[StageSpan]]:
         """Take in the stages that are put into the list within, by times since this began.
 
         Those without a worker were run by this clock's own.
         """
         begun_s = time.perf_counter() - self._arrival_s
-        parts: list[StageSpan] = []
-        yield parts
+        nested: list[StageSpan] = []
+        yield nested
         self.spans += tuple(
             StageSpan(
                 part.stage,
@@ -51,7 +51,7 @@ class StageClock:
                 begun_s + part.start_s,
                 begun_s + part.stop_s,
             )
-            for part in parts
+            for part in nested
         )
 
 

@@ -5,7 +5,7 @@ from typing import Self
 
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
-from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea, VehicleBody
+from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
 from perception.geometry.registration import RegistrationConfig
 from perception.pipeline.detection_choice import NO_DETECTION, DetectionConfig
 from perception.types import Method
@@ -34,10 +34,10 @@ class PipelineConfig:
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     previous_scans: int = 6
     area: LocalArea = MOVING_OBJECT_AREA
-    body: VehicleBody = field(default_factory=VehicleBody)
+    ego_vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     seed: int = 0
-    overlap: bool = True
+    parallel: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a window without history."""

@@ -63,9 +63,9 @@ class DetectionChain:
             return None
         if frame.image is None and self.multimodal.detectors.keys() == {"rgb"}:
             return None
-        with clock.parts() as parts:
+        with clock.nested() as nested:
             multimodal = self.multimodal.detect(frame, dense)
-            parts.extend(multimodal.spans)
+            nested.extend(multimodal.spans)
         return multimodal
 
     def _run_depthcn(self, frame: Frame, dense: DenseMaps, clock: StageClock) -> Detections | None:

@@ -9,11 +9,11 @@ from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
 from perception.geometry.grids import LocalArea
 from perception.geometry.mounting import check_mounting
-from perception.geometry.registration import Localizer, PoseOrigin
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.registration import LidarOdometry, PoseOrigin
+from perception.geometry.threads import limit_blas_threads
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
-from perception.obstacles.ground_planes import PlaneGround
-from perception.obstacles.ground_surface import SurfaceGround
+from perception.obstacles.ground_planes import PiecewisePlanesEstimator
+from perception.obstacles.ground_surface import GroundSurfaceEstimator
 from perception.obstacles.motion import motion_segmenter
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
@@ -40,7 +40,7 @@ class GroundEstimator(Protocol):
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LidarResult:
     """What the scans tell at one moment.
 
     Attributes:
@@ -72,7 +72,7 @@ class ObstacleChain:
     def reset(self) -> None:
         """Forget the drive so far."""
         config = self._config
-        self._localizer = Localizer(config.registration)
+        self._odometry = LidarOdometry(config.registration)
         self._window = ScanWindow(config.previous_scans)
         self._ground = ground_estimator(self._sensor, config, config.method)
         self._motion = motion_segmenter(self._sensor, config.area, config.method)
@@ -81,7 +81,7 @@ class ObstacleChain:
     def close(self) -> None:
         """There is nothing to end."""
 
-    def step(self, frame: Frame, clock: StageClock) -> Surroundings:
+    def step(self, frame: Frame, clock: StageClock) -> LidarResult:
         """Say where the ground of this frame is, what stands on it, what moves, and where to.
 
         Raises:
@@ -92,7 +92,7 @@ class ObstacleChain:
         if self._datmo is not None:
             with clock.stage("moving objects"):
                 tracks = self._datmo.update(scan)
-        return Surroundings(scan.world_SE3_velo, scan.ground, obstacles, tracks, scan.is_reset)
+        return LidarResult(scan.world_SE3_velo, scan.ground, obstacles, tracks, scan.is_reset)
 
     def segment(self, frame: Frame) -> tuple[Result, SegmentedScan]:
         """Do all that comes before moving objects: for whoever compares ways to find and follow them.
@@ -101,7 +101,7 @@ class ObstacleChain:
             PerceptionError: as for `step`.
         """
         clock = StageClock()
-        with one_blas_thread():
+        with limit_blas_threads():
             obstacles, scan = self._segment(frame, clock)
         result = Result(
             frame,
@@ -118,8 +118,8 @@ class ObstacleChain:
             check_mounting(frame.points_velo, self._sensor, frame.source)
         with clock.stage("registration"):
             # The vehicle's own returns move with it and would be obstacles wherever it is.
-            around = np.flatnonzero(~self._config.body.contains_xy(frame.points_velo))
-            points_velo = frame.points_velo.take(around, axis=0)
+            outside_ego = np.flatnonzero(~self._config.ego_vehicle.contains_xy(frame.points_velo))
+            points_velo = frame.points_velo.take(outside_ego, axis=0)
             window, is_reset = self._localize(frame, points_velo)
         with clock.stage("ground"):
             ground = self._ground.update(window)
@@ -136,7 +136,7 @@ class ObstacleChain:
             is_reset=is_reset,
         )
         point_states = np.full(len(frame.points_velo), PointState.OUTSIDE, np.uint8)
-        point_states[around] = obstacles.point_states
+        point_states[outside_ego] = obstacles.point_states
         return replace(obstacles, point_states=point_states), scan
 
     def _localize(self, frame: Frame, points_velo: Float32) -> tuple[ScanWindow, bool]:
@@ -144,7 +144,7 @@ class ObstacleChain:
         if self._config.method == "thesis" and frame.world_SE3_velo is not None:
             self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
             return register_window(self._window), False
-        localization = self._localizer.update(
+        localization = self._odometry.update(
             points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         )
         if localization.is_reset:
@@ -160,7 +160,7 @@ class _PlanesOfWindow:
     """The thesis' planes through the merged cloud (Algorithm 3 on (5.1))."""
 
     def __init__(self, sensor: LidarModel, area: LocalArea, seed: int) -> None:
-        self._planes = PlaneGround(sensor, area)
+        self._planes = PiecewisePlanesEstimator(sensor, area)
         self._area, self._random = area, np.random.default_rng(seed)
 
     def update(self, window: ScanWindow) -> GroundModel:
@@ -171,4 +171,4 @@ def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method)
     """Make the ground estimator of a method."""
     if method == "thesis":
         return _PlanesOfWindow(sensor, config.area, config.seed)
-    return SurfaceGround(sensor, config.area)
+    return GroundSurfaceEstimator(sensor, config.area)

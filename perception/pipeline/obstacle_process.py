@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from perception.errors import PerceptionError
-from perception.geometry.threads import keep_opencv_to_one_thread, one_blas_thread
+from perception.geometry.threads import limit_blas_threads, limit_opencv_threads
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain, Surroundings
+from perception.pipeline.obstacle_chain import LidarResult, ObstacleChain
 from perception.sensor import LidarModel
 from perception.types import Frame
 
@@ -62,14 +62,14 @@ class ObstacleProcess:
         """By which the system knows it."""
         return self._process.pid
 
-    def step(self, frame: Frame, clock: StageClock) -> Surroundings:
+    def step(self, frame: Frame, clock: StageClock) -> LidarResult:
         """Return what the chain's `step` does; the clock has its stages then.
 
         Raises:
             PerceptionError: as for the chain's `step`, or the process has ended.
         """
-        surroundings, clock.spans = self._call("step", replace(frame, image=None), clock)
-        return cast(Surroundings, surroundings)
+        lidar_result, clock.spans = self._call("step", replace(frame, image=None), clock)
+        return cast(LidarResult, lidar_result)
 
     def reset(self) -> None:
         """Forget the drive so far."""
@@ -153,8 +153,8 @@ def serve() -> None:
     # Whatever prints shall not do so into the answers.
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    keep_opencv_to_one_thread()
-    with one_blas_thread():
+    limit_opencv_threads()
+    with limit_blas_threads():
         try:
             _serve_requests(sys.stdin.buffer, responses)
         except BrokenPipeError:

@@ -20,7 +20,7 @@ from perception.detection.detectors.multimodal import MultimodalOutput
 from perception.detection.vehicles.objects import locate
 from perception.detection.vehicles.tracker import VehicleTracker
 from perception.errors import CalibrationError
-from perception.geometry.threads import keep_opencv_to_one_thread
+from perception.geometry.threads import limit_opencv_threads
 from perception.maps.projection import camera_of
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
@@ -30,10 +30,10 @@ from perception.pipeline.detection_chain import (
     is_detection_enabled,
     load_detectors,
 )
-from perception.pipeline.obstacle_chain import ObstacleChain, Surroundings
+from perception.pipeline.obstacle_chain import LidarResult, ObstacleChain
 from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.pipeline.stream import FramePolicy, ResultStream
-from perception.pipeline.workers import CallerWorker, ThreadWorker, Worker
+from perception.pipeline.workers import InlineWorker, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Frame, Result
 
@@ -64,17 +64,19 @@ class Pipeline:
         self.config = config or PipelineConfig()
         self._has_detectors = is_detection_enabled(self.config.detection)
         # Where nothing works beside them, obstacles need no process of their own.
-        is_beside = self.config.overlap and self._has_detectors
-        self._obstacles = (ObstacleProcess if is_beside else ObstacleChain)(sensor, self.config)
+        has_own_process = self.config.parallel and self._has_detectors
+        self._obstacles = (ObstacleProcess if has_own_process else ObstacleChain)(
+            sensor, self.config
+        )
         with ExitStack() as on_error:
             on_error.callback(self._obstacles.close)
             self._detection = load_detectors(self.config.detection, sensor)
             self._obstacles.reset()  # a process answers when it is ready for the first frame
             on_error.pop_all()
         self._forget_vehicles()
-        if self.config.overlap:
-            keep_opencv_to_one_thread()
-        kind = ThreadWorker if self.config.overlap else CallerWorker
+        if self.config.parallel:
+            limit_opencv_threads()
+        kind = ThreadWorker if self.config.parallel else InlineWorker
         self._obstacle_worker: Worker = kind("obstacles")
         self._vehicle_worker: Worker = kind("vehicles")
         self._has_told = False
@@ -137,31 +139,33 @@ class Pipeline:
 
     def _begin(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         """Give a frame's stages to the workers, each after those that it waits for."""
-        over = StageClock(self._obstacle_worker.name, arrival_s)
-        under = StageClock(self._vehicle_worker.name, arrival_s)
-        around = self._obstacle_worker.submit(self._obstacles.step, frame, over)
-        return self._vehicle_worker.submit(self._find_vehicles, frame, around, over, under)
+        lidar_clock = StageClock(self._obstacle_worker.name, arrival_s)
+        camera_clock = StageClock(self._vehicle_worker.name, arrival_s)
+        lidar_future = self._obstacle_worker.submit(self._obstacles.step, frame, lidar_clock)
+        return self._vehicle_worker.submit(
+            self._assemble_result, frame, lidar_future, lidar_clock, camera_clock
+        )
 
-    def _find_vehicles(
+    def _assemble_result(
         self,
         frame: Frame,
-        around: "Future[Surroundings]",
-        over: StageClock,
-        under: StageClock,
+        lidar_future: "Future[Surroundings]",
+        lidar_clock: StageClock,
+        camera_clock: StageClock,
     ) -> Result:
         """Look through the camera's eyes while obstacles are found; then join what both have seen."""
-        detected = self._detect(frame, under)
-        surroundings = around.result()
-        if surroundings.is_reset:
+        detected = self._detect(frame, camera_clock)
+        lidar_result = lidar_future.result()
+        if lidar_result.is_reset:
             self._vehicles.end_all()
-        result = surroundings.result(frame)
+        result = lidar_result.result(frame)
         if detected.multimodal is not None:
-            result = self._add_vehicles(result, detected.multimodal, under)
+            result = self._add_vehicles(result, detected.multimodal, camera_clock)
         return replace(
             result,
             depthcn=detected.depthcn,
-            timings_s=over.seconds | under.seconds,
-            spans=over.spans + under.spans,
+            timings_s=lidar_clock.seconds | camera_clock.seconds,
+            spans=lidar_clock.spans + camera_clock.spans,
         )
 
     def _detect(self, frame: Frame, clock: StageClock) -> DetectionResult:
@@ -185,7 +189,7 @@ class Pipeline:
             )
         return replace(
             result,
-            modal=multimodal.modal,
+            modality_detections=multimodal.modality_detections,
             map_pictures=multimodal.pictures,
             vehicles=moved.vehicles,
             tracks=moved.tracks,

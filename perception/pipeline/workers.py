@@ -4,10 +4,10 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, ParamSpec, Protocol, TypeVar
 
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 
-Given = ParamSpec("Given")
-Made = TypeVar("Made")
+Params = ParamSpec("Given")
+Returned = TypeVar("Made")
 
 
 class Worker(Protocol):
@@ -19,7 +19,7 @@ class Worker(Protocol):
         ...
 
     def submit(
-        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+        self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Made]":
         """Take a task; its result or error comes with the future."""
         ...
@@ -37,29 +37,29 @@ class ThreadWorker:
         self._executor = ThreadPoolExecutor(1, thread_name_prefix=name)
 
     def submit(
-        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+        self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Made]":
         """Take a task; tasks wait in line."""
-        return self._executor.submit(_with_one_blas_thread, task, *args, **kwargs)
+        return self._executor.submit(_with_limited_blas, task, *args, **kwargs)
 
     def close(self) -> None:
         """Drop what waits, and end the thread after what it does now."""
         self._executor.shutdown(cancel_futures=True)
 
 
-class CallerWorker:
+class InlineWorker:
     """Does each task at once, in the thread that gives it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def submit(
-        self, task: Callable[Given, Made], /, *args: Given.args, **kwargs: Given.kwargs
+        self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Made]":
         """Do the task; return what came of it."""
-        future: Future[Made] = Future()
+        future: Future[Returned] = Future()
         try:
-            future.set_result(_with_one_blas_thread(task, *args, **kwargs))
+            future.set_result(_with_limited_blas(task, *args, **kwargs))
         except Exception as error:  # whatever it is, it is for the one who asks for the result
             future.set_exception(error)
         return future
@@ -68,6 +68,6 @@ class CallerWorker:
         """There is nothing to end."""
 
 
-def _with_one_blas_thread(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task
-    with one_blas_thread():
+def _with_limited_blas(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task
+    with limit_blas_threads():
         return task(*args, **kwargs)

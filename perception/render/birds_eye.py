@@ -15,7 +15,7 @@ from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.palette import Color
 from perception.render.pixels import packed, paint_pixels, places_of
-from perception.render.surface import Surface
+from perception.render.surface import GroundMesh
 from perception.render.text import Align, draw_text
 from perception.render.vehicle import vehicle_outline_m
 from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
@@ -75,7 +75,7 @@ def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
     return BirdsEyeView(size_px, scale, (width / 2, top_px + area.ahead_m * scale))
 
 
-def draw_birds_eye(view: BirdsEyeView, result: Result, surface: Surface) -> UInt8:
+def draw_birds_eye(view: BirdsEyeView, result: Result, surface: GroundMesh) -> UInt8:
     """Return the canvas with ground, points, obstacles, range rings and the vehicle."""
     canvas = blank_canvas(view.size_px, palette.PANEL)
     draw_ground(canvas, view, surface)
@@ -87,7 +87,7 @@ def draw_birds_eye(view: BirdsEyeView, result: Result, surface: Surface) -> UInt
     return canvas
 
 
-def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: Surface) -> None:
+def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
     """Shade the ground as a relief under a low sun; flat ground is evenly blue."""
     along_x, along_y = surface.slope()
     normal = np.stack(
@@ -120,7 +120,7 @@ def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
     paint_pixels(canvas, places, packed(tints).take(states))
 
 
-def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: Surface) -> None:
+def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: GroundMesh) -> None:
     """Draw static voxels as squares, brighter the higher they stand; the highest is on top."""
     above_m = voxels.centers_m[:, 2] - float(np.median(surface.height_m))
     lowest_first = np.argsort(above_m, kind="stable")

@@ -53,7 +53,7 @@ def plot_color_model(path: Path, title: str, scene: ColorModelScene) -> None:
         axes = figure.add_subplot(1, 4, column, projection="3d")
         _draw_colors(axes, ratios)
         axes.set_title(f"{name}: {np.count_nonzero(ratios)} colours")
-    shown = _draw_climb(confidence, scene, part)
+    shown = _draw_mean_shift(confidence, scene, part)
     figure.colorbar(shown, ax=confidence, label="confidence", shrink=0.7)
     save_figure(figure, path)
 
@@ -114,7 +114,7 @@ def _draw_colors(axes: Any, ratios: Float64) -> None:  # noqa: ANN401  (its type
     axes.patch.set_visible(False)
 
 
-def _draw_climb(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]) -> Any:  # noqa: ANN401
+def _draw_mean_shift(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]) -> Any:  # noqa: ANN401
     """Draw the confidence of every pixel, and the outlines from the first, dark, to the last, bright."""
     confidence = scene.filtered[color_bins(scene.image[part])]
     shown = _show(axes, confidence, part, cmap="gray", vmin=0, vmax=1)

@@ -15,7 +15,7 @@ from perception.render.map_panels import map_panels
 from perception.render.overlay import draw_overlay
 from perception.render.panels import FittedImage, LegendEntry, place_panel, title_height_px
 from perception.render.perspective import chase_camera, draw_perspective
-from perception.render.surface import Surface, sample_surface
+from perception.render.surface import GroundMesh, sample_surface
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
@@ -152,7 +152,7 @@ class _Scene:
     """
 
     result: Result
-    surface: Surface
+    surface: GroundMesh
     figures: TrackFigures
     style: TrackStyle
     tracked: TrackedObjectFigure | None

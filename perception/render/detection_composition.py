@@ -96,6 +96,6 @@ class DetectionComposition:
         start, stop = (round(share * width) for share in _BAR_SHARES)
         draw_stage_bar(canvas[:, start:stop], scene.timings_s, self.turn_s, _TEXT_PX)
         counts = f"{len(scene.detections)} of {len(scene.proposals_px)} proposals"
-        for row, words in enumerate((f"frame {scene.number}", counts)):
+        for row, text in enumerate((f"frame {scene.number}", counts)):
             baseline = (width - _TEXT_PX, (0.40 + 0.36 * row) * height)
-            draw_text(canvas, words, baseline, height_px=_TEXT_PX, align=Align.RIGHT)
+            draw_text(canvas, text, baseline, height_px=_TEXT_PX, align=Align.RIGHT)

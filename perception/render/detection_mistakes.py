@@ -13,8 +13,8 @@ _MIN_WIDTH_PX = 960
 _TEXT_PX = 11
 
 
-def draw_mistakes(
-    picture: UInt8, objects_px: Float64, others_px: Float64, detections: Detections, iou: float
+def draw_detection_errors(
+    picture: UInt8, objects_px: Float64, ignored_px: Float64, detections: Detections, iou: float
 ) -> UInt8:
     """Return an (H, W, 3) picture with objects and detections on it, enlarged where it is small.
 
@@ -24,7 +24,7 @@ def draw_mistakes(
     Args:
         picture: (H, W, 3), or (H, W, 1) of a map.
         objects_px: (M, 4) what has to be found.
-        others_px: (K, 4) what may be found: other classes alike, objects too hard to see, regions unlabelled.
+        ignored_px: (K, 4) what may be found: other classes alike, objects too hard to see, regions unlabelled.
         detections: sure enough to count.
         iou: from which on an object is found.
     """
@@ -33,10 +33,10 @@ def draw_mistakes(
     if canvas.shape[2] == 1:
         canvas = np.asarray(cv2.cvtColor(canvas, cv2.COLOR_GRAY2RGB), np.uint8)
     overlaps = iou_px(objects_px, detections.boxes_px) > iou
-    is_excused = (iou_px(others_px, detections.boxes_px) > iou).any(axis=0)
-    is_wrong: Bool = np.asarray(~overlaps.any(axis=0) & ~is_excused)
+    is_ignored = (iou_px(ignored_px, detections.boxes_px) > iou).any(axis=0)
+    is_wrong: Bool = np.asarray(~overlaps.any(axis=0) & ~is_ignored)
     is_found = overlaps.any(axis=1)
-    draw_boxes(canvas, scale * others_px, palette.FAINT_TEXT)
+    draw_boxes(canvas, scale * ignored_px, palette.FAINT_TEXT)
     draw_boxes(canvas, scale * objects_px[is_found], palette.TEXT)
     draw_boxes(canvas, scale * objects_px[~is_found], palette.STATIC, width_px=3)
     for rows, color in ((~is_wrong, palette.MOVING), (is_wrong, palette.TRACKED_OBJECT)):

@@ -26,8 +26,8 @@ def draw_detections(canvas: UInt8, detections: Detections, text_px: int) -> None
     for box_px, score, name in zip(
         ranked.boxes_px, ranked.scores.tolist(), ranked.types.tolist(), strict=True
     ):
-        words = f"{score:.2f}" if is_one_class else f"{name} {score:.2f}"
-        draw_tag(canvas, words, box_px, DETECTED, text_px)
+        text = f"{score:.2f}" if is_one_class else f"{name} {score:.2f}"
+        draw_tag(canvas, text, box_px, DETECTED, text_px)
 
 
 def draw_boxes(canvas: UInt8, boxes_px: Float64, color: Color, width_px: int = 1) -> None:

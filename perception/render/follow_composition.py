@@ -84,10 +84,10 @@ def _legends(scene: TrackedObjectScene) -> list[list[LegendEntry]]:
 
 def _write_chart_words(chart: UInt8, text_px: int, left_px: float) -> None:
     """Say under the chart what it shows, each state in its colour."""
-    words = [("km/h over the drive, object", palette.FAINT_TEXT)]
-    words += [(str(state), color) for state, color in STATUS_COLORS.items()]
+    text = [("km/h over the drive, object", palette.FAINT_TEXT)]
+    text += [(str(state), color) for state, color in STATUS_COLORS.items()]
     baseline = chart.shape[0] - 0.45 * text_px
-    for said, color in words:
+    for said, color in text:
         draw_text(chart, said, (left_px, baseline), color=color, height_px=text_px)
         left_px += text_width_px(said, text_px) + text_px
 
@@ -105,11 +105,11 @@ def _write_state(canvas: UInt8, scene: TrackedObjectScene, text_px: int) -> None
     if box is not None and scene.truth is not None:
         lines.append((_off_the_label(box, scene.truth), palette.TRUTH))
     time_s, spent_ms = frame.stamp_s, 1e3 * scene.seconds
-    words = f"frame {frame.index}   {time_s:.1f} s   tracker {spent_ms:.1f} ms"
-    lines.append((words, palette.FAINT_TEXT))
-    for number, (words, color) in enumerate(lines):
+    text = f"frame {frame.index}   {time_s:.1f} s   tracker {spent_ms:.1f} ms"
+    lines.append((text, palette.FAINT_TEXT))
+    for number, (text, color) in enumerate(lines):
         at = (width - 1.2 * text_px, height * (0.30 + 0.28 * number))
-        draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
+        draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
 
 
 def _off_the_label(box: Boxes3D, truth: Boxes3D) -> str:

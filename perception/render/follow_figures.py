@@ -32,7 +32,7 @@ class TrackedObjectFigure:
     """
 
     figures: TrackFigures
-    words: str
+    text: str
     color: Color
 
     @classmethod
@@ -57,17 +57,17 @@ class TrackedObjectFigure:
         figures = track_figures(track, [np.zeros((0, 3)) if way_velo is None else way_velo])
         return cls(
             figures,
-            _words(tracked, name),
+            _label_text(tracked, name),
             palette.FAINT_TEXT if is_lost else palette.TRACKED_OBJECT,
         )
 
     def draw(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:
         """Draw it, and its words over its box or under it."""
         (outline_px,) = draw_track_figures(canvas, image_P_velo, self.figures, [self.color], style)
-        draw_tag(canvas, self.words, outline_px, self.color, style.text_px)
+        draw_tag(canvas, self.text, outline_px, self.color, style.text_px)
 
 
-def _words(tracked: TrackedObject, name: str) -> str:
+def _label_text(tracked: TrackedObject, name: str) -> str:
     speed_m_s = float(np.hypot(*tracked.velocity_m_s))
     speed = f"{speed_m_s:.1f} m/s" if name else f"{KM_H * speed_m_s:.1f} km/h"
     said = {
@@ -78,11 +78,11 @@ def _words(tracked: TrackedObject, name: str) -> str:
     return f"{name}  {said}".strip()
 
 
-def draw_tag(canvas: UInt8, words: str, outline_px: Float64, color: Color, text_px: int) -> None:
+def draw_tag(canvas: UInt8, text: str, outline_px: Float64, color: Color, text_px: int) -> None:
     """Write words on a dark tag over a (4,) rectangle x1 y1 x2 y2, or under it; none where it is not seen."""
     height, width = canvas.shape[:2]
     x1, y1, x2, y2 = np.clip(outline_px, 0, (width, height, width, height)).tolist()
-    size = (text_width_px(words, text_px) + round(1.2 * text_px), round(1.9 * text_px))
+    size = (text_width_px(text, text_px) + round(1.2 * text_px), round(1.9 * text_px))
     if not (x2 > x1 and y2 > y1) or size[0] > width:
         return
     left = round(min(max((x1 + x2 - size[0]) / 2, 0), width - size[0]))
@@ -92,7 +92,7 @@ def draw_tag(canvas: UInt8, words: str, outline_px: Float64, color: Color, text_
     tag[:] = tag // 4
     tag[:, : max(text_px // 4, 2)] = color
     baseline = (left + 0.7 * text_px, top + 1.45 * text_px)
-    draw_text(canvas, words, baseline, color=palette.TEXT, height_px=text_px)
+    draw_text(canvas, text, baseline, color=palette.TEXT, height_px=text_px)
 
 
 def draw_way(canvas: UInt8, image_P_velo: Float64, way_velo: Float64, color: Color) -> None:

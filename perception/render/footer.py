@@ -36,10 +36,10 @@ def draw_footer(
         draw_worker_bars(bar, spans, turn_s, round(0.85 * text_px))
     else:
         draw_stage_bar(bar, result.timings_s, turn_s, round(0.85 * text_px))
-    for line, words in enumerate(_told(result)):
+    for line, text in enumerate(_told(result)):
         at = (width - 1.2 * text_px, height * (0.42 + 0.4 * line))
         color = palette.FAINT_TEXT if line else palette.TEXT
-        draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
+        draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
 
 
 def _told(result: Result) -> list[str]:

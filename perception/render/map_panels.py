@@ -37,7 +37,7 @@ def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
         values = _smaller(shown, scale)
         picture: UInt8 = np.asarray(cv2.applyColorMap(values, _COLORS[modality]), np.uint8)
         # Pixels of the map whose centres are whole numbers, as in `Resizing`.
-        boxes_px = (likely_boxes_px(result.modal[modality]) + 0.5) * scale - 0.5
+        boxes_px = (likely_boxes_px(result.modality_detections[modality]) + 0.5) * scale - 0.5
         draw_boxes(picture, boxes_px, palette.MODALITIES[modality])
         panels[_TITLES[modality]] = picture[round(_SKY_SHARE * len(picture)) :]
     return panels

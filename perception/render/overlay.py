@@ -10,7 +10,7 @@ from perception.geometry.camera import project
 from perception.render import palette
 from perception.render.cubes import CubeImage, render_cubes
 from perception.render.pixels import PackedColors, packed, unpacked
-from perception.render.surface import Surface
+from perception.render.surface import GroundMesh
 from perception.types import Float32, Float64, Int, Obstacles, UInt8, Voxels
 
 _NEAREST_M = 0.7
@@ -47,7 +47,7 @@ ON_CAMERA = OverlayStyle()
 def draw_overlay(
     image: UInt8,
     image_P_velo: Float64,
-    surface: Surface,
+    surface: GroundMesh,
     obstacles: Obstacles,
     style: OverlayStyle = ON_CAMERA,
 ) -> UInt8:
@@ -89,7 +89,7 @@ def _voxels_and_color_indices(obstacles: Obstacles) -> tuple[Voxels, Int]:
 
 
 def _paint_ground(
-    image_P_velo: Float64, size_px: tuple[int, int], surface: Surface, style: OverlayStyle
+    image_P_velo: Float64, size_px: tuple[int, int], surface: GroundMesh, style: OverlayStyle
 ) -> tuple[PackedColors, Float32]:
     """Return (H, W) colours and (H, W) opacity: a faint fill, and a mesh of lines on it."""
     width, height = size_px

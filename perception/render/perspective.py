@@ -9,7 +9,7 @@ from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.overlay import OverlayStyle, draw_overlay
 from perception.render.pixels import packed, paint_pixels, places_of
-from perception.render.surface import Surface
+from perception.render.surface import GroundMesh
 from perception.render.vehicle import Face, vehicle_faces
 from perception.types import Float64, PointState, Result, UInt8
 
@@ -46,7 +46,7 @@ def chase_camera(
     return np.asarray(image_P_straight @ from_euler(0.0, 0.0, -turn_rad))
 
 
-def draw_perspective(size_px: tuple[int, int], result: Result, surface: Surface) -> UInt8:
+def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMesh) -> UInt8:
     """Return the scene as an image of (width, height): points, ground, obstacles and the vehicle."""
     image_P_velo = chase_camera(size_px)
     image = blank_canvas(size_px, palette.PANEL)

@@ -54,7 +54,7 @@ def rgb(color: Color) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True)
-class Grid:
+class ValueGrid:
     """One figure of merit over two parameters.
 
     Attributes:
@@ -76,7 +76,7 @@ class Grid:
     digits: int = 3
 
 
-def plot_grid(path: Path, title: str, grid: Grid, *, is_low_good: bool) -> None:
+def plot_grid(path: Path, title: str, grid: ValueGrid, *, is_low_good: bool) -> None:
     """Draw the values as a map with the number in each cell, the best one framed."""
     figure = new_figure(6.4, 4.8, title)
     axes = figure.add_subplot()

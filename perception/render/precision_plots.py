@@ -25,13 +25,13 @@ class PrecisionPanel:
         title: which class, and how it is judged.
         curves: by the name in the legend, (K,) precision 0 to 1 at K evenly spaced recalls from 0 to 1.
         legend_title: what the names in the legend say.
-        without_curves: what the panel says where there is none.
+        empty_text: what the panel says where there is none.
     """
 
     title: str
     curves: Mapping[str, Float64]
     legend_title: str = ""
-    without_curves: str = "nothing detected"
+    empty_text: str = "nothing detected"
 
 
 def plot_precision(path: Path, title: str, panels: Sequence[PrecisionPanel]) -> None:
@@ -54,6 +54,6 @@ def precision_figure(title: str, panels: Sequence[PrecisionPanel]) -> "Figure":
         if panel.curves:
             axes.legend(loc="lower left", title=panel.legend_title)
         else:
-            axes.text(0.5, 0.5, panel.without_curves, ha="center", va="center", color="grey")
+            axes.text(0.5, 0.5, panel.empty_text, ha="center", va="center", color="grey")
     axes_of_panels[0].set_ylabel("precision")
     return figure

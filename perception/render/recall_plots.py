@@ -19,7 +19,7 @@ def plot_recall_by_count(path: Path, title: str, recalls: Mapping[str, ProposalR
         title: of the figure.
         recalls: by the name of the setting.
     """
-    most = max(1, *(min(recall.most_in_a_frame, _MAX_PROPOSALS) for recall in recalls.values()))
+    most = max(1, *(min(recall.max_per_frame, _MAX_PROPOSALS) for recall in recalls.values()))
     one = next(iter(recalls.values())).difficulties
     panels = [
         SuccessPanel(

@@ -45,10 +45,10 @@ def draw_worker_bars(
     turn_px = round(turn_s / full_s * width)
     color = palette.STATIC if turn_px < width else palette.FAINT_TEXT
     canvas[round(0.08 * height) : round(0.46 * height), turn_px - 2 : turn_px] = color
-    words = f"{turn_s * 1e3:.0f} ms: one turn of the LiDAR"
-    taken_px = text_width_px(words, text_px) + _gap_px(text_px)
+    text = f"{turn_s * 1e3:.0f} ms: one turn of the LiDAR"
+    taken_px = text_width_px(text, text_px) + _gap_px(text_px)
     at = (width - 2, _write_stages(canvas, spans, taken_px, text_px))
-    draw_text(canvas, words, at, color=color, height_px=text_px, align=Align.RIGHT)
+    draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
 
 
 def _write_stages(
@@ -56,15 +56,15 @@ def _write_stages(
 ) -> float:
     """Write the name and time of each stage; return the last line's baseline, whose end is kept free."""
     height, width = canvas.shape[:2]
-    words = [f"{span.stage} {(span.stop_s - span.start_s) * 1e3:.0f}" for span in spans]
-    widths_px = [text_width_px(each, text_px) + _gap_px(text_px) for each in words]
+    text = [f"{span.stage} {(span.stop_s - span.start_s) * 1e3:.0f}" for span in spans]
+    widths_px = [text_width_px(each, text_px) + _gap_px(text_px) for each in text]
     lines = _lines(widths_px, width + _gap_px(text_px), taken_px)
     baselines_px: list[float] = [share * height for share in _BASELINES[len(lines)]]
     for line, baseline in zip(lines, baselines_px, strict=True):
         column = 0.0
         for number in line:
             at = (column, baseline)
-            draw_text(canvas, words[number], at, color=_color(number), height_px=text_px)
+            draw_text(canvas, text[number], at, color=_color(number), height_px=text_px)
             column += widths_px[number]
     return baselines_px[-1]
 

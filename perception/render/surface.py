@@ -9,7 +9,7 @@ from perception.types import Float64, GroundModel
 
 
 @dataclass(frozen=True)
-class Surface:
+class GroundMesh:
     """Heights of the ground on a regular grid over the local area.
 
     Attributes:
@@ -34,13 +34,13 @@ class Surface:
         return np.asarray(along_x), np.asarray(along_y)
 
 
-def sample_surface(ground: GroundModel, area: LocalArea, step_m: float = 1.0) -> Surface:
+def sample_surface(ground: GroundModel, area: LocalArea, step_m: float = 1.0) -> GroundMesh:
     """Sample the ground over the local area, its edges included, at most a step apart."""
     x_m = _ticks(-area.behind_m, area.ahead_m, step_m)
     y_m = _ticks(-area.side_m, area.side_m, step_m)
     x, y = np.meshgrid(x_m, y_m, indexing="ij")
     height_m = ground.height_m(np.column_stack([x.ravel(), y.ravel()]))
-    return Surface(x_m, y_m, np.asarray(height_m, np.float64).reshape(x.shape))
+    return GroundMesh(x_m, y_m, np.asarray(height_m, np.float64).reshape(x.shape))
 
 
 def _ticks(start_m: float, stop_m: float, step_m: float) -> Float64:

@@ -21,7 +21,7 @@ class Align(Enum):
 
 def draw_text(
     canvas: UInt8,
-    words: str,
+    text: str,
     position_px: tuple[float, float],
     *,
     color: Color = TEXT,
@@ -29,15 +29,15 @@ def draw_text(
     align: Align = Align.LEFT,
 ) -> None:
     """Write one line of capitals that high onto the canvas, its baseline at (column, row)."""
-    width = text_width_px(words, height_px) if align is not Align.LEFT else 0
+    width = text_width_px(text, height_px) if align is not Align.LEFT else 0
     origin = (round(position_px[0] - width * align.value), round(position_px[1]))
-    cv2.putText(canvas, words, origin, _FONT, _scale(height_px), color, 1, cv2.LINE_AA)
+    cv2.putText(canvas, text, origin, _FONT, _scale(height_px), color, 1, cv2.LINE_AA)
 
 
 @lru_cache(maxsize=1024)
-def text_width_px(words: str, height_px: int = 11) -> int:
+def text_width_px(text: str, height_px: int = 11) -> int:
     """Return the width of one line."""
-    return int(cv2.getTextSize(words, _FONT, _scale(height_px), 1)[0][0])
+    return int(cv2.getTextSize(text, _FONT, _scale(height_px), 1)[0][0])
 
 
 @lru_cache

@@ -69,7 +69,7 @@ def _duration(span: StageSpan) -> str:
 def _write_within(axes: "Axes", bar: "Rectangle", span: StageSpan) -> bool:
     """Write what a stage is called and took into its bar; tell whether there is room."""
     room = bar.get_window_extent()
-    words = axes.text(
+    text = axes.text(
         bar.get_x() + bar.get_width() / 2,
         bar.get_y() + bar.get_height() / 2,
         "",
@@ -78,11 +78,11 @@ def _write_within(axes: "Axes", bar: "Rectangle", span: StageSpan) -> bool:
     )
     for size, degrees, is_split in _STYLES:
         name = span.stage.replace(" ", "\n") if is_split else span.stage
-        words.set(text=f"{name}\n{_duration(span)}", fontsize=size, rotation=degrees)
-        extent = words.get_window_extent()
+        text.set(text=f"{name}\n{_duration(span)}", fontsize=size, rotation=degrees)
+        extent = text.get_window_extent()
         if extent.width < _FILLED * room.width and extent.height < _FILLED * room.height:
             return True
-    words.remove()
+    text.remove()
     return False
 
 
@@ -90,12 +90,12 @@ def _write_above(
     axes: "Axes", bar: "Rectangle", span: StageSpan, others: Sequence["Text"]
 ) -> "Text":
     """Write the same above the bar, in the lowest line where no other words stand."""
-    words = axes.text(
+    text = axes.text(
         bar.get_x(), bar.get_y(), f"{span.stage} {_duration(span)}", fontsize=6, va="bottom"
     )
-    if words.get_window_extent().x1 > axes.get_window_extent().x1:
-        words.set(x=bar.get_x() + bar.get_width(), ha="right")
+    if text.get_window_extent().x1 > axes.get_window_extent().x1:
+        text.set(x=bar.get_x() + bar.get_width(), ha="right")
     taken = [other.get_window_extent() for other in others]
-    while any(words.get_window_extent().overlaps(other) for other in taken):
-        words.set_y(words.get_position()[1] - _LINE)
-    return words
+    while any(text.get_window_extent().overlaps(other) for other in taken):
+        text.set_y(text.get_position()[1] - _LINE)
+    return text

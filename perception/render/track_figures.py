@@ -18,7 +18,7 @@ _ARROW_HEAD_M = 0.6
 _FRONT_SHARE = 0.22
 
 
-class Part(IntEnum):
+class TrackPart(IntEnum):
     """What a line belongs to, in the order in which they are drawn."""
 
     OLD_WAY = 0
@@ -64,7 +64,7 @@ def track_figures(tracks: Tracks, paths_velo: Sequence[Float64]) -> TrackFigures
     boxes_m = edges(tracks.boxes)
     box_rows = np.repeat(np.arange(count), boxes_m.shape[1])
     numbers: Int = np.concatenate(
-        [way_numbers, Part.BOX * count + box_rows, Part.ARROW * count + arrow_rows]
+        [way_numbers, TrackPart.BOX * count + box_rows, TrackPart.ARROW * count + arrow_rows]
     ).astype(np.int64)
     segments_m = np.concatenate([ways_m, boxes_m.reshape(-1, 2, 3), arrows_m])
     return TrackFigures(tracks, segments_m, numbers, _fronts(tracks.boxes))

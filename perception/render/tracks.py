@@ -14,13 +14,19 @@ from perception.geometry.segments import NEAREST_M, outlines_px
 from perception.render import palette
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fill_polygons, project_strokes
-from perception.render.track_figures import Part, TrackFigures
+from perception.render.track_figures import TrackFigures, TrackPart
 from perception.render.track_labels import draw_track_labels
 from perception.types import Bool, Float64, Int, UInt8
 
 _FRONT_OPACITY = 0.5
 # Brightness of each part: the way fades with its age.
-_LIGHT = {Part.OLD_WAY: 0.5, Part.WAY: 0.75, Part.NEW_WAY: 1.0, Part.BOX: 1.0, Part.ARROW: 1.0}
+_LIGHT = {
+    TrackPart.OLD_WAY: 0.5,
+    TrackPart.WAY: 0.75,
+    TrackPart.NEW_WAY: 1.0,
+    TrackPart.BOX: 1.0,
+    TrackPart.ARROW: 1.0,
+}
 # Boxes with a smaller outline than this are drawn with thin lines.
 _SMALL_PX = 40.0
 
@@ -82,16 +88,16 @@ def draw_track_figures(
     """
     count = len(figures.tracks)
     strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
-    boxes = slice(Part.BOX * count, Part.ARROW * count)
-    outlines = outlines_px(strokes.ends_px, strokes.owners, len(Part) * count)[boxes]
-    is_dashed = np.zeros(len(Part) * count, bool)
+    boxes = slice(TrackPart.BOX * count, TrackPart.ARROW * count)
+    outlines = outlines_px(strokes.ends_px, strokes.owners, len(TrackPart) * count)[boxes]
+    is_dashed = np.zeros(len(TrackPart) * count, bool)
     is_dashed[boxes] = ~figures.tracks.is_observed
-    widths_px = np.full(len(Part) * count, style.line_px)
+    widths_px = np.full(len(TrackPart) * count, style.line_px)
     widths_px[boxes][_is_small(outlines)] = 1
     _fill_fronts(canvas, image_P_velo, figures, colors)
     strokes = strokes.dashed(is_dashed)
     # A dark seam keeps boxes and arrows legible on any picture.
-    draw_seam(canvas, strokes.since(Part.BOX * count), palette.BACKGROUND, style.line_px + 2)
+    draw_seam(canvas, strokes.since(TrackPart.BOX * count), palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
     return np.asarray(outlines)
 

@@ -62,7 +62,7 @@ class VehicleFigures:
 
     def draw_on_image(self, picture: UInt8, resizing: Resizing, style: TrackStyle) -> None:
         """Draw the boxes of each detector thinly, and bold ones with names for what they say together."""
-        for modality, found in self.result.modal.items():
+        for modality, found in self.result.modality_detections.items():
             color = palette.MODALITIES[modality]
             draw_boxes(picture, resizing.move_boxes(likely_boxes_px(found)), color)
         boxes_px = resizing.move_boxes(self.boxes_px)
@@ -70,7 +70,9 @@ class VehicleFigures:
             color = _color(int(self.ids[row]))
             draw_boxes(picture, boxes_px[row : row + 1], color, style.line_px + 1)
         for row, box_px in enumerate(boxes_px):
-            draw_tag(picture, self._words(row), box_px, _color(int(self.ids[row])), style.text_px)
+            draw_tag(
+                picture, self._label_text(row), box_px, _color(int(self.ids[row])), style.text_px
+            )
 
     def draw_in_space(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:
         """Draw the 3D boxes of vehicles that are not drawn as tracks, with their names."""
@@ -81,16 +83,16 @@ class VehicleFigures:
         for name, outline, color in zip(self.names, outlines, colors, strict=True):
             draw_tag(canvas, name, outline, color, style.text_px)
 
-    def _words(self, row: int) -> str:
+    def _label_text(self, row: int) -> str:
         """Return id, distance and speed, as far as they are known."""
-        words = [str(self.ids[row])] if self.ids[row] >= 0 else []
+        text = [str(self.ids[row])] if self.ids[row] >= 0 else []
         for value, unit in (
             (self.distances_m[row], "{:.0f} m"),
             (self.speeds_m_s[row], "{:.1f} m/s"),
         ):
             if np.isfinite(value):
-                words.append(unit.format(value))
-        return "  ".join(words) or "car"
+                text.append(unit.format(value))
+        return "  ".join(text) or "car"
 
 
 def likely_boxes_px(found: Detections) -> Float64:

@@ -13,10 +13,10 @@ from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
 from perception.tracking.box_rules import BoxTrackerConfig
-from perception.tracking.fragments import join_fragments, lie_within
+from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
-from perception.tracking.sights import init_tracks, measure_all, update_tracks
+from perception.tracking.sights import init_tracks, measure_boxes, update_tracks
 from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import from_world
@@ -80,13 +80,13 @@ class BoxTracker:
         is_sure = self._tracks.is_confirmed
         things = join_fragments(
             things,
-            self._hold(self._tracks[is_sure], things.centroids_m),
+            self._is_inside_boxes(self._tracks[is_sure], things.centroids_m),
             self._config.fragment_share,
         )
         for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
             if len(things) and len(rows):
                 tracks = self._tracks[rows]
-                measured = measure_all(tracks, things, sensor_m, self._config)
+                measured = measure_boxes(tracks, things, sensor_m, self._config)
                 costs = motion_model.squared_distances(
                     tracks.states, measured.centers_m, measured.noise
                 )
@@ -97,10 +97,10 @@ class BoxTracker:
                 things = things[pairs.unmatched_detections]
         return things
 
-    def _hold(self, tracks: TrackTable, places_m: Float64) -> Bool:
+    def _is_inside_boxes(self, tracks: TrackTable, positions_m: Float64) -> Bool:
         """Tell (T, F) which places lie within the boxes of which tracks, and a little around them."""
         sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
-        return lie_within(places_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
+        return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
     def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
@@ -109,7 +109,7 @@ class BoxTracker:
         if len(things) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        measured = measure_all(tracks, things, sensor_m, self._config)
+        measured = measure_boxes(tracks, things, sensor_m, self._config)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks, self._config.size) + self._config.standing_margin_m
         min_m = self._config.standing_share * tracks.recent_sizes_m[:, 0]
@@ -150,7 +150,7 @@ class BoxTracker:
     def _begin(self, things: Footprints, sensor_m: Float64) -> None:
         """Begin a track with each thing that continues none and is no part of what is tracked."""
         sure = self._tracks[self._tracks.is_confirmed]
-        is_part = self._hold(sure, things.centroids_m).any(axis=0)
+        is_part = self._is_inside_boxes(sure, things.centroids_m).any(axis=0)
         things = things[np.flatnonzero(~is_part)]
         if len(things) == 0:
             return
@@ -161,13 +161,15 @@ class BoxTracker:
     def _end(self, world_SE3_velo: Float64) -> None:
         """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
         tracks = self._tracks
-        is_doubled = self._hold(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
+        is_doubled = (
+            self._is_inside_boxes(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
+        )
         is_doubled &= tracks.ids[:, None] < tracks.ids
         goes_on = is_alive(tracks, self._stamp, self._config.life) & ~is_doubled.any(axis=0)
         if self._area is not None:
-            places_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
-            places_velo = se3.transform_points(se3.inverse(world_SE3_velo), places_m)
-            goes_on &= self._area.contains_xy(places_velo) | (tracks.last_seen_s == self._stamp)
+            positions_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
+            positions_velo = se3.transform_points(se3.inverse(world_SE3_velo), positions_m)
+            goes_on &= self._area.contains_xy(positions_velo) | (tracks.last_seen_s == self._stamp)
         self._tracks = self._tracks[goes_on]
 
     @property

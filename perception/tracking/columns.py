@@ -39,7 +39,7 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class OnGround(Columns):
+class GroundPlaneTracks(Columns):
     """T tracks over the ground plane of a world that stands still.
 
     Attributes:

@@ -11,16 +11,18 @@ from perception.tracking.visible_sides import from_world
 from perception.types import Bool, Float64, Int
 
 
-def lie_within(places_m: Float64, centers_m: Float64, sizes_m: Float64, yaw_rad: Float64) -> Bool:
+def is_inside_boxes(
+    positions_m: Float64, centers_m: Float64, sizes_m: Float64, yaw_rad: Float64
+) -> Bool:
     """Tell (T, F) which of (F, 2) places lie within which of T boxes.
 
     Args:
-        places_m: (F, 2).
+        positions_m: (F, 2).
         centers_m: (T, 2) of the boxes.
         sizes_m: (T, 2) their lengths and widths.
         yaw_rad: (T,) their headings.
     """
-    away_m = np.abs(from_world(places_m[None] - centers_m[:, None], yaw_rad))
+    away_m = np.abs(from_world(positions_m[None] - centers_m[:, None], yaw_rad))
     return np.asarray((away_m <= sizes_m[:, None] / 2).all(axis=2))
 
 

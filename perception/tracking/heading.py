@@ -7,7 +7,7 @@ import numpy as np
 from perception.geometry.angles import wrap
 from perception.geometry.footprints import Footprints
 from perception.tracking.track_table import TrackTable
-from perception.tracking.visible_sides import reaches
+from perception.tracking.visible_sides import measure_extents
 from perception.types import Bool, Float64
 
 UNKNOWN_VARIANCE = np.pi**2 / 3  # of an angle that may be any
@@ -18,7 +18,7 @@ class HeadingConfig:
     """What tells a heading.
 
     Attributes:
-        turn_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
+        turn_rate_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
         min_speed_m_s: slower, the velocity's direction is mostly noise.
         sign_speed_m_s: faster, the velocity tells front from rear though it does not tell the heading.
         max_deviation_rad: of a velocity's direction that is still worth hearing.
@@ -31,7 +31,7 @@ class HeadingConfig:
         vehicle_length_m: what is shorter does not drive backwards.
     """
 
-    turn_rad_s: float = 0.4
+    turn_rate_rad_s: float = 0.4
     min_speed_m_s: float = 0.7
     sign_speed_m_s: float = 0.3
     max_deviation_rad: float = 0.5
@@ -62,7 +62,9 @@ def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:
     if len(things) == 0:
         return np.zeros(0)
     yaws_rad = np.arange(steps) * np.pi / 2 / steps
-    sizes_m = reaches(things, yaws_rad, np.zeros(2)).sizes_m + 0.02  # a line has an area, too
+    sizes_m = (
+        measure_extents(things, yaws_rad, np.zeros(2)).sizes_m + 0.02
+    )  # a line has an area, too
     best = np.argmin(sizes_m.prod(axis=2), axis=0)
     length_m, width_m = sizes_m[best, np.arange(len(things))].T
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
@@ -85,7 +87,7 @@ def first_yaws(things: Footprints, sensor_xy_m: Float64, config: HeadingConfig) 
 
 def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConfig) -> Headings:
     """Turn every heading towards the way that its track takes."""
-    variance = tracks.yaw_variance + (config.turn_rad_s * elapsed_s) ** 2
+    variance = tracks.yaw_variance + (config.turn_rate_rad_s * elapsed_s) ** 2
     way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     way_variance = _way_variance(tracks, way_rad)
     is_heard = (tracks.speeds_m_s >= config.min_speed_m_s) & (

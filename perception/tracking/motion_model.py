@@ -20,9 +20,9 @@ class MotionModelConfig:
     """How things move, and how well their sides are seen.
 
     Attributes:
-        speed_gain_m_s: standard deviation of how much a velocity changes in a second, along x and along y.
-        first_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
-        small_first_speed_m_s: the same of small things: walkers and cyclists.
+        velocity_noise_m_s: standard deviation of how much a velocity changes in a second, along x and along y.
+        initial_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
+        small_initial_speed_m_s: the same of small things: walkers and cyclists.
         small_length_m: length and width of what is small.
         side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
         sampling: share of a thing's size by which an end may be missed between two of its points.
@@ -32,9 +32,9 @@ class MotionModelConfig:
         gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
     """
 
-    speed_gain_m_s: float = 0.9
-    first_speed_m_s: float = 6.0
-    small_first_speed_m_s: float = 3.0
+    velocity_noise_m_s: float = 0.9
+    initial_speed_m_s: float = 6.0
+    small_initial_speed_m_s: float = 3.0
     small_length_m: float = 1.3
     side_noise_m: float = 0.06
     sampling: float = 0.5
@@ -49,30 +49,30 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Ga
     The noise of two steps is that of one as long as both, so that neither the scan rate nor a gap in
     time changes what is believed.
     """
-    transition, place, speed = np.eye(4), slice(0, 2), slice(2, 4)
-    transition[place, speed] = elapsed_s * np.eye(2)
+    transition, position, speed = np.eye(4), slice(0, 2), slice(2, 4)
+    transition[position, speed] = elapsed_s * np.eye(2)
     noise = np.zeros((4, 4))
-    noise[place, place] = elapsed_s**3 / 3 * np.eye(2)
-    noise[place, speed] = noise[speed, place] = elapsed_s**2 / 2 * np.eye(2)
+    noise[position, position] = elapsed_s**3 / 3 * np.eye(2)
+    noise[position, speed] = noise[speed, position] = elapsed_s**2 / 2 * np.eye(2)
     noise[speed, speed] = elapsed_s * np.eye(2)
-    return kalman.predict(states, transition, model.speed_gain_m_s**2 * noise)
+    return kalman.predict(states, transition, model.velocity_noise_m_s**2 * noise)
 
 
 def begin(
-    places_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
+    positions_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
 ) -> Gaussians:
     """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise and (T, 2) sizes."""
-    count = len(places_m)
+    count = len(positions_m)
     is_small = sizes_m.max(axis=1) < model.small_length_m
-    speed_m_s = np.where(is_small, model.small_first_speed_m_s, model.first_speed_m_s)
+    speed_m_s = np.where(is_small, model.small_initial_speed_m_s, model.initial_speed_m_s)
     covariance = np.zeros((count, 4, 4))
     covariance[:, :2, :2] = noise
     covariance[:, 2:, 2:] = speed_m_s[:, None, None] ** 2 * np.eye(2)
-    return Gaussians(np.hstack([places_m, np.zeros((count, 2))]), covariance)
+    return Gaussians(np.hstack([positions_m, np.zeros((count, 2))]), covariance)
 
 
 @dataclass(frozen=True)
-class Doubts:
+class CenterUncertainty:
     """What makes centres doubtful, along heading and left; arrays of any one shape (..., 2).
 
     Attributes:
@@ -86,7 +86,9 @@ class Doubts:
     slack_m: Float64
 
 
-def place_noise(doubts: Doubts, points: Int, yaw_rad: Float64, model: MotionModelConfig) -> Float64:
+def position_noise(
+    uncertainty: CenterUncertainty, points: Int, yaw_rad: Float64, model: MotionModelConfig
+) -> Float64:
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
@@ -95,9 +97,9 @@ def place_noise(doubts: Doubts, points: Int, yaw_rad: Float64, model: MotionMode
         yaw_rad: (...) the heading.
         model: how well sides are seen.
     """
-    missed_m = model.sampling * doubts.seen_m / np.sqrt(points)[..., None]
-    slack_m = model.slack_share * doubts.slack_m
-    variances = model.side_noise_m**2 + missed_m**2 + doubts.swing_m**2 + slack_m**2
+    missed_m = model.sampling * uncertainty.seen_m / np.sqrt(points)[..., None]
+    slack_m = model.slack_share * uncertainty.slack_m
+    variances = model.side_noise_m**2 + missed_m**2 + uncertainty.swing_m**2 + slack_m**2
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return np.asarray((turn * variances[..., None, :]) @ np.swapaxes(turn, -1, -2))

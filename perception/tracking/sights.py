@@ -14,10 +14,10 @@ from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_fro
 from perception.tracking.remembered_size import SizeEstimateConfig, likely_sizes_m, remember
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
-    Reaches,
+    Extents,
     from_world,
+    measure_extents,
     place_centers,
-    reaches,
     sensor_along,
     to_world,
 )
@@ -25,7 +25,7 @@ from perception.types import Float64, Int
 
 
 @dataclass(frozen=True)
-class Measured:
+class BoxMeasurements:
     """Where T tracks would be if they showed as F things.
 
     Attributes:
@@ -39,25 +39,27 @@ class Measured:
     sizes_m: Float64
 
 
-def measure_all(
+def measure_boxes(
     tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
-) -> Measured:
+) -> BoxMeasurements:
     """Measure every track by every one of F things, at least one."""
-    seen = reaches(things, tracks.yaw_rad, sensor_m)
+    seen = measure_extents(things, tracks.yaw_rad, sensor_m)
     return _measure(tracks, seen, things.points[None], config)
 
 
-def _measure(tracks: TrackTable, seen: Reaches, points: Int, config: BoxTrackerConfig) -> Measured:
+def _measure(
+    tracks: TrackTable, seen: Extents, points: Int, config: BoxTrackerConfig
+) -> BoxMeasurements:
     sizes_m = likely_sizes_m(tracks, config.size)
     centers = place_centers(seen, sizes_m, config.size.complete_angle_rad)
     # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
     swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, config.motion.max_swing_rad**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
-    doubts = motion_model.Doubts(seen.sizes_m, swing_m, centers.slack_m)
-    return Measured(
+    uncertainty = motion_model.CenterUncertainty(seen.sizes_m, swing_m, centers.slack_m)
+    return BoxMeasurements(
         to_world(centers.along_left_m, tracks.yaw_rad),
-        motion_model.place_noise(doubts, points, tracks.yaw_rad[:, None], config.motion),
+        motion_model.position_noise(uncertainty, points, tracks.yaw_rad[:, None], config.motion),
         seen.sizes_m,
     )
 
@@ -68,7 +70,7 @@ def update_tracks(
     """Correct each of T tracks by the thing that continues it."""
     headings = update_from_shape(tracks, things, config.heading)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
-    seen = _own_reaches(things, tracks.yaw_rad, sensor_m)
+    seen = _own_extents(things, tracks.yaw_rad, sensor_m)
     tracks = _grown(tracks, seen, config.size)
     measured = _measure(tracks, seen, things.points[:, None], config)
     states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
@@ -88,7 +90,7 @@ def init_tracks(
 ) -> TrackTable:
     """Return the tracks that F things begin; their ids are 0 to F - 1."""
     count, yaw_rad = len(things), first_yaws(things, sensor_m, config.heading)
-    seen = _own_reaches(things, yaw_rad, sensor_m)
+    seen = _own_extents(things, yaw_rad, sensor_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
     tracks = TrackTable(
         ids=np.arange(count),
@@ -117,13 +119,13 @@ def init_tracks(
     )
 
 
-def _own_reaches(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Reaches:
+def _own_extents(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Extents:
     """Measure each of F outlines along its own heading, as F tracks of one outline each."""
     low_m, high_m = things.extents_m(yaw_rad)
-    return Reaches(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
+    return Extents(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
 
 
-def _grown(tracks: TrackTable, seen: Reaches, config: SizeEstimateConfig) -> TrackTable:
+def _grown(tracks: TrackTable, seen: Extents, config: SizeEstimateConfig) -> TrackTable:
     """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
     before_m = likely_sizes_m(tracks, config)
     is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]

@@ -18,7 +18,7 @@ class TrackLifecycleConfig:
         min_points_well_observed: in all sights together, from which on a thing is plain.
         confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
             second scan may miss it.
-        travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
+        min_travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
         min_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
             and there in a hedge gets nowhere.
         coasting_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
@@ -34,7 +34,7 @@ class TrackLifecycleConfig:
     min_hits_poorly_observed: int = 5
     min_points_well_observed: int = 50
     confirming_s: float = 0.25
-    travel_m: float = 0.15
+    min_travel_m: float = 0.15
     min_speed_m_s: float = 0.5
     coasting_s: float = 1.2
     telling_s: float = 0.3
@@ -50,7 +50,7 @@ def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
     age_s = tracks.last_seen_s - tracks.first_seen_s
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.first_seen_world_m, axis=1)
     travels = (
-        (travelled_m >= config.travel_m)
+        (travelled_m >= config.min_travel_m)
         & (travelled_m >= config.min_speed_m_s * age_s)
         & (tracks.speeds_m_s >= config.min_speed_m_s)
     )

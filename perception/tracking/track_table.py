@@ -5,12 +5,12 @@ from typing import Self
 
 import numpy as np
 
-from perception.tracking.columns import OnGround
+from perception.tracking.columns import GroundPlaneTracks
 from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class TrackTable(OnGround):
+class TrackTable(GroundPlaneTracks):
     """T tracks of moving objects.
 
     Attributes:

@@ -17,7 +17,7 @@ from perception.types import Bool, Float64
 
 
 @dataclass(frozen=True)
-class Reaches:
+class Extents:
     """How far each of F outlines reaches along and across each of T headings.
 
     Attributes:
@@ -46,7 +46,7 @@ class Reaches:
         return np.asarray(beside_m[..., ::-1] > np.tan(min_angle_rad) * far_m)
 
 
-def reaches(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Reaches:
+def measure_extents(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Extents:
     """Measure F outlines along T headings.
 
     Args:
@@ -58,7 +58,7 @@ def reaches(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Reach
     x, y = things.vertices_m.T
     turned = np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
     starts = np.asarray(np.cumsum(things.corners) - np.asarray(things.corners, np.int64), np.int64)
-    return Reaches(
+    return Extents(
         np.minimum.reduceat(turned, starts, axis=1),
         np.maximum.reduceat(turned, starts, axis=1),
         sensor_along(sensor_xy_m, yaw_rad),
@@ -84,7 +84,7 @@ class Centers:
     slack_m: Float64
 
 
-def place_centers(seen: Reaches, sizes_m: Float64, min_angle_rad: float) -> Centers:
+def place_centers(seen: Extents, sizes_m: Float64, min_angle_rad: float) -> Centers:
     """Place each box by the one end that faces the sensor or, where both ends are seen, between them.
 
     Args:

@@ -12,8 +12,8 @@ from perception.types.detections import (
     Detections,
     FusedDetections,
     MapModality,
-    ModalDetections,
     Modality,
+    ModalityDetections,
 )
 from perception.types.frame import Calibration, Frame
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
@@ -39,7 +39,7 @@ __all__ = [
     "Int",
     "MapModality",
     "Method",
-    "ModalDetections",
+    "ModalityDetections",
     "Modality",
     "Obstacles",
     "PointState",

@@ -52,7 +52,7 @@ class Detections:
 
 
 # What the detector of each modality sees; one that did not look has no entry.
-ModalDetections = Mapping[Modality, Detections]
+ModalityDetections = Mapping[Modality, Detections]
 
 
 @dataclass(frozen=True)

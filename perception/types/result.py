@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from perception.types.arrays import Float64, UInt8
-from perception.types.detections import Detections, ModalDetections, Modality
+from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
 from perception.types.obstacles import GroundModel, Obstacles
 from perception.types.stages import StageSpan
@@ -35,7 +35,7 @@ class Result:
     ground: GroundModel
     obstacles: Obstacles
     tracks: Tracks = field(default_factory=Tracks.empty)
-    modal: ModalDetections = field(default_factory=dict)
+    modality_detections: ModalityDetections = field(default_factory=dict)
     map_pictures: Mapping[Modality, UInt8] = field(default_factory=dict)
     vehicles: Vehicles | None = None
     depthcn: Detections | None = None

@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 from benchmarks.detector_files import write_detector
 from benchmarks.detectors import Workload
 from benchmarks.openvino_peer import openvino_network
-from benchmarks.stages import Prepared
+from benchmarks.stages import PreparedDrive
 from data.open_drive import open_drive
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -53,6 +53,6 @@ def test_openvino_that_is_missing_is_named(monkeypatch, tmp_path):
 
 def test_a_drive_without_images_is_refused(tmp_path):
     drive = open_drive(write_car_frames(tmp_path / "object", frames=1))
-    prepared = Prepared(drive, [drive[0]], [], PipelineConfig())
+    prepared = PreparedDrive(drive, [drive[0]], [], PipelineConfig())
     with pytest.raises(ImageError, match="expected a camera image, found none"):
         Workload.make(prepared, tmp_path)

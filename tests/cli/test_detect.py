@@ -52,7 +52,7 @@ def test_what_is_written_is_read_by_the_measure(car_frames, label_reader, tmp_pa
     assert detect(car_frames, out, "--video", "false") == 0
     found = read_detection_set(out, car_frames)
     assert found.numbers == (0, 2, 3)
-    assert found.beyond == found.without_result == ()
+    assert found.beyond == found.missing_results == ()
     assert found.detections.frames.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     assert found.detections.scores[:3].tolist() == [0.9, 0.8, 0.05]
     assert {len(row.split()) for row in (out / "data/000003.txt").read_text().splitlines()} == {16}

@@ -14,8 +14,8 @@ from data.synthetic.writer import write_tracking
 from perception.cli.evaluations import datmo_steps
 from perception.cli.evaluations.datmo_figures import datmo_tables
 from perception.cli.evaluations.datmo_report import (
+    DatmoPredictions,
     DatmoProtocol,
-    DatmoStep,
     compare_datmo,
     measure_datmo,
 )
@@ -68,7 +68,7 @@ def drive() -> SyntheticDrive:
 
 
 def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDrive):
-    def steps() -> Iterator[DatmoStep]:
+    def steps() -> Iterator[DatmoPredictions]:
         for frame, tracks in knowing_tracks(drive, FRAMES):
             boxes, aside_m = tracks.boxes, np.array([0.8, 0.0, 0.0])
             off = Boxes3D(boxes.bottom_m + aside_m, boxes.size_m, boxes.yaw_rad)
@@ -77,7 +77,7 @@ def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDr
                 "is off": replace(tracks, boxes=off),
                 "idle": Tracks.empty(),
             }
-            yield DatmoStep(frame, answers, dict.fromkeys(answers, 0.002))
+            yield DatmoPredictions(frame, answers, dict.fromkeys(answers, 0.002))
 
     names = ["knows", "is off", "idle"]
     reports = compare_datmo(drive, steps(), names, DatmoProtocol(view="all"))

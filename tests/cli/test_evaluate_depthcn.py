@@ -40,8 +40,8 @@ def test_table_plot_and_document_say_the_same(car_frames, label_reader, tmp_path
     drive = document["results"]["drives"][str(car_frames)]
     assert drive["data"] == "real"
     hard = drive["iou"]["0.5"]["hard"]
-    assert (hard["objects"], hard["proposals_reach"]) == (6, 1.0)
-    assert hard["detections"]["ap_r40_percent"] == hard["at_most_percent"] == 12.5
+    assert (hard["objects"], hard["proposal_recall"]) == (6, 1.0)
+    assert hard["detections"]["ap_r40_percent"] == hard["max_ap_percent"] == 12.5
     assert hard["detections"]["ap_r40_interval_percent"] == {"low": 12.5, "high": 12.5}
     assert document["results"]["thesis_table_7_9"]["ap_r11_percent"] == {"easy": 37.59}
     assert plot.stat().st_size > 10_000

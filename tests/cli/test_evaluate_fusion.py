@@ -10,7 +10,7 @@ from perception.cli.evaluations import fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import Union
+from perception.detection.detectors.union import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import ModelError
 from perception.types import MODALITIES, Detections
@@ -28,7 +28,7 @@ class KeepScores:
         return SimpleNamespace(detections=scene.merged.detections)
 
     def fuse_scene(self, scene):
-        return Union().fuse(scene.modal, scene.size_px)
+        return NmsFusion().fuse(scene.modality_detections, scene.size_px)
 
 
 @pytest.fixture
@@ -49,12 +49,12 @@ def known_scenes(monkeypatch, tmp_path):
         boxes_px = drive.labels(index).boxes_px
         ghost = [[500.0, 10, 600, 80]]
         cars = np.full(2, "Car")
-        modal = {
+        modality_detections = {
             "rgb": Detections(np.concatenate([boxes_px[:1], ghost]), np.array([0.9, 0.95]), cars),
             "dm": Detections(boxes_px, np.array([0.6, 0.5]), cars),
             "rm": Detections.empty(),
         }
-        return DetectedScene(modal, (620, 190))
+        return DetectedScene(modality_detections, (620, 190))
 
     networks = {
         name: SimpleNamespace(metadata={"training_data": "a"}) for name in ("rgb", "dm", "rm")

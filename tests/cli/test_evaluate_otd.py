@@ -11,7 +11,7 @@ from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
 from perception.cli.evaluations import otd as command
-from perception.cli.evaluations.otd_objects import ObjectSetConfig, objects_at_hand
+from perception.cli.evaluations.otd_objects import ObjectSetConfig, find_objects
 from perception.cli.main import main
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.geometry.boxes import transform_boxes
@@ -155,24 +155,28 @@ def test_what_cannot_work_is_said(folder: Path, fakes: None, capsys):
 
 def test_published_sequences_at_hand_and_absent(kitti_root: Path):
     root = kitti_root / "tracking"
-    found = objects_at_hand(ObjectSetConfig(root, "all", frames=20))
-    (at_hand,) = found.drives
-    assert [one.sequence.name for one in at_hand.objects] == [
+    found = find_objects(ObjectSetConfig(root, "all", frames=20))
+    (drive_targets,) = found.drives
+    assert [one.sequence.name for one in drive_targets.objects] == [
         "3.2 (1) = OTD 1",
         "3.2 (2) = OTD 2",
         "OTD 3",
     ]
-    assert [len(one.truth) for one in at_hand.objects] == [20, 20, 12]  # the third begins at 8
-    assert [one.whole_frames for one in at_hand.objects] == [154, 154, 101]
+    assert [len(one.truth) for one in drive_targets.objects] == [
+        20,
+        20,
+        12,
+    ]  # the third begins at 8
+    assert [one.total_frames for one in drive_targets.objects] == [154, 154, 101]
     assert len(found.absent) == 50
     assert found.absent[0].reason == "no scans of sequence 0001"
     with pytest.raises(DriveError, match="found not labelled in the frames here"):
-        objects_at_hand(ObjectSetConfig(root, "3d-otd", sequence="0", track_id=3, frames=9))
+        find_objects(ObjectSetConfig(root, "3d-otd", sequence="0", track_id=3, frames=9))
 
 
 def test_object_frames_do_not_follow_each_other(kitti_root: Path):
     with pytest.raises(DriveError, match="frames that follow each other"):
-        objects_at_hand(ObjectSetConfig(kitti_root / "object", "present"))
+        find_objects(ObjectSetConfig(kitti_root / "object", "present"))
 
 
 def test_an_unknown_tracker_is_answered_with_those_there_are(fakes: None):

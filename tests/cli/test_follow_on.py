@@ -11,7 +11,7 @@ from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.follow_on import STAGE, HandoverTracking, NoObjectTracking
 from perception.cli.main import main
-from perception.geometry.grids import VehicleBody
+from perception.geometry.grids import EgoVehicle
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette
 from perception.render.composition import Composition
@@ -51,7 +51,7 @@ class StandingTracker:
 
 
 def hand_over_of(track_id: int) -> TrackHandover:
-    return TrackHandover(track_id, StandingTracker(), VehicleBody())
+    return TrackHandover(track_id, StandingTracker(), EgoVehicle())
 
 
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
@@ -60,10 +60,10 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
         before = object_tracking.update(replace(result, tracks=Tracks.empty()))
         assert STAGE in before.timings_s
         assert object_tracking.figure is None
-        assert object_tracking.shown(before) is before
+        assert object_tracking.without_object(before) is before
         seen = object_tracking.update(result)
         assert object_tracking.figure.words == "8  5.0 m/s"
-        assert object_tracking.shown(seen).tracks.ids.tolist() == [3]
+        assert object_tracking.without_object(seen).tracks.ids.tolist() == [3]
         # Its own track is gone; it is followed on.
         object_tracking.update(replace(result, tracks=Tracks.empty()))
     lines = [json.loads(line) for line in path.read_text().splitlines()]
@@ -94,17 +94,17 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
         object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
         assert object_tracking.figure is None
         seen = object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=located))
-        shown = object_tracking.shown(seen).vehicles
+        without_object = object_tracking.without_object(seen).vehicles
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
     # It is drawn in space once, as what is followed.
-    assert np.isnan(shown.boxes.bottom_m).any(axis=1).tolist() == [False, True]
+    assert np.isnan(without_object.boxes.bottom_m).any(axis=1).tolist() == [False, True]
 
 
 def test_where_nobody_is_followed_nothing_changes(result):
     with NoObjectTracking() as object_tracking:
         assert object_tracking.update(result) is result
-        assert object_tracking.shown(result) is result
+        assert object_tracking.without_object(result) is result
         assert object_tracking.figure is None
 
 
@@ -112,7 +112,9 @@ def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
     with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(8)) as object_tracking:
         object_tracking.update(result)
         plain = Composition().draw(result)
-        picture = Composition().draw(object_tracking.shown(result), None, object_tracking.figure)
+        picture = Composition().draw(
+            object_tracking.without_object(result), None, object_tracking.figure
+        )
     counts = [int((one == palette.TRACKED_OBJECT).all(axis=2).sum()) for one in (plain, picture)]
     assert counts[0] < 50
     assert counts[1] > 500

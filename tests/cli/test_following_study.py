@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data.synthetic.scenario_truth import true_track
-from data.synthetic.scenarios import Difficulty, Scenario, ScenarioDrive
+from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive
 from perception.cli.main import main
 from perception.cli.studies import following
 from perception.cli.studies.following import (
@@ -75,7 +75,7 @@ def test_who_was_never_hidden_is_not_found_again():
 
 
 def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
-    scenario = Scenario("Car", frozenset([Difficulty.OCCLUSION]))
+    scenario = Scenario("Car", frozenset([ScenarioChallenge.OCCLUSION]))
     track = true_track(ScenarioDrive(scenario, images=False))
     assert len(track) == 60
     hidden = np.flatnonzero(np.isnan(track.boxes_px[:, 0]))
@@ -90,7 +90,7 @@ def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
 def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsys):
     scenarios = [
         Scenario("Car", challenges, 0.5)
-        for challenges in (frozenset[Difficulty](), frozenset([Difficulty.POSE]))
+        for challenges in (frozenset[ScenarioChallenge](), frozenset([ScenarioChallenge.POSE]))
     ]
     monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
     config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)

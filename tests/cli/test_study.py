@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from data.synthetic.remembered_drive import RememberedDrive
+from data.synthetic.remembered_drive import CachedDrive
 from perception.cli.main import main
 from perception.cli.studies import speed, stages
 from perception.cli.studies.chain_times import (
@@ -44,7 +44,7 @@ class LevelGround:
 
 @pytest.fixture(scope="module")
 def drive():
-    return RememberedDrive(8, sensor=HDL_32E)
+    return CachedDrive(8, sensor=HDL_32E)
 
 
 def is_picture(path):

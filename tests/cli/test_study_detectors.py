@@ -12,7 +12,7 @@ from perception.cli.main import main
 from perception.cli.studies import detector_variants
 from perception.cli.studies.detector_losses import loss_variants
 from perception.cli.studies.detector_variants import (
-    Variant,
+    DetectorVariant,
     VariantEvaluationConfig,
     VariantMetrics,
     VariantTrainingConfig,
@@ -27,7 +27,7 @@ from tests.detection.bright_cells import bright_cells
 from tests.train.toy_pictures import tiny_network
 from train.detector import networks
 
-BASE = Variant(
+BASE = DetectorVariant(
     "base", DetectorModelConfig("rm", "tiny", "64x96"), PictureChoice((Path("streets"),)), epochs=4
 )
 
@@ -129,7 +129,7 @@ def test_losses_are_all_four():
 
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
-    told = [(one.pictures.training_share, one.epochs, one.pictures.augment) for one in variants]
+    told = [(one.pictures.training_fraction, one.epochs, one.pictures.augment) for one in variants]
     assert told == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
     assert variants[-1].name == UNCHANGED
     with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):

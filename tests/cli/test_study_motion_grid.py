@@ -5,10 +5,10 @@ import cv2
 import numpy as np
 import pytest
 
-from data.synthetic.remembered_drive import RememberedDrive
+from data.synthetic.remembered_drive import CachedDrive
 from perception.cli.main import main
 from perception.cli.studies import motion_grid
-from perception.cli.studies.motion_grid import boxes_along_axes, study_motion_grid
+from perception.cli.studies.motion_grid import axis_aligned_boxes, study_motion_grid
 from perception.datmo.grid_rules import THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
@@ -17,7 +17,7 @@ from perception.sensor import VLP_16
 
 @pytest.fixture(scope="module")
 def drive():
-    return RememberedDrive(7, sensor=VLP_16)
+    return CachedDrive(7, sensor=VLP_16)
 
 
 def frames(iterable):
@@ -53,10 +53,10 @@ def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monk
 
 def test_boxes_lie_along_the_axes():
     points = np.array([[1, 2, 0.0], [5, 2, 0], [1, 3, 0], [5, 3, 1.5]])
-    boxes = boxes_along_axes(footprints_of(points, np.zeros(4, int), 1))
+    boxes = axis_aligned_boxes(footprints_of(points, np.zeros(4, int), 1))
     np.testing.assert_allclose(boxes.bottom_m, [[3, 2.5, 0]])
     np.testing.assert_allclose(boxes.size_m, [[4, 1, 1.5]])
-    assert len(boxes_along_axes(Footprints.empty())) == 0
+    assert len(axis_aligned_boxes(Footprints.empty())) == 0
 
 
 @pytest.mark.parametrize("frame", [-1, 7])

@@ -81,12 +81,12 @@ def test_what_cannot_work_is_one_sentence(drive, cache, tmp_path, capsys, flags,
 def test_the_preset_of_the_thesis(drive, cache, tmp_path, monkeypatch):
     taken = []
     monkeypatch.setattr("train.detector.run.train_detector", lambda *given: taken.append(given))
-    flags = "--preset thesis --network yolov2 --jpeg 75 --test_share 0.2 --objectness focal"
+    flags = "--preset thesis --network yolov2 --jpeg 75 --test_fraction 0.2 --objectness focal"
     words = f"train detector {drive} --modality rm --size 416x416 --out {tmp_path} {flags}"
     assert main(words.split()) == 0
     data, plan, trainer_config, *_ = taken[0]
     assert data.loading.batch_size == 64
-    assert (data.rules.jpeg_quality, data.loading.test_share) == (75, 0.2)
+    assert (data.rules.jpeg_quality, data.loading.test_fraction) == (75, 0.2)
     assert (plan.descent.optimizer, plan.descent.learning_rate) == ("sgd", 0.001)
     assert (plan.loss.box, plan.loss.objectness) == ("squared", "focal")
     assert tuple(plan.form.size) == (416, 416)

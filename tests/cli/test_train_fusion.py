@@ -135,7 +135,7 @@ def test_to_judge_takes_frames_of_its_own(drive, models, cache):
 
 def test_detectors_look_once(drive, models, cache, monkeypatch):
     files = DetectorModelPaths(*map(Path, models[1::2]))
-    data = FusionDataConfig((drive,), validation_share=0.34, models=files, cache=cache)
+    data = FusionDataConfig((drive,), validation_fraction=0.34, models=files, cache=cache)
     first = split_detections(data, seed=0)
 
     def refuse(self, frame, dense=None):

@@ -19,7 +19,7 @@ from perception.geometry.se3 import from_euler
 from perception.types import Boxes3D, Calibration
 
 FRAMES = 6
-SPEED_MPS = 10.0
+SPEED_M_S = 10.0
 SIZE_PX = (62, 19)
 CALIBRATION = DriveCalibration(
     camera=Calibration(
@@ -56,8 +56,8 @@ def packet_rows(frames: int = FRAMES) -> list[str]:
     return [
         format_oxts_packet(
             world.packet(
-                from_euler(0, 0, np.pi / 4, heading * SPEED_MPS * 0.1 * index),
-                heading * SPEED_MPS,
+                from_euler(0, 0, np.pi / 4, heading * SPEED_M_S * 0.1 * index),
+                heading * SPEED_M_S,
                 np.array([0, 0, 9.81]),
                 np.zeros(3),
             )

@@ -48,7 +48,7 @@ def test_rows_are_as_written(folders):
 def test_a_missing_result_says_that_nothing_was_detected(folders):
     (folders[0] / "000011.txt").write_text(FOUND)
     found = read_detection_set(*folders)
-    assert found.without_result == (5,)
+    assert found.missing_results == (5,)
     assert found.beyond == (11,)
     assert 1 not in found.detections.frames
 

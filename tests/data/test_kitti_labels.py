@@ -6,9 +6,9 @@ import pytest
 from data.drive import Labels
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import (
+    empty_labels,
     format_object_labels,
     format_tracking_labels,
-    no_labels,
     read_object_labels,
     read_tracking_labels,
 )
@@ -66,8 +66,8 @@ def test_a_row_in_camera_axes_becomes_a_box_in_lidar_axes(tmp_path):
 
 
 def test_a_frame_without_labels_writes_nothing_and_counts_none():
-    assert len(no_labels()) == 0
-    assert format_object_labels(no_labels(), CALIBRATION) == ""
+    assert len(empty_labels()) == 0
+    assert format_object_labels(empty_labels(), CALIBRATION) == ""
 
 
 @pytest.mark.parametrize(

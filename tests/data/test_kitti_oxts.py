@@ -8,7 +8,7 @@ from data.kitti.oxts import (
     Mercator,
     format_oxts_packet,
     parse_oxts_packet,
-    velocity_world_mps,
+    velocity_world_m_s,
 )
 from perception.errors import PoseError
 from perception.geometry.se3 import from_euler, inverse, rotation_angle_rad
@@ -20,8 +20,8 @@ FIRST = InsPacket(
     roll_rad=0.02,
     pitch_rad=0.001,
     yaw_rad=-1.2,
-    velocity_level_mps=np.array([3.5, 0.04, -0.04]),
-    acceleration_imu_mps2=np.array([-0.3, 0.04, 9.8]),
+    velocity_level_m_s=np.array([3.5, 0.04, -0.04]),
+    acceleration_imu_m_s2=np.array([-0.3, 0.04, 9.8]),
     rate_imu_rad_s=np.array([-0.02, 0.02, 0.15]),
 )
 WORLD = Mercator.around(FIRST)
@@ -38,7 +38,7 @@ def test_a_pose_survives_the_way_through_a_packet_and_its_text(position_m, angle
     again = WORLD.world_SE3_imu(read)
     assert np.linalg.norm(again[:3, 3] - world_SE3_imu[:3, 3]) < 1e-6
     assert rotation_angle_rad(inverse(world_SE3_imu) @ again) < 1e-6
-    np.testing.assert_allclose(velocity_world_mps(read), [4.0, -3.0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(velocity_world_m_s(read), [4.0, -3.0, 0.1], atol=1e-9)
     np.testing.assert_allclose(read.rate_imu_rad_s, 1)
 
 
@@ -56,7 +56,7 @@ def test_yaw_is_measured_from_the_east_and_pitch_lowers_the_front():
     east = WORLD.world_SE3_imu(InsPacket(**{**vars(FIRST), "roll_rad": 0.0, "yaw_rad": 0.0}))
     np.testing.assert_allclose(east[:3, 0], [1, 0, -0.001], atol=1e-6)
     np.testing.assert_allclose(
-        velocity_world_mps(InsPacket(**{**vars(FIRST), "yaw_rad": np.pi / 2})),
+        velocity_world_m_s(InsPacket(**{**vars(FIRST), "yaw_rad": np.pi / 2})),
         [-0.04, 3.5, -0.04],
         atol=1e-12,
     )

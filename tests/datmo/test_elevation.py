@@ -11,7 +11,7 @@ from perception.geometry.grids import LocalArea
 
 ROAD = LevelPlane(-1.7)
 CELLS = CellGrid.covering(LocalArea(ahead_m=4.0, behind_m=2.0, side_m=3.0), 0.2)
-CONFIG = replace(THESIS.elevation, nearest_m=0.0)
+CONFIG = replace(THESIS.elevation, min_range_m=0.0)
 
 
 def cell_with(heights_m, config=CONFIG):
@@ -44,8 +44,8 @@ def test_the_variance_is_that_of_a_sample():
 def test_the_thesis_compares_the_mean_and_the_author_the_highest_point():
     heights_m = [0.5, 0.55, 0.6]
     assert cell_with(heights_m) > 0
-    assert cell_with(heights_m, replace(AUTHOR.elevation, nearest_m=0.0)) == 0
-    assert cell_with([0.7, 0.75, 0.85], replace(AUTHOR.elevation, nearest_m=0.0)) > 0
+    assert cell_with(heights_m, replace(AUTHOR.elevation, min_range_m=0.0)) == 0
+    assert cell_with([0.7, 0.75, 0.85], replace(AUTHOR.elevation, min_range_m=0.0)) > 0
 
 
 def test_seen_ground_differs_from_nothing_seen():

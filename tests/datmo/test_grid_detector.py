@@ -10,10 +10,10 @@ from benchmarks.naive_datmo import ReferenceShortTermMap
 from data.open_drive import open_drive
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.elevation import LevelPlane
-from perception.datmo.grid_detector import GridDetector, moving_in_area
+from perception.datmo.grid_detector import MotionGridDetector, moving_in_area
 from perception.datmo.grid_rules import AUTHOR, THESIS
 from perception.errors import UsageError
-from perception.geometry.grids import LocalArea, VehicleBody
+from perception.geometry.grids import EgoVehicle, LocalArea
 from perception.geometry.se3 import from_euler, inverse
 from perception.sensor import HDL_64E
 
@@ -68,7 +68,7 @@ def car(x_m, y_m=0.0):
 
 @PRESETS
 def test_a_moving_car_is_found_where_it_is(config):
-    detector = GridDetector(HDL_64E, config)
+    detector = MotionGridDetector(HDL_64E, config)
     for k in range(25):
         found = detector.detect(scan_of(k, [car(4 + 0.8 * k, 3.0)]))
     assert len(found.moving) == 1
@@ -88,15 +88,15 @@ def test_a_moving_car_is_found_where_it_is(config):
 
 @PRESETS
 def test_what_stands_is_no_object_from_a_moving_vehicle(config):
-    detector = GridDetector(HDL_64E, config)
+    detector = MotionGridDetector(HDL_64E, config)
     counts = [
         len(detector.detect(scan_of(k, [car(14, 3)], place=driving(k))).moving) for k in range(25)
     ]
-    assert sum(counts[config.background.least :]) == 0
+    assert sum(counts[config.background.min_observations :]) == 0
 
 
 def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not():
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     rng = np.random.default_rng(0)
     subtracted, suppressed = 0, 0
     for k in range(30):
@@ -111,7 +111,7 @@ def test_the_neighbourhood_bears_an_error_of_the_ins_that_subtraction_does_not()
 
 
 def test_a_map_that_knows_nothing_accuses_nothing():
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         scan = replace(scan_of(k, [car(14, 3)]), is_reset=k == 4)
         assert len(detector.detect(scan).moving) == 0
@@ -119,7 +119,7 @@ def test_a_map_that_knows_nothing_accuses_nothing():
 
 
 def test_a_car_that_stops_becomes_part_of_the_map():
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(70):
         found = detector.detect(scan_of(k, [car(4 + 0.8 * min(k, 20), 3.0)]))
         if k == 20:
@@ -128,7 +128,7 @@ def test_a_car_that_stops_becomes_part_of_the_map():
 
 
 def test_a_repeated_scan_counts_once():
-    once, twice = GridDetector(HDL_64E, THESIS), GridDetector(HDL_64E, THESIS)
+    once, twice = MotionGridDetector(HDL_64E, THESIS), MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         scan = scan_of(k, [car(4 + 0.8 * k, 3.0)])
         expected = once.detect(scan)
@@ -141,7 +141,7 @@ def test_a_repeated_scan_counts_once():
     "fields", [{"is_reset": True}, {"stamp_s": 60.0}], ids=["reset", "a minute later"]
 )
 def test_a_reset_or_a_long_gap_begins_anew(fields):
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         detector.detect(scan_of(k))
     assert detector.grids.background_m.any()
@@ -150,7 +150,7 @@ def test_a_reset_or_a_long_gap_begins_anew(fields):
 
 
 def test_a_short_gap_and_a_scan_without_points_change_nothing_else():
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     for k in [*range(8), 11, 12]:
         detector.detect(scan_of(k))
     before_m = detector.grids.background_m
@@ -160,7 +160,7 @@ def test_a_short_gap_and_a_scan_without_points_change_nothing_else():
 
 
 def test_a_pose_that_jumps_leaves_an_empty_map_and_the_next_scans_fill_it():
-    detector = GridDetector(HDL_64E, THESIS)
+    detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         detector.detect(scan_of(k))
     far = from_euler(0, 0, 2.0, np.array([9e5, -4e5, 30.0]))
@@ -170,7 +170,7 @@ def test_a_pose_that_jumps_leaves_an_empty_map_and_the_next_scans_fill_it():
 
 
 def test_memory_does_not_grow_with_the_drive():
-    detector = GridDetector(
+    detector = MotionGridDetector(
         HDL_64E, replace(THESIS, background=replace(THESIS.background, scans=30))
     )
     scan = scan_of(0)
@@ -197,7 +197,7 @@ def test_heights_over_the_found_ground_follow_a_slope():
     scan = replace(scan, points_velo=points, ground=Slope())
     stands = {}
     for reference in ("level plane", "ground"):
-        detector = GridDetector(HDL_64E, replace(THESIS, height_reference=reference))
+        detector = MotionGridDetector(HDL_64E, replace(THESIS, height_reference=reference))
         detector.detect(scan)
         stands[reference] = detector.grids.elevation.height_m > 0
     on_road = (slice(160, 290), slice(50, 70))
@@ -221,8 +221,8 @@ def within_a_cell(motion_m, other_m):
 @PRESETS
 def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kitti_root):
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
-    detector = GridDetector(drive.sensor, config)
-    body = VehicleBody()
+    detector = MotionGridDetector(drive.sensor, config)
+    body = EgoVehicle()
     reference, agreeing, moving = None, np.zeros(2), np.zeros(2)
     for k in range(10):
         frame = drive[k]
@@ -239,7 +239,7 @@ def test_on_the_real_drive_both_forms_of_the_map_see_the_same_motion(config, kit
         grids = detector.grids
         reference = reference or ReferenceShortTermMap(grids.work_cells, config.background)
         background_m = reference.update(grids.elevation, frame.world_SE3_velo)
-        if k < config.background.least:
+        if k < config.background.min_observations:
             continue
         expected_m = moving_in_area(
             grids.elevation, background_m, config, config.motion.radius_cells

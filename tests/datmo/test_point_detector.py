@@ -139,4 +139,4 @@ def test_standing_cells_keep_mean_place_highest_point_and_count():
     np.testing.assert_allclose(cells.places_m, [[0.1, 0.1, 3.0], [0.45, 0.05, 2.0]], atol=1e-6)
     assert cells.points.tolist() == [2, 1]
     places = np.array([[0.25, 0.1], [0.1, 0.65], [0.79, 0.0], [0.85, 0.0], [99.0, 99.0]])
-    assert cells.touch(places).tolist() == [True, False, True, False, False]
+    assert cells.is_touching(places).tolist() == [True, False, True, False, False]

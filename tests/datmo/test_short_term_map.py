@@ -58,7 +58,7 @@ def value_after(heights_m, config, grid=ShortTermMap):
     ids=["fewer than k", "k", "gaps do not count", "the last m", "expired", "three remain"],
 )
 def test_a_cell_is_the_mean_of_its_last_observations(grid, heights_m, expected_m):
-    config = ShortTermMapConfig(scans=6, averaged=4, least=3)
+    config = ShortTermMapConfig(scans=6, max_observations=4, min_observations=3)
     assert value_after(heights_m, config, grid) == pytest.approx(expected_m)
 
 
@@ -66,7 +66,7 @@ def test_a_cell_is_the_mean_of_its_last_observations(grid, heights_m, expected_m
 def test_the_newest_grid_is_in_the_map_or_joins_after(grid):
     heights_m = [1.0, 1.0, 2.0]
     assert value_after(heights_m, ShortTermMapConfig(9, 9, 1), grid) == pytest.approx(4 / 3)
-    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1, holds_newest=False), grid) == 1.0
+    assert value_after(heights_m, ShortTermMapConfig(9, 9, 1, includes_newest=False), grid) == 1.0
 
 
 def whole_cells(rng):
@@ -81,8 +81,8 @@ CONFIG = {
     "m = n": ShortTermMapConfig(12, 12, 1),
     "m > n": ShortTermMapConfig(5, 9, 2),
     "short": ShortTermMapConfig(3, 2, 2),
-    "newest outside": ShortTermMapConfig(15, 6, 2, holds_newest=False),
-    "newest outside, one": ShortTermMapConfig(1, 1, 1, holds_newest=False),
+    "newest outside": ShortTermMapConfig(15, 6, 2, includes_newest=False),
+    "newest outside, one": ShortTermMapConfig(1, 1, 1, includes_newest=False),
 }
 
 

@@ -13,19 +13,19 @@ def points(*rows):
 def test_variance_is_that_of_a_sample():
     # 0 and 0.2 m: variance 0.02 over n - 1, 0.01 over n.
     cells = HeightCells.of(points([1.1, 0.1, 0], [1.4, 0.4, 0.2]), 0.5)
-    assert cells.varies(0.0199).tolist() == [True, True]
-    assert cells.varies(0.0201).tolist() == [False, False]
+    assert cells.has_variance(0.0199).tolist() == [True, True]
+    assert cells.has_variance(0.0201).tolist() == [False, False]
 
 
 def test_a_single_point_does_not_vary():
     cells = HeightCells.of(points([0.2, 0.2, 5], [0.7, 0.2, 9]), 0.5)
-    assert cells.varies(1e-9).tolist() == [False, False]
-    assert cells.varies(0).tolist() == [True, True]
+    assert cells.has_variance(1e-9).tolist() == [False, False]
+    assert cells.has_variance(0).tolist() == [True, True]
 
 
 def test_cells_are_cut_at_multiples_of_their_edge():
     pair = points([0.49, -0.01, 0], [0.49, 0.01, 1], [-0.01, -0.01, 0], [0.01, -0.02, 1])
-    assert HeightCells.of(pair, 0.5).varies(0.1).tolist() == [True, False, False, True]
+    assert HeightCells.of(pair, 0.5).has_variance(0.1).tolist() == [True, False, False, True]
 
 
 def test_variance_equals_that_of_each_cell_alone():
@@ -36,19 +36,19 @@ def test_variance_equals_that_of_each_cell_alone():
         key: [float(z) for k, z in zip(keys, scan[:, 2], strict=True) if k == key] for key in keys
     }
     expected = [len(heights[k]) > 1 and statistics.variance(heights[k]) >= 0.01 for k in keys]
-    varies = HeightCells.of(scan, 0.7).varies(0.01)
-    assert varies.tolist() == expected
-    assert 50 < varies.sum() < 550
+    has_variance = HeightCells.of(scan, 0.7).has_variance(0.01)
+    assert has_variance.tolist() == expected
+    assert 50 < has_variance.sum() < 550
 
 
 def test_lowest_is_sought_so_far_on_each_side():
     scan = points([0.2, 0.2, 1], [1.7, 0.2, 0], [2.2, 0.2, -1], [0.2, 9, -5])
-    lowest_m = HeightCells.of(scan, 0.5).lowest_m(1.5)
-    assert lowest_m.tolist() == [0, -1, -1, -5]
+    lowest_around_m = HeightCells.of(scan, 0.5).lowest_around_m(1.5)
+    assert lowest_around_m.tolist() == [0, -1, -1, -5]
 
 
 @pytest.mark.parametrize("count", [0, 1])
 def test_few_points_have_cells_too(count):
     cells = HeightCells.of(np.ones((count, 3), np.float32), 0.5)
-    assert cells.varies(0.01).tolist() == [False] * count
-    assert cells.lowest_m(1.5).tolist() == [1.0] * count
+    assert cells.has_variance(0.01).tolist() == [False] * count
+    assert cells.lowest_around_m(1.5).tolist() == [1.0] * count

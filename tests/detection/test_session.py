@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from onnx import TensorProto
 
-from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ModelError
 
 CONTRACT = ModelContract(
     metadata={"kind": "depthcn", "classes": "Car"},
     required_keys=("window",),
     inputs={
-        "crops": Input(np.uint8, (None, 3, 66, 112)),
-        "windows_px": Input(np.float32, (None, 4)),
+        "crops": ModelInput(np.uint8, (None, 3, 66, 112)),
+        "windows_px": ModelInput(np.float32, (None, 4)),
     },
     outputs=("scores",),
 )
@@ -34,7 +34,7 @@ def test_any_number_of_rows_goes_through_at_once(write_model, rows):
 def test_file_says_what_it_is(write_model):
     model = OnnxModel(write_model(), CONTRACT)
     assert model.metadata["classes"] == "Car"
-    assert model.inputs["crops"] == Input(np.uint8, (None, 3, 66, 112))
+    assert model.inputs["crops"] == ModelInput(np.uint8, (None, 3, 66, 112))
 
 
 def test_a_fact_is_one_of_those_known(write_model):

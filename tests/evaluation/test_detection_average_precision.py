@@ -10,7 +10,7 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.bootstrap import resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, best_ap
+from perception.evaluation.detection.curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.types import Detections
 
@@ -133,9 +133,9 @@ def test_rows_that_cannot_be_measured():
 
 
 def test_no_choice_of_no_frames_can_be_drawn():
-    tallies = match_detections(truths_of(), detections_of(), 0)
+    statistics = match_detections(truths_of(), detections_of(), 0)
     with pytest.raises(UsageError, match="found 5 choices of 0 frames"):
-        resample_precision(tallies, 5, np.random.default_rng(0))
+        resample_precision(statistics, 5, np.random.default_rng(0))
 
 
 def test_what_so_many_objects_come_to_at_most_is_what_finding_all_of_them_gives():
@@ -144,11 +144,11 @@ def test_what_so_many_objects_come_to_at_most_is_what_finding_all_of_them_gives(
         surely = [(*row, 1 - row[0] / 1000) for row in rows]
         if count:
             curve = easy(truths_of(*rows), detections_of(*surely), frames=count)
-            assert best_ap(count, 40) == pytest.approx(curve.ap(40))
-            assert best_ap(count, 11) == pytest.approx(curve.ap(11))
-    assert best_ap(0) == 0
-    assert best_ap(18) == pytest.approx(42.5)
-    assert best_ap(100) == 100
+            assert max_ap(count, 40) == pytest.approx(curve.ap(40))
+            assert max_ap(count, 11) == pytest.approx(curve.ap(11))
+    assert max_ap(0) == 0
+    assert max_ap(18) == pytest.approx(42.5)
+    assert max_ap(100) == 100
 
 
 def test_detections_of_frames_become_rows():

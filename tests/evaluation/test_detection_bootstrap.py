@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from perception.evaluation.detection.average_precision import DetectionTallies, match_detections
+from perception.evaluation.detection.average_precision import DetectionStatistics, match_detections
 from perception.evaluation.detection.bootstrap import resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import KITTI_CLASSES
 
 
-def noisy_tallies(frames: int, cyclist_frames: int = 1) -> DetectionTallies:
+def noisy_statistics(frames: int, cyclist_frames: int = 1) -> DetectionStatistics:
     """Return frames of two cars, of which three in four are found, and every other frame has a ghost."""
     rng = np.random.default_rng(7)
     numbers = np.repeat(np.arange(frames), 2)
@@ -30,9 +30,9 @@ def noisy_tallies(frames: int, cyclist_frames: int = 1) -> DetectionTallies:
 
 
 def test_the_same_generator_gives_the_same_interval():
-    tallies = noisy_tallies(60)
+    statistics = noisy_statistics(60)
     first, again, other = (
-        resample_precision(tallies, 20, np.random.default_rng(seed))[0]["easy"]
+        resample_precision(statistics, 20, np.random.default_rng(seed))[0]["easy"]
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.percent[40], again.percent[40])
@@ -44,9 +44,9 @@ def test_the_same_generator_gives_the_same_interval():
 def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
     widths = []
     for frames in (60, 600):
-        tallies = noisy_tallies(frames)
-        metric = tallies.metrics().classes[0].curves["moderate"].ap(points)
-        samples = resample_precision(tallies, 100, np.random.default_rng(0))[0]["moderate"]
+        statistics = noisy_statistics(frames)
+        metric = statistics.metrics().classes[0].curves["moderate"].ap(points)
+        samples = resample_precision(statistics, 100, np.random.default_rng(0))[0]["moderate"]
         interval = samples.interval(points)
         assert interval.low < metric < interval.high
         narrow = samples.interval(points, confidence=0.5)
@@ -56,13 +56,15 @@ def test_the_interval_holds_the_figure_and_narrows_with_more_frames(points):
 
 
 def test_choices_without_an_object_say_nothing():
-    car, pedestrian, cyclist = resample_precision(noisy_tallies(30), 40, np.random.default_rng(0))
+    car, pedestrian, cyclist = resample_precision(
+        noisy_statistics(30), 40, np.random.default_rng(0)
+    )
     assert pedestrian == {}
     is_nothing = np.isnan(cyclist["easy"].percent[40])
     # One frame in 30 holds the cyclist: (1 - 1/30)^30, a third of all choices, lack it.
     assert 5 < is_nothing.sum() < 25
     assert not np.isnan(car["easy"].percent[40]).any()
-    never = resample_precision(noisy_tallies(30, cyclist_frames=0), 4, np.random.default_rng(0))
+    never = resample_precision(noisy_statistics(30, cyclist_frames=0), 4, np.random.default_rng(0))
     assert never[2] == {}
 
 
@@ -74,5 +76,5 @@ def test_progress_sees_every_choice():
             seen.append(number)
             yield number
 
-    resample_precision(noisy_tallies(10), 5, np.random.default_rng(0), watch)
+    resample_precision(noisy_statistics(10), 5, np.random.default_rng(0), watch)
     assert seen == [0, 1, 2, 3, 4]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.naive_detection_ap import ReferenceCurve, reference_curve, reference_thresholds
-from perception.evaluation.detection import steps
+from perception.evaluation.detection import threshold_sweep
 from perception.evaluation.detection.average_precision import (
     kitti_average_precision,
     match_detections,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, threshold_places
+from perception.evaluation.detection.curve import PrecisionCurve, threshold_ranks
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 
 FRAMES = 12
@@ -82,13 +82,13 @@ def test_frames_that_weigh_double_are_frames_that_are_there_twice():
     truths, detections = crowded_frames(3)
     weights = np.random.default_rng(0).integers(0, 3, FRAMES)
     car, hard = KITTI_CLASSES[0].at_iou(0.4), DIFFICULTIES[2]
-    tallies = match_detections(truths, detections, FRAMES, [car], [hard])
+    statistics = match_detections(truths, detections, FRAMES, [car], [hard])
     frames = np.repeat(np.arange(FRAMES), weights)
     naive = reference_curve(
         take_frames(truths, frames), take_frames(detections, frames), len(frames), car, hard
     )
     assert naive.matches > 10
-    assert_same(tallies.metrics(weights).classes[0].curves["hard"], naive)
+    assert_same(statistics.metrics(weights).classes[0].curves["hard"], naive)
 
 
 def take_frames(rows, frames):
@@ -102,7 +102,7 @@ def take_frames(rows, frames):
 def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
     truths, detections = crowded_frames(4)
     whole = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
-    monkeypatch.setattr(steps, "_BLOCK_PAIRS", 7)
+    monkeypatch.setattr(threshold_sweep, "_BLOCK_PAIRS", 7)
     blocks = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
     for name, curve in whole.classes[0].curves.items():
         same = blocks.classes[0].curves[name]
@@ -115,9 +115,9 @@ def test_thresholds_are_those_of_walking_down_the_scores(truths: int):
     for matches in {1, truths // 3, truths // 2, int(truths * 0.85), truths - 1, truths} - {0}:
         scores = np.arange(matches, 0, -1.0)
         walked = reference_thresholds(scores.tolist(), truths)
-        assert scores[threshold_places(matches, truths) - 1].tolist() == walked
+        assert scores[threshold_ranks(matches, truths) - 1].tolist() == walked
 
 
 def test_nothing_found_gives_no_threshold():
-    assert len(threshold_places(0, 12)) == 0
-    assert len(threshold_places(0, 0)) == 0
+    assert len(threshold_ranks(0, 12)) == 0
+    assert len(threshold_ranks(0, 0)) == 0

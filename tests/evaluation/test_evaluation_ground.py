@@ -5,14 +5,14 @@ import pytest
 
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import (
-    FootErrors,
-    PointClasses,
+    GroundErrors,
+    LabelledScan,
     displacement_by_interval,
     displacement_errors,
-    foot_errors,
     ground_confusion,
+    ground_errors,
     interval_names,
-    mean_displacement,
+    mean_displacement_error,
 )
 from perception.geometry.grids import LocalArea
 from perception.types import Float, Float64, PointState
@@ -45,30 +45,30 @@ def test_the_distance_to_a_tilted_plane_is_along_its_normal():
 
 def test_only_feet_in_the_area_count():
     feet = np.array([[10, 0, -1.7], [24, 9, -1.7], [26, 0, 9], [10, 11, 9], [-6, 0, 9]])
-    errors = foot_errors(3, Plane(0.0, -1.73), feet, AREA)
+    errors = ground_errors(3, Plane(0.0, -1.73), feet, AREA)
     np.testing.assert_allclose(errors.errors_m, [0.03, 0.03])
     np.testing.assert_allclose(errors.ranges_m, [10, np.hypot(24, 9)])
     assert errors.frames.tolist() == [3, 3]
 
 
-def made_up_errors() -> FootErrors:
+def made_up_errors() -> GroundErrors:
     """Two objects in frame 0 (errors +2 and -4 cm), one in frame 5 (+1 cm)."""
-    return FootErrors(
+    return GroundErrors(
         frames=np.array([0, 0, 5]),
-        feet_m=np.array([[-7.0, 0.0], [22.0, 0.0], [24.0, 10.0]]),
+        bottom_centers_m=np.array([[-7.0, 0.0], [22.0, 0.0], [24.0, 10.0]]),
         errors_m=np.array([0.02, -0.04, 0.01]),
     )
 
 
 def test_frames_weigh_the_same_however_many_objects_they_have():
-    figure = mean_displacement(made_up_errors())
+    figure = mean_displacement_error(made_up_errors())
     assert figure.mde_m == pytest.approx((0.03 + 0.01) / 2)
     assert figure.bias_m == pytest.approx((-0.01 + 0.01) / 2)
     assert (figure.frames, figure.objects) == (2, 3)
 
 
 def test_no_object_gives_no_figure():
-    figure = mean_displacement(FootErrors.concatenate([]))
+    figure = mean_displacement_error(GroundErrors.concatenate([]))
     assert np.isnan(figure.mde_m)
     assert (figure.frames, figure.objects) == (0, 0)
 
@@ -83,7 +83,7 @@ def test_errors_by_range_add_up_to_all():
 
 def test_slices_end_at_lines_of_x():
     errors = made_up_errors()
-    figures = displacement_by_interval(errors, errors.feet_m[:, 0], (-10, 0, 23))
+    figures = displacement_by_interval(errors, errors.bottom_centers_m[:, 0], (-10, 0, 23))
     np.testing.assert_allclose([figure.bias_m for figure in figures], [0.02, -0.04, 0.01])
 
 
@@ -116,7 +116,7 @@ def test_ground_points_by_hand():
         (7, outside, 40),  # too low for the area: missed
         (26, ground, 40),  # beyond the area: does not count
     ]
-    scan = PointClasses(
+    scan = LabelledScan(
         points_velo=np.array([(x, 0, -1.7) for x, _, _ in rows]),
         states=np.array([state for _, state, _ in rows], np.uint8),
         classes=np.array([kind for _, _, kind in rows]),

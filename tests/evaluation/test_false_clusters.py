@@ -5,7 +5,7 @@ from perception.evaluation.false_clusters import (
     ClusterConfig,
     FrameAnnotations,
     MovingClusters,
-    cluster_numbers,
+    cluster_ids,
     is_false,
     moving_clusters,
 )
@@ -49,15 +49,15 @@ def clusters_of(points_velo: np.ndarray, surroundings: FrameAnnotations) -> Movi
 def test_near_clumps_are_one_cluster_and_far_ones_are_two():
     config = ClusterConfig(cell_m=0.2, closing_m=0.5)
     near = np.array([[5.1, 0.1], [5.5, 0.1], [5.9, 0.1]])  # one free cell between each
-    assert cluster_numbers(near, config).tolist() == [0, 0, 0]
+    assert cluster_ids(near, config).tolist() == [0, 0, 0]
     far = np.array([[5.1, 0.1], [6.1, 0.1], [5.1, 0.1]])
-    assert cluster_numbers(far, config).tolist() == [0, 1, 0]
+    assert cluster_ids(far, config).tolist() == [0, 1, 0]
 
 
 def test_without_closing_only_the_eight_neighbours_join():
     config = ClusterConfig(cell_m=0.2, closing_m=0.0)
     diagonal_and_apart = np.array([[0.1, 0.1], [0.3, 0.3], [0.7, 0.3]])
-    assert cluster_numbers(diagonal_and_apart, config).tolist() == [0, 0, 1]
+    assert cluster_ids(diagonal_and_apart, config).tolist() == [0, 0, 1]
 
 
 def test_what_a_cluster_touches_decides_what_it_is():
@@ -69,7 +69,7 @@ def test_what_a_cluster_touches_decides_what_it_is():
     order = np.argsort(clusters.centers_m[:, 0])
     # The second is 0.2 m behind the static box, within its margin.
     expected = [MotionState.MOVING, MotionState.STATIC, MotionState.UNKNOWN, NO_OBJECT]
-    assert clusters.touched[order].tolist() == expected
+    assert clusters.object_motions[order].tolist() == expected
     assert clusters.points.tolist() == [6, 6, 6, 6]
     assert clusters.frames.tolist() == [4, 4, 4, 4]
     false = is_false(clusters, 5, ignore_dont_care=True)[order]
@@ -80,7 +80,7 @@ def test_a_cluster_that_touches_two_objects_belongs_to_the_moving_one():
     clusters = clusters_of(
         clump(12, 0), annotations((11, MotionState.STATIC), (13, MotionState.MOVING))
     )
-    assert clusters.touched.tolist() == [MotionState.MOVING]
+    assert clusters.object_motions.tolist() == [MotionState.MOVING]
 
 
 def test_clusters_behind_the_camera_or_too_small_are_not_false():

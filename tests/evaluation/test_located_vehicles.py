@@ -20,7 +20,7 @@ def test_errors_are_those_that_were_made():
     )
     wrong = replace(found, boxes=moved, distances_m=found.distances_m + 0.2)
     errors = location_errors(wrong, detected(true).detections.boxes_px, true, frame.points_velo)
-    np.testing.assert_allclose(errors.away_m, np.hypot([12, 25], [2, -3]))
+    np.testing.assert_allclose(errors.range_m, np.hypot([12, 25], [2, -3]))
     np.testing.assert_allclose(errors.center_m, 0.5)
     np.testing.assert_allclose(errors.yaw_rad, 3.0)
     np.testing.assert_allclose(errors.axis_rad, np.pi - 3.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from perception.evaluation.multi_object.matching import heaviest_matching, rival_groups
+from perception.evaluation.multi_object.matching import matching_components, max_weight_matching
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5, 1.0])
@@ -12,23 +12,23 @@ def test_as_by_one_dense_assignment(share):
     rng = np.random.default_rng(3)
     table = np.where(rng.random((30, 40)) < share, rng.random((30, 40)), 0)
     rows, columns = np.nonzero(table)
-    chosen = heaviest_matching(rows, columns, table[rows, columns])
+    chosen = max_weight_matching(rows, columns, table[rows, columns])
     assert len(set(rows[chosen])) == len(set(columns[chosen])) == chosen.sum()
     best = table[linear_sum_assignment(table, maximize=True)].sum()
     assert table[rows, columns][chosen].sum() == pytest.approx(best)
 
 
 def test_a_pair_may_give_way_to_two():
-    chosen = heaviest_matching(np.array([0, 0, 1]), np.array([0, 1, 0]), np.array([5.0, 4, 4]))
+    chosen = max_weight_matching(np.array([0, 0, 1]), np.array([0, 1, 0]), np.array([5.0, 4, 4]))
     assert chosen.tolist() == [False, True, True]
 
 
 def test_only_rivals_come_in_groups_in_the_order_of_their_first_pair():
     rows, columns = np.array([9, 4, 4, 2, 1, 1, 0]), np.array([3, 8, 5, 5, 0, 1, 2])
-    first, second = rival_groups(rows, columns)
+    first, second = matching_components(rows, columns)
     assert (first.pairs.tolist(), second.pairs.tolist()) == ([1, 2, 3], [4, 5])
     assert (first.rows.tolist(), first.columns.tolist()) == ([1, 1, 0], [1, 0, 0])
     assert (second.rows.tolist(), second.columns.tolist()) == ([0, 0], [0, 1])
     empty = np.zeros(0, int)
-    assert rival_groups(empty, empty) == []
-    assert heaviest_matching(empty, empty, np.zeros(0)).tolist() == []
+    assert matching_components(empty, empty) == []
+    assert max_weight_matching(empty, empty, np.zeros(0)).tolist() == []

@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.mistakes import count_mistakes
+from perception.evaluation.detection.mistakes import count_frame_errors
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 from perception.types import Detections
 
@@ -33,30 +33,36 @@ def at(lefts, scores):
 def test_misses_and_false_alarms_of_each_frame():
     # Cars: two in frame 0, none in 1, one in 2. Found: both, a ghost, nothing; and a doubtful ghost.
     found = DetectedBoxes.of_frames([at([0, 100], [0.9, 0.8]), at([50], [0.85]), at([500], [0.1])])
-    mistakes = count_mistakes(truths([0, 0, 2]), found, 3, CAR, HARD)
+    frame_errors = count_frame_errors(truths([0, 0, 2]), found, 3, CAR, HARD)
     # At 0.9: one found, none wrong. At 0.8: two found, one wrong: as many mistakes, the surer is taken.
-    assert mistakes.threshold == 0.9
-    assert mistakes.misses.tolist() == [1, 0, 1]
-    assert mistakes.false_alarms.tolist() == [0, 0, 0]
-    assert mistakes.worst(5).tolist() == [0, 2]
-    assert mistakes.worst(1).tolist() == [0]
+    assert frame_errors.threshold == 0.9
+    assert frame_errors.false_negatives.tolist() == [1, 0, 1]
+    assert frame_errors.false_positives.tolist() == [0, 0, 0]
+    assert frame_errors.worst(5).tolist() == [0, 2]
+    assert frame_errors.worst(1).tolist() == [0]
 
 
 def test_detections_of_one_score_count_together():
     found = DetectedBoxes.of_frames([at([0, 100, 700], [0.5, 0.5, 0.5])])
-    mistakes = count_mistakes(truths([0, 0]), found, 1, CAR, HARD)
-    assert mistakes.threshold == 0.5
-    assert (mistakes.misses.tolist(), mistakes.false_alarms.tolist()) == ([0], [1])
+    frame_errors = count_frame_errors(truths([0, 0]), found, 1, CAR, HARD)
+    assert frame_errors.threshold == 0.5
+    assert (frame_errors.false_negatives.tolist(), frame_errors.false_positives.tolist()) == (
+        [0],
+        [1],
+    )
 
 
 def test_where_all_are_wrong_none_counts():
     found = DetectedBoxes.of_frames([at([700], [0.9])])
-    mistakes = count_mistakes(truths([0]), found, 1, CAR, HARD)
-    assert mistakes.threshold == np.inf
-    assert (mistakes.misses.tolist(), mistakes.false_alarms.tolist()) == ([1], [0])
+    frame_errors = count_frame_errors(truths([0]), found, 1, CAR, HARD)
+    assert frame_errors.threshold == np.inf
+    assert (frame_errors.false_negatives.tolist(), frame_errors.false_positives.tolist()) == (
+        [1],
+        [0],
+    )
 
 
 def test_nothing_detected():
-    mistakes = count_mistakes(truths([1]), DetectedBoxes.of_frames([]), 2, CAR, HARD)
-    assert mistakes.misses.tolist() == [0, 1]
-    assert mistakes.worst(3).tolist() == [1]
+    frame_errors = count_frame_errors(truths([1]), DetectedBoxes.of_frames([]), 2, CAR, HARD)
+    assert frame_errors.false_negatives.tolist() == [0, 1]
+    assert frame_errors.worst(3).tolist() == [1]

@@ -22,7 +22,7 @@ from perception.evaluation.multi_object.moving_scene import (
     MovingObjectConfig,
     MovingScene,
     is_target,
-    points_above_feet,
+    points_above_bottom,
 )
 from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.evaluation.objects import LabelledObjects, MotionState
@@ -49,7 +49,7 @@ def scene_of(boxes: Boxes3D, motions=MotionState.MOVING, points=100, view=None, 
     return MovingScene(
         objects=LabelledObjects(boxes, np.full(count, motions), np.arange(10, 10 + count)),
         velocities_m_s=np.tile([5.0, 0.0], (count, 1)),
-        moves_sometime=np.full(count, moves),
+        moves_in_drive=np.full(count, moves),
         points=np.full(count, points),
         view=view,
     )
@@ -260,7 +260,7 @@ def test_false_tracks_follow_nobody_for_most_of_their_lives():
         objects=LabelledObjects(
             objects, np.array([MotionState.MOVING, MotionState.STATIC]), np.array([1, 2])
         ),
-        moves_sometime=np.array([True, False]),
+        moves_in_drive=np.array([True, False]),
     )
     here = tracks_of(boxes, [4, 5, 6])
     lucky = tracks_of(car, [5])  # for one frame the ghost is where the car is
@@ -284,7 +284,7 @@ def test_no_tracks_are_no_false_ones():
 def test_points_near_the_feet_do_not_count():
     heights_m = np.array([-1.1, -0.95, -0.75, 0.0, 0.45, 0.6])
     points = np.column_stack([np.full(6, 10.0), np.zeros(6), heights_m, np.zeros(6)])
-    assert points_above_feet(boxes_at((10, 0)), points.astype(np.float32), 0.2).tolist() == [3]
+    assert points_above_bottom(boxes_at((10, 0)), points.astype(np.float32), 0.2).tolist() == [3]
 
 
 def test_what_cannot_be_is_refused():

@@ -7,7 +7,7 @@ from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.proposal_recall import (
     IOU_STEPS,
-    count_reached,
+    count_recalled,
     proposal_recall,
 )
 
@@ -51,8 +51,8 @@ FOUND = proposals(
 
 def test_objects_are_counted_by_difficulty_and_reached_by_overlap():
     recall = proposal_recall(LABELLED, FOUND, 2, "Car")
-    assert (recall.frames, recall.proposals, recall.most_in_a_frame) == (2, 5, 3)
-    assert recall.proposals_a_frame == 2.5
+    assert (recall.frames, recall.proposals, recall.max_per_frame) == (2, 5, 3)
+    assert recall.proposals_per_frame == 2.5
     metrics = recall.difficulties
     assert {name: one.objects for name, one in metrics.items()} == {
         "easy": 1,
@@ -90,18 +90,18 @@ def test_one_proposal_may_reach_several_objects_and_equal_overlap_is_enough():
 
 def test_counting_one_frame_agrees_with_measuring_all():
     in_frame = LABELLED.frames == 0
-    counts = count_reached(
+    counts = count_recalled(
         LABELLED.boxes_px[in_frame], FOUND.boxes_px[FOUND.frames == 0], (0.7, 0.5)
     )
     np.testing.assert_array_equal(counts, [2, 2])
     none = np.zeros((0, 4))
-    np.testing.assert_array_equal(count_reached(none, FOUND.boxes_px, (0.7,)), [0])
-    np.testing.assert_array_equal(count_reached(LABELLED.boxes_px, none, (0.7, 0.5)), [0, 0])
+    np.testing.assert_array_equal(count_recalled(none, FOUND.boxes_px, (0.7,)), [0])
+    np.testing.assert_array_equal(count_recalled(LABELLED.boxes_px, none, (0.7, 0.5)), [0, 0])
 
 
 def test_without_proposals_nothing_is_reached():
     recall = proposal_recall(LABELLED, proposals([]), 2, "Car")
-    assert (recall.proposals, recall.most_in_a_frame) == (0, 0)
+    assert (recall.proposals, recall.max_per_frame) == (0, 0)
     metrics = recall.difficulties["all"]
     assert metrics.recall(0.5) == 0
     np.testing.assert_array_equal(metrics.recall_by_count(0.5, 3), np.zeros(4))

@@ -2,7 +2,7 @@ import numpy as np
 
 from perception.evaluation.false_clusters import FrameAnnotations
 from perception.evaluation.objects import LabelledObjects, MotionState
-from perception.evaluation.shadows import PlacesLeft, ShadowConfig, Shadows
+from perception.evaluation.shadows import ShadowConfig, ShadowDetector, Shadows
 from perception.geometry.se3 import from_euler
 from perception.types import (
     Boxes3D,
@@ -43,14 +43,18 @@ def voxels_at(x_m: float, count: int = 6, z_m: float = -0.7) -> np.ndarray:
 
 
 def step(
-    places: PlacesLeft, frame: int, voxels: np.ndarray, annotations: FrameAnnotations, ego_m=0.0
+    shadow_detector: ShadowDetector,
+    frame: int,
+    voxels: np.ndarray,
+    annotations: FrameAnnotations,
+    ego_m=0.0,
 ):
     world_SE3_velo = from_euler(0, 0, 0, np.array([ego_m, 0.0, 0.0]))
     static = Voxels(voxels, np.ones(len(voxels), np.int64), 0.1)
     nothing = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
     scan = Frame(frame, 0.1 * frame, np.zeros((1, 4), np.float32))
     obstacles = Obstacles(np.zeros(1, np.uint8), static, nothing)
-    return places.shadows(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
+    return shadow_detector.shadows(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
 
 
 def figures(shadows: Shadows) -> tuple[int, int]:
@@ -58,28 +62,31 @@ def figures(shadows: Shadows) -> tuple[int, int]:
 
 
 def test_what_stays_where_an_object_was_is_its_shadow():
-    places = PlacesLeft()
-    assert figures(step(places, 0, voxels_at(10), scene(10))) == (0, 0)  # the object itself
-    assert figures(step(places, 1, voxels_at(10), scene(14))) == (6, 1)
-    assert figures(step(places, 2, voxels_at(20), scene(15))) == (0, 0)  # nobody was there
+    shadow_detector = ShadowDetector()
+    assert figures(step(shadow_detector, 0, voxels_at(10), scene(10))) == (
+        0,
+        0,
+    )  # the object itself
+    assert figures(step(shadow_detector, 1, voxels_at(10), scene(14))) == (6, 1)
+    assert figures(step(shadow_detector, 2, voxels_at(20), scene(15))) == (0, 0)  # nobody was there
 
 
 def test_places_are_remembered_in_the_world():
-    places = PlacesLeft()
-    step(places, 0, voxels_at(10), scene(10))
+    shadow_detector = ShadowDetector()
+    step(shadow_detector, 0, voxels_at(10), scene(10))
     # The vehicle drove 3 m on, so that the place left is now 7 m ahead.
-    assert figures(step(places, 1, voxels_at(7), scene(14), ego_m=3.0)) == (6, 1)
+    assert figures(step(shadow_detector, 1, voxels_at(7), scene(14), ego_m=3.0)) == (6, 1)
 
 
 def test_an_object_that_stood_leaves_no_shadow():
-    places = PlacesLeft()
-    step(places, 0, voxels_at(10), scene(10, MotionState.STATIC))
-    assert figures(step(places, 1, voxels_at(10), scene(14))) == (0, 0)
+    shadow_detector = ShadowDetector()
+    step(shadow_detector, 0, voxels_at(10), scene(10, MotionState.STATIC))
+    assert figures(step(shadow_detector, 1, voxels_at(10), scene(14))) == (0, 0)
 
 
 def test_shadows_are_forgotten_and_few_voxels_or_ground_are_none():
-    places = PlacesLeft(ShadowConfig(memory_s=0.15))
-    step(places, 0, voxels_at(10), scene(10))
-    assert figures(step(places, 1, voxels_at(10, count=3), scene(14))) == (3, 0)
-    assert figures(step(places, 1, voxels_at(10, z_m=-1.65), scene(14))) == (0, 0)
-    assert figures(step(places, 4, voxels_at(10), scene(20))) == (0, 0)
+    shadow_detector = ShadowDetector(ShadowConfig(memory_s=0.15))
+    step(shadow_detector, 0, voxels_at(10), scene(10))
+    assert figures(step(shadow_detector, 1, voxels_at(10, count=3), scene(14))) == (3, 0)
+    assert figures(step(shadow_detector, 1, voxels_at(10, z_m=-1.65), scene(14))) == (0, 0)
+    assert figures(step(shadow_detector, 4, voxels_at(10), scene(20))) == (0, 0)

@@ -6,7 +6,7 @@ import pytest
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.curves import (
     SingleObjectMetricsConfig,
-    area_under,
+    area_under_curve,
     correct_frames,
     cumulative_success,
     location_curve,
@@ -84,8 +84,8 @@ def test_errors_of_boxes_in_space():
     assert 0.5 < errors.overlap[1] < 0.6
     assert errors.overlap[1] == errors_of([prediction(13.0, 0.1)]).overlap[0]
     np.testing.assert_allclose(errors.velocity_m_s, 0.4)
-    assert errors.is_off.tolist() == [False, False, True, False]
-    assert errors.gives_boxes
+    assert errors.is_drifted.tolist() == [False, False, True, False]
+    assert errors.has_3d_boxes
 
 
 def test_height_counts_in_the_distance_of_the_centres():
@@ -110,8 +110,8 @@ def test_a_frame_without_a_box_is_off_and_has_no_distance():
     scores = single_object_metrics(errors)
     assert scores.center_m == 0.0
     assert scores.overlap_success == scores.precision == 0.5
-    assert (scores.seen, scores.predicted, scores.lost, scores.off) == (0.5, 0.0, 0.5, 0.5)
-    assert scores.lost_from == 1
+    assert (scores.seen, scores.predicted, scores.lost, scores.drifted) == (0.5, 0.0, 0.5, 0.5)
+    assert scores.lost_from_frame == 1
 
 
 def test_boxes_in_the_image_are_the_projected_ones_clipped_as_labels_are():
@@ -128,15 +128,15 @@ def test_a_tracker_in_the_image_has_no_figures_in_space():
     at = [prediction(None, box_px=(80, 40, 120, 60)), prediction(None, box_px=(83, 44, 123, 64))]
     errors = errors_of([*at, prediction(None), prediction(None, box_px=(0, 0, 9, 9))], CAMERA)
     np.testing.assert_allclose(errors.center_px[:2], [0, 5])
-    assert not errors.gives_boxes
-    assert errors.is_off.tolist() == [False, False, True, True]
+    assert not errors.has_3d_boxes
+    assert errors.is_drifted.tolist() == [False, False, True, True]
     scores = single_object_metrics(errors)
     missing = (scores.center_m, scores.overlap_success, scores.heading_success, scores.success)
     assert np.isnan(missing).all()
     assert np.isnan(scores.velocity_m_s)
     assert scores.location_success == 0.5
     assert scores.in_image == 0.75
-    assert scores.lost_from == 2
+    assert scores.lost_from_frame == 2
 
 
 def test_frames_in_which_the_camera_does_not_see_the_object_do_not_count_in_the_image():
@@ -189,7 +189,7 @@ def test_one_pass_evaluation_counts_thresholds():
     config = SingleObjectMetricsConfig()
     success = success_curve(errors, config)
     assert success[[0, 1, 20]].tolist() == [1.0, 0.5, 0.5]  # at least 0 are both
-    assert area_under(success) == pytest.approx(0.5 + 0.5 / 40)
+    assert area_under_curve(success) == pytest.approx(0.5 + 0.5 / 40)
     precision = precision_curve(errors, config)
     assert precision.tolist() == [0.5] * 21
     assert single_object_metrics(errors).precision == pytest.approx(0.5)
@@ -218,10 +218,12 @@ def test_an_object_found_again_is_not_lost_for_good():
         [prediction(12), prediction(40), prediction(12.2), prediction(40), prediction(40)]
     )
     scores = single_object_metrics(errors)
-    assert scores.off == 0.6
-    assert scores.lost_from == 3
-    assert single_object_metrics(errors_of([prediction(40), prediction(12)])).lost_from is None
-    assert single_object_metrics(errors_of([prediction(40), prediction(40)])).lost_from == 0
+    assert scores.drifted == 0.6
+    assert scores.lost_from_frame == 3
+    assert (
+        single_object_metrics(errors_of([prediction(40), prediction(12)])).lost_from_frame is None
+    )
+    assert single_object_metrics(errors_of([prediction(40), prediction(40)])).lost_from_frame == 0
 
 
 def test_times_and_frames_of_several_tracks_together():
@@ -236,8 +238,8 @@ def test_no_frame_gives_no_figure():
     errors = single_object_errors(true_track([0], [12.0]), predicted_track([], []))
     scores = single_object_metrics(errors)
     assert scores.frames == 0
-    assert np.isnan([scores.center_m, scores.success, scores.off, scores.ms_p99]).all()
-    assert scores.lost_from is None
+    assert np.isnan([scores.center_m, scores.success, scores.drifted, scores.ms_p99]).all()
+    assert scores.lost_from_frame is None
 
 
 def test_what_cannot_be_measured_is_refused():

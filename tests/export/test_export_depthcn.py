@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from export.depthcn import exportable_verifier, random_inputs
-from export.parity import compare, in_torch
+from export.parity import compare, torch_runner
 from perception.cli.main import main
 from perception.detection.depthcn.verifier import Verifier
 
@@ -23,7 +23,7 @@ def test_file_says_what_the_checkpoint_says(checkpoint, exported):
     exportable = exportable_verifier(checkpoint)
     planes = exportable.inputs["crops"].shape[1]
     batches = [random_inputs(planes, rows, np.random.default_rng(7)) for rows in (1, 0, 13)]
-    parity = compare(in_torch(exportable), Verifier(exported).model, batches)
+    parity = compare(torch_runner(exportable), Verifier(exported).model, batches)
     assert parity.rows == 14
     assert parity.largest["scores"] < 1e-5
     assert parity.largest["boxes_px"] < 0.01

@@ -9,16 +9,16 @@ import torch
 
 from data.open_drive import open_drive
 from export.detector import (
-    best_short,
+    best_int8,
     choose,
     exportable_detector,
     moderate,
     random_pictures,
 )
-from export.detector_precision import measure_forms
+from export.detector_precision import measure_variants
 from export.exported import ExportConfig
-from export.forms import Form
-from export.parity import compare, in_torch
+from export.forms import ModelVariant
+from export.parity import compare, torch_runner
 from perception.cli.main import main
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -84,9 +84,9 @@ def exported(checkpoint, drive, tmp_path_factory):
     return out
 
 
-def file_of(exported, form):
+def file_of(exported, variant):
     """Return the file in full precision or in 8 bits, whichever was chosen."""
-    beside = exported.with_suffix(f".{form}.onnx")
+    beside = exported.with_suffix(f".{variant}.onnx")
     return beside if beside.exists() else exported
 
 
@@ -94,7 +94,7 @@ def test_file_finds_what_the_checkpoint_finds(checkpoint, exported):
     exportable = exportable_detector(checkpoint)
     model = ModalityDetector(file_of(exported, "fp32")).model
     batches = [{"pictures": pictures(rows, seed=7)} for rows in (1, 4)]
-    parity = compare(in_torch(exportable), model, batches)
+    parity = compare(torch_runner(exportable), model, batches)
     assert parity.rows == 5
     assert parity.largest["scores"] < 1e-5
     assert parity.largest["boxes_px"] < 0.01
@@ -102,9 +102,11 @@ def test_file_finds_what_the_checkpoint_finds(checkpoint, exported):
 
 
 def test_8_bits_are_near_to_it(exported):
-    full, short = (ModalityDetector(file_of(exported, form)).model for form in ("fp32", "int8"))
+    full, int8_name = (
+        ModalityDetector(file_of(exported, variant)).model for variant in ("fp32", "int8")
+    )
     batch = {"pictures": pictures(2, seed=7)}
-    difference = np.abs(full(batch)["scores"] - short(batch)["scores"])
+    difference = np.abs(full(batch)["scores"] - int8_name(batch)["scores"])
     assert 0 < difference.mean() < 0.05
 
 
@@ -132,12 +134,12 @@ def test_detector_opens_what_was_written(exported):
 
 def test_report_says_what_was_tried_and_chosen(exported):
     report = json.loads(exported.with_suffix(".json").read_text())
-    short = ["int8 minmax", "int8 percentile"]
-    assert list(report["forms"]) == ["torch", "fp32", *short]
+    int8_name = ["int8 minmax", "int8 percentile"]
+    assert list(report["forms"]) == ["torch", "fp32", *int8_name]
     assert set(report["forms"]["fp32"]["precision"]) == {"Car 0.7", "Car 0.5"}
     assert report["forms"]["fp32"]["parity"]["pictures"]["rows"] == 2
-    assert report["forms"][short[0]]["size_bytes"] < 0.3 * report["forms"]["fp32"]["size_bytes"]
-    assert report["choice"]["form"] in ("fp32", short[0])
+    assert report["forms"][int8_name[0]]["size_bytes"] < 0.3 * report["forms"]["fp32"]["size_bytes"]
+    assert report["choice"]["form"] in ("fp32", int8_name[0])
     assert report["frames"] == 2
     written = sorted(path.name for path in exported.parent.iterdir())
     other = "fp32" if report["choice"]["form"] != "fp32" else "int8"
@@ -148,38 +150,41 @@ def test_file_in_8_bits_says_so(exported):
     assert ModalityDetector(file_of(exported, "int8")).metadata["form"] == "int8 minmax"
 
 
-def form(ms, ap=None):
+def variant(ms, ap=None):
     levels = {"easy": 90.0, "moderate": ap, "hard": 10.0}
     precision = {} if ap is None else {"Car 0.7": levels, "Car 0.5": {**levels, "moderate": 99.0}}
-    return Form(1000, ms, {}, precision)
+    return ModelVariant(1000, ms, {}, precision)
 
 
 @pytest.mark.parametrize(
     ("full", "short", "chosen", "reason"),
     [
-        (form(20, 60.0), form(7, 59.2), "int8 percentile", "loses 0.80 points"),
-        (form(20, 60.0), form(7, 58.8), "fp32", "loses 1.20 points"),
-        (form(20, 60.0), form(7, 61.0), "int8 percentile", "loses -1.00 points"),
-        (form(20, 60.0), form(20, 60.0), "fp32", "is no faster: 20.0 ms beside 20.0 ms"),
-        (form(20), form(7), "fp32", "no labels tell what int8 percentile loses"),
+        (variant(20, 60.0), variant(7, 59.2), "int8 percentile", "loses 0.80 points"),
+        (variant(20, 60.0), variant(7, 58.8), "fp32", "loses 1.20 points"),
+        (variant(20, 60.0), variant(7, 61.0), "int8 percentile", "loses -1.00 points"),
+        (variant(20, 60.0), variant(20, 60.0), "fp32", "is no faster: 20.0 ms beside 20.0 ms"),
+        (variant(20), variant(7), "fp32", "no labels tell what int8 percentile loses"),
     ],
 )
-def test_8_bits_are_chosen_where_they_are_faster_and_see_as_well(full, short, chosen, reason):
-    choice = choose({"fp32": full, "int8 percentile": short}, "int8 percentile")
-    assert choice.form == chosen
+def test_8_bits_are_chosen_where_they_are_faster_and_see_as_well(full, int8_name, chosen, reason):
+    choice = choose({"fp32": full, "int8 percentile": int8_name}, "int8 percentile")
+    assert choice.variant == chosen
     assert reason in choice.reason
 
 
 def test_full_precision_without_8_bits():
-    assert choose({"fp32": form(20)}, None).form == "fp32"
+    assert choose({"fp32": variant(20)}, None).variant == "fp32"
 
 
 def test_best_scales_are_those_that_see_best():
-    forms = {"fp32": form(20, 60.0), "int8 a": form(7, 50.0), "int8 b": form(9, 59.0)}
-    assert moderate(forms["int8 b"]) == 59.0
-    assert best_short(forms) == "int8 b"
-    assert best_short({"fp32": form(20, 60.0), "int8 a": form(7), "int8 b": form(7)}) == "int8 a"
-    assert best_short({"fp32": form(20)}) is None
+    variants = {"fp32": variant(20, 60.0), "int8 a": variant(7, 50.0), "int8 b": variant(9, 59.0)}
+    assert moderate(variants["int8 b"]) == 59.0
+    assert best_int8(variants) == "int8 b"
+    assert (
+        best_int8({"fp32": variant(20, 60.0), "int8 a": variant(7), "int8 b": variant(7)})
+        == "int8 a"
+    )
+    assert best_int8({"fp32": variant(20)}) is None
 
 
 def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
@@ -198,11 +203,11 @@ def test_precision_is_that_of_the_labelled_frames(drive, tmp_path):
         return {"boxes_px": np.zeros((1, 1, 4)), "scores": np.zeros((1, 1, 1))}
 
     config = ExportConfig(tmp_path / "any.ckpt", opened)
-    found = measure_forms(config, {"fp32": seer, "int8": blind}, detector)
+    found = measure_variants(config, {"fp32": seer, "int8": blind}, detector)
     # Every car was found: as much as four cars with one score can reach at 40 recalls.
     assert found["fp32"]["Car 0.7"]["moderate"] == pytest.approx(5.0)
     assert found["int8"]["Car 0.7"]["moderate"] == 0.0
-    assert measure_forms(ExportConfig(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
+    assert measure_variants(ExportConfig(tmp_path / "any.ckpt"), {"fp32": blind}, detector) == {}
 
 
 def test_another_size_is_a_file_of_that_size(checkpoint, exported):

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from export.onnx import OPSET, Exportable, to_onnx
-from export.parity import Parity, compare, in_torch
-from perception.detection.session import Input, ModelContract, OnnxModel
+from export.parity import Parity, compare, torch_runner
+from perception.detection.session import ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
 
 
@@ -30,7 +30,10 @@ EXPORTABLE = Exportable(
 )
 CONTRACT = ModelContract(
     EXPORTABLE.metadata,
-    inputs={"pictures": Input(np.uint8, (None, 3, 5)), "places": Input(np.float32, (None, 4))},
+    inputs={
+        "pictures": ModelInput(np.uint8, (None, 3, 5)),
+        "places": ModelInput(np.float32, (None, 4)),
+    },
     outputs=EXPORTABLE.outputs,
 )
 
@@ -85,11 +88,11 @@ def test_module_that_takes_only_its_example_is_refused():
 
 def test_parity_is_the_largest_difference_of_any_batch():
     def shifted(batch):
-        outputs = dict(in_torch(EXPORTABLE)(batch))
+        outputs = dict(torch_runner(EXPORTABLE)(batch))
         outputs["moved"] = outputs["moved"] + 0.25 * (len(batch["places"]) == 3)
         return outputs
 
-    parity = compare(in_torch(EXPORTABLE), shifted, [batch_of(0), batch_of(3), batch_of(2)])
+    parity = compare(torch_runner(EXPORTABLE), shifted, [batch_of(0), batch_of(3), batch_of(2)])
     assert parity == Parity(5, {"bright": 0.0, "moved": 0.25})
     parity.require({"bright": 0.0, "moved": 0.25}, "doubled.onnx")
     with pytest.raises(ModelError, match=r"doubled.onnx: expected moved within 0.2 .* 0.25 on 5"):
@@ -98,18 +101,19 @@ def test_parity_is_the_largest_difference_of_any_batch():
 
 def test_output_of_another_shape_is_no_parity():
     def halved(batch):
-        return {name: array[::2] for name, array in in_torch(EXPORTABLE)(batch).items()}
+        return {name: array[::2] for name, array in torch_runner(EXPORTABLE)(batch).items()}
 
     with pytest.raises(ModelError, match=r"output bright: expected shape \(4,\).*found \(2,\)"):
-        compare(in_torch(EXPORTABLE), halved, [batch_of(4)])
+        compare(torch_runner(EXPORTABLE), halved, [batch_of(4)])
 
 
 def test_difference_that_is_not_a_number_is_refused():
     def broken(batch):
         return {
-            name: np.full_like(array, np.nan) for name, array in in_torch(EXPORTABLE)(batch).items()
+            name: np.full_like(array, np.nan)
+            for name, array in torch_runner(EXPORTABLE)(batch).items()
         }
 
-    parity = compare(in_torch(EXPORTABLE), broken, [batch_of(4)])
+    parity = compare(torch_runner(EXPORTABLE), broken, [batch_of(4)])
     with pytest.raises(ModelError, match="found a difference of nan"):
         parity.require({"bright": 1.0, "moved": 1.0}, "doubled.onnx")

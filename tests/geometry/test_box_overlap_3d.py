@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from perception.geometry.box_overlap_3d import paired_iou_3d
-from perception.geometry.box_overlap_ground import paired_shared_areas_m2, shared_areas_m2
+from perception.geometry.box_overlap_ground import (
+    intersection_areas_m2,
+    paired_intersection_areas_m2,
+)
 from perception.types import Boxes3D
 
 
@@ -63,5 +66,7 @@ def test_pairs_are_the_diagonal_of_all_with_all():
         Boxes3D(rng.uniform(-2, 2, (20, 3)), rng.uniform(0.5, 5, (20, 3)), rng.uniform(-4, 4, 20))
         for _ in range(2)
     )
-    np.testing.assert_allclose(paired_shared_areas_m2(a, b), np.diag(shared_areas_m2(a, b)))
-    assert (np.diag(shared_areas_m2(a, b)) > 0).sum() > 5
+    np.testing.assert_allclose(
+        paired_intersection_areas_m2(a, b), np.diag(intersection_areas_m2(a, b))
+    )
+    assert (np.diag(intersection_areas_m2(a, b)) > 0).sum() > 5

@@ -5,8 +5,8 @@ import pytest
 from perception.geometry.box_overlap_ground import (
     center_distances_m,
     distance_similarity,
-    iou_ground,
-    shared_areas_m2,
+    intersection_areas_m2,
+    iou_bev,
 )
 from perception.types import Boxes3D
 
@@ -42,10 +42,10 @@ def test_random_boxes_share_what_opencv_says():
     rng = np.random.default_rng(5)
     a, b = random_boxes(30, rng), random_boxes(25, rng)
     expected = [[area_by_opencv(a[[i]], b[[j]]) for j in range(25)] for i in range(30)]
-    shared = shared_areas_m2(a, b)
+    shared = intersection_areas_m2(a, b)
     assert (np.array(expected) > 0.1).sum() > 200
     np.testing.assert_allclose(shared, expected, atol=2e-4)  # OpenCV counts in float32
-    np.testing.assert_allclose(iou_ground(b, a), iou_ground(a, b).T, atol=1e-9)
+    np.testing.assert_allclose(iou_bev(b, a), iou_bev(a, b).T, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -63,12 +63,12 @@ def test_random_boxes_share_what_opencv_says():
     ],
 )
 def test_closed_forms(a: Boxes3D, b: Boxes3D, expected: float):
-    assert iou_ground(a, b)[0, 0] == pytest.approx(expected, abs=1e-9)
+    assert iou_bev(a, b)[0, 0] == pytest.approx(expected, abs=1e-9)
 
 
 def test_nearly_equal_headings_are_no_special_case():
     turns = np.array([0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-5])
-    ious = [iou_ground(box(9, 2, 4, 2, 0.7), box(9, 2, 4, 2, 0.7 + turn))[0, 0] for turn in turns]
+    ious = [iou_bev(box(9, 2, 4, 2, 0.7), box(9, 2, 4, 2, 0.7 + turn))[0, 0] for turn in turns]
     np.testing.assert_allclose(ious, 1.0, atol=2e-5)
 
 
@@ -76,12 +76,12 @@ def test_boxes_without_area_share_nothing():
     line, dot, full = box(0, 0, 4, 0), box(0, 0, 0, 0), box(0, 0, 4, 2)
     for a in (line, dot, full):
         for b in (line, dot):
-            assert iou_ground(a, b)[0, 0] == iou_ground(b, a)[0, 0] == 0.0
+            assert iou_bev(a, b)[0, 0] == iou_bev(b, a)[0, 0] == 0.0
 
 
 def test_no_boxes_give_an_empty_table():
-    assert iou_ground(Boxes3D.empty(), box(0, 0, 4, 2)).shape == (0, 1)
-    assert iou_ground(box(0, 0, 4, 2), Boxes3D.empty()).shape == (1, 0)
+    assert iou_bev(Boxes3D.empty(), box(0, 0, 4, 2)).shape == (0, 1)
+    assert iou_bev(box(0, 0, 4, 2), Boxes3D.empty()).shape == (1, 0)
 
 
 def test_distance_becomes_a_similarity():

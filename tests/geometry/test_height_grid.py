@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from perception.geometry.height_grid import HeightGrid, HeightSurface, Samples
+from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 
 GRID = HeightGrid(x0_m=-2.0, y0_m=-1.0, cell_m=0.5, nodes_x=6, nodes_y=5)
 
@@ -33,7 +33,9 @@ def test_fit_equals_the_dense_least_squares(stiffness: float) -> None:
     """The naive twin: all residuals stacked and solved densely."""
     random = np.random.default_rng(1)
     xy = scattered(40)
-    samples = Samples(np.column_stack([xy, random.normal(size=40)]), random.uniform(0.1, 1, 40))
+    samples = HeightSamples(
+        np.column_stack([xy, random.normal(size=40)]), random.uniform(0.1, 1, 40)
+    )
     prior_m = random.normal(size=GRID.size)
     rows, right = [], []
 
@@ -68,7 +70,7 @@ def test_fit_equals_the_dense_least_squares(stiffness: float) -> None:
 def test_a_plane_is_fitted_exactly_however_stiff() -> None:
     xy = scattered(30)
     points = np.column_stack([xy, 0.3 * xy[:, 0] - 0.2 * xy[:, 1] + 1.0])
-    samples = Samples(points, np.ones(30))
+    samples = HeightSamples(points, np.ones(30))
     truth = 0.3 * GRID.nodes_xy_m[:, 0] - 0.2 * GRID.nodes_xy_m[:, 1] + 1.0
     found = GRID.fit(samples, GRID.bilinear(points), 1e3, truth)
     np.testing.assert_allclose(found, truth, atol=1e-9)
@@ -76,7 +78,7 @@ def test_a_plane_is_fitted_exactly_however_stiff() -> None:
 
 def test_without_samples_the_prior_stands() -> None:
     prior_m = np.full(GRID.size, -1.7)
-    nothing = Samples(np.zeros((0, 3)), np.zeros(0))
+    nothing = HeightSamples(np.zeros((0, 3)), np.zeros(0))
     found = GRID.fit(nothing, GRID.bilinear(nothing.points), 1.0, prior_m)
     np.testing.assert_allclose(found, prior_m, atol=1e-9)
 

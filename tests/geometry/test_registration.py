@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from perception.errors import PoseError
-from perception.geometry.alignment import align, surface_of
-from perception.geometry.registration import Localizer, PoseOrigin, RegistrationConfig
+from perception.geometry.alignment import align, preprocess_points
+from perception.geometry.registration import LidarOdometry, PoseOrigin, RegistrationConfig
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
 
 STEP_S = 0.1
@@ -58,12 +58,18 @@ def apart(first: np.ndarray, second: np.ndarray) -> tuple[float, float]:
 def test_alignment_recovers_a_known_transform(kind: str) -> None:
     truth = from_euler(0.005, -0.01, 0.03, np.array([0.25, -0.1, 0.04]))
     points = observed_from(np.eye(4), 1)
-    source = surface_of(points, box_m=0.3)
+    source = preprocess_points(points, voxel_size_m=0.3)
     # Point to point only finds the truth where it meets the same points again.
     target_points = points if kind == "ICP" else observed_from(np.eye(4), 2)
     moved = target_points.copy()
     moved[:, :3] = target_points[:, :3] @ truth[:3, :3].T + truth[:3, 3]
-    found = align(surface_of(moved, box_m=0.3), source, np.eye(4), reach_m=1.0, kind=kind)
+    found = align(
+        preprocess_points(moved, voxel_size_m=0.3),
+        source,
+        np.eye(4),
+        max_correspondence_m=1.0,
+        kind=kind,
+    )
     metres, degrees = apart(truth, found.target_SE3_source)
     assert found.is_converged
     assert metres < (0.01 if kind == "GICP" else 0.05)
@@ -73,11 +79,11 @@ def test_alignment_recovers_a_known_transform(kind: str) -> None:
 def test_noisy_ins_is_refined_to_a_centimetre() -> None:
     truth = path(8)
     random = np.random.default_rng(5)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index, pose in enumerate(truth):
         noise = from_euler(*random.normal(0, 0.002, 3), random.normal(0, 0.05, 3))
         ins = pose if index == 0 else pose @ noise
-        found = localizer.update(observed_from(pose, index), index * STEP_S, ins)
+        found = odometry.update(observed_from(pose, index), index * STEP_S, ins)
         metres, degrees = apart(pose, found.world_SE3_velo)
         assert metres < 0.01
         assert degrees < 0.05
@@ -88,9 +94,9 @@ def test_noisy_ins_is_refined_to_a_centimetre() -> None:
 @pytest.mark.parametrize("speed_m_s", [0.0, 9.0, 27.0])
 def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> None:
     truth = path(5, speed_m_s)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index, pose in enumerate(truth):
-        found = localizer.update(observed_from(pose, index), index * STEP_S)
+        found = odometry.update(observed_from(pose, index), index * STEP_S)
     metres, degrees = apart(truth[-1], found.world_SE3_velo)
     assert metres < 0.02
     assert degrees < 0.05
@@ -98,10 +104,10 @@ def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> No
 
 def test_many_keyframes_do_not_skew_the_rotation() -> None:
     """Each keyframe's pose is built on the one before: any skew would double each time."""
-    localizer = Localizer(RegistrationConfig(keyframe_m=0.0))
+    odometry = LidarOdometry(RegistrationConfig(keyframe_distance_m=0.0))
     points = observed_from(np.eye(4), 0)
     for index in range(40):
-        found = localizer.update(points, index * STEP_S)
+        found = odometry.update(points, index * STEP_S)
     rotation = found.world_SE3_velo[:3, :3]
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
     assert found.origin is PoseOrigin.REGISTERED
@@ -109,9 +115,9 @@ def test_many_keyframes_do_not_skew_the_rotation() -> None:
 
 def test_same_input_gives_the_same_poses() -> None:
     def run() -> list[np.ndarray]:
-        localizer = Localizer()
+        odometry = LidarOdometry()
         return [
-            localizer.update(observed_from(pose, index), index * STEP_S).world_SE3_velo
+            odometry.update(observed_from(pose, index), index * STEP_S).world_SE3_velo
             for index, pose in enumerate(path(3))
         ]
 
@@ -121,20 +127,20 @@ def test_same_input_gives_the_same_poses() -> None:
 
 def test_a_scan_that_does_not_match_falls_back_on_the_ins() -> None:
     truth = path(3)
-    localizer = Localizer()
-    localizer.update(observed_from(truth[0], 0), 0.0, truth[0])
+    odometry = LidarOdometry()
+    odometry.update(observed_from(truth[0], 0), 0.0, truth[0])
     nonsense = np.random.default_rng(0).uniform(200, 300, (5000, 4)).astype(np.float32)
-    found = localizer.update(nonsense, STEP_S, truth[1])
+    found = odometry.update(nonsense, STEP_S, truth[1])
     assert found.origin is PoseOrigin.INS
     np.testing.assert_allclose(found.world_SE3_velo, truth[1], atol=1e-9)
 
 
 def test_a_scan_that_does_not_match_is_extrapolated_without_ins() -> None:
     truth = path(4)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index in range(3):
-        localizer.update(observed_from(truth[index], index), index * STEP_S)
-    found = localizer.update(observed_from(truth[3], 3)[:20], 3 * STEP_S)
+        odometry.update(observed_from(truth[index], index), index * STEP_S)
+    found = odometry.update(observed_from(truth[3], 3)[:20], 3 * STEP_S)
     assert found.origin is PoseOrigin.EXTRAPOLATED
     assert apart(truth[3], found.world_SE3_velo)[0] < 0.03
 
@@ -142,32 +148,32 @@ def test_a_scan_that_does_not_match_is_extrapolated_without_ins() -> None:
 @pytest.mark.parametrize("jump_m", [4.0, 20.0])
 def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
     truth = path(3)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index in range(2):
-        localizer.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+        odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
     jumped = truth[2].copy()
     jumped[1, 3] += jump_m
     with pytest.raises(PoseError, match=r"oxts 0002: expected an INS pose .* found a jump of"):
-        localizer.update(observed_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
+        odometry.update(observed_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
 
 
 def test_an_ins_slip_of_a_metre_is_repaired() -> None:
     truth = path(4)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     slip = from_euler(0, 0, 0, np.array([0.3, 0.9, 0.0]))
     for index, pose in enumerate(truth):
         ins = pose @ slip if index == 3 else pose
-        found = localizer.update(observed_from(pose, index), index * STEP_S, ins)
+        found = odometry.update(observed_from(pose, index), index * STEP_S, ins)
     assert found.origin is PoseOrigin.REGISTERED
     assert apart(truth[3], found.world_SE3_velo)[0] < 0.01
 
 
 def test_a_long_gap_resets_the_window_and_follows_the_ins() -> None:
     truth = path(40)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index in (0, 1):
-        localizer.update(observed_from(truth[index], index), index * STEP_S, truth[index])
-    found = localizer.update(observed_from(truth[39], 39), 39 * STEP_S, truth[39])
+        odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+    found = odometry.update(observed_from(truth[39], 39), 39 * STEP_S, truth[39])
     assert found.is_reset
     assert found.origin is PoseOrigin.INS
     assert apart(truth[39], found.world_SE3_velo)[0] < 0.05
@@ -175,21 +181,21 @@ def test_a_long_gap_resets_the_window_and_follows_the_ins() -> None:
 
 def test_a_few_missing_frames_are_bridged() -> None:
     truth = path(8)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for index in (0, 1, 2, 7):
-        found = localizer.update(observed_from(truth[index], index), index * STEP_S)
+        found = odometry.update(observed_from(truth[index], index), index * STEP_S)
     assert found.origin is PoseOrigin.REGISTERED
     assert apart(truth[7], found.world_SE3_velo)[0] < 0.02
 
 
 def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> None:
-    localizer = Localizer()
-    localizer.update(observed_from(np.eye(4), 0), 5.0)
-    again = localizer.update(observed_from(np.eye(4), 0), 5.0)
+    odometry = LidarOdometry()
+    odometry.update(observed_from(np.eye(4), 0), 5.0)
+    again = odometry.update(observed_from(np.eye(4), 0), 5.0)
     assert again.origin is PoseOrigin.REPEATED
     np.testing.assert_array_equal(again.world_SE3_velo, np.eye(4))
     with pytest.raises(PoseError, match="stamps that rise"):
-        localizer.update(observed_from(np.eye(4), 0), 4.9)
+        odometry.update(observed_from(np.eye(4), 0), 4.9)
 
 
 def test_orthonormal_repairs_printed_digits() -> None:
@@ -202,16 +208,16 @@ def test_orthonormal_repairs_printed_digits() -> None:
 def test_real_scans_agree_to_centimetres_without_ins(kitti_root: Path) -> None:
     """Six scans carried one by one must lie as the first lies on the last directly."""
     folder = kitti_root / "raw/2011_09_26/2011_09_26_drive_0005_sync/velodyne_points/data"
-    localizer = Localizer()
+    odometry = LidarOdometry()
     scans = []
     for index in range(6):
         scan = np.fromfile(folder / f"{index:010d}.bin", np.float32).reshape(-1, 4)
-        pose = localizer.update(scan, index * STEP_S).world_SE3_velo
+        pose = odometry.update(scan, index * STEP_S).world_SE3_velo
         scans.append((scan, pose))
     (first, first_pose), (last, last_pose) = scans[0], scans[-1]
-    target, source = surface_of(last, 0.3), surface_of(first, 0.3)
+    target, source = preprocess_points(last, 0.3), preprocess_points(first, 0.3)
     seed = inverse(last_pose) @ first_pose
-    direct = align(target, source, seed, reach_m=0.3)
+    direct = align(target, source, seed, max_correspondence_m=0.3)
     metres, degrees = apart(seed, direct.target_SE3_source)
     assert np.linalg.norm(seed[:3, 3]) > 1.5  # the car did drive
     assert metres < 0.03

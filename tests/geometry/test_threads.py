@@ -6,7 +6,7 @@ from threading import Barrier
 import numpy as np  # noqa: F401 - brings the BLAS whose threads are counted
 from threadpoolctl import threadpool_info
 
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 
 
 def blas_threads():
@@ -17,12 +17,12 @@ def test_the_limit_stands_until_the_last_has_left():
     both_in, one_out = Barrier(2, timeout=5), Barrier(2, timeout=5)
 
     def leaves_first():
-        with one_blas_thread():
+        with limit_blas_threads():
             both_in.wait()
         one_out.wait()
 
     def leaves_last():
-        with one_blas_thread():
+        with limit_blas_threads():
             both_in.wait()
             one_out.wait()
             return blas_threads()

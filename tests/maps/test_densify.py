@@ -11,11 +11,11 @@ from benchmarks.naive_maps import (
 )
 from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns
-from perception.maps.densify import FILLINGS, densify
+from perception.maps.densify import FILL_METHODS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.projection import SparseMaps
 from perception.maps.region import region_of_interest
-from perception.maps.triangle_filling import fill_linear, fill_triangles
+from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
 
 
 def sparse_of(returns, size_px):
@@ -43,7 +43,7 @@ CORNERS = {(0, 0): (10, 0.1), (8, 0): (10, 0.1), (0, 8): (18, 0.9), (8, 8): (18,
 
 def test_triangle_takes_its_nearest_vertex_and_linear_lies_between():
     sparse = sparse_of(CORNERS, (9, 9))
-    nearest, linear = fill_triangles(sparse), fill_linear(sparse)
+    nearest, linear = fill_nearest_vertex(sparse), fill_linear(sparse)
     assert nearest.depth_m[1, 1] == 10
     assert nearest.depth_m[7, 7] == 18
     assert nearest.reflectance[7, 1] == np.float32(0.9)
@@ -54,8 +54,8 @@ def test_triangle_takes_its_nearest_vertex_and_linear_lies_between():
 def test_nearest_vertex_is_not_always_the_nearest_return():
     # A long flat triangle covers pixels whose nearest return is not among its vertices.
     sparse = random_returns(5, (40, 24), 30)
-    inside = fill_triangles(sparse).depth_m > 0
-    assert (fill_triangles(sparse).depth_m != fill_nearest(sparse).depth_m)[inside].any()
+    inside = fill_nearest_vertex(sparse).depth_m > 0
+    assert (fill_nearest_vertex(sparse).depth_m != fill_nearest(sparse).depth_m)[inside].any()
 
 
 def test_columns_lay_a_plane_through_a_road_and_keep_an_edge():
@@ -145,7 +145,7 @@ def test_natural_lies_between_its_neighbours():
     assert 13 < middle[5] < 17
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 def test_both_maps_come_from_the_same_returns(method):
     # Reflectance a linear function of inverse depth (of depth for the others): so are the maps.
     sparse = random_returns(7, (40, 30), 120)
@@ -156,7 +156,7 @@ def test_both_maps_come_from_the_same_returns(method):
     np.testing.assert_allclose(dense.reflectance[valid], expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 def test_masks_tell_measured_filled_and_unknown_apart(method):
     sparse = random_returns(8, (40, 30), 100)
     dense = densify(sparse, method)
@@ -173,7 +173,7 @@ def test_masks_tell_measured_filled_and_unknown_apart(method):
     assert (dense.reflectance[rows, columns] == kept.reflectance).all()
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 def test_no_return_gives_maps_without_a_valid_pixel(method):
     dense = densify(sparse_of({}, (12, 7)), method)
     assert dense.depth_m.shape == dense.reflectance.shape == dense.is_valid.shape == (7, 12)
@@ -181,7 +181,7 @@ def test_no_return_gives_maps_without_a_valid_pixel(method):
     assert not dense.depth_m.any()
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 def test_one_return_fills_what_lies_below_it_or_itself_alone(method):
     dense = densify(sparse_of({(5, 3): (12, 0.4)}, (12, 7)), method)
     # Nothing can be triangulated; all other methods know the one return.
@@ -192,7 +192,7 @@ def test_one_return_fills_what_lies_below_it_or_itself_alone(method):
     assert dense.is_measured.sum() == 1
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 def test_returns_on_one_line_have_no_triangles(method):
     line = {(column, 4): (10 + column, 0.5) for column in range(0, 12, 3)}
     dense = densify(sparse_of(line, (12, 7)), method)
@@ -223,7 +223,7 @@ def test_peers_fill_the_image_and_keep_what_is_measured():
         assert filling.reflectance.max() <= 1
 
 
-@pytest.mark.parametrize("method", FILLINGS)
+@pytest.mark.parametrize("method", FILL_METHODS)
 @pytest.mark.parametrize(
     "returns",
     [

@@ -23,9 +23,9 @@ def test_depth_beyond_the_limits_takes_the_limits_value():
 
 
 def test_limits_that_cannot_be_are_refused():
-    for nearest_m, farthest_m in ((0, 80), (80, 5), (5, 5)):
+    for min_depth_m, max_depth_m in ((0, 80), (80, 5), (5, 5)):
         with pytest.raises(UsageError, match="nearest < farthest"):
-            encode_depth(np.ones((1, 1), np.float32), nearest_m, farthest_m)
+            encode_depth(np.ones((1, 1), np.float32), min_depth_m, max_depth_m)
 
 
 def test_reflectance_is_scaled_and_rounded():

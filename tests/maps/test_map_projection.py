@@ -68,7 +68,7 @@ def test_points_that_are_not_numbers_are_not_seen():
     scan = points([10, 0, 0, 0.2], [np.nan, 0, 0, 0.5], [10, np.nan, 0.5, 0.5], [np.inf, 0, 0, 0.5])
     sparse = project_scan(scan, CALIBRATION, SIZE)
     assert sparse.depth_m.tolist() == [10.0]
-    assert sparse.places.tolist() == [4 * 17 + 8]
+    assert sparse.flat_indices.tolist() == [4 * 17 + 8]
 
 
 def test_of_many_returns_in_one_pixel_the_nearest_stays_alone():

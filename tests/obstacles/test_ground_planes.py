@@ -6,7 +6,7 @@ from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import (
     PiecewisePlanes,
     PiecewisePlanesConfig,
-    PlaneGround,
+    PiecewisePlanesEstimator,
     fit_plane,
     most_supported_plane,
     plane_step,
@@ -142,7 +142,7 @@ def test_a_bent_road_gets_a_plane_for_each_slice() -> None:
     truth = points.copy()
     on_box = (np.abs(points[:, 1] - 6) < 2) & (points[:, 0] > 3)
     points[on_box, 2] += np.random.default_rng(4).uniform(0.2, 1.5, on_box.sum())
-    model = PlaneGround(HDL_64E).estimate(points, np.random.default_rng(0))
+    model = PiecewisePlanesEstimator(HDL_64E).estimate(points, np.random.default_rng(0))
     errors_m = model.height_m(truth[:, :2]) - truth[:, 2]
     assert model.is_valid.all()
     assert np.abs(errors_m).mean() < 0.01
@@ -151,14 +151,14 @@ def test_a_bent_road_gets_a_plane_for_each_slice() -> None:
 
 def test_same_seed_gives_the_same_planes() -> None:
     points = points_on(0.01, 0.0, -1.7) + np.random.default_rng(5).normal(0, 0.02, (4000, 3))
-    ground = PlaneGround(HDL_64E)
+    ground = PiecewisePlanesEstimator(HDL_64E)
     first, again = (ground.estimate(points, np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(first.planes, again.planes)
 
 
 def test_an_empty_area_is_level_ground_and_says_that_nothing_was_found() -> None:
     far = np.array([[100.0, 0, 0, 0]], np.float32)
-    model = PlaneGround(HDL_64E, LocalArea()).estimate(far, np.random.default_rng(0))
+    model = PiecewisePlanesEstimator(HDL_64E, LocalArea()).estimate(far, np.random.default_rng(0))
     assert not model.is_valid.any()
     np.testing.assert_allclose(model.height_m(np.zeros((1, 2))), [-1.73])
 

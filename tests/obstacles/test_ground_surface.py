@@ -7,7 +7,7 @@ from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler, inverse
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
-from perception.obstacles.ground_surface import GroundSurfaceConfig, SurfaceGround
+from perception.obstacles.ground_surface import GroundSurfaceConfig, GroundSurfaceEstimator
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 
 Ground = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -42,7 +42,7 @@ def window_of(*scans: PosedScan) -> ScanWindow:
 
 
 def errors_m(
-    surface: SurfaceGround, ground: Ground, sensor: LidarModel, boxes: list[Box]
+    surface: GroundSurfaceEstimator, ground: Ground, sensor: LidarModel, boxes: list[Box]
 ) -> np.ndarray:
     """Return height errors on a 1 m lattice over the local area."""
     model = surface.update(window_of(PosedScan(rings(sensor, ground, boxes), np.eye(4))))
@@ -88,13 +88,13 @@ VAN = (6.0, 3.0, 11.0, 5.0)
 def test_smooth_roads_are_found_to_millimetres(
     ground: Ground, mean_m: float, worst_m: float, boxes: list[Box]
 ) -> None:
-    errors = np.abs(errors_m(SurfaceGround(HDL_64E), ground, HDL_64E, boxes))
+    errors = np.abs(errors_m(GroundSurfaceEstimator(HDL_64E), ground, HDL_64E, boxes))
     assert errors.mean() < mean_m
     assert errors.max() < worst_m
 
 
 def test_a_kerb_is_followed_on_both_sides() -> None:
-    errors = np.abs(errors_m(SurfaceGround(HDL_64E), kerb, HDL_64E, []))
+    errors = np.abs(errors_m(GroundSurfaceEstimator(HDL_64E), kerb, HDL_64E, []))
     assert errors.mean() < 0.01
     assert errors.max() < 0.07  # within half a cell of the step, a smooth surface halves it
 
@@ -102,7 +102,7 @@ def test_a_kerb_is_followed_on_both_sides() -> None:
 @pytest.mark.parametrize("sensor", [HDL_32E, VLP_16])
 @pytest.mark.parametrize("ground", [level, slope, camber])
 def test_sparse_sensors_need_no_other_settings(sensor: LidarModel, ground: Ground) -> None:
-    errors = np.abs(errors_m(SurfaceGround(sensor), ground, sensor, [CAR]))
+    errors = np.abs(errors_m(GroundSurfaceEstimator(sensor), ground, sensor, [CAR]))
     assert errors.mean() < 0.02
     assert np.percentile(errors, 95) < 0.06
 
@@ -110,7 +110,7 @@ def test_sparse_sensors_need_no_other_settings(sensor: LidarModel, ground: Groun
 def test_rows_of_parked_cars_do_not_lift_the_road_between_them() -> None:
     row = [(x, y, x + 4.2, y + 1.8) for x in (-4.0, 1.5, 7.0, 12.5, 18.0) for y in (-4.5, 2.7)]
     scan = PosedScan(rings(HDL_64E, level, row), np.eye(4))
-    model = SurfaceGround(HDL_64E).update(window_of(scan))
+    model = GroundSurfaceEstimator(HDL_64E).update(window_of(scan))
     road = np.column_stack([np.repeat(np.arange(-4, 25), 5), np.tile(np.arange(-2, 3), 29)])
     under_cars = np.array([[x + 2.1, y + 0.9] for x, y, _, _ in row])
     np.testing.assert_allclose(model.height_m(road), -1.73, atol=0.02)
@@ -121,7 +121,7 @@ def test_ghost_points_below_the_ground_do_not_sink_it() -> None:
     points = rings(HDL_64E, level, [])
     ghosts = np.random.default_rng(4).choice(len(points), len(points) // 50, replace=False)
     points[ghosts, 2] -= np.random.default_rng(5).uniform(0.3, 0.7, len(ghosts)).astype(np.float32)
-    model = SurfaceGround(HDL_64E).update(window_of(PosedScan(points, np.eye(4))))
+    model = GroundSurfaceEstimator(HDL_64E).update(window_of(PosedScan(points, np.eye(4))))
     assert abs(model.height_m(np.array([[10.0, 0.0]]))[0] + 1.73) < 0.01
 
 
@@ -137,13 +137,13 @@ def test_earlier_scans_fill_what_the_newest_does_not_see() -> None:
     def bump_ahead(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return bump(x + 1.0, y)
 
-    ground = SurfaceGround(HDL_64E)
+    ground = GroundSurfaceEstimator(HDL_64E)
     first = PosedScan(rings(HDL_64E, bump, []), np.eye(4))
     second = PosedScan(rings(HDL_64E, bump_ahead, [wall]), move)
     ground.update(window_of(first))
     top = np.array([[13.0, 0.0]])
     remembered = ground.update(window_of(first, second)).height_m(top)[0]
-    forgotten = SurfaceGround(HDL_64E).update(window_of(second)).height_m(top)[0]
+    forgotten = GroundSurfaceEstimator(HDL_64E).update(window_of(second)).height_m(top)[0]
     assert abs(remembered - (-1.73 + 0.2)) < 0.02
     assert abs(forgotten - (-1.73 + 0.2)) > 0.10
 
@@ -152,7 +152,7 @@ def test_a_window_of_one_scan_begins_anew() -> None:
     def high(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.full_like(x, -1.5)
 
-    used, fresh = SurfaceGround(HDL_64E), SurfaceGround(HDL_64E)
+    used, fresh = GroundSurfaceEstimator(HDL_64E), GroundSurfaceEstimator(HDL_64E)
     scan = PosedScan(rings(HDL_64E, level, [VAN]), np.eye(4))
     used.update(window_of(PosedScan(rings(HDL_64E, high, []), np.eye(4))))
     np.testing.assert_array_equal(
@@ -163,7 +163,7 @@ def test_a_window_of_one_scan_begins_anew() -> None:
 def test_the_surface_moves_with_the_vehicle() -> None:
     """The same world from two poses gives the same world heights."""
     poses = [np.eye(4), from_euler(0.0, 0.02, 0.1, np.array([2.0, 0.3, 0.05]))]
-    ground, scans = SurfaceGround(HDL_64E), []
+    ground, scans = GroundSurfaceEstimator(HDL_64E), []
     for pose in poses:
         world = rings(HDL_64E, level, [])
         world[:, :3] += np.random.default_rng(0).normal(0, 0.001, (len(world), 3))
@@ -179,20 +179,20 @@ def test_the_surface_moves_with_the_vehicle() -> None:
 
 def test_same_input_gives_the_same_surface() -> None:
     scan = PosedScan(rings(HDL_64E, camber, [CAR]), np.eye(4))
-    first, again = (SurfaceGround(HDL_64E).update(window_of(scan)) for _ in range(2))
+    first, again = (GroundSurfaceEstimator(HDL_64E).update(window_of(scan)) for _ in range(2))
     np.testing.assert_array_equal(first.heights_m, again.heights_m)
 
 
 def test_nothing_to_see_is_level_ground_at_the_sensors_height() -> None:
     far = np.array([[90.0, 0, 0, 0]], np.float32)
-    model = SurfaceGround(HDL_64E).update(window_of(PosedScan(far, np.eye(4))))
+    model = GroundSurfaceEstimator(HDL_64E).update(window_of(PosedScan(far, np.eye(4))))
     np.testing.assert_allclose(model.heights_m, -1.73, atol=1e-9)
 
 
 def test_the_grid_covers_the_area_and_its_margin() -> None:
     area = LocalArea(ahead_m=40, behind_m=10, side_m=15)
     scan = PosedScan(rings(HDL_64E, level, []), np.eye(4))
-    grid = SurfaceGround(HDL_64E, area).update(window_of(scan)).grid
+    grid = GroundSurfaceEstimator(HDL_64E, area).update(window_of(scan)).grid
     low, high = grid.nodes_xy_m[0], grid.nodes_xy_m[-1]
     np.testing.assert_allclose([*low, *high], [-13, -18, 43, 18])
 

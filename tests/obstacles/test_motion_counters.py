@@ -14,8 +14,8 @@ from perception.geometry.se3 import from_euler
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.obstacles.motion_counters import (
     CounterSegmenter,
+    classify_columns,
     column_counter,
-    decide,
     log_ratio,
     subtract,
 )
@@ -70,7 +70,7 @@ def test_the_fast_form_says_what_the_plain_one_says(seed):
     assert static.tolist() == count_columns_by_loop(plain_static).tolist()
     assert moving.tolist() == count_columns_by_loop(plain_moving).tolist()
     np.testing.assert_allclose(log_ratio(moving, static), log_ratio_by_loop(moving, static))
-    masks = decide(static, moving, 10, 2)
+    masks = classify_columns(static, moving, 10, 2)
     plain_is_static, plain_is_moving = masks_by_loop(static, moving, 10, 2)
     assert masks.is_static.tolist() == plain_is_static.tolist()
     assert masks.is_moving.tolist() == plain_is_moving.tolist()
@@ -97,7 +97,7 @@ def test_counters_sum_over_height():
     ],
 )
 def test_masks_with_the_thesis_thresholds(static, moving, is_static, is_moving):
-    masks = decide(np.array([[static]]), np.array([[moving]]), 50, 5)
+    masks = classify_columns(np.array([[static]]), np.array([[moving]]), 50, 5)
     assert masks.is_static.tolist() == [[is_static]]
     assert masks.is_moving.tolist() == [[is_moving]]
 

@@ -28,7 +28,7 @@ def street_frames():
 
 
 @pytest.fixture(scope="session")
-def everything(tmp_path_factory) -> PipelineConfig:
+def all_stages(tmp_path_factory) -> PipelineConfig:
     """Return the choice of all stages, with the brightness of cells in place of trained detectors."""
     folder = tmp_path_factory.mktemp("networks")
     files = {}

@@ -47,12 +47,12 @@ def assert_same(one, other):
         assert one == other
 
 
-def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_frames, everything):
-    with Pipeline(config=replace(everything, overlap=False)) as in_turn:
+def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_frames, all_stages):
+    with Pipeline(config=replace(all_stages, parallel=False)) as in_turn:
         expected = [in_turn.step(frame) for frame in street_frames]
-    assert sum(len(found) for found in expected[-1].modal.values()) > 0
+    assert sum(len(found) for found in expected[-1].modality_detections.values()) > 0
     assert len(expected[-1].vehicles) > 0
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         stepped = [pipeline.step(frame) for frame in street_frames]
         pipeline.reset()
         with pipeline.stream(street_frames) as stream:
@@ -62,8 +62,8 @@ def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_
             assert_same(comparable(one), comparable(other))
 
 
-def test_every_stage_is_timed_on_its_worker(street_frames, everything):
-    with Pipeline(config=everything) as pipeline:
+def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
+    with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
     assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
@@ -83,7 +83,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, everything):
         assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
 
 
-def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypatch):
+def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypatch):
     has_detected, waited = threading.Event(), []
     verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
 
@@ -98,13 +98,13 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, everything, monkeypa
 
     monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
     monkeypatch.setattr(ObstacleProcess, "step", step_late)
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]
     assert result.depthcn is not None
 
 
-def test_maps_are_made_once_for_all_detectors(street_frames, everything, monkeypatch):
+def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeypatch):
     made = []
 
     def count(*given):
@@ -113,32 +113,32 @@ def test_maps_are_made_once_for_all_detectors(street_frames, everything, monkeyp
 
     for module in (detection_chain, depthcn_detector, modalities):
         monkeypatch.setattr(module, "densify", count)
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert result.depthcn is not None
-    assert set(result.modal) == set(MODALITIES)
+    assert set(result.modality_detections) == set(MODALITIES)
     assert len(made) == 1
 
 
-def test_the_maps_that_were_looked_at_come_as_pictures(street_frames, everything):
+def test_the_maps_that_were_looked_at_come_as_pictures(street_frames, all_stages):
     frame = street_frames[0]
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         pictures = pipeline.step(frame).map_pictures
     assert set(pictures) == {"dm", "rm"}
     for modality, picture in pictures.items():
         np.testing.assert_array_equal(picture, picture_of(frame, modality)[..., 0])
 
 
-def test_without_an_image_the_lidar_looks_alone(street_frames, everything):
-    with Pipeline(config=everything) as pipeline:
+def test_without_an_image_the_lidar_looks_alone(street_frames, all_stages):
+    with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(replace(street_frames[0], image=None))
-    assert set(result.modal) == {"dm", "rm"}
+    assert set(result.modality_detections) == {"dm", "rm"}
     assert result.depthcn is not None
 
 
-def test_without_poses_vehicles_are_located_all_the_same(street_frames, everything):
+def test_without_poses_vehicles_are_located_all_the_same(street_frames, all_stages):
     # Where nothing says how the LiDAR moved, its scans are registered to each other.
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         with_poses = pipeline.step(street_frames[0]).vehicles
         pipeline.reset()
         frames = [replace(frame, world_SE3_velo=None) for frame in street_frames]
@@ -148,10 +148,10 @@ def test_without_poses_vehicles_are_located_all_the_same(street_frames, everythi
 
 
 def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
-    street_frames, everything, caplog
+    street_frames, all_stages, caplog
 ):
     blind = [replace(frame, image=None, calibration=None) for frame in street_frames]
-    with Pipeline(config=everything) as pipeline, caplog.at_level(logging.WARNING):
+    with Pipeline(config=all_stages) as pipeline, caplog.at_level(logging.WARNING):
         results = [pipeline.step(frame) for frame in blind]
     of_pipeline = [
         record for record in caplog.records if record.name.startswith("perception.pipeline")
@@ -160,29 +160,29 @@ def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
         "no vehicles are detected: synthetic_0000 frame 0: expected a camera's calibration, found none."
     ]
     assert all(result.vehicles is None and result.depthcn is None for result in results)
-    assert not any(result.modal for result in results)
+    assert not any(result.modality_detections for result in results)
     with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
         expected = [pipeline.step(frame) for frame in blind]
     for one, other in zip(results, expected, strict=True):
         assert_same(comparable(one), comparable(other))
 
 
-def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, everything):
+def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, all_stages):
     frame = street_frames[1]
-    with Pipeline(config=everything) as pipeline:
+    with Pipeline(config=all_stages) as pipeline:
         alone = pipeline.step(frame)
         with pipeline.stream([street_frames[0], frame], is_sequence=False) as stream:
             _, second = stream
     assert_same(comparable(second), comparable(alone))
 
 
-def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames, everything):
+def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames, all_stages):
     last = street_frames[2]
     pose = last.world_SE3_velo.copy()
     pose[:2, 3] += 8.0
     later = replace(last, index=3, stamp_s=last.stamp_s + 0.1)
     frames = [*street_frames[:2], replace(last, world_SE3_velo=pose), later]
-    with Pipeline(config=everything) as pipeline, pipeline.stream(frames) as stream:
+    with Pipeline(config=all_stages) as pipeline, pipeline.stream(frames) as stream:
         assert [next(stream).frame.index, next(stream).frame.index] == [0, 1]
         with pytest.raises(PoseError, match="jump of"):
             next(stream)

@@ -3,7 +3,7 @@ import numpy as np
 
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.tracking.single_object.color_model import BINS, color_ratios
-from perception.tracking.single_object.image_mean_shift import climb
+from perception.tracking.single_object.image_mean_shift import image_mean_shift
 from perception.tracking.single_object.image_region import region_of
 
 SQUARE_PX = np.array([[40.0, 30], [60, 30], [60, 50], [40, 50]])
@@ -14,7 +14,7 @@ def scene(moved_px: int) -> ColorModelScene:
     image[30:51, 40 + moved_px : 61 + moved_px] = (220, 20, 20)
     region = region_of(SQUARE_PX, (120, 80))
     measured = color_ratios(image, region)
-    found = climb(image, region, measured)
+    found = image_mean_shift(image, region, measured)
     return ColorModelScene(image, found.regions, measured, measured)
 
 

@@ -112,8 +112,8 @@ def test_the_view_from_above_holds_vehicle_and_object(follow_scene):
 
 
 def test_what_is_not_seen_is_said_and_what_is_lost_is_grey():
-    words = {state: TrackedObjectFigure.of(tracked_in(state), None).words for state in TrackStatus}
-    assert words == {"seen": "18.0 km/h", "predicted": "predicted 18.0 km/h", "lost": "lost"}
+    text = {state: TrackedObjectFigure.of(tracked_in(state), None).text for state in TrackStatus}
+    assert text == {"seen": "18.0 km/h", "predicted": "predicted 18.0 km/h", "lost": "lost"}
     assert TrackedObjectFigure.of(tracked_in(TrackStatus.LOST), None).color == palette.FAINT_TEXT
     assert TrackedObjectFigure.of(tracked_in(TrackStatus.SEEN, None), None) is None
 

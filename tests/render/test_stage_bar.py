@@ -58,9 +58,9 @@ def test_no_stage_is_an_empty_bar(canvas):
 def test_names_of_stages_neither_overlap_nor_run_out(canvas, width, monkeypatch):
     written = []
 
-    def draw_text(canvas, words, position_px, *, color, height_px, align=Align.LEFT):
-        left = position_px[0] - text_width_px(words, height_px) * align.value
-        written.append((position_px[1], left, left + text_width_px(words, height_px)))
+    def draw_text(canvas, text, position_px, *, color, height_px, align=Align.LEFT):
+        left = position_px[0] - text_width_px(text, height_px) * align.value
+        written.append((position_px[1], left, left + text_width_px(text, height_px)))
 
     monkeypatch.setattr("perception.render.stage_bar.draw_text", draw_text)
     spans = [StageSpan(f"stage {n}", "", 0.01 * n, 0.01 * n + 0.005) for n in range(11)]

@@ -8,7 +8,7 @@ from perception.render.birds_eye import BirdsEyeView
 from perception.render.composition import Composition
 from perception.render.palette import TRACKS
 from perception.render.strokes import Strokes, draw_strokes, project_strokes
-from perception.render.track_figures import Part, track_figures
+from perception.render.track_figures import TrackPart, track_figures
 from perception.render.track_labels import Tag, draw_track_labels
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
@@ -97,11 +97,11 @@ def test_a_box_behind_the_camera_is_not_drawn():
 
 def test_the_arrow_is_as_long_as_the_way_of_a_second():
     figures = track_figures(tracks_at((10, 0, 0), velocity=(0.0, 3.0)), [np.array([(10, 0, 0.0)])])
-    shaft = figures.segments_m[figures.numbers == Part.ARROW][0]
+    shaft = figures.segments_m[figures.numbers == TrackPart.ARROW][0]
     # From the left side of a box 2 m wide.
     np.testing.assert_allclose(shaft, [(10, 1, 0), (10, 4, 0)], atol=1e-9)
     slow = track_figures(tracks_at((10, 0, 0), velocity=(0.1, 0)), [np.array([(10, 0, 0.0)])])
-    assert not (slow.numbers == Part.ARROW).any()
+    assert not (slow.numbers == TrackPart.ARROW).any()
 
 
 def test_a_way_is_drawn_where_it_went_and_fades():

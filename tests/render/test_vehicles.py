@@ -39,9 +39,17 @@ def seen(scene):
         np.array([[2.0, 0], [np.nan, np.nan]]),
         np.full(4, -1),
     )
-    modal = {"rgb": detections((60, 30, 130, 80)), "dm": detections((50, 20, 140, 90))}
+    modality_detections = {
+        "rgb": detections((60, 30, 130, 80)),
+        "dm": detections((50, 20, 140, 90)),
+    }
     depths = np.full((100, 200), 90, np.uint8)
-    return replace(scene, modal=modal, map_pictures={"dm": depths}, vehicles=vehicles)
+    return replace(
+        scene,
+        modality_detections=modality_detections,
+        map_pictures={"dm": depths},
+        vehicles=vehicles,
+    )
 
 
 def test_each_detector_has_its_colour_and_the_unlikely_is_not_drawn(seen):

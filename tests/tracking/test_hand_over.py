@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from perception.errors import UsageError
-from perception.geometry.grids import VehicleBody
+from perception.geometry.grids import EgoVehicle
 from perception.tracking.single_object.hand_over import TrackHandover, tracker_input_of
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D, Calibration, Frame, Obstacles, Result, Tracks, Voxels
@@ -66,7 +66,7 @@ def result_with(*ids: int) -> Result:
 
 def test_a_moment_is_what_the_pipeline_saw_without_the_vehicle_itself():
     result = result_with()
-    tracker_input = tracker_input_of(result, VehicleBody())
+    tracker_input = tracker_input_of(result, EgoVehicle())
     np.testing.assert_array_equal(tracker_input.points_velo, result.frame.points_velo[[0, 2]])
     assert tracker_input.stamp_s == 0.3
     assert tracker_input.world_SE3_velo[0, 3] == 7
@@ -78,14 +78,14 @@ def test_a_moment_is_what_the_pipeline_saw_without_the_vehicle_itself():
 def test_without_a_camera_a_moment_has_no_image():
     result = result_with()
     bare = replace(result, frame=replace(result.frame, image=None, calibration=None))
-    tracker_input = tracker_input_of(bare, VehicleBody())
+    tracker_input = tracker_input_of(bare, EgoVehicle())
     assert tracker_input.image is None
     assert tracker_input.image_P_velo is None
 
 
 def test_the_track_is_taken_over_once_and_then_no_longer_needed():
     tracker = Recorder()
-    handover = TrackHandover(5, tracker, VehicleBody())
+    handover = TrackHandover(5, tracker, EgoVehicle())
     assert handover.update(result_with()) is None
     assert handover.update(result_with(4)) is None
     assert not handover.has_started
@@ -99,4 +99,4 @@ def test_the_track_is_taken_over_once_and_then_no_longer_needed():
 
 def test_no_track_has_a_number_below_zero():
     with pytest.raises(UsageError, match="an id of 0 or more, found -1"):
-        TrackHandover(-1, Recorder(), VehicleBody())
+        TrackHandover(-1, Recorder(), EgoVehicle())

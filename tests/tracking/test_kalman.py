@@ -54,9 +54,9 @@ def test_a_batch_is_a_loop_of_single_filters(rng):
             OBSERVATION,
             MEASUREMENT_NOISE,
         )
-        for state, place in zip(plain, measured, strict=True):
+        for state, position in zip(plain, measured, strict=True):
             state.predict(TRANSITION, PROCESS_NOISE)
-            state.update(place + step, OBSERVATION, MEASUREMENT_NOISE)
+            state.update(position + step, OBSERVATION, MEASUREMENT_NOISE)
     assert_same(states, plain)
 
 

@@ -17,11 +17,13 @@ NOTHING = Footprints.empty()
 THING = np.array([[1, 0.5, -1.5], [1, -0.5, 0], [-1, -0.5, 0], [-1, 0.5, -1.5], [0, 0, -0.75]])
 
 
-def things(*places_m: tuple[float, float]) -> Footprints:
-    if not places_m:
+def things(*positions_m: tuple[float, float]) -> Footprints:
+    if not positions_m:
         return NOTHING
-    points_m = np.concatenate([THING + np.array([x, y, 0.0]) for x, y in places_m])
-    return footprints_of(points_m, np.repeat(np.arange(len(places_m)), len(THING)), len(places_m))
+    points_m = np.concatenate([THING + np.array([x, y, 0.0]) for x, y in positions_m])
+    return footprints_of(
+        points_m, np.repeat(np.arange(len(positions_m)), len(THING)), len(positions_m)
+    )
 
 
 class Drive:
@@ -30,9 +32,9 @@ class Drive:
     def __init__(self, tracker: PointTracker) -> None:
         self.tracker, self.stamp_s = tracker, 100.0
 
-    def scan(self, *places_m: tuple[float, float], after_s: float = 0.1, pose=HERE) -> Tracks:
+    def scan(self, *positions_m: tuple[float, float], after_s: float = 0.1, pose=HERE) -> Tracks:
         self.stamp_s += after_s
-        return self.tracker.update(self.stamp_s, pose, things(*places_m), NOTHING)
+        return self.tracker.update(self.stamp_s, pose, things(*positions_m), NOTHING)
 
 
 @PRESETS
@@ -144,11 +146,11 @@ def test_positions_and_velocities_are_in_the_axes_of_the_scan():
 def test_it_is_the_plain_tracker(config):
     rng = np.random.default_rng(11)
     fast, plain = Drive(PointTracker(config)), Drive(ReferencePointTracker(config))
-    places_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
+    positions_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
     shown = 0
     for frame in range(60):
         is_found = rng.uniform(size=12) < 0.7
-        found = (places_m + 0.1 * frame * velocity_m_s)[is_found]
+        found = (positions_m + 0.1 * frame * velocity_m_s)[is_found]
         pose = from_euler(0, 0.02, 0.02 * frame, np.array([0.5 * frame, 0, 0]))
         step_s = rng.choice([0.1, 0.1, 0.0, 0.3])
         ours, theirs = (d.scan(*found, after_s=step_s, pose=pose) for d in (fast, plain))
@@ -233,8 +235,8 @@ def test_ids_rise_and_are_never_given_twice(config):
     ended: set[int] = set()
     before: set[int] = set()
     for _ in range(150):
-        places = rng.uniform([-9, -9], [29, 9], (rng.integers(0, 6), 2))
-        ids = drive.scan(*places).ids.tolist()
+        positions = rng.uniform([-9, -9], [29, 9], (rng.integers(0, 6), 2))
+        ids = drive.scan(*positions).ids.tolist()
         assert ids == sorted(set(ids))
         assert not ended & set(ids)
         if config is THESIS:  # the author's tracks are hidden outside, not ended

@@ -13,10 +13,10 @@ from train.box_overlap import (  # noqa: E402
 from train.detector.losses import DetectionLossConfig, detection_loss  # noqa: E402
 from train.detector.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
 from train.networks.compact import CompactDetector  # noqa: E402
-from train.networks.grid_head import GridHead  # noqa: E402
+from train.networks.grid_head import YoloHead  # noqa: E402
 
 LATER = 12_800
-HEAD = GridHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])
+HEAD = YoloHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])
 COUNT = 2 * 2 * 3  # predictions of 2 anchors at 2 x 3 cells
 
 
@@ -61,13 +61,13 @@ def test_a_prediction_on_a_label_is_free_to_say_so():
     # The label's centre lies in the next cell, yet anchor 1 of cell (0, 0) overlaps it by more than 0.6.
     label = labels_of([1, 0, 64, 32])
     loss = loss_of(zeros(), label)
-    without = loss_of(zeros(), label, free_iou=1.0)
+    without = loss_of(zeros(), label, ignore_iou=1.0)
     shares = pairwise_iou(
         torch.tensor([[-16.0, 0, 48, 32], [16.0, 0, 80, 32]]), torch.tensor([[1.0, 0, 64, 32]])
     )
     assert shares[:, 0].tolist() == pytest.approx([47 / 80, 48 / 79])
     assert loss.no_objects == without.no_objects  # the one over 0.6 answers for the label
-    freer = loss_of(zeros(), label, free_iou=0.5)
+    freer = loss_of(zeros(), label, ignore_iou=0.5)
     assert (without.no_objects - freer.no_objects).item() == pytest.approx(0.5**2 / 2)
 
 

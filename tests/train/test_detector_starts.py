@@ -11,8 +11,8 @@ from torchvision import models
 from perception.errors import ModelError
 from train.detector.darknet_start import start_from_darknet
 from train.detector.darknet_weights import save_darknet_weights
-from train.networks.grid_detector import GridDetector
-from train.networks.grid_head import GridHead
+from train.networks.grid_detector import YoloDetector
+from train.networks.grid_head import YoloHead
 from train.networks.torchvision_detector import (
     TorchvisionDetector,
     TorchvisionTrunk,
@@ -31,7 +31,7 @@ class SmallTrunk(nn.Module):
 
 def small_detector(class_names=("Car",), seed=0):
     torch.manual_seed(seed)
-    return GridDetector(3, SmallTrunk(), GridHead(4, 32, [(16, 16)], class_names))
+    return YoloDetector(3, SmallTrunk(), YoloHead(4, 32, [(16, 16)], class_names))
 
 
 def parts_alike(a, b):

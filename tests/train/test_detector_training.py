@@ -273,7 +273,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, checkpoint, monkeypatc
         path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("train.checkpoint_writer.write_whole", full)
+    monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
     with pytest.raises(ModelError, match="No space left on device; make room and go on"):
         train(checkpoint.parent, 2, resume=checkpoint)
     assert checkpoint.read_bytes() == before

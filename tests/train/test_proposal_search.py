@@ -19,7 +19,7 @@ from perception.errors import (
 from perception.maps.projection import camera_of
 from tests.car_frames import write_car_frames
 from train.proposal_search import search as searching
-from train.proposal_search.counting import count_part
+from train.proposal_search.counting import run_search_task
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.search import SearchConfig, search
 from train.proposal_search.survey import survey
@@ -39,8 +39,8 @@ def config(frames: Path) -> SearchConfig:
     return SearchConfig(survey([frames], "Car"), GRID, "thesis", chunk_frames=3)
 
 
-def rows(ledger: Path) -> list[str]:
-    return ledger.read_text().splitlines()
+def rows(search_log: Path) -> list[str]:
+    return search_log.read_text().splitlines()
 
 
 def test_the_best_setting_reaches_most_with_fewest_proposals(config, tmp_path):
@@ -58,7 +58,7 @@ def test_the_best_setting_reaches_most_with_fewest_proposals(config, tmp_path):
 def test_sharing_the_ground_changes_nothing(frames, method):
     config = SearchConfig(survey([frames], "Car"), GRID, method, chunk_frames=4)
     for part in config.parts():
-        for count in count_part(part):
+        for count in run_search_task(part):
             found = [
                 propose(frame.points_velo, *camera_of(frame), count.rules, method)
                 for frame in open_drive(frames)
@@ -67,9 +67,9 @@ def test_sharing_the_ground_changes_nothing(frames, method):
 
 
 def test_rows_are_one_a_setting_and_chunk(config, tmp_path):
-    ledger = tmp_path / "made" / "counts.jsonl"
-    table = search(config, ledger)
-    header, *counts = map(json.loads, rows(ledger))
+    search_log = tmp_path / "made" / "counts.jsonl"
+    table = search(config, search_log)
+    header, *counts = map(json.loads, rows(search_log))
     assert header["search"]["of_class"] == "car"
     assert header["search"]["drives"][0]["labels"] == {"car": 8}
     assert len(counts) == 8 * 2  # four frames are a chunk of three and one of one
@@ -86,59 +86,59 @@ def test_two_workers_come_to_what_one_does(config, tmp_path):
 
 def test_a_search_that_was_killed_goes_on_where_it_stopped(config, tmp_path, monkeypatch):
     whole = search(config, tmp_path / "whole.jsonl")
-    ledger = tmp_path / "counts.jsonl"
+    search_log = tmp_path / "counts.jsonl"
     done = []
 
     def die_in_the_third_part(part):
         if len(done) == 2:
             raise KeyboardInterrupt
         done.append(part)
-        return count_part(part)
+        return run_search_task(part)
 
-    monkeypatch.setattr(searching, "count_part", die_in_the_third_part)
+    monkeypatch.setattr(searching, "run_search_task", die_in_the_third_part)
     with pytest.raises(KeyboardInterrupt):
-        search(config, ledger)
-    assert len(rows(ledger)) == 1 + 2 * 4
+        search(config, search_log)
+    assert len(rows(search_log)) == 1 + 2 * 4
     again = []
 
     def count_and_tell(part):
         again.append(part)
-        return count_part(part)
+        return run_search_task(part)
 
-    monkeypatch.setattr(searching, "count_part", count_and_tell)
+    monkeypatch.setattr(searching, "run_search_task", count_and_tell)
     told = []
     table = search(
-        config, ledger, progress=lambda finished, *told_now: told.append(told_now) or finished
+        config, search_log, progress=lambda finished, *told_now: told.append(told_now) or finished
     )
     assert table == whole
     assert len(again) == 2
     assert told == [(2, 4)]
-    assert rows(ledger) == rows(tmp_path / "whole.jsonl")
+    assert rows(search_log) == rows(tmp_path / "whole.jsonl")
 
 
 @pytest.mark.parametrize("kept", [0.2, 0.5, 0.99])
 def test_a_row_that_was_half_written_is_counted_again(config, tmp_path, kept):
-    ledger = tmp_path / "counts.jsonl"
-    whole = search(config, ledger)
-    before = ledger.read_text()
+    search_log = tmp_path / "counts.jsonl"
+    whole = search(config, search_log)
+    before = search_log.read_text()
     last = before.rstrip("\n").rpartition("\n")[2]
-    ledger.write_text(before[: -len(last) - 1] + last[: int(kept * len(last))])
-    assert search(config, ledger) == whole
-    assert set(rows(ledger)) == set(before.splitlines())
+    search_log.write_text(before[: -len(last) - 1] + last[: int(kept * len(last))])
+    assert search(config, search_log) == whole
+    assert set(rows(search_log)) == set(before.splitlines())
 
 
 def test_a_file_that_ends_in_its_first_row_begins_anew(config, tmp_path):
-    ledger = tmp_path / "counts.jsonl"
-    ledger.write_text('{"search": {"dri')
-    assert search(config, ledger) == search(config, tmp_path / "other.jsonl")
+    search_log = tmp_path / "counts.jsonl"
+    search_log.write_text('{"search": {"dri')
+    assert search(config, search_log) == search(config, tmp_path / "other.jsonl")
 
 
 def test_more_values_go_on_from_fewer(config, frames, tmp_path):
-    ledger = tmp_path / "counts.jsonl"
-    search(config, ledger)
+    search_log = tmp_path / "counts.jsonl"
+    search(config, search_log)
     more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.min_points, (0.05, 0.5, 0.6))
     wider = SearchConfig(config.survey, more, "thesis", chunk_frames=3)
-    assert search(wider, ledger) == search(wider, tmp_path / "fresh.jsonl")
+    assert search(wider, search_log) == search(wider, tmp_path / "fresh.jsonl")
 
 
 @pytest.mark.parametrize(
@@ -152,16 +152,16 @@ def test_more_values_go_on_from_fewer(config, frames, tmp_path):
     ],
 )
 def test_counts_of_another_search_are_refused(config, tmp_path, change, name):
-    ledger = tmp_path / "counts.jsonl"
-    search(config, ledger)
-    before = ledger.read_bytes()
+    search_log = tmp_path / "counts.jsonl"
+    search(config, search_log)
+    before = search_log.read_bytes()
     found = config.survey
     if change.pop("drive", False):
         found = survey([write_car_frames(tmp_path / "other")], "Car")
     other = SearchConfig(found, GRID, **{"method": "thesis", "chunk_frames": 3, **change})
     with pytest.raises(UsageError, match=rf"found those of another, by its {name}; choose"):
-        search(other, ledger)
-    assert ledger.read_bytes() == before
+        search(other, search_log)
+    assert search_log.read_bytes() == before
 
 
 @pytest.mark.parametrize(
@@ -173,21 +173,21 @@ def test_counts_of_another_search_are_refused(config, tmp_path, change, name):
     ],
 )
 def test_a_damaged_row_in_the_middle_is_named(config, tmp_path, row, complaint):
-    ledger = tmp_path / "counts.jsonl"
-    search(config, ledger)
-    lines = rows(ledger)
+    search_log = tmp_path / "counts.jsonl"
+    search(config, search_log)
+    lines = rows(search_log)
     lines[2] = row
-    ledger.write_text("\n".join(lines) + "\n")
+    search_log.write_text("\n".join(lines) + "\n")
     with pytest.raises(UsageError, match=complaint):
-        search(config, ledger)
+        search(config, search_log)
 
 
 def test_a_file_of_something_else_is_refused(config, tmp_path):
-    ledger = tmp_path / "counts.jsonl"
-    ledger.write_text("a diary\n")
+    search_log = tmp_path / "counts.jsonl"
+    search_log.write_text("a diary\n")
     with pytest.raises(UsageError, match="expected the counts of a search"):
-        search(config, ledger)
-    assert ledger.read_text() == "a diary\n"
+        search(config, search_log)
+    assert search_log.read_text() == "a diary\n"
 
 
 def test_labels_without_objects_leave_nothing_to_search_for(tmp_path):

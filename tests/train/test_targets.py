@@ -13,15 +13,15 @@ from train.detector.input_sizes import (  # noqa: E402
     size_of_batch,
 )
 from train.detector.targets import (  # noqa: E402
-    Grid,
     ImageLabels,
+    PredictionGrid,
     assign_targets,
     pad_labels,
     shape_iou,
 )
 
 ANCHORS_PX = torch.tensor([[16.0, 16], [64, 32]])
-GRID = Grid(rows=2, columns=3, stride_px=32)  # 96 x 64 pixels
+GRID = PredictionGrid(rows=2, columns=3, stride_px=32)  # 96 x 64 pixels
 
 
 def labels_of(*boxes, classes=None, ignored=()):
@@ -45,7 +45,7 @@ def test_one_label_by_hand():
     assert torch.allclose(targets.offsets, expected)
     assert targets.classes.tolist() == [3]
     assert targets.area_shares.item() == pytest.approx(32 * 16 / (96 * 64))
-    assert targets.left_out == 0
+    assert targets.unassigned == 0
 
 
 def test_shapes_overlap_on_one_corner():
@@ -62,7 +62,7 @@ def test_two_shapes_in_one_cell_keep_their_anchors():
 def test_the_better_of_two_like_shapes_has_the_anchor_and_the_other_the_next():
     targets = assign(labels_of([10, 10, 24, 24], [8, 8, 24, 24]))
     assert targets.anchor.tolist() == [1, 0]
-    assert targets.left_out == 0
+    assert targets.unassigned == 0
 
 
 def test_of_equal_labels_the_first_comes_first():
@@ -73,7 +73,7 @@ def test_of_equal_labels_the_first_comes_first():
 def test_a_full_cell_leaves_labels_out():
     targets = assign(labels_of([8, 8, 24, 24], [8, 8, 25, 25], [8, 8, 26, 26]))
     assert sorted(targets.anchor.tolist()) == [0, 1]
-    assert targets.left_out == 1
+    assert targets.unassigned == 1
 
 
 def test_no_two_labels_share_a_prediction():
@@ -92,7 +92,7 @@ def test_no_two_labels_share_a_prediction():
         )
     )
     assert len(set(places)) == len(places)
-    assert len(places) + targets.left_out == 4 * 30
+    assert len(places) + targets.unassigned == 4 * 30
 
 
 @pytest.mark.parametrize(
@@ -111,14 +111,14 @@ def test_no_two_labels_share_a_prediction():
 def test_labels_that_cannot_be_found_are_left_out(box):
     targets = assign(labels_of(box, [8, 8, 24, 24]))
     assert targets.boxes_px.tolist() == [[8, 8, 24, 24]]
-    assert targets.left_out == 1
+    assert targets.unassigned == 1
     assert targets.offsets.isfinite().all()
 
 
 def test_ignored_areas_have_no_target():
     targets = assign(labels_of([8, 8, 24, 24], [40, 8, 60, 24], ignored=[0]))
     assert targets.column.tolist() == [1]
-    assert targets.left_out == 0
+    assert targets.unassigned == 0
 
 
 def test_pictures_with_and_without_labels_in_one_batch():
@@ -126,7 +126,7 @@ def test_pictures_with_and_without_labels_in_one_batch():
         labels_of(), labels_of([8, 8, 24, 24], [70, 8, 90, 24]), labels_of([0, 0, 9, 9])
     )
     assert targets.image.tolist() == [1, 1, 2]
-    assert targets.left_out == 0
+    assert targets.unassigned == 0
 
 
 def test_no_labels_at_all():

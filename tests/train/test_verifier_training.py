@@ -99,7 +99,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
         path.with_name(f".{path.name}.part").write_bytes(content[: len(content) // 2])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("train.checkpoint_writer.write_whole", full)
+    monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
     with pytest.raises(ModelError, match="No space left on device; make room and go on"):
         fit(
             make_trainer(tmp_path, config_of(2)),

@@ -5,7 +5,7 @@ from torch import nn  # noqa: E402
 
 from perception.errors import ModelError, UsageError  # noqa: E402
 from train.networks.darknet19 import Darknet19  # noqa: E402
-from train.networks.grid_head import GridHead  # noqa: E402
+from train.networks.grid_head import YoloHead  # noqa: E402
 from train.networks.yolov2 import (  # noqa: E402
     COCO_ANCHORS_CELLS,
     VOC_ANCHORS_CELLS,
@@ -102,7 +102,7 @@ def test_reorganise_by_hand():
 
 
 def test_decoding_by_hand():
-    head = GridHead(4, 32, [(64, 48), (10, 20)], ["Car", "Van"])
+    head = YoloHead(4, 32, [(64, 48), (10, 20)], ["Car", "Van"])
     raw = torch.zeros(1, 2, 7, 2, 3)
     # Row 1, column 2, anchor 0: a quarter into the cell, twice as wide, half as high.
     raw[0, 0, :, 1, 2] = torch.tensor([-1.0986, 1.0986, 0.6931, -0.6931, 1.3863, 0.0, 1.0986])
@@ -120,7 +120,7 @@ def test_decoding_by_hand():
 
 
 def test_decoding_survives_any_number():
-    head = GridHead(4, 32, [(64, 48)], ["Car"])
+    head = YoloHead(4, 32, [(64, 48)], ["Car"])
     boxes_px, scores = head.decode(torch.full((1, 1, 6, 1, 1), 1e4))
     assert boxes_px.isfinite().all()
     assert scores.isfinite().all()
@@ -141,4 +141,4 @@ def test_anchors_of_a_cfg_are_cells_of_32_pixels():
 )
 def test_anchors_and_classes_that_cannot_be(anchors, classes, sentence):
     with pytest.raises(UsageError, match=sentence):
-        GridHead(4, 32, anchors, classes)
+        YoloHead(4, 32, anchors, classes)

@@ -13,8 +13,14 @@ from torch import Tensor
 from torch.nn import functional
 
 from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pairwise_share
-from train.detector.targets import BatchLabels, Grid, GridTargets, assign_targets, has_area
-from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, GridHead, box_corners
+from train.detector.targets import (
+    BatchLabels,
+    GridTargets,
+    PredictionGrid,
+    assign_targets,
+    has_area,
+)
+from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, YoloHead, box_corners
 
 _MOSTLY = 0.5  # of a box that lies in an ignored area
 
@@ -32,8 +38,8 @@ class DetectionLossConfig:
         class_weight: `class_scale`
         prior_weight: pull of every box to its anchor, at first.
         prior_images: how many pictures long.
-        free_iou: a prediction that overlaps a label by more is not told that nothing is there; `thresh`.
-        focal_power: of the error, as weight; 2 in Lin et al., "Focal loss", ICCV 2017.
+        ignore_iou: a prediction that overlaps a label by more is not told that nothing is there; `thresh`.
+        focal_gamma: of the error, as weight; 2 in Lin et al., "Focal loss", ICCV 2017.
     """
 
     box: Literal["squared", "ciou"] = "squared"
@@ -44,8 +50,8 @@ class DetectionLossConfig:
     class_weight: float = 1.0
     prior_weight: float = 0.01
     prior_images: int = 12_800
-    free_iou: float = 0.6
-    focal_power: float = 2.0
+    ignore_iou: float = 0.6
+    focal_gamma: float = 2.0
 
 
 class DetectionLoss(NamedTuple):
@@ -71,7 +77,7 @@ class DetectionLoss(NamedTuple):
 def detection_loss(
     raw: Tensor,
     labels: BatchLabels,
-    head: GridHead,
+    head: YoloHead,
     config: DetectionLossConfig,
     images_seen: int,
 ) -> DetectionLoss:
@@ -87,7 +93,9 @@ def detection_loss(
     with torch.autocast(raw.device.type, enabled=False):
         raw = raw.float()
         rows, columns = raw.shape[-2:]
-        targets = assign_targets(labels, head.anchors_px, Grid(rows, columns, head.stride_px))
+        targets = assign_targets(
+            labels, head.anchors_px, PredictionGrid(rows, columns, head.stride_px)
+        )
         corners = box_corners(head.decode_boxes(raw))
         terms = (
             config.box_weight * _box_term(raw, corners, targets, config),
@@ -125,7 +133,9 @@ def _no_object_term(
     config: DetectionLossConfig,
 ) -> Tensor:
     """Ask for no objectness of those that neither answer for a label nor lie on one."""
-    is_free = _lies_on_label(corners.detach(), labels, config.free_iou) | _answers(raw, targets)
+    is_free = _lies_on_label(corners.detach(), labels, config.ignore_iou) | _is_responsible(
+        raw, targets
+    )
     logits = raw[:, :, OBJECTNESS]
     errors = _objectness_error(logits, torch.zeros_like(logits), config)
     return errors.masked_fill(is_free, 0).sum()
@@ -143,7 +153,7 @@ def _prior_term(
     corrections = _corrections(raw[:, :, BOX].movedim(2, -1))
     of_anchor = corrections.new_tensor([0.5, 0.5, 0, 0]).expand_as(corrections)
     errors = _squared(corrections, of_anchor).sum(dim=-1)
-    return config.prior_weight * errors.masked_fill(_answers(raw, targets), 0).sum()
+    return config.prior_weight * errors.masked_fill(_is_responsible(raw, targets), 0).sum()
 
 
 def _objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfig) -> Tensor:
@@ -153,22 +163,22 @@ def _objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfi
     # The continuous form of the focal loss, for wanted values between 0 and 1 (Li et al.,
     # "Generalized focal loss", NeurIPS 2020, eq. 3).
     entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
-    return (target - scores).abs() ** config.focal_power * entropy
+    return (target - scores).abs() ** config.focal_gamma * entropy
 
 
-def _lies_on_label(corners: Tensor, labels: BatchLabels, free_iou: float) -> Tensor:
+def _lies_on_label(corners: Tensor, labels: BatchLabels, ignore_iou: float) -> Tensor:
     """Return (B, A, rows, columns) whether boxes overlap a label, or lie mostly in an ignored area."""
     batch, anchors, _, rows, columns = corners.shape
     boxes_px = corners.permute(0, 1, 3, 4, 2).reshape(batch, -1, 4)
     is_real = has_area(labels.boxes_px)[:, None]
     is_ignored = labels.is_ignored[:, None]
-    on_label = (pairwise_iou(boxes_px, labels.boxes_px) > free_iou) & ~is_ignored
+    on_label = (pairwise_iou(boxes_px, labels.boxes_px) > ignore_iou) & ~is_ignored
     in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > _MOSTLY) & is_ignored
     lies = ((on_label | in_ignored) & is_real).any(dim=2)
     return lies.reshape(batch, anchors, rows, columns)
 
 
-def _answers(raw: Tensor, targets: GridTargets) -> Tensor:
+def _is_responsible(raw: Tensor, targets: GridTargets) -> Tensor:
     """Return (B, A, rows, columns) whether a prediction answers for a label."""
     batch, anchors, _, rows, columns = raw.shape
     answers = torch.zeros(batch, anchors, rows, columns, dtype=torch.bool, device=raw.device)

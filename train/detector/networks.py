@@ -11,7 +11,7 @@ from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Modality
 from train.checkpoints import read_checkpoint, weights_of
 from train.networks.compact import CompactDetector
-from train.networks.grid_detector import GridDetector
+from train.networks.grid_detector import YoloDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolov2 import YOLOv2
 
@@ -20,7 +20,7 @@ ANCHORS = 5
 _SIZE = InputSize(192, 640)
 
 # From class names and channels to a network with random weights; all others are trunks of torchvision.
-NETWORKS: dict[str, Callable[[Sequence[str], int], GridDetector]] = {
+NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
     "compact": lambda class_names, channels: CompactDetector(class_names, channels=channels),
     "yolov2": lambda class_names, channels: YOLOv2(class_names, channels=channels),
 }
@@ -75,7 +75,7 @@ class DetectorNetworkConfig:
         )
 
 
-def make_detector(network_config: DetectorNetworkConfig) -> GridDetector:
+def make_detector(network_config: DetectorNetworkConfig) -> YoloDetector:
     """Return a network with random weights.
 
     Raises:
@@ -95,7 +95,7 @@ def make_detector(network_config: DetectorNetworkConfig) -> GridDetector:
     )
 
 
-def load_detector(checkpoint: Path) -> tuple[GridDetector, dict[str, str]]:
+def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
     """Return a trained network, ready to detect, and what a model file says of it.
 
     Raises:
@@ -117,7 +117,7 @@ def load_detector(checkpoint: Path) -> tuple[GridDetector, dict[str, str]]:
     return detector.eval(), network_config.metadata | anchors | told
 
 
-def anchor_words(detector: GridDetector) -> str:
+def anchor_words(detector: YoloDetector) -> str:
     """Return widths and heights of the anchors in pixels, such as 19.1x13.4,37.6x22.6."""
     sizes = detector.head.anchors_px.tolist()
     return ",".join(f"{width:.1f}x{height:.1f}" for width, height in sizes)

@@ -17,7 +17,7 @@ from train.detector.darknet_start import start_from_darknet
 from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
 from train.detector.pictures import DetectorPictures
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
-from train.networks.grid_detector import GridDetector
+from train.networks.grid_detector import YoloDetector
 from train.networks.torchvision_detector import TorchvisionDetector, start_from_classifier
 from train.networks.yolov2 import YOLOv2
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
@@ -99,7 +99,7 @@ def train_detector(
     return _best(data, out / BEST)
 
 
-def first_network(config: DetectorTrainingConfig, first: InitialWeights) -> GridDetector:
+def first_network(config: DetectorTrainingConfig, first: InitialWeights) -> YoloDetector:
     """Return the network that a training starts with.
 
     Raises:

@@ -40,7 +40,7 @@ class BatchLabels(NamedTuple):
     is_ignored: Tensor
 
 
-class Grid(NamedTuple):
+class PredictionGrid(NamedTuple):
     """Cells over the input.
 
     Attributes:
@@ -66,7 +66,7 @@ class GridTargets(NamedTuple):
         offsets: (N, 4) centre within the cell 0..1, and logarithms of width and height over the anchor's.
         classes: (N,)
         area_shares: (N,) of the label's box in the picture.
-        left_out: labels outside the picture, of no size, or in a cell whose anchors are all taken.
+        unassigned: labels outside the picture, of no size, or in a cell whose anchors are all taken.
     """
 
     image: Tensor
@@ -77,7 +77,7 @@ class GridTargets(NamedTuple):
     offsets: Tensor
     classes: Tensor
     area_shares: Tensor
-    left_out: int
+    unassigned: int
 
 
 def pad_labels(labels: Sequence[ImageLabels]) -> BatchLabels:
@@ -95,7 +95,7 @@ def has_area(boxes_px: Tensor) -> Tensor:
     return boxes_px.isfinite().all(dim=-1) & (sizes > 0).all(dim=-1)
 
 
-def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: Grid) -> GridTargets:
+def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: PredictionGrid) -> GridTargets:
     """Return what answers for the labels of a batch.
 
     Args:
@@ -113,7 +113,7 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: Grid) -> GridT
     column, row = in_cells.long().unbind(dim=1)
     sizes_px = boxes_px[:, 2:] - boxes_px[:, :2]
     cell = (image * grid.rows + row) * grid.columns + column
-    anchor = _place(shape_iou(sizes_px, anchors_px), cell)
+    anchor = _assign_anchors(shape_iou(sizes_px, anchors_px), cell)
 
     kept = anchor >= 0
     scales = sizes_px[kept] / anchors_px[anchor[kept]]
@@ -126,7 +126,7 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: Grid) -> GridT
         offsets=torch.cat([in_cells[kept].frac(), scales.log()], dim=1),
         classes=labels.classes[image, label][kept],
         area_shares=sizes_px[kept].prod(dim=1) / extent_px.prod(),
-        left_out=_count_labels(labels) - int(kept.sum()),
+        unassigned=_count_labels(labels) - int(kept.sum()),
     )
 
 
@@ -136,7 +136,7 @@ def shape_iou(a_px: Tensor, b_px: Tensor) -> Tensor:
     return common / (a_px.prod(dim=-1)[:, None] + b_px.prod(dim=-1) - common)
 
 
-def _place(overlaps: Tensor, cell: Tensor) -> Tensor:
+def _assign_anchors(overlaps: Tensor, cell: Tensor) -> Tensor:
     """Return (N,) the anchor of each label, -1 where its cell had none left.
 
     Every round serves at least one label of each cell, hence as many rounds as anchors.

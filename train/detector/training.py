@@ -29,7 +29,7 @@ from train.detector.input_sizes import (
 from train.detector.losses import DetectionLoss, DetectionLossConfig, detection_loss
 from train.detector.networks import ANCHORS, MODEL, DetectorNetworkConfig
 from train.detector.targets import BatchLabels
-from train.networks.grid_detector import GridDetector
+from train.networks.grid_detector import YoloDetector
 
 Batch = dict[str, Tensor]  # pictures, boxes_px, classes, is_ignored, numbers
 
@@ -62,7 +62,7 @@ class DetectorTrainingConfig:
 class DetectorTraining(LightningModule):
     """One detector, its loss at several scales, its descent, and the figures by which it is followed."""
 
-    def __init__(self, config: DetectorTrainingConfig, network: GridDetector) -> None:
+    def __init__(self, config: DetectorTrainingConfig, network: YoloDetector) -> None:
         """Take a network as it is."""
         super().__init__()
         self.save_hyperparameters(_noted(config))

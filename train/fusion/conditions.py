@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
-from perception.detection.fusion.calibration import Calibration
+from perception.detection.fusion.calibration import BetaCalibration
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.types import Modality
 
@@ -26,9 +26,9 @@ def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
 
 
 def _doubted_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
-    modal = {}
-    for name, found in scene.modal.items():
+    modality_detections = {}
+    for name, found in scene.modality_detections.items():
         stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)
-        other = Calibration(stretch, stretch, _SHIFT * rng.standard_normal())
-        modal[name] = replace(found, scores=other.probabilities(found.scores))
-    return replace(scene, modal=modal)
+        other = BetaCalibration(stretch, stretch, _SHIFT * rng.standard_normal())
+        modality_detections[name] = replace(found, scores=other.probabilities(found.scores))
+    return replace(scene, modality_detections=modality_detections)

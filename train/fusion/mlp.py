@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from perception.detection.fusion.calibration import Calibrations
+from perception.detection.fusion.calibration import FusionCalibration
 from perception.detection.fusion.features import FEATURES, Variant
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Float32
@@ -100,7 +100,7 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "variant": network_config.variant,
         "features": ",".join(FEATURES[network_config.variant]),
         "hidden": ",".join(map(str, network_config.hidden)),
-        "calibration": content.get("calibration", str(Calibrations())),
+        "calibration": content.get("calibration", str(FusionCalibration())),
         "optimiser": str(notes["optimiser"]),
         "training_data": str(notes["training_data"]),
         "detectors": str(notes["detectors"]),

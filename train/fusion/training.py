@@ -12,8 +12,8 @@ from typing import Any
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from data.whole_file import write_whole
-from perception.detection.fusion.calibration import Calibrations
+from data.whole_file import write_atomically
+from perception.detection.fusion.calibration import FusionCalibration
 from perception.errors import ModelError
 from perception.types import Float64
 from train.checkpoint_writer import require_same_network
@@ -77,7 +77,7 @@ def fit_fusion(
     return FittedFusion(out / BEST, content["epoch"], training, validation)
 
 
-def note_calibrations(checkpoint: Path, calibrations: Calibrations) -> None:
+def note_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> None:
     """Write into a checkpoint how scores become probabilities, for those who export it."""
     _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibrations)})
 
@@ -135,4 +135,4 @@ def _require_same_fit(checkpoint: Path, module: FusionTraining) -> None:
 def _write(path: Path, content: dict[str, Any]) -> None:
     data = io.BytesIO()
     torch.save(content, data)
-    write_whole(path, data.getvalue())
+    write_atomically(path, data.getvalue())

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import torch
 
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.types import Float64
 from train.fusion.levenberg_marquardt import Step, descend
 from train.fusion.mlp_squares import MlpSquares
@@ -69,7 +69,7 @@ def lowest(
     if begun is not None:
         start, first = begun.last.parameters, begun.last.number
         damping = replace(damping, first=begun.last.damping)
-    with one_blas_thread():
+    with limit_blas_threads():
         for step in descend(problem, start, damping, first):
             error = kept_back.mean_square(step.parameters)
             if best is None or error < best.validation:

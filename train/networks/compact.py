@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
-from train.networks.grid_detector import GridDetector
-from train.networks.grid_head import GridHead
+from train.networks.grid_detector import YoloDetector
+from train.networks.grid_head import YoloHead
 
 STRIDE_PX = 8
 # Of the 28742 cars in KITTI's 7481 labelled frames, at 192x640: a mean IoU of 0.697.
@@ -83,7 +83,7 @@ class CompactTrunk(nn.Module):
         return joined
 
 
-class CompactDetector(GridDetector):
+class CompactDetector(YoloDetector):
     """The default detector of each modality."""
 
     def __init__(
@@ -104,7 +104,7 @@ class CompactDetector(GridDetector):
             residuals: how many at an eighth, a sixteenth and a thirty-second.
         """
         trunk = CompactTrunk(channels, widths, residuals)
-        head = GridHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names, _FIRST_SCORE)
+        head = YoloHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names, _FIRST_SCORE)
         super().__init__(channels, trunk, head)
 
 

@@ -4,10 +4,10 @@ from torch import Tensor, nn
 
 from perception.detection.detectors.input_size import SIZE_STEP_PX
 from perception.errors import ModelError
-from train.networks.grid_head import DecodedBoxes, GridHead
+from train.networks.grid_head import DecodedBoxes, YoloHead
 
 
-class GridDetector(nn.Module):
+class YoloDetector(nn.Module):
     """Find objects in pictures of any size that is a multiple of 32.
 
     Attributes:
@@ -16,7 +16,7 @@ class GridDetector(nn.Module):
         head: the map to boxes.
     """
 
-    def __init__(self, channels: int, trunk: nn.Module, head: GridHead) -> None:
+    def __init__(self, channels: int, trunk: nn.Module, head: YoloHead) -> None:
         super().__init__()
         self.channels = channels
         self.trunk = trunk

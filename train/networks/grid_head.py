@@ -34,7 +34,7 @@ class DecodedBoxes(NamedTuple):
     scores: Tensor
 
 
-class GridHead(nn.Module):
+class YoloHead(nn.Module):
     """Predict boxes from a map, and read them.
 
     Attributes:

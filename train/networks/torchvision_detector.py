@@ -26,8 +26,8 @@ from torchvision.models.feature_extraction import (  # type: ignore[import-untyp
 
 from perception.errors import ModelError
 from train.networks.compact import KITTI_CAR_ANCHORS_PX, ReluUnit
-from train.networks.grid_detector import GridDetector
-from train.networks.grid_head import GridHead
+from train.networks.grid_detector import YoloDetector
+from train.networks.grid_head import YoloHead
 
 STRIDES_PX = (8, 16, 32)
 _WIDTH = 128  # channels where the three maps are added up
@@ -72,7 +72,7 @@ class TorchvisionTrunk(nn.Module):
         return joined
 
 
-class TorchvisionDetector(GridDetector):
+class TorchvisionDetector(YoloDetector):
     """A detector with a trunk that may have seen ImageNet."""
 
     def __init__(
@@ -94,7 +94,7 @@ class TorchvisionDetector(GridDetector):
             ModelError: the classifier has no maps at these strides.
         """
         trunk = TorchvisionTrunk(name)
-        head = GridHead(_WIDTH, STRIDES_PX[0], anchors_px, class_names, _FIRST_SCORE)
+        head = YoloHead(_WIDTH, STRIDES_PX[0], anchors_px, class_names, _FIRST_SCORE)
         super().__init__(channels, trunk, head)
 
 

@@ -20,8 +20,8 @@ from train.networks.darknet19 import (
     Darknet19,
     units,
 )
-from train.networks.grid_detector import GridDetector
-from train.networks.grid_head import GridHead
+from train.networks.grid_detector import YoloDetector
+from train.networks.grid_head import YoloHead
 
 STRIDE_PX = 32
 _PASSED_CHANNELS = 64
@@ -68,7 +68,7 @@ class Yolov2Trunk(nn.Module):
         return joined
 
 
-class YOLOv2(GridDetector):
+class YOLOv2(YoloDetector):
     """The thesis' detector of each modality."""
 
     def __init__(
@@ -86,7 +86,7 @@ class YOLOv2(GridDetector):
         """
         trunk = Yolov2Trunk()
         super().__init__(
-            channels, trunk, GridHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names)
+            channels, trunk, YoloHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names)
         )
 
 

@@ -5,17 +5,17 @@ from dataclasses import dataclass, replace
 
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
-from perception.detection.depthcn.proposals import ProposalConfig, box, cut
+from perception.detection.depthcn.proposals import ProposalConfig, cluster_points, fit_boxes
 from perception.detection.depthcn.standing import find_standing
 from perception.errors import PerceptionError
-from perception.evaluation.detection.proposal_recall import count_reached
+from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
 from perception.types import Frame, Method
 from train.proposal_search.survey import FrameSet, is_of_class
 
 
 @dataclass(frozen=True)
-class Part:
+class SearchTask:
     """What one process does at a time.
 
     Attributes:
@@ -38,7 +38,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Count:
+class ProposalCount:
     """What one setting reaches in one chunk, or in several together.
 
     Attributes:
@@ -59,7 +59,7 @@ class Count:
 
     def __add__(self, other: "Count") -> "Count":
         """Put two chunks together."""
-        return Count(
+        return ProposalCount(
             self.rules,
             self.frames + other.frames,
             self.unread + other.unread,
@@ -69,7 +69,7 @@ class Count:
         )
 
 
-def count_part(part: Part) -> list[Count]:
+def run_search_task(part: SearchTask) -> list[ProposalCount]:
     """Read each frame of a part once, and add up what every setting reaches in it.
 
     Raises:
@@ -97,7 +97,7 @@ def read_or_skip(drive: Drive, index: int, on_bad_frame: OnBadFrame) -> Frame | 
         return None
 
 
-def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
+def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[ProposalCount]:
     """Yield what each setting reaches; the ground, which all have in common, is removed once."""
     objects_px = labels.boxes_px[is_of_class(labels, part.of_class)]
     standing = find_standing(
@@ -108,11 +108,11 @@ def _count_frame(frame: Frame, labels: Labels, part: Part) -> Iterator[Count]:
         part.method,
     )
     for rules in part.rules:
-        labels_of_points = cut(standing, rules.radius_m, rules.min_points, part.method)
-        found = box(standing, labels_of_points)
-        reached = count_reached(objects_px, found.boxes_px, part.overlaps)
-        yield Count(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
+        labels_of_points = cluster_points(standing, rules.radius_m, rules.min_points, part.method)
+        found = fit_boxes(standing, labels_of_points)
+        reached = count_recalled(objects_px, found.boxes_px, part.overlaps)
+        yield ProposalCount(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
 
 
-def _nothing(rules: ProposalConfig, part: Part) -> Count:
-    return Count(rules, 0, 0, 0, (0,) * len(part.overlaps), 0)
+def _nothing(rules: ProposalConfig, part: SearchTask) -> ProposalCount:
+    return ProposalCount(rules, 0, 0, 0, (0,) * len(part.overlaps), 0)

@@ -15,15 +15,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import UsageError
-from train.proposal_search.counting import Count, Part
+from train.proposal_search.counting import ProposalCount, SearchTask
 
 Key = tuple[int, ProposalConfig]
 
 
-class Ledger:
+class SearchLog:
     """Counts by chunk and setting, in memory and in the file."""
 
     def __init__(self, path: Path, search: dict[str, Any]) -> None:
@@ -37,20 +37,20 @@ class Ledger:
             UsageError: the file is of another search, or none of this kind.
         """
         self.path = path
-        self.counts: dict[Key, Count] = {}
+        self.counts: dict[Key, ProposalCount] = {}
         lines = _whole_lines(path)
         if not lines:
-            write_whole(path, _row({"search": search}))
+            write_atomically(path, _row({"search": search}))
             return
         self._require_same(lines[0], search)
         for number, line in enumerate(lines[1:], start=2):
             self._read(number, line)
 
-    def holds(self, part: Part) -> bool:
+    def holds(self, part: SearchTask) -> bool:
         """Tell whether every setting of a part is counted."""
         return all((part.chunk, rules) in self.counts for rules in part.rules)
 
-    def add(self, chunk: int, counts: Iterable[Count]) -> None:
+    def add(self, chunk: int, counts: Iterable[ProposalCount]) -> None:
         """Write what a part came to, at once."""
         counts = list(counts)
         rows = b"".join(_row({"chunk": chunk, **asdict(count)}) for count in counts)
@@ -77,7 +77,7 @@ class Ledger:
         row = _parse(line)
         try:
             chunk = int(row["chunk"])
-            count = Count(
+            count = ProposalCount(
                 rules=ProposalConfig(**row["rules"]),
                 reached=tuple(map(int, row["reached"])),
                 **{name: int(row[name]) for name in ("frames", "unread", "objects", "proposals")},
@@ -100,7 +100,7 @@ def _whole_lines(path: Path) -> list[bytes]:
         content = path.read_bytes()
         whole, _, rest = content.rpartition(b"\n")
         if rest:
-            write_whole(path, content[: len(content) - len(rest)])
+            write_atomically(path, content[: len(content) - len(rest)])
     except OSError as error:
         raise UsageError(path, expected="a file of counts", found=str(error)) from error
     return whole.splitlines()

@@ -24,7 +24,7 @@ RecallProgress = Callable[[Gathered, int], Gathered]
 
 
 @dataclass(frozen=True)
-class Setting:
+class ProposalSetting:
     """One way to make proposals.
 
     Attributes:
@@ -50,7 +50,7 @@ class Gathering:
 
     chunk: int
     frames: FrameSet
-    settings: tuple[Setting, ...]
+    settings: tuple[ProposalSetting, ...]
     order: ProposalOrder
     on_bad_frame: OnBadFrame
 
@@ -70,7 +70,7 @@ class Candidates:
 
 def measure_recall(
     config: SearchConfig,
-    settings: Sequence[Setting],
+    settings: Sequence[ProposalSetting],
     order: ProposalOrder,
     workers: int = 1,
     progress: RecallProgress = lambda gathered, parts: gathered,
@@ -114,7 +114,7 @@ def gather(gathering: Gathering) -> list[Candidates]:
     ]
 
 
-def _propose(frame: Frame, setting: Setting, order: ProposalOrder) -> Detections:
+def _propose(frame: Frame, setting: ProposalSetting, order: ProposalOrder) -> Detections:
     calibration, size_px = camera_of(frame)
     found = propose(frame.points_velo, calibration, size_px, setting.rules, setting.method)
     scores = order_scores(order, found, float(calibration.image_P_cam[0, 0]))

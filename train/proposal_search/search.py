@@ -12,14 +12,14 @@ from perception import __version__
 from perception.errors import LabelError, UsageError
 from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS, require_iou
 from perception.types import Method
-from train.proposal_search.counting import Count, Part, count_part
+from train.proposal_search.counting import ProposalCount, SearchTask, run_search_task
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.ledger import Ledger
+from train.proposal_search.ledger import SearchLog
 from train.proposal_search.survey import Survey
 from train.proposal_search.workers import run_parts
 
-Finished = Iterable[tuple[Part, list[Count]]]
-SearchProgress = Callable[[Finished, int, int], Finished]
+FinishedTasks = Iterable[tuple[SearchTask, list[ProposalCount]]]
+SearchProgress = Callable[[FinishedTasks, int, int], FinishedTasks]
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class SearchConfig:
         for iou in self.overlaps:
             require_iou(iou)
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[SearchTask]:
         """Cut the search into parts, chunk by chunk, and each by what shares its ground removal."""
         return [
-            Part(
+            SearchTask(
                 chunk=chunk,
                 frames=frames,
                 rules=tuple(rules),
@@ -89,10 +89,10 @@ class SearchConfig:
 
 def search(
     config: SearchConfig,
-    ledger: Path,
+    search_log: Path,
     workers: int = 1,
     progress: SearchProgress = lambda finished, done, parts: finished,
-) -> list[Count]:
+) -> list[ProposalCount]:
     """Count what is not counted yet, and return every setting over all frames, the best first.
 
     The best reaches most objects at the first overlap (6.1.4); of several, it has the fewest proposals.
@@ -107,10 +107,10 @@ def search(
     Raises:
         PerceptionError: a frame cannot be read, or the ledger is of another search.
     """
-    counts = Ledger(ledger, config.identity())
+    counts = SearchLog(search_log, config.identity())
     parts = config.parts()
     missing = [part for part in parts if not counts.holds(part)]
-    finished = run_parts(count_part, missing, workers)
+    finished = run_parts(run_search_task, missing, workers)
     for part, of_part in progress(finished, len(parts) - len(missing), len(parts)):
         counts.add(part.chunk, of_part)
     chunks = range(len(config.survey.chunks(config.chunk_frames)))
@@ -127,5 +127,5 @@ def search(
     return sorted(sums, key=_worth)
 
 
-def _worth(count: Count) -> tuple[int, int]:
+def _worth(count: ProposalCount) -> tuple[int, int]:
     return -count.reached[0], count.proposals

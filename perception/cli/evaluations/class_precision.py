@@ -20,7 +20,7 @@ from perception.cli.evaluations.detection_figures import (
 )
 from perception.cli.table import Cell, percent
 from perception.evaluation.detection.bootstrap import Interval, percentile_interval
-from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints, best_ap
+from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
 from perception.evaluation.detection.scene import count_objects
 from perception.render.precision_plots import PrecisionPanel
@@ -122,7 +122,7 @@ class ClassPrecision:
                     percent(curve.matches, curve.truths) if curve else None,
                     f"{curve.ap(self.recall_points):.2f}" if curve and curve.truths else None,
                     *([interval_cell(self.interval(iou, difficulty))] if report.samples else []),
-                    f"{best_ap(objects, self.recall_points):.1f}" if objects else None,
+                    f"{max_ap(objects, self.recall_points):.1f}" if objects else None,
                 ]
 
     def to_json(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class ClassPrecision:
         return {
             one.name: {
                 "objects": self.objects[one.name],
-                "at_most_percent": best_ap(self.objects[one.name], self.recall_points),
+                "max_ap_percent": max_ap(self.objects[one.name], self.recall_points),
                 "detections": found.get(one.name),
             }
             for one in DIFFICULTIES
@@ -170,7 +170,7 @@ def interval_cell(interval: Interval) -> str | None:
     return None if np.isnan(interval.low) else f"{interval.low:.2f} to {interval.high:.2f}"
 
 
-def notes_on_few(measured: Sequence[ClassPrecision]) -> Iterator[str]:
+def notes_on_few_objects(measured: Sequence[ClassPrecision]) -> Iterator[str]:
     """Say, where there are few objects, what the protocol makes of them."""
     if min(objects for one in measured for objects in one.objects.values()) <= RECALL_STEPS:
         yield (

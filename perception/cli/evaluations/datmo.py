@@ -9,7 +9,7 @@ from perception.cli.evaluations.datmo_figures import datmo_results, datmo_tables
 from perception.cli.evaluations.datmo_report import PROTOCOL_WORDS, DatmoProtocol, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.cli.evaluations.document import Evaluation
-from perception.cli.evaluations.drive_run import DriveRun, open_measured
+from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
 from perception.evaluation.multi_object.moving_scene import MovingObjectConfig
@@ -47,7 +47,7 @@ def datmo(  # noqa: PLR0913 - flags of a command
     """
     chosen = _parse_methods(methods)
     protocol = DatmoProtocol(targets=MovingObjectConfig(min_points=min_points), view=view)
-    drive = open_measured(root, sequence, sensor, frames)
+    drive = open_labelled_drive(root, sequence, sensor, frames)
     run = DriveRun(drive, PipelineConfig.for_motion("none"), frames, on_bad_frame)
     steps = datmo_steps(drive, run.config, chosen, limit=frames, on_bad_frame=on_bad_frame)
     reports = compare_datmo(drive, steps, chosen, protocol)

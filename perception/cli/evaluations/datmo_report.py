@@ -94,7 +94,7 @@ class DatmoProtocol:
 
 
 @dataclass(frozen=True)
-class DatmoStep:
+class DatmoPredictions:
     """What some methods answered at one frame.
 
     Attributes:
@@ -158,7 +158,7 @@ def measure_datmo(
         DriveError: the drive cannot say what moves.
     """
     steps = (
-        DatmoStep(
+        DatmoPredictions(
             result.frame,
             {"tracks": result.tracks},
             {"tracks": result.timings_s.get("moving objects", np.nan)},
@@ -170,7 +170,7 @@ def measure_datmo(
 
 def compare_datmo(
     drive: Drive,
-    steps: Iterable[DatmoStep],
+    steps: Iterable[DatmoPredictions],
     methods: Sequence[str],
     protocol: DatmoProtocol | None = None,
 ) -> dict[str, DatmoReport]:

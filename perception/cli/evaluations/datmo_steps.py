@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.cli.evaluations.datmo_report import DatmoStep
-from perception.cli.progress import bar
+from perception.cli.evaluations.datmo_report import DatmoPredictions
+from perception.cli.progress import progress_bar
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Tracks
@@ -22,7 +22,7 @@ def datmo_steps(
     *,
     limit: int | None,
     on_bad_frame: OnBadFrame,
-) -> Iterator[DatmoStep]:
+) -> Iterator[DatmoPredictions]:
     """Yield what every method makes of the same segmented scans, with a progress bar.
 
     Args:
@@ -39,20 +39,20 @@ def datmo_steps(
     stages = {method: datmo_stage(method, drive.sensor, config.area) for method in methods}
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
-    for frame in bar(frames, drive.name, count):
+    for frame in progress_bar(frames, drive.name, count):
         _, scan = chain.segment(frame)
         tracks: dict[str, Tracks] = {}
         seconds: dict[str, float] = {}
         for method, stage in stages.items():
             tracks[method], seconds[method] = _timed(stage, scan)
-        yield DatmoStep(frame, tracks, seconds)
+        yield DatmoPredictions(frame, tracks, seconds)
 
 
 def _timed(stage: Datmo | None, scan: SegmentedScan) -> tuple[Tracks, float]:
     """Return the tracks of one method, and the seconds that they took."""
     if stage is None:
         return Tracks.empty(), 0.0
-    with one_blas_thread():
+    with limit_blas_threads():
         start = time.perf_counter()
         tracks = stage.update(scan)
         return tracks, time.perf_counter() - start

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.cli.evaluations.class_precision import (
     ClassPrecision,
-    notes_on_few,
+    notes_on_few_objects,
     precision_header,
 )
 from perception.cli.evaluations.depthcn_steps import DetectedCars
@@ -20,7 +20,7 @@ from perception.render.precision_plots import PrecisionPanel
 # Table 7.9, on the test set of KITTI's server, over 11 recall points; 2.3 s a frame (7.2.1).
 THESIS_EASY_PERCENT, THESIS_FRAMES = 37.59, 7518
 _THESIS_IOU = 0.7
-_REACHED = 5  # the column of what proposals reach, behind that of the objects
+_RECALL_COLUMN = 5  # the column of what proposals reach, behind that of the objects
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class DepthCnMetrics:
         """Yield one row for each IoU and difficulty."""
         data = self.found.data
         rows = self.precision.rows(data.name, data.kind, self.recall.frames)
-        for row, reached in zip(rows, self._reached(), strict=True):
-            yield [*row[:_REACHED], reached, *row[_REACHED:]]
+        for row, reached in zip(rows, self._recall_cells(), strict=True):
+            yield [*row[:_RECALL_COLUMN], reached, *row[_RECALL_COLUMN:]]
 
     def to_json(self) -> dict[str, Any]:
         """Return the same figures for programs."""
@@ -50,16 +50,16 @@ class DepthCnMetrics:
         at_ious = self.precision.to_json()
         for iou in self.precision.reports:
             for difficulty, metrics in at_ious[f"{iou:g}"].items():
-                metrics["proposals_reach"] = self.recall.difficulties[difficulty].recall(iou)
+                metrics["proposal_recall"] = self.recall.difficulties[difficulty].recall(iou)
         return {
             "data": self.found.data.kind,
             "frames": self.recall.frames,
-            "ms_a_frame": {"mean": ms.mean(), "p99": np.percentile(ms, 99)},
-            "proposals_a_frame": self.recall.proposals_a_frame,
+            "ms_per_frame": {"mean": ms.mean(), "p99": np.percentile(ms, 99)},
+            "proposals_per_frame": self.recall.proposals_per_frame,
             "iou": at_ious,
         }
 
-    def _reached(self) -> Iterator[str | None]:
+    def _recall_cells(self) -> Iterator[str | None]:
         for iou in self.precision.reports:
             for difficulty in (one.name for one in DIFFICULTIES):
                 reached = self.recall.difficulties[difficulty]
@@ -69,7 +69,7 @@ class DepthCnMetrics:
 def depthcn_table(measured: Sequence[DepthCnMetrics]) -> str:
     """Return a row for each drive, IoU and difficulty, the thesis' row, and what one has to know."""
     header = precision_header(measured[0].precision, "data", "frames")
-    header.insert(_REACHED, "proposals reach")
+    header.insert(_RECALL_COLUMN, "proposals reach")
     rows: list[list[Cell]] = [row for one in measured for row in one.rows()]
     thesis: dict[str, Cell] = {
         "": "thesis, Table 7.9 easy",
@@ -89,12 +89,12 @@ def _notes(measured: Sequence[DepthCnMetrics]) -> Iterator[str]:
         "The thesis' figure is of the test set of KITTI's server, whose labels are not public, over 11 "
         "points: beside these, not comparable with them."
     )
-    yield from notes_on_few([one.precision for one in measured])
+    yield from notes_on_few_objects([one.precision for one in measured])
     for one in measured:
         ms = 1e3 * one.found.seconds
         yield (
             f"{one.found.data.name}: {ms.mean():.1f} ms a frame on average, 99 % below "
-            f"{np.percentile(ms, 99):.1f}; {one.recall.proposals_a_frame:.1f} proposals a frame"
+            f"{np.percentile(ms, 99):.1f}; {one.recall.proposals_per_frame:.1f} proposals a frame"
         )
 
 

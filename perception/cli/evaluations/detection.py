@@ -16,7 +16,7 @@ from perception.cli.evaluations.detection_figures import (
     detection_table,
 )
 from perception.cli.evaluations.document import Evaluation, write_evaluation
-from perception.cli.progress import bar, frame_bar
+from perception.cli.progress import frame_progress_bar, progress_bar
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import match_detections
 from perception.evaluation.detection.bootstrap import PrecisionSamples, resample_precision
@@ -81,9 +81,9 @@ def detection(  # noqa: PLR0913 - flags of a command
         json: gets the same figures with protocol and data.
     """
     names = (classes,) if isinstance(classes, str) else classes
-    chosen = tuple(_class_named(name, iou) for name in names)
+    chosen = tuple(_parse_class(name, iou) for name in names)
     numbers = None if frames_list is None else read_frame_list(frames_list)
-    found = read_detection_set(results, labels, numbers, frame_bar("reading"))
+    found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
     resampling = BootstrapConfig(bootstrap, seed)
     report = measure_detections(found, chosen, _AVERAGED[recall_points], resampling)
     print(f"{_describe(results, found)}\n\n{detection_table(report)}")
@@ -96,7 +96,7 @@ def detection(  # noqa: PLR0913 - flags of a command
             labels=labels.resolve(),
             frames_list=frames_list and frames_list.resolve(),
             frames=len(found.numbers),
-            frames_without_result=found.without_result,
+            frames_without_result=found.missing_results,
             detections=len(found.detections),
         )
         metrics = Evaluation("detection", _protocol(chosen, resampling), detection_results(report))
@@ -149,13 +149,13 @@ def measure_detections(
     resampling: BootstrapConfig = BootstrapConfig(),
 ) -> DetectionReport:
     """Match once, and measure all frames and what other choices of them would have given."""
-    tallies = match_detections(found.truths, found.detections, len(found.numbers), classes)
+    statistics = match_detections(found.truths, found.detections, len(found.numbers), classes)
     samples: tuple[dict[str, PrecisionSamples], ...] = ()
     if resampling.choices:
         generator = np.random.default_rng(resampling.seed)
-        shown = partial(bar, words="bootstrap", unit="choice", delay_s=2)
-        samples = resample_precision(tallies, resampling.choices, generator, shown)
-    return DetectionReport(tallies.metrics(), samples, recall_points)
+        shown = partial(progress_bar, description="bootstrap", unit="choice", delay_s=2)
+        samples = resample_precision(statistics, resampling.choices, generator, shown)
+    return DetectionReport(statistics.metrics(), samples, recall_points)
 
 
 def _protocol(classes: tuple[DetectionClass, ...], resampling: BootstrapConfig) -> dict[str, Any]:
@@ -168,7 +168,7 @@ def _protocol(classes: tuple[DetectionClass, ...], resampling: BootstrapConfig) 
     return {**DETECTION_PROTOCOL, "values": values}
 
 
-def _class_named(name: str, iou: float | None) -> DetectionClass:
+def _parse_class(name: str, iou: float | None) -> DetectionClass:
     for known in KITTI_CLASSES:
         if known.name.lower() == name.lower():
             return known if iou is None else known.at_iou(iou)
@@ -186,10 +186,10 @@ def _class_named(name: str, iou: float | None) -> DetectionClass:
 def _describe(results: Path, found: DetectionSet) -> str:
     """Name what was read, and what was not there."""
     lines = [f"{results}: {len(found.detections)} detections in {len(found.numbers)} frames"]
-    if found.without_result:
+    if found.missing_results:
         lines.append(
-            f"{len(found.without_result)} frames have no result file, the first "
-            f"{found.without_result[0]:06d}: counted as nothing detected"
+            f"{len(found.missing_results)} frames have no result file, the first "
+            f"{found.missing_results[0]:06d}: counted as nothing detected"
         )
     if found.beyond:
         lines.append(

@@ -11,7 +11,7 @@ from perception.cli.evaluations.detector_figures import (
     detector_table,
 )
 from perception.cli.evaluations.detector_pictures import draw_worst
-from perception.cli.evaluations.detector_steps import classes_of, measure_detector, open_detector
+from perception.cli.evaluations.detector_steps import measure_detector, open_detector, parse_classes
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
@@ -53,7 +53,7 @@ def detector(  # noqa: PLR0913 - flags of a command
     evaluation_config = DetectionEvaluationConfig(**flags)
     reading, measuring = evaluation_config.reading, evaluation_config.measuring
     network = open_detector(model)
-    target_classes = classes_of(network, classes)
+    target_classes = parse_classes(network, classes)
     measured = []
     for source in drive_sources(drives, reading.sequence):
         drive = open_labelled(source, reading)

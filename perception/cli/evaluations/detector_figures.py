@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.evaluations.class_precision import notes_on_few, precision_header
+from perception.cli.evaluations.class_precision import notes_on_few_objects, precision_header
 from perception.cli.evaluations.detector_steps import MeasuredDetector
 from perception.cli.table import Cell, format_table
 from perception.render.precision_plots import PrecisionPanel
@@ -21,7 +21,7 @@ def detector_table(title: str, measured: Sequence[MeasuredDetector]) -> str:
         for of_class, precision in one.precision.items():
             name = data.name if len(one.precision) == 1 else f"{data.name} {of_class.name}"
             rows += precision.rows(name, data.kind, data.frames_evaluated)
-    notes = [*notes_on_few(all_classes), *_times(measured)]
+    notes = [*notes_on_few_objects(all_classes), *_times(measured)]
     return "\n".join([format_table(title, header, rows), *notes])
 
 
@@ -31,9 +31,9 @@ def detector_results(measured: Sequence[MeasuredDetector]) -> dict[str, Any]:
         one.detected.data.name: {
             "data": one.detected.data.kind,
             "frames": one.detected.data.frames_evaluated,
-            "ms_a_frame": {
-                "median": np.median(one.ms_a_frame),
-                "p99": np.percentile(one.ms_a_frame, 99),
+            "ms_per_frame": {
+                "median": np.median(one.ms_per_frame),
+                "p99": np.percentile(one.ms_per_frame, 99),
             },
             "classes": {
                 of_class.name: {"iou": precision.to_json()}
@@ -59,6 +59,6 @@ def detector_panels(measured: Sequence[MeasuredDetector]) -> list[PrecisionPanel
 def _times(measured: Sequence[MeasuredDetector]) -> Iterator[str]:
     for one in measured:
         yield (
-            f"{one.detected.data.name}: {np.median(one.ms_a_frame):.1f} ms a frame in the median for picture "
-            f"and network, 99 % below {np.percentile(one.ms_a_frame, 99):.1f}"
+            f"{one.detected.data.name}: {np.median(one.ms_per_frame):.1f} ms a frame in the median for picture "
+            f"and network, 99 % below {np.percentile(one.ms_per_frame, 99):.1f}"
         )

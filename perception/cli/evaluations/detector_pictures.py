@@ -11,10 +11,10 @@ from perception.cli.picture_file import write_jpeg
 from perception.detection.detectors.modalities import picture_of
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
-from perception.evaluation.detection.mistakes import count_mistakes
+from perception.evaluation.detection.mistakes import count_frame_errors
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
-from perception.evaluation.detection.scene import evaluation_mask, lay_out
-from perception.render.detection_mistakes import draw_mistakes
+from perception.evaluation.detection.scene import evaluation_mask, pair_boxes
+from perception.render.detection_mistakes import draw_detection_errors
 from perception.types import UInt8
 
 _DIFFICULTY = DIFFICULTIES[-1]  # where most objects count
@@ -29,23 +29,23 @@ def draw_worst(
     for of_class, precision in measured.precision.items():
         target_class = of_class.at_iou(next(iter(precision.reports)))
         found = detected.with_labels([output.detections for output in detected.outputs])
-        mistakes = count_mistakes(
+        frame_errors = count_frame_errors(
             found.truths, found.detections, len(detected.outputs), target_class, _DIFFICULTY
         )
-        for rank, place in enumerate(mistakes.worst(most).tolist()):
+        for rank, place in enumerate(frame_errors.worst(most).tolist()):
             frame = drive[detected.outputs[place].index]
-            picture = _with_mistakes(
+            picture = _draw_errors(
                 picture_of(frame, network.modality, network.filling),
                 measured,
                 place,
                 target_class,
-                mistakes.threshold,
+                frame_errors.threshold,
             )
             name = f"{drive_name}_{target_class.name}_{rank:02d}_{detected.numbers[place]:06d}.jpg"
             write_jpeg(folder / name, picture, quality=95)
 
 
-def _with_mistakes(
+def _draw_errors(
     picture: UInt8,
     measured: MeasuredDetector,
     place: int,
@@ -55,13 +55,13 @@ def _with_mistakes(
     """Draw one frame; what may be found but need not be is told as the measure tells it."""
     detected = measured.detected
     truths = detected.truths[detected.truths.frames == place]
-    scene = lay_out(truths, DetectedBoxes.of_frames(()), len(detected.outputs))
-    is_valid_truth = evaluation_mask(scene, of_class, _DIFFICULTY).is_valid_truth
+    evaluation_boxes = pair_boxes(truths, DetectedBoxes.of_frames(()), len(detected.outputs))
+    is_valid_truth = evaluation_mask(evaluation_boxes, of_class, _DIFFICULTY).is_valid_truth
     detections = detected.outputs[place].detections
     counts = (detections.scores >= threshold) & (
         np.char.lower(detections.types) == of_class.name.lower()
     )
-    return draw_mistakes(
+    return draw_detection_errors(
         picture,
         truths.boxes_px[is_valid_truth],
         truths.boxes_px[~is_valid_truth],

@@ -48,7 +48,7 @@ class MeasuredDetector:
     precision: Mapping[DetectionClass, ClassPrecision]
 
     @property
-    def ms_a_frame(self) -> Float64:
+    def ms_per_frame(self) -> Float64:
         """(F,) for picture and network."""
         return 1e3 * np.array([sum(detect.timings_s.values()) for detect in self.detected.outputs])
 
@@ -66,7 +66,7 @@ def open_detector(model: Modality | Path) -> ModalityDetector:
     return ModalityDetector(model, _THREADS)
 
 
-def classes_of(
+def parse_classes(
     network: ModalityDetector, names: str | tuple[str, ...] | None
 ) -> tuple[DetectionClass, ...]:
     """Return what is measured: the classes named, or all that the network knows.
@@ -99,7 +99,9 @@ def measure_detector(
 
     def detect(frame: Frame) -> FrameDetections:
         output = detector.detect(frame)
-        return FrameDetections(frame.index, output.modal[network.modality], output.timings_s)
+        return FrameDetections(
+            frame.index, output.modality_detections[network.modality], output.timings_s
+        )
 
     detected = detect_drive(name, drive, detect, reading)
     found = detected.with_labels([one.detections for one in detected.outputs])

@@ -57,7 +57,7 @@ class DriveRun:
         write_evaluation(path, data, self.config, evaluation)
 
 
-def open_measured(
+def open_labelled_drive(
     root: Path, sequence: str | None, sensor: str | None, frames: int | None
 ) -> Drive:
     """Open a drive that has something to measure against."""

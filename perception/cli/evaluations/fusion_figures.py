@@ -10,7 +10,7 @@ from perception.cli.evaluations.detection_figures import CONFIDENCE
 from perception.cli.evaluations.fusion_measure import Gain, MeasuredFusion
 from perception.cli.evaluations.fusion_steps import MODALITY_NAMES, STEP_NAMES, VARIANT_NAMES
 from perception.cli.table import Cell, format_table
-from perception.evaluation.detection.curve import best_ap
+from perception.evaluation.detection.curve import max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import PrecisionPanel
 
@@ -25,7 +25,7 @@ THESIS_PERCENT: Mapping[str, tuple[float, float, float]] = {
 _THESIS_IOU = 0.7
 _LEVELS = tuple(one.name for one in DIFFICULTIES)
 _NO_THESIS: list[Cell] = [None] * len(_LEVELS)
-_PERFECT_NAME = "all found, nothing else"
+_PERFECT_DETECTOR = "all found, nothing else"
 _STEPS_AT = "moderate"
 
 
@@ -35,7 +35,7 @@ def fusion_tables(measured: MeasuredFusion) -> str:
     tables = [
         table
         for iou in iou_thresholds
-        for table in (_rows_table(measured, iou), _losses_table(measured, iou))
+        for table in (_rows_table(measured, iou), _missing_modalities_table(measured, iou))
     ]
     return "\n\n".join([*tables, "\n".join(_notes(measured))])
 
@@ -44,7 +44,7 @@ def _rows_table(measured: MeasuredFusion, iou: float) -> str:
     rows: list[list[Cell]] = []
     for name, precision in measured.rows.items():
         rows.append([name, *_precision_cells(precision, iou), *_thesis_cells(name, iou)])
-    rows.append([_PERFECT_NAME, *_perfect_cells(measured), *_NO_THESIS])
+    rows.append([_PERFECT_DETECTOR, *_perfect_cells(measured), *_NO_THESIS])
     for name in _fused_names(measured):
         gains = [measured.gain(name, iou, level) for level in _LEVELS]
         rows.append([f"{name}, gain", *_gain_cells(gains), *_thesis_gains(name, iou)])
@@ -57,11 +57,11 @@ def _rows_table(measured: MeasuredFusion, iou: float) -> str:
     return format_table(title, header, rows)
 
 
-def _losses_table(measured: MeasuredFusion, iou: float) -> str:
+def _missing_modalities_table(measured: MeasuredFusion, iou: float) -> str:
     rows: list[list[Cell]] = []
-    for left, precision in measured.losses.items():
-        words = " + ".join(MODALITY_NAMES[name] for name in left)
-        gains = [measured.left_gain(left, iou, level) for level in _LEVELS]
+    for remaining, precision in measured.missing_modalities.items():
+        words = " + ".join(MODALITY_NAMES[name] for name in remaining)
+        gains = [measured.remaining_gain(remaining, iou, level) for level in _LEVELS]
         rows += [
             [words, *_precision_cells(precision, iou)],
             [f"{words}, gain", *_gain_cells(gains)],
@@ -100,7 +100,7 @@ def _perfect_cells(measured: MeasuredFusion) -> Iterator[Cell]:
     first = next(iter(measured.rows.values()))
     for level in _LEVELS:
         objects = first.objects[level]
-        yield f"{best_ap(objects, first.recall_points):.2f}" if objects else None
+        yield f"{max_ap(objects, first.recall_points):.2f}" if objects else None
         yield None
 
 
@@ -145,14 +145,16 @@ def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
             for name in _fused_names(measured)
         },
         "left": {
-            "+".join(left): {
+            "+".join(remaining): {
                 "iou": one.to_json(),
                 "gain_points": {
-                    f"{iou:g}": {level: measured.left_gain(left, iou, level) for level in _LEVELS}
+                    f"{iou:g}": {
+                        level: measured.remaining_gain(remaining, iou, level) for level in _LEVELS
+                    }
                     for iou in iou_thresholds
                 },
             }
-            for left, one in measured.losses.items()
+            for remaining, one in measured.missing_modalities.items()
         },
         "steps": {name: one.to_json() for name, one in measured.steps.items()},
         "calibration": {

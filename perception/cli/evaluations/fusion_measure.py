@@ -11,7 +11,7 @@ from perception.cli.evaluations.detection_figures import CONFIDENCE
 from perception.cli.evaluations.fusion_steps import (
     MODALITY_NAMES,
     UNION_NAME,
-    loss_rows,
+    missing_modality_rows,
     modalities_of,
     step_rows,
     table_rows,
@@ -57,7 +57,7 @@ class MeasuredFusion:
     data: LabelledDrive
     modalities: Modalities
     rows: Mapping[str, ClassPrecision]
-    losses: Mapping[Modalities, ClassPrecision]
+    missing_modalities: Mapping[Modalities, ClassPrecision]
     steps: Mapping[str, ClassPrecision]
     reliability: Mapping[str, Reliability]
 
@@ -69,9 +69,11 @@ class MeasuredFusion:
         """Return how far a row of the table is ahead of the best modality."""
         return gain_over_best(self.rows[row], self.singles(self.modalities), iou, difficulty)
 
-    def left_gain(self, left: Modalities, iou: float, difficulty: str) -> Gain:
+    def remaining_gain(self, remaining: Modalities, iou: float, difficulty: str) -> Gain:
         """Return how far the fusion of what is left is ahead of the best of it."""
-        return gain_over_best(self.losses[left], self.singles(left), iou, difficulty)
+        return gain_over_best(
+            self.missing_modalities[remaining], self.singles(remaining), iou, difficulty
+        )
 
 
 def measure_fusion(
@@ -81,7 +83,7 @@ def measure_fusion(
     config: MetricConfig,
 ) -> MeasuredFusion:
     """Measure every row on the same detections."""
-    ours = fusions["default"]
+    default_fusion = fusions["default"]
     without_intervals = replace(config, resampling=BootstrapConfig())
     detections = dict(table_rows(detected, fusions))
     boxes = {name: detected.with_labels(of_row) for name, of_row in detections.items()}
@@ -90,13 +92,13 @@ def measure_fusion(
         data=detected.data,
         modalities=modalities_of(detected),
         rows={name: ClassPrecision.of(found, of_class, config) for name, found in boxes.items()},
-        losses={
-            left: ClassPrecision.of(detected.with_labels(of_row), of_class, config)
-            for left, of_row in loss_rows(detected, ours)
+        missing_modalities={
+            remaining: ClassPrecision.of(detected.with_labels(of_row), of_class, config)
+            for remaining, of_row in missing_modality_rows(detected, default_fusion)
         },
         steps={
             name: ClassPrecision.of(detected.with_labels(of_row), of_class, without_intervals)
-            for name, of_row in step_rows(detected, ours)
+            for name, of_row in step_rows(detected, default_fusion)
         },
         reliability={
             name: measure_reliability(

@@ -8,7 +8,7 @@ from pathlib import Path
 from perception.cli.evaluations.labelled_drives import DetectedDrive
 from perception.cli.training.fusion_data import DetectorModelPaths
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import Union
+from perception.detection.detectors.union import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
@@ -78,7 +78,9 @@ class FusionFiles(DetectorModelPaths):
 def modalities_of(detected: DetectedDrive[DetectedScene]) -> tuple[Modality, ...]:
     """Return the modalities that all frames of a drive have."""
     return tuple(
-        name for name in MODALITIES if all(name in scene.modal for scene in detected.outputs)
+        name
+        for name in MODALITIES
+        if all(name in scene.modality_detections for scene in detected.outputs)
     )
 
 
@@ -87,22 +89,25 @@ def table_rows(
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield the rows of Table 7.10: each modality by itself, all of them merged, and each fusion."""
     for modality in modalities_of(detected):
-        yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in detected.outputs]
+        yield (
+            MODALITY_NAMES[modality],
+            [scene.modality_detections[modality] for scene in detected.outputs],
+        )
     yield UNION_NAME, _of_all(detected, merge)
     for variant, fusion in fusions.items():
-        yield VARIANT_NAMES[variant], _of_all(detected, fuse_by(fusion))
+        yield VARIANT_NAMES[variant], _of_all(detected, fuse_with(fusion))
 
 
-def loss_rows(
+def missing_modality_rows(
     detected: DetectedDrive[DetectedScene], fusion: Fusion
 ) -> Iterator[tuple[tuple[Modality, ...], Sequence[Detections]]]:
     """Yield what a fusion makes of what is left where modalities are lost, the most of them first."""
     known = modalities_of(detected)
     for count in range(len(known) - 1, 0, -1):
-        for left in combinations(known, count):
-            lost = tuple(name for name in MODALITIES if name not in left)
+        for remaining in combinations(known, count):
+            lost = tuple(name for name in MODALITIES if name not in remaining)
             scenes = [scene.without(*lost) for scene in detected.outputs]
-            yield left, [fuse_by(fusion)(scene) for scene in scenes]
+            yield remaining, [fuse_with(fusion)(scene) for scene in scenes]
 
 
 def step_rows(
@@ -112,7 +117,7 @@ def step_rows(
     steps: tuple[Fuse, ...] = (
         lambda scene: scene.merged.detections,
         lambda scene: _rescored(fusion, scene),
-        fuse_by(fusion),
+        fuse_with(fusion),
     )
     for name, step in zip(STEP_NAMES, steps, strict=True):
         yield name, _of_all(detected, step)
@@ -120,10 +125,10 @@ def step_rows(
 
 def merge(scene: DetectedScene) -> Detections:
     """Return the best box of each place, whichever modality it is of."""
-    return Union().fuse(scene.modal, scene.size_px).detections
+    return NmsFusion().fuse(scene.modality_detections, scene.size_px).detections
 
 
-def fuse_by(fusion: Fusion) -> Fuse:
+def fuse_with(fusion: Fusion) -> Fuse:
     """Return what a fusion does to a scene."""
     return lambda scene: fusion.fuse_scene(scene).detections
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation
-from perception.cli.evaluations.drive_run import DriveRun, open_measured
+from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
 from perception.cli.evaluations.ground_report import (
     PROTOCOL,
     ground_results,
@@ -40,7 +40,7 @@ def ground(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, or skip it and say so.
         json: gets the same figures with protocol, data and configuration.
     """
-    drive = open_measured(root, sequence, sensor, frames)
+    drive = open_labelled_drive(root, sequence, sensor, frames)
     run = DriveRun(drive, PipelineConfig.for_obstacles(method), frames, on_bad_frame)
     report = measure_ground(run.drive, run.results(), run.config.area)
     print(f"{run.describe(report.frames)}\n\n{ground_tables(report)}")

@@ -11,14 +11,14 @@ from perception.evaluation.confusion import Confusion
 from perception.evaluation.ground import (
     GROUND_CLASSES,
     RANGE_EDGES_M,
-    Displacement,
-    FootErrors,
-    PointClasses,
+    GroundErrors,
+    LabelledScan,
+    MeanDisplacementError,
     displacement_by_interval,
-    foot_errors,
     ground_confusion,
+    ground_errors,
     interval_names,
-    mean_displacement,
+    mean_displacement_error,
 )
 from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
@@ -54,19 +54,19 @@ class GroundReport:
 
     frames: int
     slice_edges_m: Sequence[float]
-    feet: FootErrors | None
+    feet: GroundErrors | None
     points: list[Confusion] | None
 
     @property
-    def total(self) -> Displacement | None:
+    def total(self) -> MeanDisplacementError | None:
         """The figure of the whole drive."""
-        return None if self.feet is None else mean_displacement(self.feet)
+        return None if self.feet is None else mean_displacement_error(self.feet)
 
-    def by_range(self) -> dict[str, Displacement]:
+    def by_range(self) -> dict[str, MeanDisplacementError]:
         """Return the figures by horizontal range."""
         return self._by_interval(RANGE_EDGES_M, along_x=False)
 
-    def by_slice(self) -> dict[str, Displacement]:
+    def by_slice(self) -> dict[str, MeanDisplacementError]:
         """Return the figures by the thesis' slices."""
         return self._by_interval(self.slice_edges_m, along_x=True)
 
@@ -75,17 +75,19 @@ class GroundReport:
         names = interval_names(RANGE_EDGES_M)
         return {} if self.points is None else dict(zip(names, self.points, strict=True))
 
-    def _by_interval(self, edges_m: Sequence[float], *, along_x: bool) -> dict[str, Displacement]:
+    def _by_interval(
+        self, edges_m: Sequence[float], *, along_x: bool
+    ) -> dict[str, MeanDisplacementError]:
         if self.feet is None:
             return {}
-        positions_m = self.feet.feet_m[:, 0] if along_x else self.feet.ranges_m
+        positions_m = self.feet.bottom_centers_m[:, 0] if along_x else self.feet.ranges_m
         metrics = displacement_by_interval(self.feet, positions_m, edges_m)
         return dict(zip(interval_names(edges_m), metrics, strict=True))
 
 
 def measure_ground(drive: Drive, results: Iterable[Result], area: LocalArea) -> GroundReport:
     """Compare the ground of each result with the labels and, where it is known, the truth of its frame."""
-    feet: list[FootErrors] = []
+    feet: list[GroundErrors] = []
     points: list[list[Confusion]] = []
     frames = 0
     for result in results:
@@ -93,16 +95,16 @@ def measure_ground(drive: Drive, results: Iterable[Result], area: LocalArea) -> 
         index = result.frame.index
         if drive.has_labels:
             bottom_m = drive.labels(index).boxes_velo.bottom_m
-            feet.append(foot_errors(index, result.ground, bottom_m, area))
+            feet.append(ground_errors(index, result.ground, bottom_m, area))
         truth = drive.point_truth(index)
         if truth is not None:
             states = result.obstacles.point_states
-            scan = PointClasses(result.frame.points_velo, states, truth.classes)
+            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
             points.append(ground_confusion(scan, area))
     return GroundReport(
         frames=frames,
         slice_edges_m=_thesis_edges_m(drive, area),
-        feet=FootErrors.concatenate(feet) if feet else None,
+        feet=GroundErrors.concatenate(feet) if feet else None,
         points=_sum_by_range(points) if points else None,
     )
 
@@ -132,7 +134,7 @@ def ground_tables(report: GroundReport) -> str:
     return "\n\n".join(tables)
 
 
-def _displacement_table(title: str, metrics: dict[str, Displacement]) -> str:
+def _displacement_table(title: str, metrics: dict[str, MeanDisplacementError]) -> str:
     rows: list[list[Cell]] = [
         [name, f"{metric.mde_m:.4f}", f"{metric.bias_m:+.4f}", metric.frames, metric.objects]
         if metric.objects

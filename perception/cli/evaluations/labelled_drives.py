@@ -64,7 +64,7 @@ class DetectedDrive(Generic[Output]):
     def with_labels(self, detections: Sequence[Detections]) -> DetectionSet:
         """Put the detections of the F frames beside what is true."""
         found = DetectedBoxes.of_frames(detections)
-        return DetectionSet(self.numbers, self.truths, found, without_result=(), beyond=())
+        return DetectionSet(self.numbers, self.truths, found, missing_results=(), beyond=())
 
 
 @dataclass(frozen=True)

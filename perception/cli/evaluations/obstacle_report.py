@@ -26,7 +26,7 @@ from perception.evaluation.obstacles import (
     observe_objects,
     point_motion,
 )
-from perception.evaluation.shadows import PlacesLeft, ShadowConfig, Shadows
+from perception.evaluation.shadows import ShadowConfig, ShadowDetector, Shadows
 from perception.geometry.grids import LocalArea
 from perception.types import Frame, Result
 
@@ -173,7 +173,7 @@ class ObstacleReport:
         return FalseClusters(
             min_points=size,
             clusters=len(false),
-            on_static_objects=int(np.count_nonzero(false.touched == MotionState.STATIC)),
+            on_static_objects=int(np.count_nonzero(false.object_motions == MotionState.STATIC)),
             in_warm_up=int(np.count_nonzero(false.frames < self.protocol.warm_up)),
             with_dont_care=int(np.count_nonzero(everywhere)),
             per_frame=len(false) / self.frames if self.frames else float("nan"),
@@ -188,7 +188,7 @@ def measure_obstacles(
     observed: list[ObjectObservations] = []
     clusters: list[MovingClusters] = []
     shadows: list[Shadows] = []
-    places = PlacesLeft(protocol.shadows)
+    shadow_detector = ShadowDetector(protocol.shadows)
     points: list[PointMotion] = []
     frames = 0
     for result in results:
@@ -204,7 +204,7 @@ def measure_obstacles(
                 clusters.append(
                     moving_clusters(index, scan, states, annotations, protocol.clusters)
                 )
-                shadows.append(places.shadows(result, annotations))
+                shadows.append(shadow_detector.shadows(result, annotations))
         truth = drive.point_truth(index)
         if truth is not None:
             points.append(point_motion(states, truth.classes, truth.is_moving))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation
-from perception.cli.evaluations.drive_run import DriveRun, open_measured
+from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
 from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import (
     PROTOCOL_WORDS,
@@ -50,7 +50,7 @@ def obstacles(  # noqa: PLR0913 - flags of a command
     """
     config = ObjectMatchConfig(min_points=min_points, moving_share=moving_share)
     protocol = ObstacleProtocol(objects=config, warm_up=warm_up)
-    drive = open_measured(root, sequence, sensor, frames)
+    drive = open_labelled_drive(root, sequence, sensor, frames)
     run = DriveRun(drive, PipelineConfig.for_obstacles(method), frames, on_bad_frame)
     report = measure_obstacles(run.drive, run.results(), run.config.area, protocol)
     print(f"{run.describe(report.frames)}\n\n{obstacle_tables(report)}")

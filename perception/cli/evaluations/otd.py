@@ -7,10 +7,10 @@ from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.otd_figures import absent_lines, otd_results, otd_tables
 from perception.cli.evaluations.otd_objects import (
-    ObjectsAtHand,
+    AvailableObjects,
     ObjectSet,
     ObjectSetConfig,
-    objects_at_hand,
+    find_objects,
 )
 from perception.cli.evaluations.otd_plots import write_plots
 from perception.cli.evaluations.otd_report import (
@@ -58,7 +58,7 @@ def otd(  # noqa: PLR0913 - flags of a command
     """
     chosen = parse_trackers(trackers)
     config = ObjectSetConfig(root, set, sequence, track_id, frames, sensor)
-    found = objects_at_hand(config)
+    found = find_objects(config)
     report = measure_otd(found, chosen, on_bad_frame=on_bad_frame)
     print(f"{_describe(config, found)}\n\n{otd_tables(report)}")
     if plots is not None:
@@ -72,7 +72,7 @@ def otd(  # noqa: PLR0913 - flags of a command
 
 
 def measure_otd(
-    found: ObjectsAtHand,
+    found: AvailableObjects,
     trackers: tuple[str, ...],
     protocol: OtdProtocol | None = None,
     on_bad_frame: OnBadFrame = "stop",
@@ -84,11 +84,13 @@ def measure_otd(
     """
     protocol = protocol or OtdProtocol()
     objects = [
-        evaluate_object(target, runs, at_hand.drive.calibration, protocol)
-        for at_hand in found.drives
+        evaluate_object(target, runs, drive_targets.drive.calibration, protocol)
+        for drive_targets in found.drives
         for target, runs in zip(
-            at_hand.objects,
-            track_objects(at_hand.drive, at_hand.objects, trackers, on_bad_frame=on_bad_frame),
+            drive_targets.objects,
+            track_objects(
+                drive_targets.drive, drive_targets.objects, trackers, on_bad_frame=on_bad_frame
+            ),
             strict=True,
         )
     ]
@@ -108,7 +110,7 @@ class ObjectDatasetInfo:
     drives: list[dict[str, str | int]]
 
 
-def _dataset_info(config: ObjectSetConfig, found: ObjectsAtHand) -> ObjectDatasetInfo:
+def _dataset_info(config: ObjectSetConfig, found: AvailableObjects) -> ObjectDatasetInfo:
     return ObjectDatasetInfo(
         config,
         [
@@ -118,7 +120,7 @@ def _dataset_info(config: ObjectSetConfig, found: ObjectsAtHand) -> ObjectDatase
     )
 
 
-def _describe(config: ObjectSetConfig, found: ObjectsAtHand) -> str:
+def _describe(config: ObjectSetConfig, found: AvailableObjects) -> str:
     count = sum(len(one.objects) for one in found.drives)
     line = f"{config.root}: {count} of {count + len(found.absent)} sequences of the set {config.objects}"
     return f"{line}; absent:\n{absent_lines(found.absent)}" if found.absent else line

@@ -50,12 +50,12 @@ def _objects_table(report: OtdReport) -> str:
             one.sequence.kind,
             f"{one.sequence.first_frame}-{one.sequence.last_frame}",
             one.labelled,
-            one.whole_frames,
+            one.total_frames,
             " ".join(one.challenges) or None,
-            f"{one.varies.occluded_share:.0%}",
-            f"{one.varies.turn_deg:.0f}",
-            f"{one.varies.distance_ratio:.1f}",
-            f"{one.varies.speed_change_m_s:.1f}",
+            f"{one.variation.occluded_share:.0%}",
+            f"{one.variation.turn_deg:.0f}",
+            f"{one.variation.distance_ratio:.1f}",
+            f"{one.variation.speed_change_m_s:.1f}",
         ]
         for one in report.objects
     ]
@@ -178,8 +178,8 @@ _DETAILS: dict[str, _Metric] = {
     "seen": lambda s: _percent(s.seen),
     "predicted": lambda s: _percent(s.predicted),
     "lost": lambda s: _percent(s.lost),
-    "off": lambda s: _percent(s.off),
-    "off for good": lambda s: None if s.lost_from is None else f"from {s.lost_from}",
+    "off": lambda s: _percent(s.drifted),
+    "off for good": lambda s: None if s.lost_from_frame is None else f"from {s.lost_from_frame}",
     "ms a frame": lambda s: _digits(s.ms_per_frame, 2),
     "p99": lambda s: _digits(s.ms_p99, 2),
 }
@@ -190,7 +190,7 @@ def _detail_table(report: OtdReport, tracker: str) -> str:
     if len(rows) > 1:
         together = report.scores_of(tracker)
         if together is not None:
-            together = dataclasses.replace(together, lost_from=None)
+            together = dataclasses.replace(together, lost_from_frame=None)
         rows.append([_TOGETHER, *(_cell(together, metric) for metric in _DETAILS.values())])
     title = f"{tracker}: velocity error, states as it says, frames off the object, time"
     return format_table(title, ("", *_DETAILS), rows)
@@ -220,8 +220,8 @@ def otd_results(report: OtdReport, absent: Sequence[AbsentObject]) -> dict[str, 
             {
                 "sequence": one.sequence,
                 "labelled_frames": one.labelled,
-                "whole_frames": one.whole_frames,
-                "variations": one.varies,
+                "total_frames": one.total_frames,
+                "variations": one.variation,
                 "challenges": one.challenges,
                 "scores": dict(one.scores),
                 "refusals": dict(one.refusals),

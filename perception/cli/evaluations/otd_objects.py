@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, without_repeats
+from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, unique_sequences
 from data.frames import frame_count
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
@@ -60,7 +60,7 @@ class AbsentObject:
 
 
 @dataclass(frozen=True)
-class DriveAtHand:
+class DriveTargets:
     """One drive with objects to follow.
 
     Attributes:
@@ -73,7 +73,7 @@ class DriveAtHand:
 
 
 @dataclass(frozen=True)
-class ObjectsAtHand:
+class AvailableObjects:
     """What there is of a request.
 
     Attributes:
@@ -81,11 +81,11 @@ class ObjectsAtHand:
         absent: of the thesis' sets, what is not there.
     """
 
-    drives: Sequence[DriveAtHand]
+    drives: Sequence[DriveTargets]
     absent: Sequence[AbsentObject]
 
 
-def objects_at_hand(config: ObjectSetConfig) -> ObjectsAtHand:
+def find_objects(config: ObjectSetConfig) -> AvailableObjects:
     """Open the drives of a request and find its objects in them.
 
     Raises:
@@ -93,7 +93,7 @@ def objects_at_hand(config: ObjectSetConfig) -> ObjectsAtHand:
         PerceptionError: a drive cannot be opened, or its labels not be read.
     """
     if config.objects == "present":
-        found = ObjectsAtHand(list(_present(config)), ())
+        found = AvailableObjects(list(_present(config)), ())
     else:
         found = _published(config)
     if not found.drives:
@@ -107,7 +107,7 @@ def objects_at_hand(config: ObjectSetConfig) -> ObjectsAtHand:
     return found
 
 
-def _present(config: ObjectSetConfig) -> Iterator[DriveAtHand]:
+def _present(config: ObjectSetConfig) -> Iterator[DriveTargets]:
     names = sequences_in(config.root) if config.sequence is None else [config.sequence]
     for name in names:
         drive = _open(config, name)
@@ -118,14 +118,14 @@ def _present(config: ObjectSetConfig) -> Iterator[DriveAtHand]:
         cut = [_cut(one, drive, labelled, config.frames) for one in requested]
         objects = [one for one in cut if one is not None and len(one.truth) >= config.min_frames]
         if objects:
-            yield DriveAtHand(drive, objects)
+            yield DriveTargets(drive, objects)
 
 
-def _published(config: ObjectSetConfig) -> ObjectsAtHand:
+def _published(config: ObjectSetConfig) -> AvailableObjects:
     tables = {
         "table-3.2": table_3_2(),
         "3d-otd": table_a_1(),
-        "all": without_repeats([*table_3_2(), *table_a_1()]),
+        "all": unique_sequences([*table_3_2(), *table_a_1()]),
     }
     here = {str(name) for name in sequences_in(config.root)}
     by_drive: dict[str, list[ObjectSequence]] = {}
@@ -133,7 +133,7 @@ def _published(config: ObjectSetConfig) -> ObjectsAtHand:
         is_requested = config.sequence is None or config.sequence.zfill(4) == one.sequence
         if is_requested and _is_requested(one, config):
             by_drive.setdefault(one.sequence, []).append(one)
-    drives: list[DriveAtHand] = []
+    drives: list[DriveTargets] = []
     absent: list[AbsentObject] = []
     for name, requested in sorted(by_drive.items()):
         if name not in here:
@@ -142,18 +142,18 @@ def _published(config: ObjectSetConfig) -> ObjectsAtHand:
         found = _published_of(_open(config, name), requested, config.frames)
         drives += found.drives
         absent += found.absent
-    return ObjectsAtHand(drives, absent)
+    return AvailableObjects(drives, absent)
 
 
 def _published_of(
     drive: KittiSequence, requested: Sequence[ObjectSequence], frames: int | None
-) -> ObjectsAtHand:
+) -> AvailableObjects:
     """Look for objects in the drive whose name they give."""
     if truth_files(drive) is not None:
-        return ObjectsAtHand((), [AbsentObject(one, "a synthetic drive") for one in requested])
+        return AvailableObjects((), [AbsentObject(one, "a synthetic drive") for one in requested])
     if not drive.has_labels:
         reason = f"no labels of sequence {drive.name}"
-        return ObjectsAtHand((), [AbsentObject(one, reason) for one in requested])
+        return AvailableObjects((), [AbsentObject(one, reason) for one in requested])
     labelled, objects, absent = DriveObjects.of(drive), [], []
     for one in requested:
         cut = _cut(one, drive, labelled, frames)
@@ -161,7 +161,7 @@ def _published_of(
             absent.append(AbsentObject(one, "not labelled in the frames here"))
         else:
             objects.append(cut)
-    return ObjectsAtHand([DriveAtHand(drive, objects)] if objects else [], absent)
+    return AvailableObjects([DriveTargets(drive, objects)] if objects else [], absent)
 
 
 def _cut(

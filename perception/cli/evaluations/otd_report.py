@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from data.derived.challenges import (
-    CHALLENGE_WORDS,
+    CHALLENGE_DESCRIPTIONS,
     Challenge,
     ChallengeConfig,
     Variations,
@@ -20,7 +20,7 @@ from perception.types import Calibration
 
 PROTOCOL_WORDS = {
     **METRIC_WORDS,
-    "challenges": {str(one): words for one, words in CHALLENGE_WORDS.items()},
+    "challenges": {str(one): words for one, words in CHALLENGE_DESCRIPTIONS.items()},
 }
 
 
@@ -44,7 +44,7 @@ class ObjectReport:
     Attributes:
         sequence: which, and in which of the frames at hand.
         labelled: frames in which its place is known.
-        whole_frames: that the sequence would have were all of its frames at hand.
+        total_frames: that the sequence would have were all of its frames at hand.
         varies: how much.
         challenges: which of its variations are.
         errors: by name of the tracker; without those that refused.
@@ -54,8 +54,8 @@ class ObjectReport:
 
     sequence: ObjectSequence
     labelled: int
-    whole_frames: int
-    varies: Variations
+    total_frames: int
+    variation: Variations
     challenges: tuple[Challenge, ...]
     errors: Mapping[str, SingleObjectErrors]
     scores: Mapping[str, SingleObjectMetrics]
@@ -115,13 +115,13 @@ def evaluate_object(
         for name, run in runs.items()
         if run.refusal is None
     }
-    varies = variations(target.truth)
+    variation = variations(target.truth)
     return ObjectReport(
         sequence=target.sequence,
         labelled=len(target.truth),
-        whole_frames=target.whole_frames,
-        varies=varies,
-        challenges=varies.challenges(protocol.challenges),
+        total_frames=target.total_frames,
+        variation=variation,
+        challenges=variation.challenges(protocol.challenges),
         errors=errors,
         scores={name: single_object_metrics(one, protocol.metrics) for name, one in errors.items()},
         refusals={name: run.refusal for name, run in runs.items() if run.refusal is not None},

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from data.derived.single_object import ObjectSequence
 from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
-from perception.geometry.threads import one_blas_thread
+from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.sensor import LidarModel
@@ -32,12 +32,12 @@ class TargetObject:
     Attributes:
         sequence: which, and in which of the frames at hand.
         truth: where it is.
-        whole_frames: that the sequence would have were all of its frames at hand.
+        total_frames: that the sequence would have were all of its frames at hand.
     """
 
     sequence: ObjectSequence
     truth: TrueTrack
-    whole_frames: int
+    total_frames: int
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ def track_objects(
     limit = max((one.sequence.last_frame + 1 for one in objects), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
-    for frame in bar(frames, drive.name, count):
+    for frame in progress_bar(frames, drive.name, count):
         result, _ = chain.segment(frame)
-        tracker_input = tracker_input_of(result, config.body)
-        with one_blas_thread():
+        tracker_input = tracker_input_of(result, config.ego_vehicle)
+        with limit_blas_threads():
             for by_name in timed_trackers:
                 for timed_tracker in by_name.values():
                     timed_tracker.see(frame.index, tracker_input)

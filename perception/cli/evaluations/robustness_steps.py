@@ -112,15 +112,15 @@ class DisturbedDetector:
         """
         camera, size_px = camera_of(frame)
         plain = self._detector.detect(frame)
-        scenes = {UNDISTURBED: scene_of(plain.modal, size_px, plain.dense, camera)}
+        scenes = {UNDISTURBED: scene_of(plain.modality_detections, size_px, plain.dense, camera)}
         for number, one in enumerate(self._disturbances):
             for level in one.levels:
                 rng = np.random.default_rng((self._seed, frame.index, number))
                 disturbed = one.disturb(frame, level, rng)
                 output = self._affected[one.name].detect(disturbed)
                 dense = plain.dense if output.dense is None else output.dense
-                modal = {**plain.modal, **output.modal}
-                scenes[one.name, level] = scene_of(modal, size_px, dense, camera)
+                modality_detections = {**plain.modality_detections, **output.modality_detections}
+                scenes[one.name, level] = scene_of(modality_detections, size_px, dense, camera)
         return scenes
 
 
@@ -130,7 +130,10 @@ def robustness_rows(
     """Yield each modality, all of them merged, and our fusion, at one level of a disturbance."""
     scenes = [scenes[key] for scenes in detected.outputs]
     for modality in MODALITIES:
-        if all(modality in scene.modal for scene in scenes):
-            yield MODALITY_NAMES[modality], [scene.modal[modality] for scene in scenes]
+        if all(modality in scene.modality_detections for scene in scenes):
+            yield (
+                MODALITY_NAMES[modality],
+                [scene.modality_detections[modality] for scene in scenes],
+            )
     yield UNION_NAME, [merge(scene) for scene in scenes]
     yield VARIANT_NAMES["default"], [fusion.fuse_scene(scene).detections for scene in scenes]

@@ -13,7 +13,7 @@ from data.kitti.tracker_files import (
 )
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.tracking_figures import mot_results, mot_table
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.multi_object.hota import ALPHAS
 from perception.evaluation.multi_object.kitti_protocol import (
@@ -127,7 +127,7 @@ def measure_tracks(
     """
     config, frame_counts = config or KittiTrackingConfig(), {}
     by_class: dict[str, dict[str, MotMetrics]] = {name: {} for name in classes}
-    for files in bar(sequences, "tracks", unit="sequence", delay_s=2):
+    for files in progress_bar(sequences, "tracks", unit="sequence", delay_s=2):
         rows = files.read()
         frame_counts[files.name] = rows.frame_count
         for name in classes:

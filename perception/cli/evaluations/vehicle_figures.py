@@ -36,8 +36,8 @@ class VehiclesReport:
     frames: int
     scores: MotMetrics
     errors: LocationErrors
-    met: int
-    agreed: int
+    colocated: int
+    same_id: int
 
 
 def vehicle_tables(report: VehiclesReport) -> str:
@@ -60,7 +60,7 @@ def vehicle_tables(report: VehiclesReport) -> str:
         [
             mot_table("car: KITTI 2D boxes, ratios in percent", {"vehicles": report.scores}),
             format_table("detected cars on the road: metres and degrees", header, rows),
-            f"moving objects at the place of a vehicle: {report.met}, of its id: {report.agreed}",
+            f"moving objects at the place of a vehicle: {report.colocated}, of its id: {report.same_id}",
         ]
     )
 
@@ -73,13 +73,14 @@ def vehicle_results(report: VehiclesReport) -> dict[str, Any]:
             {"from_m": low, "to_m": high if np.isfinite(high) else None, **band}
             for (low, high), band in zip(_BANDS_M, _bands(report.errors), strict=True)
         ],
-        "ids": {"met": report.met, "agreed": report.agreed},
+        "ids": {"met": report.colocated, "agreed": report.same_id},
     }
 
 
 def _bands(errors: LocationErrors) -> list[dict[str, float]]:
     return [
-        _summary(errors[(errors.away_m >= low) & (errors.away_m < high)]) for low, high in _BANDS_M
+        _summary(errors[(errors.range_m >= low) & (errors.range_m < high)])
+        for low, high in _BANDS_M
     ]
 
 

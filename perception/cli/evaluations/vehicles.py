@@ -11,7 +11,7 @@ from data.kitti.sequence import KittiSequence
 from data.kitti.tracking_rows import TrackingRows, read_label_rows
 from data.kitti.vehicle_results import to_vehicle_rows
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
-from perception.cli.evaluations.drive_run import open_measured
+from perception.cli.evaluations.drive_run import open_labelled_drive
 from perception.cli.evaluations.vehicle_figures import (
     VehiclesReport,
     vehicle_results,
@@ -27,7 +27,7 @@ from perception.errors import DriveError
 from perception.evaluation.located_vehicles import LocationErrors, location_errors
 from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
 from perception.evaluation.multi_object.tracking_scores import evaluate_tracks
-from perception.geometry.box_overlap_ground import iou_ground
+from perception.geometry.box_overlap_ground import iou_bev
 from perception.maps.projection import camera_of
 
 # KITTI's moderate: visible or partly hidden, hardly cut off.
@@ -75,11 +75,13 @@ def vehicles(  # noqa: PLR0913 - flags of a command
         on_bad_frame: stop at a damaged frame, or skip it and say so.
         json: gets the same figures with protocol, data and configuration.
     """
-    drive = open_measured(root, sequence, None, frames)
+    drive = open_labelled_drive(root, sequence, None, frames)
     label_noise = LabelNoise(noise, missing, seed)
     labels = _label_rows(drive)
-    seen = vehicle_frames(drive, detector, label_noise, limit=frames, on_bad_frame=on_bad_frame)
-    report = measure_vehicles(drive, labels, seen, min_score)
+    observations = vehicle_frames(
+        drive, detector, label_noise, limit=frames, on_bad_frame=on_bad_frame
+    )
+    report = measure_vehicles(drive, labels, observations, min_score)
     print(
         f"{drive.name}: {report.frames} of {len(drive)} frames, detector {detector}, scores from "
         f"{min_score:g}\n\n{vehicle_tables(report)}"
@@ -99,15 +101,15 @@ def vehicles(  # noqa: PLR0913 - flags of a command
 
 
 def measure_vehicles(
-    drive: Drive, labels: TrackingRows, seen: Iterable[VehicleFrame], min_score: float
+    drive: Drive, labels: TrackingRows, observations: Iterable[VehicleFrame], min_score: float
 ) -> VehiclesReport:
     """Measure frame after frame.
 
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
-    predictions, errors, numbers, meetings = [], [], [], []
-    for one in seen:
+    predictions, errors, numbers, colocated_counts = [], [], [], []
+    for one in observations:
         frame, found = one.frame, one.tracked.vehicles
         calibration, _ = camera_of(frame)
         predictions.append(to_vehicle_rows(frame.index, found, calibration, min_score))
@@ -116,27 +118,27 @@ def measure_vehicles(
         true = true[is_moderate & (true.types == "Car")]
         errors.append(location_errors(found, true.boxes_px, true.boxes_velo, frame.points_velo))
         numbers.append(frame.index)
-        meetings.append(_meetings(one))
+        colocated_counts.append(_count_colocated(one))
     if not predictions:
         raise DriveError(drive.root, expected="frames with a camera to detect in", found="none")
     config = KittiTrackingConfig()
     read = labels[np.isin(labels.frames, numbers)]
     sequence = kitti_frames(read, TrackingRows.concatenate(predictions), "car", len(drive), config)
-    met, agreed = np.sum(meetings, axis=0).tolist()
+    colocated, same_id = np.sum(colocated_counts, axis=0).tolist()
     return VehiclesReport(
         len(predictions),
         evaluate_tracks(sequence, config.min_iou),
         LocationErrors.concatenate(errors),
-        met,
-        agreed,
+        colocated,
+        same_id,
     )
 
 
-def _meetings(one: VehicleFrame) -> tuple[int, int]:
+def _count_colocated(one: VehicleFrame) -> tuple[int, int]:
     """Return how many moving objects share their place with a believed vehicle, and how many its id."""
     found, tracks = one.tracked.vehicles, one.tracked.tracks
     rows = np.flatnonzero((found.ids >= 0) & np.isfinite(found.boxes.yaw_rad))
-    together = iou_ground(found.boxes[rows], tracks.boxes) >= _SAME_PLACE_IOU
+    together = iou_bev(found.boxes[rows], tracks.boxes) >= _SAME_PLACE_IOU
     is_same = found.ids[rows][:, None] == tracks.ids
     return int(together.any(axis=0).sum()), int((together & is_same).any(axis=0).sum())
 

@@ -98,11 +98,11 @@ def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier
 def _plot(
     picture: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
 ) -> None:
-    from train.history import logged
+    from train.history import read_scalars
 
     accuracies = {}
     for is_augmented, one in trained.items():
-        found = logged(one.checkpoint.parent, _LOGGED)
+        found = read_scalars(one.checkpoint.parent, _LOGGED)
         accuracies[_NAMES[is_augmented]] = (found[_LOGGED[0]], found[_LOGGED[1]])
     title = (
         f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"

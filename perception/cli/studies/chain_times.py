@@ -14,8 +14,13 @@ from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import inverse, transform_points
 from perception.obstacles.above_ground import split_by_ground
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
-from perception.obstacles.ground_planes import PlaneGround
-from perception.obstacles.motion_counters import column_counter, decide, log_ratio, subtract
+from perception.obstacles.ground_planes import PiecewisePlanesEstimator
+from perception.obstacles.motion_counters import (
+    classify_columns,
+    column_counter,
+    log_ratio,
+    subtract,
+)
 from perception.obstacles.voxels import VoxelGrid
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
@@ -90,7 +95,9 @@ def _time_frame(
         registered = register_window(window)
         points_velo = merge(registered, _AREA).points_velo
     with _timed(shared, GROUND):
-        planes = PlaneGround(sensor, _AREA).estimate(points_velo, np.random.default_rng(0))
+        planes = PiecewisePlanesEstimator(sensor, _AREA).estimate(
+            points_velo, np.random.default_rng(0)
+        )
     with _timed(shared, VOXELS):
         obstacles = _obstacle_points(registered, planes)
     by_size: dict[float, Times] = {}
@@ -117,7 +124,7 @@ def _time_segmentation(obstacles: list[Float32], size_m: float, times: Times) ->
         voxels = subtract(keys)
         static, moving = column_counter(grid, voxels.static), column_counter(grid, voxels.moving)
         log_ratio(moving, static)
-        decide(static, moving, _STATIC_POINTS, _MOVING_POINTS)
+        classify_columns(static, moving, _STATIC_POINTS, _MOVING_POINTS)
 
 
 def time_default(

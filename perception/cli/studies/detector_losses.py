@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from perception.cli.studies.detector_variants import (
-    Variant,
+    DetectorVariant,
     VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
@@ -19,7 +19,7 @@ _OBJECTNESSES: tuple[Literal["squared", "focal"], ...] = ("squared", "focal")
 _NAMES = ("as published", "focal objectness", "CIoU of boxes", "both")
 
 
-def loss_variants(base: Variant) -> list[Variant]:
+def loss_variants(base: DetectorVariant) -> list[DetectorVariant]:
     """Return a detector for each form of the loss."""
     forms = product(_BOXES, _OBJECTNESSES)
     return [
@@ -31,7 +31,7 @@ def loss_variants(base: Variant) -> list[Variant]:
 
 
 def study_detector_losses(
-    variants: list[Variant],
+    variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
     picture: Path,

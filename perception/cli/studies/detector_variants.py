@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from data.whole_file import write_whole
+from data.whole_file import write_atomically
 from perception.cli.documents import to_serializable, write_json
 from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detector_steps import MeasuredDetector, measure_detector
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Variant:
+class DetectorVariant:
     """One of the detectors that a study compares.
 
     Attributes:
@@ -118,7 +118,7 @@ class VariantMetrics:
 
 
 def study_variants(
-    variants: Sequence[Variant],
+    variants: Sequence[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
     out: Path,
@@ -138,7 +138,7 @@ def study_variants(
 
 
 def _trained(
-    variant: Variant, conditions: VariantTrainingConfig, folder: Path
+    variant: DetectorVariant, conditions: VariantTrainingConfig, folder: Path
 ) -> Mapping[str, Any]:
     """Train, go on, or read what is done."""
     settings = to_serializable({"variant": asdict(variant), "conditions": conditions})
@@ -160,7 +160,9 @@ def _trained(
     return found
 
 
-def _train(variant: Variant, conditions: VariantTrainingConfig, folder: Path) -> "TrainedDetector":
+def _train(
+    variant: DetectorVariant, conditions: VariantTrainingConfig, folder: Path
+) -> "TrainedDetector":
     config = trainer_config(
         epochs=variant.epochs,
         accelerator=conditions.accelerator,
@@ -227,7 +229,7 @@ def _model_file(folder: Path) -> Path:
 
     file = folder / "detector.onnx"
     if not file.exists():
-        write_whole(file, to_onnx(exportable_detector(folder / "best.ckpt")))
+        write_atomically(file, to_onnx(exportable_detector(folder / "best.ckpt")))
     return file
 
 

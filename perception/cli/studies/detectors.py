@@ -10,7 +10,7 @@ from perception.cli.flags import require_positive
 from perception.cli.studies.augmentation import AugmentationStudyConfig, study_augmentation
 from perception.cli.studies.detector_losses import loss_variants, study_detector_losses
 from perception.cli.studies.detector_variants import (
-    Variant,
+    DetectorVariant,
     VariantEvaluationConfig,
     VariantTrainingConfig,
 )
@@ -58,7 +58,7 @@ class TrainingFlags:
 
     def base(
         self, detector: DetectorModelConfig, drives: list[Path], validation: Path | list[Path]
-    ) -> Variant:
+    ) -> DetectorVariant:
         """Return what the variants are changes of."""
         pictures = PictureChoice(
             tuple(drives),
@@ -67,7 +67,7 @@ class TrainingFlags:
             workers=self.workers,
             cache=self.cache,
         )
-        return Variant("", detector, pictures, self.epochs)
+        return DetectorVariant("", detector, pictures, self.epochs)
 
     def evaluation(self, *drives: Path) -> VariantEvaluationConfig:
         """Return by what the variants are measured."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
-from perception.cli.progress import bar
+from perception.cli.progress import progress_bar
 from perception.types import Frame
 
 _SYNTHETIC_FRAMES = 40
@@ -21,4 +21,4 @@ def study_drive(drive: str, sequence: str | None, *, images: bool = False) -> Dr
 
 def scan_bar(frames: Iterable[Frame], total: int | None = None) -> Iterable[Frame]:
     """Show how far a study is through a drive, where it takes long."""
-    return bar(frames, "study", total, delay_s=2)
+    return progress_bar(frames, "study", total, delay_s=2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from data.derived.single_object import ObjectSequence
 from data.synthetic.scenario_truth import true_track
-from data.synthetic.scenarios import TARGET_ID, Kind, Scenario, ScenarioDrive, all_scenarios
+from data.synthetic.scenarios import TARGET_ID, Scenario, ScenarioDrive, TargetClass, all_scenarios
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun, track_objects
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
@@ -42,7 +42,7 @@ class SingleObjectStudyConfig:
     """
 
     trackers: Sequence[str]
-    kind: Kind = "Car"
+    kind: TargetClass = "Car"
     duration_s: float = 6.0
     seed: int = 0
     sensor: LidarModel = field(default_factory=lambda: HDL_64E)
@@ -84,7 +84,7 @@ class _Scene:
         """Return what is drawn of it: the trackers that answer in space."""
         times_s, errors_m = self.truth.stamps_s, {}
         for name, errors in self.errors.items():
-            if errors.gives_boxes:
+            if errors.has_3d_boxes:
                 errors_m[name] = _at(times_s, self.truth, errors)
         return TrackingErrorPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
 
@@ -137,7 +137,7 @@ def reacquisition_time_s(truth: TrueTrack, errors: SingleObjectErrors) -> float:
     if not len(hidden):
         return np.nan
     last_s = truth.stamps_s[hidden[-1]]
-    overlap = errors.overlap if errors.gives_boxes else errors.overlap_px
+    overlap = errors.overlap if errors.has_3d_boxes else errors.overlap_px
     stamps_s = truth.stamps_s[np.isin(truth.frames, errors.frames)]
     is_observed = (errors.states == TrackStatus.SEEN) & (stamps_s > last_s)
     is_found = is_observed & (overlap > _REACQUIRED_IOU)
@@ -176,7 +176,7 @@ def _cells(metrics: SingleObjectStudyMetrics) -> list[Cell]:
         _digits(np.degrees(scores.heading_rad), 1),
         *(
             f"{100 * share:.0f} %"
-            for share in (scores.seen, scores.predicted, scores.lost, scores.off)
+            for share in (scores.seen, scores.predicted, scores.lost, scores.drifted)
         ),
         "never" if np.isinf(again_s) else _digits(again_s, 1),
         _digits(scores.ms_per_frame, 1),

@@ -11,12 +11,12 @@ from data.frames import read_frames
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
 from perception.errors import DriveError
-from perception.evaluation.ground import FootErrors, foot_errors, mean_displacement
+from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.grids import LocalArea
-from perception.geometry.registration import Localizer
+from perception.geometry.registration import LidarOdometry
 from perception.obstacles.dense_cloud import DenseCloud, PosedScan, ScanWindow, merge
-from perception.obstacles.ground_planes import PiecewisePlanesConfig, PlaneGround
-from perception.render.plots import Grid, plot_grid
+from perception.obstacles.ground_planes import PiecewisePlanesConfig, PiecewisePlanesEstimator
+from perception.render.plots import ValueGrid, plot_grid
 from perception.types import Float64, Frame
 
 Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
@@ -46,13 +46,13 @@ def study_ground_error(
 ) -> Study:
     """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
     errors = measure_ground_errors(drive, config, progress)
-    metrics = {pair: mean_displacement(rows) for pair, rows in errors.items()}
+    metrics = {pair: mean_displacement_error(rows) for pair, rows in errors.items()}
     mde_m = np.array(
         [[metrics[m, eta].mde_m for eta in config.steps_per_slice] for m in config.previous_scans]
     )
     any_metrics = next(iter(metrics.values()))
     title = f"Ground error of the thesis' method, {drive.name}, {any_metrics.frames} frames"
-    grid = Grid(
+    grid = ValueGrid(
         row_name="merged scans before the newest, m",
         rows=config.previous_scans,
         column_name="elevation steps a slice, η",
@@ -77,7 +77,7 @@ def study_ground_error(
 
 def measure_ground_errors(
     drive: Drive, config: GroundErrorConfig, progress: Progress
-) -> dict[tuple[int, int], FootErrors]:
+) -> dict[tuple[int, int], GroundErrors]:
     """Return the errors at labelled objects for each pair (m, η).
 
     Raises:
@@ -90,35 +90,39 @@ def measure_ground_errors(
             found="none",
             advice="use a KITTI tracking sequence or a synthetic drive",
         )
-    area, localizer = LocalArea(), Localizer()
+    area, odometry = LocalArea(), LidarOdometry()
     window = ScanWindow(max(config.previous_scans))
-    errors: dict[tuple[int, int], list[FootErrors]] = {
+    errors: dict[tuple[int, int], list[GroundErrors]] = {
         (m, eta): [] for m in config.previous_scans for eta in config.steps_per_slice
     }
     for number, frame in enumerate(progress(read_frames(drive, limit=config.frames))):
-        pose = localizer.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
+        pose = odometry.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
         window.push(PosedScan(frame.points_velo, pose.world_SE3_velo))
-        feet_m = drive.labels(frame.index).boxes_velo.bottom_m
-        if number % config.every == 0 and area.contains_xy(feet_m).any():
-            _measure_frame(drive, merge(window, area), feet_m, frame.index, config.seed, errors)
-    return {pair: FootErrors.concatenate(parts) for pair, parts in errors.items()}
+        bottom_centers_m = drive.labels(frame.index).boxes_velo.bottom_m
+        if number % config.every == 0 and area.contains_xy(bottom_centers_m).any():
+            _measure_frame(
+                drive, merge(window, area), bottom_centers_m, frame.index, config.seed, errors
+            )
+    return {pair: GroundErrors.concatenate(parts) for pair, parts in errors.items()}
 
 
 def _measure_frame(
     drive: Drive,
     cloud: DenseCloud,
-    feet_m: Float64,
+    bottom_centers_m: Float64,
     index: int,
     seed: int,
-    errors: dict[tuple[int, int], list[FootErrors]],
+    errors: dict[tuple[int, int], list[GroundErrors]],
 ) -> None:
     area = LocalArea()
     # The newest scans come first in the merged cloud: a smaller m is a part of it.
     for (m, eta), rows in errors.items():
-        method = PlaneGround(drive.sensor, area, PiecewisePlanesConfig(steps_per_slice=eta))
+        method = PiecewisePlanesEstimator(
+            drive.sensor, area, PiecewisePlanesConfig(steps_per_slice=eta)
+        )
         points = cloud.points_velo[: np.searchsorted(cloud.age, m, side="right")]
         planes = method.estimate(points, np.random.default_rng([seed, index]))
-        rows.append(foot_errors(index, planes, feet_m, area))
+        rows.append(ground_errors(index, planes, bottom_centers_m, area))
 
 
 def _table(title: str, config: GroundErrorConfig, mde_m: Float64) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from data.synthetic.ins import InsNoise
-from data.synthetic.remembered_drive import RememberedDrive
+from data.synthetic.remembered_drive import CachedDrive
 from perception.cli.studies.output import Study
 from perception.cli.studies.tracking_figures import (
     METHODS,
@@ -81,7 +81,7 @@ def _measure(config: InsErrorConfig) -> MetricsByNoise:
         case: [] for case in config.cases()
     }
     for seed in config.seeds:
-        drive = RememberedDrive(
+        drive = CachedDrive(
             config.frames, seed=seed, sensor=config.sensor, noise=InsNoise(0.0, 0.0)
         )
         for noise, drives in parts.items():

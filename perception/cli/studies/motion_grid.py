@@ -9,7 +9,7 @@ import numpy as np
 from data.drive import Drive
 from perception.cli.studies.output import Study
 from perception.cli.table import Cell, format_table
-from perception.datmo.grid_detector import GridDetector, MotionGrids
+from perception.datmo.grid_detector import MotionGridDetector, MotionGrids
 from perception.datmo.grid_rules import AUTHOR, THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
@@ -42,14 +42,14 @@ def study_motion_grid(
     """
     config = _CONFIG[preset]
     newest = _existing(drive, frame)
-    detector = GridDetector(drive.sensor, config)
+    detector = MotionGridDetector(drive.sensor, config)
     chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion())
     first = max(newest - config.background.scans, 0)
     for seen in progress(drive[index] for index in range(first, newest + 1)):
         _, scan = chain.segment(seen)
         found = detector.detect(scan)
     grids = detector.grids
-    boxes = boxes_along_axes(found.moving)
+    boxes = axis_aligned_boxes(found.moving)
     title = f"2.5D motion grids by {_SOURCES[preset]}, {drive.name} frame {newest}"
     plot_motion_grids(
         picture, title, MotionGridScene(grids, boxes, scan.ground, _camera(seen, drive))
@@ -65,7 +65,7 @@ def study_motion_grid(
     )
 
 
-def boxes_along_axes(things: Footprints) -> Boxes3D:
+def axis_aligned_boxes(things: Footprints) -> Boxes3D:
     """Return the boxes around things, along the axes of their frame (thesis 5.2.2: no orientation)."""
     low_m, high_m = things.extents_m(np.zeros(len(things)))
     return Boxes3D(

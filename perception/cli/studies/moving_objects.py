@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from data.synthetic.scenarios import KINDS, Kind
+from data.synthetic.scenarios import TARGET_CLASSES, TargetClass
 from perception.cli.evaluations.otd import parse_trackers
 from perception.cli.flags import require_positive
 from perception.cli.studies.drives import scan_bar, study_drive
@@ -12,9 +12,9 @@ from perception.cli.studies.ins_error import InsErrorConfig, study_ins_error
 from perception.cli.studies.motion_grid import Preset, study_motion_grid
 from perception.cli.studies.output import RESULTS, publish
 from perception.cli.studies.sensors import SensorsConfig, study_sensors
-from perception.sensor import sensor_named
+from perception.sensor import load_sensor
 
-_KINDS: dict[str, Kind] = {kind.lower(): kind for kind in KINDS}
+_TARGET_CLASSES: dict[str, TargetClass] = {kind.lower(): kind for kind in TARGET_CLASSES}
 
 
 def motion_grid(
@@ -60,7 +60,7 @@ def ins_error(
     require_positive("--frames", frames)
     require_positive("--drives", drives)
     seeds = tuple(range(seed, seed + drives))
-    config = InsErrorConfig(frames, seeds, sensor_named(sensor))
+    config = InsErrorConfig(frames, seeds, load_sensor(sensor))
     publish(study_ins_error(out, config), out)
 
 
@@ -107,7 +107,7 @@ def following(
         out: the picture; the numbers are written beside it.
     """
     config = SingleObjectStudyConfig(
-        parse_trackers(trackers), _KINDS[kind], duration, seed, sensor_named(sensor)
+        parse_trackers(trackers), _TARGET_CLASSES[kind], duration, seed, load_sensor(sensor)
     )
     publish(study_single_object(out, config), out)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
-    Variant,
+    DetectorVariant,
     VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
@@ -20,7 +20,7 @@ from perception.cli.studies.variant_figures import (
 from perception.detection.detectors.modalities import MapFilling
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
-OURS, WIDE = "ours", "nearest, wide"
+TRIFUSE, WIDE = "ours", "nearest, wide"
 # Tables B.2 and B.3, 1496 frames: easy, moderate, hard. RM is nearest; RM* the same at 1216x352.
 THESIS_B2: Mapping[str, Percent] = {
     SPARSE: (23.45, 17.57, 15.57),
@@ -38,12 +38,12 @@ _FILLINGS: Mapping[str, MapFilling] = {
     NEAREST: "nearest",
     LINEAR: "linear",
     NATURAL: "natural",
-    OURS: "default",
+    TRIFUSE: "default",
 }
 _IOU = 0.7
 
 
-def map_variants(base: Variant, wide_size: str) -> list[Variant]:
+def map_variants(base: DetectorVariant, wide_size: str) -> list[DetectorVariant]:
     """Return a detector for each way to make the map, and one of a wider input.
 
     Args:
@@ -59,7 +59,7 @@ def map_variants(base: Variant, wide_size: str) -> list[Variant]:
 
 
 def study_reflectance_maps(
-    variants: list[Variant],
+    variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
     picture: Path,
@@ -70,13 +70,13 @@ def study_reflectance_maps(
     tables = [
         precision_tables(
             "Sparse, dense and wide (Table B.2)",
-            {name: metrics[name] for name in (*THESIS_B2, OURS)},
+            {name: metrics[name] for name in (*THESIS_B2, TRIFUSE)},
             _IOU,
             THESIS_B2,
         ),
         precision_tables(
             "Interpolations (Table B.3)",
-            {name: metrics[name] for name in (*THESIS_B3, OURS)},
+            {name: metrics[name] for name in (*THESIS_B3, TRIFUSE)},
             _IOU,
             THESIS_B3,
         ),

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from perception.cli.studies.detector_variants import (
-    Variant,
+    DetectorVariant,
     VariantEvaluationConfig,
     VariantTrainingConfig,
     study_variants,
@@ -17,7 +17,7 @@ from perception.errors import UsageError
 UNCHANGED = "all, pictures unchanged"
 
 
-def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
+def share_variants(base: DetectorVariant, shares: Sequence[float]) -> list[DetectorVariant]:
     """Return a detector for each share of the frames, as many steps long, and one without augmentation.
 
     Raises:
@@ -30,7 +30,7 @@ def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
         replace(
             base,
             name=f"{share:g} of all",
-            pictures=replace(base.pictures, training_share=share),
+            pictures=replace(base.pictures, training_fraction=share),
             epochs=round(base.epochs / share),
         )
         for share in shares
@@ -42,7 +42,7 @@ def share_variants(base: Variant, shares: Sequence[float]) -> list[Variant]:
 
 
 def study_sim_to_real(
-    variants: list[Variant],
+    variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
     picture: Path,

@@ -39,7 +39,7 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     is_observed = columns.scans >= int(cloud.age.max()) + 1
     is_pole = is_observed & (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
     is_pole &= inner >= _MIN_SHARE * outer
-    is_pole &= _is_whole(is_pole.shape)
+    is_pole &= _is_uncropped(is_pole.shape)
     if not is_pole.any():
         raise DriveError(
             "study dense-cloud",
@@ -53,7 +53,7 @@ def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float6
     return np.asarray((cell + 0.5) * _CELL_M - (area.behind_m, area.side_m))
 
 
-def _is_whole(across: tuple[int, ...]) -> Bool:
+def _is_uncropped(across: tuple[int, ...]) -> Bool:
     """Tell which cells are so far within the area that nothing around them was cropped."""
     whole = np.zeros(across, bool)
     whole[_OUTER_CELLS:-_OUTER_CELLS, _OUTER_CELLS:-_OUTER_CELLS] = True
@@ -74,12 +74,14 @@ def _columns(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> _Column
     level = (height_m / _LEVEL_M).astype(int)
     return _Columns(
         points=count.reshape(across),
-        levels=_kinds_around(cell, level, across),
-        scans=_kinds_around(cell, age, across),
+        levels=_distinct_values_around(cell, level, across),
+        scans=_distinct_values_around(cell, age, across),
     )
 
 
-def _kinds_around(cell: Float64, kind: Float64 | UInt8, across: tuple[int, int]) -> Float64:
+def _distinct_values_around(
+    cell: Float64, kind: Float64 | UInt8, across: tuple[int, int]
+) -> Float64:
     """Count how many different kinds lie within the inner square around each cell."""
     total = np.zeros(across)
     for value in np.unique(kind):

@@ -7,9 +7,9 @@ import numpy as np
 from data.drive import Drive
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
-from perception.geometry.registration import Localizer
+from perception.geometry.registration import LidarOdometry
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge
-from perception.obstacles.ground_planes import PiecewisePlanes, PlaneGround
+from perception.obstacles.ground_planes import PiecewisePlanes, PiecewisePlanesEstimator
 from perception.types import Float32, Frame
 
 
@@ -43,9 +43,9 @@ def read_windows(drive: Drive, index: int | None, previous_scans: int) -> FrameW
         )
     frames = [drive[i] for i in range(max(newest - previous_scans, 0), newest + 1)]
     refined, by_ins = ScanWindow(previous_scans), ScanWindow(previous_scans)
-    localizer = Localizer()
+    odometry = LidarOdometry()
     for frame in frames:
-        pose = localizer.update(
+        pose = odometry.update(
             frame.points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         ).world_SE3_velo
         refined.push(PosedScan(frame.points_velo, pose))
@@ -86,5 +86,5 @@ def thesis_ground(
 ) -> ThesisGround:
     """Merge a window (5.1) and estimate its piecewise planes (Algorithm 3)."""
     points_velo = merge(window, area).points_velo
-    planes = PlaneGround(drive.sensor, area).estimate(points_velo, random)
+    planes = PiecewisePlanesEstimator(drive.sensor, area).estimate(points_velo, random)
     return ThesisGround(points_velo, planes)

@@ -31,8 +31,8 @@ def detector(  # noqa: PLR0913 - flags of a command
     filling: MapFilling = "default",
     jpeg: int | None = None,
     validation: Path | list[Path] | None = None,
-    validation_share: float = 0.2,
-    test_share: float = 0.0,
+    validation_fraction: float = 0.2,
+    test_fraction: float = 0.0,
     split: SplitBy = "frames",
     lists: tuple[Path, Path] | None = None,
     augment: bool = True,
@@ -74,8 +74,8 @@ def detector(  # noqa: PLR0913 - flags of a command
         filling: how maps are made dense; sparse leaves the returns alone (Table B.2).
         jpeg: quality of the JPEG that pictures are pressed through; 75 in the thesis.
         validation: drives to judge by, one or [several]; without, a share is kept back.
-        validation_share: of the frames or drives.
-        test_share: of them, kept out of both; the thesis' is 0.2.
+        validation_fraction: of the frames or drives.
+        test_fraction: of them, kept out of both; the thesis' is 0.2.
         split: keep single frames back, or whole drives.
         lists: instead of shares, two files of frame numbers, to learn from and to judge by: "[train.txt, val.txt]".
         augment: whether pictures are changed at every look.
@@ -115,8 +115,8 @@ def detector(  # noqa: PLR0913 - flags of a command
     pictures = PictureChoice(
         tuple(drives),
         as_path_tuple(validation),
-        validation_share,
-        test_share,
+        validation_fraction,
+        test_fraction,
         split,
         lists,
         jpeg,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from data.frames import OnBadFrame
 from data.splitting import SplitBy
 from perception.cli.flags import require_drives
-from perception.cli.progress import frame_bar
+from perception.cli.progress import frame_progress_bar
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import MapFilling
@@ -27,8 +27,8 @@ class PictureChoice:
     Attributes:
         drives: labelled drives that it learns from.
         validation: drives that it is judged by; none keeps a share of the frames back.
-        validation_share: of the frames or drives.
-        test_share: of them, that is kept out of both.
+        validation_fraction: of the frames or drives.
+        test_fraction: of them, that is kept out of both.
         split: keep single frames back, or whole drives.
         lists: files of frame numbers to learn from and to judge by, instead of the shares.
         jpeg: quality of the JPEG that pictures are pressed through, or None.
@@ -37,13 +37,13 @@ class PictureChoice:
         workers: processes that make samples.
         on_bad_frame: stop at a damaged frame, or leave it out.
         cache: folder for the pictures; else the user's cache folder.
-        training_share: of the frames that are left to learn from, the first.
+        training_fraction: of the frames that are left to learn from, the first.
     """
 
     drives: tuple[Path, ...]
     validation: tuple[Path, ...] = ()
-    validation_share: float = 0.2
-    test_share: float = 0.0
+    validation_fraction: float = 0.2
+    test_fraction: float = 0.0
     split: SplitBy = "frames"
     lists: tuple[Path, Path] | None = None
     jpeg: int | None = None
@@ -52,7 +52,7 @@ class PictureChoice:
     workers: int = 0
     on_bad_frame: OnBadFrame = "stop"
     cache: Path | None = None
-    training_share: float = 1.0
+    training_fraction: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse nothing to learn from."""
@@ -180,10 +180,10 @@ def picture_data(
     loading = PictureLoading(
         batch_size=PRESETS[model.preset].batch_size if pictures.batch is None else pictures.batch,
         workers=pictures.workers,
-        validation_share=pictures.validation_share,
-        test_share=pictures.test_share,
+        validation_fraction=pictures.validation_fraction,
+        test_fraction=pictures.test_fraction,
         split_by=pictures.split,
-        training_share=pictures.training_share,
+        training_fraction=pictures.training_fraction,
         frame_lists=pictures.lists,
         on_bad_frame=pictures.on_bad_frame,
         seed=seed,
@@ -199,7 +199,7 @@ def picture_data(
         ),
         PictureAugmentation() if pictures.augment else None,
         loading,
-        frame_bar("pictures"),
+        frame_progress_bar("pictures"),
     )
 
 

@@ -40,7 +40,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     *,
     models: DetectorModelPaths = _SHIPPED,
     validation: Path | list[Path] | None = None,
-    validation_share: float = 0.25,
+    validation_fraction: float = 0.25,
     split: SplitBy = "frames",
     variant: Variant = "default",
     hidden: int | tuple[int, ...] | None = None,
@@ -66,7 +66,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         drives: labelled drives of any layout; of a folder of several, all are taken.
         models: detectors in place of those that ship; --models.rgb rgb.onnx for one of them.
         validation: drives to judge by, one or [several]; without, a share is kept back.
-        validation_share: of the frames or drives; half of them end the training and calibrate its scores, by
+        validation_fraction: of the frames or drives; half of them end the training and calibrate its scores, by
             the other half the result is judged.
         split: keep single frames back, or whole drives.
         variant: default, with distances, overlaps and what is missing; features or scores, as in the thesis.
@@ -88,7 +88,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     data = FusionDataConfig(
         tuple(drives),
         as_path_tuple(validation),
-        validation_share,
+        validation_fraction,
         split,
         models,
         on_bad_frame,

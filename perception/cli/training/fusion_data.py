@@ -10,13 +10,13 @@ from data.detections.gathering import (
     FingerprintedDetector,
     detect_drives,
     models_fingerprint,
-    require_unseen,
+    require_no_training_drives,
 )
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import TrainingDrives, open_drives
 from perception.cli.flags import require_drives
-from perception.cli.progress import frame_bar
+from perception.cli.progress import frame_progress_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.fusion.fitted_to import detector_fingerprints
@@ -65,7 +65,7 @@ class FusionDataConfig:
     Attributes:
         drives: labelled drives.
         validation: drives that it is judged by; none keeps a share of the frames back.
-        validation_share: of the frames or drives.
+        validation_fraction: of the frames or drives.
         split: keep single frames back, or whole drives.
         models: the detectors.
         on_bad_frame: stop at a damaged frame, or leave it out.
@@ -74,7 +74,7 @@ class FusionDataConfig:
 
     drives: tuple[Path, ...]
     validation: tuple[Path, ...] = ()
-    validation_share: float = 0.25
+    validation_fraction: float = 0.25
     split: SplitBy = "frames"
     models: DetectorModelPaths = DetectorModelPaths()
     on_bad_frame: OnBadFrame = "stop"
@@ -117,13 +117,15 @@ def split_detections(data: FusionDataConfig, seed: int) -> SplitDetections:
     parts = []
     for paths in sources.parts:
         drives = open_drives(paths)
-        require_unseen(drives, detectors)
-        bar = frame_bar("detections")
-        parts.append(detect_drives(drives, fingerprinted, sources.store, data.on_bad_frame, bar))
+        require_no_training_drives(drives, detectors)
+        progress_bar = frame_progress_bar("detections")
+        parts.append(
+            detect_drives(drives, fingerprinted, sources.store, data.on_bad_frame, progress_bar)
+        )
     rng = np.random.default_rng([seed, _SPLIT])
     if len(parts) == 1:
         whole = parts[0]
-        is_kept = validation_frames(whole.drive_numbers, data.validation_share, data.split, rng)
+        is_kept = validation_frames(whole.drive_numbers, data.validation_fraction, data.split, rng)
         parts = [whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)]]
     training, kept = parts
     validation, judged = _halves(kept, data.split, rng)

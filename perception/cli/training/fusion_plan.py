@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from data.whole_file import write_whole
-from perception.cli.progress import bar
+from data.whole_file import write_atomically
+from perception.cli.progress import progress_bar
 from perception.cli.training.fusion_data import FusionDataConfig, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.detection.fusion.features import Variant
@@ -124,7 +124,7 @@ def run_training(
     exported = export_fusion(ExportConfig(fitted.checkpoint))
     file = place.out / "fusion.onnx"
     exported.require_parity(file.name)
-    write_whole(file, exported.models["fp32"])
+    write_atomically(file, exported.models["fp32"])
     counts: dict[str, int] = {}
     for name, frames, rows in (
         ("training", found.training, sets.training),
@@ -163,7 +163,9 @@ def _swept(
     from train.fusion.sweep import hidden_sizes, sweep
 
     sizes = hidden_sizes(model.sweep, model.sweep_two)
-    swept = sweep(sets, config, sizes, partial(bar, words="sizes", unit="network", delay_s=2))
+    swept = sweep(
+        sets, config, sizes, partial(progress_bar, description="sizes", unit="network", delay_s=2)
+    )
     if not swept:
         return config, ()
     best = min(swept, key=lambda one: one.validation)
@@ -176,7 +178,7 @@ def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
     """Write the curves from scores to probabilities into a model file and its checkpoint, and return them."""
     from data.detections.fused_frames import boxes_beside, fuse_frames, judged
     from export.fusion import with_calibrations
-    from perception.detection.fusion.calibration import Calibrations
+    from perception.detection.fusion.calibration import FusionCalibration
     from perception.detection.fusion.rescoring import Fusion
     from train.fusion.calibration import fit_calibration
     from train.fusion.training import note_calibrations
@@ -187,9 +189,9 @@ def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
         name: fit_calibration(judged(frames, of_one, found.class_names))
         for name, of_one in boxes.items()
     }
-    calibrations = Calibrations(
+    calibrations = FusionCalibration(
         joint=curves["fusion"], alone={name: curves[name] for name in MODALITIES if name in curves}
     )
-    write_whole(file, with_calibrations(file.read_bytes(), calibrations))
+    write_atomically(file, with_calibrations(file.read_bytes(), calibrations))
     note_calibrations(checkpoint, calibrations)
     return str(calibrations)

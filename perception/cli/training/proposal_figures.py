@@ -7,14 +7,14 @@ from typing import Any
 from perception.cli.table import Cell, format_table, percent
 from perception.detection.depthcn.proposals import ProposalConfig
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
-from train.proposal_search.counting import Count
-from train.proposal_search.recall import Setting
+from train.proposal_search.counting import ProposalCount
+from train.proposal_search.recall import ProposalSetting
 
 _SHOWN = 10
 _RULE_NAMES = ("cell [m]", "variance [m²]", "points", "radius [m]")
 
 
-def best_table(table: Sequence[Count], overlaps: Sequence[float]) -> str:
+def best_table(table: Sequence[ProposalCount], overlaps: Sequence[float]) -> str:
     """Return the best settings, one a row."""
     shown = table[:_SHOWN]
     reached = [f"IoU {iou:g}" for iou in overlaps]
@@ -40,7 +40,7 @@ def recall_table(recalls: Mapping[str, ProposalRecall]) -> str:
             f"{name}, {difficulty}",
             metrics.objects,
             *(percent(metrics.found(iou), metrics.objects) for iou in overlaps),
-            f"{recall.proposals_a_frame:.1f}",
+            f"{recall.proposals_per_frame:.1f}",
         ]
         for name, recall in recalls.items()
         for difficulty, metrics in recall.difficulties.items()
@@ -48,7 +48,9 @@ def recall_table(recalls: Mapping[str, ProposalRecall]) -> str:
     return format_table("Objects that some proposal reaches", header, rows)
 
 
-def search_document(table: Sequence[Count], overlaps: Sequence[float]) -> list[dict[str, Any]]:
+def search_document(
+    table: Sequence[ProposalCount], overlaps: Sequence[float]
+) -> list[dict[str, Any]]:
     """Return every setting, the best first, for programs."""
     return [
         {
@@ -63,7 +65,7 @@ def search_document(table: Sequence[Count], overlaps: Sequence[float]) -> list[d
 
 
 def recall_document(
-    settings: Mapping[str, Setting], recalls: Mapping[str, ProposalRecall]
+    settings: Mapping[str, ProposalSetting], recalls: Mapping[str, ProposalRecall]
 ) -> dict[str, Any]:
     """Return the curves of each setting by difficulty, for programs."""
     return {
@@ -77,7 +79,7 @@ def recall_document(
                     "objects": metrics.objects,
                     "found": {f"{iou:g}": metrics.found(iou) for iou in metrics.ranks},
                     "recall_by_proposals_a_frame": {
-                        f"{iou:g}": metrics.recall_by_count(iou, recall.most_in_a_frame)
+                        f"{iou:g}": metrics.recall_by_count(iou, recall.max_per_frame)
                         for iou in metrics.ranks
                     },
                     "iou": IOU_STEPS,
@@ -103,5 +105,5 @@ def _rule_cells(rules: ProposalConfig) -> list[Cell]:
     ]
 
 
-def _reached_cells(count: Count) -> list[Cell]:
+def _reached_cells(count: ProposalCount) -> list[Cell]:
     return [f"{reached} ({percent(reached, count.objects)})" for reached in count.reached]

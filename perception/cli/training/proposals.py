@@ -9,7 +9,7 @@ from data.frames import OnBadFrame
 from perception import __version__
 from perception.cli.documents import write_json, write_yaml
 from perception.cli.machine import usable_cores
-from perception.cli.progress import bar, frame_bar
+from perception.cli.progress import frame_progress_bar, progress_bar
 from perception.cli.training.proposal_figures import (
     best_table,
     recall_document,
@@ -20,10 +20,10 @@ from perception.detection.depthcn.proposal_order import ProposalOrder
 from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS
 from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
 from perception.types import Method
-from train.proposal_search.counting import Count
+from train.proposal_search.counting import ProposalCount
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.recall import Gathered, Setting, measure_recall
-from train.proposal_search.search import Finished, SearchConfig, search
+from train.proposal_search.recall import Gathered, ProposalSetting, measure_recall
+from train.proposal_search.search import FinishedTasks, SearchConfig, search
 from train.proposal_search.survey import Survey, survey
 
 _ORDERS: dict[ProposalOrder, str] = {"size": "most like a car", "points": "most returns"}
@@ -68,12 +68,12 @@ def proposals(  # noqa: PLR0913 - flags of a command
         out: folder of the results.
     """
     processes = usable_cores() if workers is None else workers
-    found = survey(drives, object_class, every=every, progress=frame_bar("labels"))
+    found = survey(drives, object_class, every=every, progress=frame_progress_bar("labels"))
     config = SearchConfig(found, grid, method, iou, on_bad_frame=on_bad_frame)
     table = search(config, out / "counts.jsonl", processes, _search_bar)
     write_yaml(out / "rules.yaml", table[0].rules)
     print(f"{_describe(found, table[0])}\n\n{best_table(table, iou)}\n", flush=True)
-    settings = _settings(Setting(table[0].rules, method))
+    settings = _settings(ProposalSetting(table[0].rules, method))
     measured = measure_recall(config, list(settings.values()), order, processes, _recall_bar)
     recalls = dict(zip(settings, measured, strict=True))
     print(recall_table(recalls))
@@ -93,26 +93,29 @@ def proposals(  # noqa: PLR0913 - flags of a command
     print("\n".join(["", *(str(out / name) for name in _FILES)]))
 
 
-def _settings(best: Setting) -> dict[str, Setting]:
+def _settings(best: ProposalSetting) -> dict[str, ProposalSetting]:
     """Return what is drawn, by name; settings that are the same are drawn once."""
     names = {best: "best"}
-    for name, setting in (("default", Setting()), ("thesis", Setting(method="thesis"))):
+    for name, setting in (
+        ("default", ProposalSetting()),
+        ("thesis", ProposalSetting(method="thesis")),
+    ):
         names[setting] = f"{names[setting]} = {name}" if setting in names else name
     return {name: setting for setting, name in names.items()}
 
 
-def _describe(found: Survey, count: Count) -> str:
+def _describe(found: Survey, count: ProposalCount) -> str:
     """Say what was searched over, and what of it could not be read."""
     line = f"{len(found.drives)} drives, {count.frames} frames, {count.objects} labels {found.of_class}"
     return f"{line}; {count.unread} frames could not be read" if count.unread else line
 
 
-def _search_bar(finished: Finished, done: int, parts: int) -> Finished:
-    bar: Finished = tqdm(
+def _search_bar(finished: FinishedTasks, done: int, parts: int) -> FinishedTasks:
+    progress_bar: FinishedTasks = tqdm(
         finished, "search", parts, initial=done, unit="part", file=sys.stderr, smoothing=0.05
     )
-    return bar
+    return progress_bar
 
 
 def _recall_bar(gathered: Gathered, parts: int) -> Gathered:
-    return bar(gathered, "recall", parts, unit="part", delay_s=2)
+    return progress_bar(gathered, "recall", parts, unit="part", delay_s=2)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from data.frames import OnBadFrame
 from perception.cli.flags import require_drives
-from perception.cli.progress import frame_bar
+from perception.cli.progress import frame_progress_bar
 from perception.cli.training.trainer_choice import write_training_configuration
 from perception.types import Method
 
@@ -90,5 +90,5 @@ def candidate_data(data: VerifierDataConfig, method: Method, seed: int) -> "Cand
         CropConfig(FrameConfig(method), sampling),
         Augmentation() if data.augment else None,
         CropLoadingConfig(input_config.channels, data.batch, data.workers, seed=seed),
-        frame_bar("candidates"),
+        frame_progress_bar("candidates"),
     )

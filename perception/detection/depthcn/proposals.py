@@ -105,10 +105,12 @@ def propose(
     standing = find_standing(
         points_velo, calibration, size_px, config.cell_m, config.least_variance_m2, method
     )
-    return box(standing, cut(standing, config.radius_m, config.min_points, method))
+    return fit_boxes(standing, cluster_points(standing, config.radius_m, config.min_points, method))
 
 
-def cut(standing: Standing, radius_m: float, min_points: int, method: Method = "default") -> Int:
+def cluster_points(
+    standing: Standing, radius_m: float, min_points: int, method: Method = "default"
+) -> Int:
     """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
 
     Args:
@@ -119,7 +121,7 @@ def cut(standing: Standing, radius_m: float, min_points: int, method: Method = "
     """
     if method == "thesis":
         return cluster(standing.xy_m, radius_m, min_points)
-    xy_m = _evened(standing.xy_m, radius_m)
+    xy_m = _compress_range(standing.xy_m, radius_m)
     labels = cluster(xy_m, radius_m, min_points)
     # Clusters of a smaller radius lie within those of a larger one: one call splits all.
     long = np.flatnonzero(_is_long(standing.xy_m, labels))
@@ -128,7 +130,7 @@ def cut(standing: Standing, radius_m: float, min_points: int, method: Method = "
     return _numbered_anew(labels)
 
 
-def box(standing: Standing, labels: Int) -> Proposals:
+def fit_boxes(standing: Standing, labels: Int) -> Proposals:
     """Box the clusters of the points that stand, in the image.
 
     Left and right are the outermost points; the bottom is the lowest, or the ground under one; the top
@@ -159,7 +161,7 @@ def box(standing: Standing, labels: Int) -> Proposals:
     return Proposals(boxes_px, standing.depths_m[order][near], clusters)
 
 
-def _evened(xy_m: Float64, radius_m: float) -> Float64:
+def _compress_range(xy_m: Float64, radius_m: float) -> Float64:
     """Draw (K, 2) places together so that radius plus a share of the range becomes the radius everywhere."""
     growth = _RADIUS_PER_M / radius_m * np.hypot(xy_m[:, 0], xy_m[:, 1])
     # The integral of 1 / (1 + growth) over the range, divided by the range.

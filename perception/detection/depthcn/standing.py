@@ -115,7 +115,7 @@ def _ahead(points_velo: Float32, _: Float64, __: tuple[int, int]) -> Int:
 
 def _over_the_lowest(points: Float32, cell_m: float, least_variance_m2: float) -> _Chosen:
     cells = HeightCells.of(points, cell_m)
-    ground_m = cells.lowest_m(_REACH_M)
+    ground_m = cells.lowest_around_m(_REACH_M)
     over_m = cells.z_m - ground_m
     min_m = _DEVIATIONS * np.sqrt(least_variance_m2)
     rows = np.flatnonzero((over_m >= min_m) & (over_m <= _HIGHEST_M))
@@ -125,8 +125,8 @@ def _over_the_lowest(points: Float32, cell_m: float, least_variance_m2: float) -
 def _in_varied_cells(points: Float32, cell_m: float, least_variance_m2: float) -> _Chosen:
     """Cut off outliers, then flat cells, as the author's code does."""
     typical = np.flatnonzero(_is_typical(points))
-    varies = HeightCells.of(points[typical], cell_m).varies(least_variance_m2)
-    rows = typical[varies]
+    has_variance = HeightCells.of(points[typical], cell_m).has_variance(least_variance_m2)
+    rows = typical[has_variance]
     return _Chosen(rows, points[rows, 2].astype(np.float64))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from perception.detection.depthcn.crops import crop_windows
 from perception.detection.depthcn.picture import CHANNELS
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
-from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import Array, ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ModelError
 from perception.types import Float64, Method, UInt8
 
@@ -26,8 +26,8 @@ CONTRACT = ModelContract(
     },
     required_keys=("method", "window", "channels"),
     inputs={
-        "crops": Input(np.uint8, (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX)),
-        "windows_px": Input(np.float32, (None, 4)),
+        "crops": ModelInput(np.uint8, (None, None, CROP_HEIGHT_PX, CROP_WIDTH_PX)),
+        "windows_px": ModelInput(np.float32, (None, 4)),
     },
     outputs=("scores", "boxes_px"),
 )

@@ -24,19 +24,19 @@ class InputSize(NamedTuple):
     width_px: int
 
     @classmethod
-    def parse(cls, words: str) -> Self:
+    def parse(cls, text: str) -> Self:
         """Return the size that words such as 192x640 say: height and width, multiples of 32.
 
         Raises:
             UsageError: they say none.
         """
-        found = re.fullmatch(r"(\d+)x(\d+)", words)
+        found = re.fullmatch(r"(\d+)x(\d+)", text)
         sides = [int(side) for side in found.groups()] if found else [0]
         if min(sides) < SIZE_STEP_PX or any(side % SIZE_STEP_PX for side in sides):
             raise UsageError(
                 "input size",
                 expected=f"HEIGHTxWIDTH in multiples of {SIZE_STEP_PX} pixels, such as 192x640",
-                found=words,
+                found=text,
             )
         return cls(*sides)
 

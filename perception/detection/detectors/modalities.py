@@ -16,7 +16,7 @@ import numpy as np
 from perception.errors import ImageError
 from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
-from perception.maps.filling import Filling
+from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
 from perception.types import Frame, MapModality, Modality, UInt8
 
@@ -64,5 +64,5 @@ def picture_of(frame: Frame, modality: Modality, filling: MapFilling = "default"
     return map_picture(fill_maps(project_frame(frame), filling), modality)
 
 
-def _leave_sparse(sparse: SparseMaps) -> Filling:
-    return Filling(sparse.scattered(sparse.depth_m), sparse.scattered(sparse.reflectance))
+def _leave_sparse(sparse: SparseMaps) -> FilledMaps:
+    return FilledMaps(sparse.scattered(sparse.depth_m), sparse.scattered(sparse.reflectance))

@@ -13,20 +13,20 @@ import numpy as np
 from perception.detection.detectors.input_size import InputSize, boxes_in_picture, stretch
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.detection.detectors.network_answers import postprocess_detections
-from perception.detection.session import Array, Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import Array, ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.errors import ImageError, ModelError
-from perception.maps.densify import FILLINGS
+from perception.maps.densify import FILL_METHODS
 from perception.types import MODALITIES, Detections, Modality, UInt8
 
 KIND = "detector"
 CONTRACT = ModelContract(
     metadata={"kind": KIND},
     required_keys=("modality", "classes", "input_height", "input_width", "filling"),
-    inputs={"pictures": Input(np.uint8, (None, None, None, None))},
+    inputs={"pictures": ModelInput(np.uint8, (None, None, None, None))},
     outputs=("boxes_px", "scores"),
-    usual_rows=1,
+    warmup_rows=1,
 )
-_FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILLINGS)
+_FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILL_METHODS)
 
 
 class ModalityDetector:
@@ -117,9 +117,9 @@ class ModalityDetector:
         return int(value)
 
     def _check_pictures(self) -> None:
-        required = Input(np.uint8, (None, CHANNELS[self.modality], *self.size))
+        required = ModelInput(np.uint8, (None, CHANNELS[self.modality], *self.size))
         found = self.model.inputs["pictures"]
-        if not required.takes(found):
+        if not required.accepts(found):
             raise ModelError(
                 self.model.name,
                 expected=f"pictures {required}, as it says that it is of {self.modality}",

@@ -23,7 +23,7 @@ from perception.detection.detectors.modalities import (
     map_picture,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.union import Union
+from perception.detection.detectors.union import NmsFusion
 from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
@@ -37,8 +37,8 @@ from perception.types import (
     Frame,
     FusedDetections,
     MapModality,
-    ModalDetections,
     Modality,
+    ModalityDetections,
     StageSpan,
     UInt8,
 )
@@ -51,7 +51,7 @@ class DetectionFusion(Protocol):
 
     def fuse(
         self,
-        modal: ModalDetections,
+        modality_detections: ModalityDetections,
         size_px: tuple[int, int],
         dense: DenseMaps | None = None,
         camera: Calibration | None = None,
@@ -74,7 +74,7 @@ class MultimodalOutput:
             caller's thread did.
     """
 
-    modal: ModalDetections
+    modality_detections: ModalityDetections
     fused: FusedDetections
     dense: DenseMaps | None
     pictures: Mapping[Modality, UInt8]
@@ -105,7 +105,7 @@ class MultimodalDetector:
         _require_alike(detectors)
         self.detectors = dict(detectors)
         """By modality."""
-        self._fusion: DetectionFusion = fusion or Union()
+        self._fusion: DetectionFusion = fusion or NmsFusion()
         if isinstance(fusion, Fusion):
             warn_of_detector_mismatch(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
@@ -133,13 +133,17 @@ class MultimodalDetector:
                     modality, partial(self._picture, modality, maps.made)
                 )
         seen = {name: running[name].result() for name in MODALITIES if name in running}
-        modal = {name: one.made.seen for name, one in seen.items()}
+        modality_detections = {name: one.made.seen for name, one in seen.items()}
         shown = next(iter(maps.made.values()), dense)
-        fused = _timed(lambda: self._fusion.fuse(modal, _size_px(frame), shown, frame.calibration))
+        fused = _timed(
+            lambda: self._fusion.fuse(
+                modality_detections, _size_px(frame), shown, frame.calibration
+            )
+        )
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
         timings_s |= {str(name): one.seconds for name, one in seen.items()}
         return MultimodalOutput(
-            modal,
+            modality_detections,
             fused.made,
             shown,
             {name: seen[name].made.picture[..., 0] for name in MAP_MODALITIES if name in seen},

@@ -12,16 +12,16 @@ from perception.types import (
     Detections,
     FusedDetections,
     Int,
-    ModalDetections,
+    ModalityDetections,
 )
 
 
-class Union:
+class NmsFusion:
     """All detections as one list, of which overlapping ones leave only the best."""
 
     def fuse(
         self,
-        modal: ModalDetections,
+        modality_detections: ModalityDetections,
         size_px: tuple[int, int],
         dense: DenseMaps | None = None,
         camera: Calibration | None = None,
@@ -34,7 +34,9 @@ class Union:
             dense: neither do the maps.
             camera: nor does it.
         """
-        by_column = [modal.get(modality, Detections.empty()) for modality in MODALITIES]
+        by_column = [
+            modality_detections.get(modality, Detections.empty()) for modality in MODALITIES
+        ]
         counts = [len(found) for found in by_column]
         together = Detections(
             np.concatenate([found.boxes_px for found in by_column]),

@@ -16,7 +16,7 @@ _EDGE = 1e-6  # scores are kept so far from 0 and 1, where logarithms end
 
 
 @dataclass(frozen=True)
-class Calibration:
+class BetaCalibration:
     """A curve that keeps the order of the scores: a and b are not below 0."""
 
     a: float = 1.0
@@ -42,12 +42,14 @@ class Calibration:
 
     def probabilities(self, scores: Float64) -> Float64:
         """Return (M,) how likely detections with (M,) scores are right."""
-        for_it, against = score_logs(scores)
-        return np.asarray(1 / (1 + np.exp(-(self.a * for_it + self.b * against + self.c))))
+        log_score, log_complement = score_logs(scores)
+        return np.asarray(
+            1 / (1 + np.exp(-(self.a * log_score + self.b * log_complement + self.c)))
+        )
 
 
 @dataclass(frozen=True)
-class Calibrations:
+class FusionCalibration:
     """The curves of a fusion.
 
     Attributes:
@@ -55,8 +57,8 @@ class Calibrations:
         alone: of the scores of each view that has no other beside it.
     """
 
-    joint: Calibration = Calibration()
-    alone: Mapping[Modality, Calibration] = field(default_factory=dict)
+    joint: BetaCalibration = BetaCalibration()
+    alone: Mapping[Modality, BetaCalibration] = field(default_factory=dict)
 
     def __str__(self) -> str:
         """Write them as in a model file: 1.0,1.0,0.0 rgb=2.0,1.0,0.5 dm=..."""
@@ -68,16 +70,16 @@ class Calibrations:
         joint, *alone = text.split(" ")
         named = dict(entry.split("=") for entry in alone)
         return cls(
-            Calibration.parse(joint),
-            {name: Calibration.parse(named[name]) for name in MODALITIES if name in named},
+            BetaCalibration.parse(joint),
+            {name: BetaCalibration.parse(named[name]) for name in MODALITIES if name in named},
         )
 
-    def of(self, modalities: Collection[Modality]) -> Calibration:
+    def of(self, modalities: Collection[Modality]) -> BetaCalibration:
         """Return the curve of a frame at which these views looked."""
         if len(modalities) != 1:
             return self.joint
         (only,) = modalities
-        return self.alone.get(only, Calibration())
+        return self.alone.get(only, BetaCalibration())
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:

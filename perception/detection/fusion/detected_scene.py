@@ -13,8 +13,8 @@ from perception.types import (
     Detections,
     Float64,
     Int,
-    ModalDetections,
     Modality,
+    ModalityDetections,
 )
 
 _SAMPLES_PER_EDGE = 10  # places along each edge of a box at which its depth is read
@@ -56,7 +56,7 @@ class DetectedScene:
         known_focal_px: focal length of the camera, down; None where nobody says.
     """
 
-    modal: ModalDetections
+    modality_detections: ModalityDetections
     size_px: tuple[int, int]
     depths_m: BoxDepths = field(default_factory=dict)
     known_focal_px: float | None = None
@@ -70,7 +70,9 @@ class DetectedScene:
     @cached_property
     def merged(self) -> MergedDetections:
         """All boxes, with the scores that their detectors gave them."""
-        parts = [self.modal.get(modality, Detections.empty()) for modality in MODALITIES]
+        parts = [
+            self.modality_detections.get(modality, Detections.empty()) for modality in MODALITIES
+        ]
         counts = [len(part) for part in parts]
         return MergedDetections(
             Detections(
@@ -87,22 +89,26 @@ class DetectedScene:
         """(M, 2) near side and middle of all boxes, NaN where unknown."""
         return np.concatenate(
             [
-                self.depths_m.get(modality, np.full((len(self.modal.get(modality, ())), 2), np.nan))
+                self.depths_m.get(
+                    modality, np.full((len(self.modality_detections.get(modality, ())), 2), np.nan)
+                )
                 for modality in MODALITIES
             ]
         )
 
     def without(self, *lost: Modality) -> "DetectedScene":
         """Return what is left where modalities are lost; without both maps, nothing is known of depth."""
-        modal = {name: found for name, found in self.modal.items() if name not in lost}
+        modality_detections = {
+            name: found for name, found in self.modality_detections.items() if name not in lost
+        }
         depths_m = {name: found for name, found in self.depths_m.items() if name not in lost}
         if {"dm", "rm"} <= set(lost):
             depths_m = {}
-        return replace(self, modal=modal, depths_m=depths_m)
+        return replace(self, modality_detections=modality_detections, depths_m=depths_m)
 
 
 def scene_of(
-    modal: ModalDetections,
+    modality_detections: ModalityDetections,
     size_px: tuple[int, int],
     dense: DenseMaps | None = None,
     camera: Calibration | None = None,
@@ -117,9 +123,11 @@ def scene_of(
     """
     depths_m: BoxDepths = {}
     if dense is not None:
-        depths_m = {name: box_depths_m(found.boxes_px, dense) for name, found in modal.items()}
+        depths_m = {
+            name: box_depths_m(found.boxes_px, dense) for name, found in modality_detections.items()
+        }
     focal_px = None if camera is None else float(camera.image_P_cam[1, 1])
-    return DetectedScene(modal, size_px, depths_m, focal_px)
+    return DetectedScene(modality_detections, size_px, depths_m, focal_px)
 
 
 def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:

@@ -98,6 +98,6 @@ def _added(scene: DetectedScene, places: Int) -> list[Float64]:
     # What is not there has no area, and so no overlap.
     corners_px = np.vstack([boxes_px, np.zeros(4)])[places]
     overlaps = [paired_iou_px(corners_px[a], corners_px[b]) for a, b in _PAIRS]
-    looked = [float(name in scene.modal) for name in MODALITIES]
+    looked = [float(name in scene.modality_detections) for name in MODALITIES]
     of_frame = np.tile([[*looked, float(bool(scene.depths_m))]], (places.shape[1], 1)).T
     return [each, np.stack(overlaps), is_observed * 1.0, of_frame]

@@ -10,11 +10,11 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.fusion.calibration import Calibrations
+from perception.detection.fusion.calibration import FusionCalibration
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
 from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
-from perception.detection.session import Input, ModelContract, OnnxModel, shipped_model
+from perception.detection.session import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
 from perception.geometry.box_overlap_px import paired_iou_px
@@ -26,7 +26,7 @@ from perception.types import (
     Float64,
     FusedDetections,
     Int,
-    ModalDetections,
+    ModalityDetections,
 )
 from perception.types import Calibration as CameraCalibration
 
@@ -34,7 +34,7 @@ KIND = "fusion"
 CONTRACT = ModelContract(
     metadata={"kind": KIND, "modalities": ",".join(MODALITIES)},
     required_keys=("variant", "features", "hidden", "calibration"),
-    inputs={"features": Input(np.float32, (None, None))},
+    inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
 TRI_BOX_CONFIGS: Mapping[Variant, TriBoxConfig] = {
@@ -89,7 +89,7 @@ class Fusion:
 
     def fuse(
         self,
-        modal: ModalDetections,
+        modality_detections: ModalityDetections,
         size_px: tuple[int, int],
         dense: DenseMaps | None = None,
         camera: CameraCalibration | None = None,
@@ -103,7 +103,7 @@ class Fusion:
             camera: that took it, for angles; the thesis' variants do without.
         """
         needed = dense if self.variant == "default" else None
-        return self.fuse_scene(scene_of(modal, size_px, needed, camera))
+        return self.fuse_scene(scene_of(modality_detections, size_px, needed, camera))
 
     def fuse_scene(self, scene: DetectedScene) -> FusedDetections:
         """Return what the detectors of a scene say together, best first."""
@@ -140,14 +140,14 @@ class Fusion:
             others_px = scene.merged.detections.boxes_px[places]
             is_own = places == kept[:, None]
             boxes_px = _blended(others_px, is_own, places >= 0, rescored.tri_scores[rows])
-        scores = self.calibrations.of(scene.modal).probabilities(detections.scores)
+        scores = self.calibrations.of(scene.modality_detections).probabilities(detections.scores)
         return FusedDetections(
             Detections(boxes_px, scores, detections.types), parts, scene.merged.columns[kept]
         )
 
     def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:
         """Return (T, 3) what is said of the boxes of (T, 3) combinations."""
-        if self.variant == "default" and len(scene.modal) == 1:
+        if self.variant == "default" and len(scene.modality_detections) == 1:
             # Nobody is there to judge it by, and nobody knows its order better than itself.
             places = scene.merged.places(rows)
             return np.asarray(np.append(scene.merged.detections.scores, 0.0)[places])
@@ -186,8 +186,8 @@ def _blended(others_px: Float64, is_own: Bool, is_observed: Bool, ious: Float64)
         is_observed: (M, 3) which are there.
         ious: (M, 3) what they are expected to overlap the object by.
     """
-    ours_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
-    overlaps = paired_iou_px(ours_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
+    own_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
+    overlaps = paired_iou_px(own_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
     counts = is_own | (is_observed & (overlaps > MAX_IOU))
     weights = np.where(counts, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
@@ -212,9 +212,9 @@ def _variant(model: OnnxModel) -> Variant:
     )
 
 
-def _calibrations(model: OnnxModel) -> Calibrations:
+def _calibrations(model: OnnxModel) -> FusionCalibration:
     try:
-        return Calibrations.parse(model.metadata["calibration"])
+        return FusionCalibration.parse(model.metadata["calibration"])
     except (ValueError, UsageError) as error:
         raise ModelError(
             model.name,

@@ -41,7 +41,7 @@ class LShapeFitConfig:
 
     min_points: int = 3
     samples: int = 64
-    trimmed: float = 0.02
+    trim_share: float = 0.02
     directions: int = 18
     finer: int = 7
     kept: int = 4
@@ -91,7 +91,7 @@ class Rectangles:
 
 
 @dataclass(frozen=True)
-class _Reaches:
+class _Extents:
     """How far points reach along F x D directions and to the left of them; the sensor is at 0.
 
     Attributes:
@@ -112,7 +112,7 @@ class _Reaches:
             return self
         columns = np.argpartition(self.costs, count - 1, axis=1)[:, :count]
         chosen = np.arange(len(columns))[:, None], columns
-        return _Reaches(
+        return _Extents(
             self.yaw_rad[chosen], self.low_m[chosen], self.high_m[chosen], self.costs[chosen]
         )
 
@@ -132,9 +132,9 @@ def fit_rectangles(
     samples = _sampled(xy_m, owners, config.samples).astype(np.float32)
     step_rad = np.pi / 2 / config.directions
     coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
-    first, first_rad = _best_rectangles(_reach(samples, coarse, config), spans, config)
+    first, first_rad = _best_rectangles(_measure_extents(samples, coarse, config), spans, config)
     turns_rad = np.linspace(-step_rad, step_rad, config.finer + 2)[1:-1].astype(np.float32)
-    finer = _reach(samples, first_rad[:, None] + turns_rad, config)
+    finer = _measure_extents(samples, first_rad[:, None] + turns_rad, config)
     return _best_rectangles(finer, spans, config)[0] if len(samples) else first
 
 
@@ -146,12 +146,12 @@ def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
     return np.asarray(xy_m[starts[:, None] + picked.astype(np.int64)])
 
 
-def _reach(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Reaches:
+def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Extents:
     """Measure samples (F, P, 2) along directions (F, D)."""
     vehicles, count = samples.shape[:2]
     ways = _ways(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
     turned = (ways @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
-    beyond = int(config.trimmed * count)
+    beyond = int(config.trim_share * count)
     # So few are sorted in a tenth of the time that it takes to find two of them (np.partition).
     ordered = np.sort(turned, axis=-1)
     low_m, high_m = ordered[..., beyond], ordered[..., count - 1 - beyond]
@@ -161,7 +161,7 @@ def _reach(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Reac
     off_m = np.minimum(off_m[:, :, 0], off_m[:, :, 1])
     off = np.minimum(off_m, config.inner_m) / config.side_m
     costs = config.side_weight * (off**2).mean(axis=-1)
-    return _Reaches(yaw_rad, low_m, high_m, costs)
+    return _Extents(yaw_rad, low_m, high_m, costs)
 
 
 def _ways(yaw_rad: Float32) -> Float32:
@@ -171,21 +171,21 @@ def _ways(yaw_rad: Float32) -> Float32:
 
 
 def _best_rectangles(
-    reaches: _Reaches, spans: ImageSpans, config: LShapeFitConfig
+    extents: _Extents, spans: ImageSpans, config: LShapeFitConfig
 ) -> tuple[Rectangles, Float32]:
     """Try sizes and places; return the best and the direction (F,) along which it was measured."""
-    reaches = reaches.best(config.kept)
+    extents = extents.best(config.kept)
     # Few numbers of many: what there are few of comes first, and vehicles and directions come last.
-    sizes_m, size_costs = _sizes(reaches, config)  # (2, O, F, T), (O, F, T)
-    centers_m, place_costs = _places(reaches, sizes_m, config)  # (3, 2, O, F, T), (3, 2, F, T)
-    costs = _span_costs(reaches.yaw_rad, sizes_m, centers_m, spans, config)  # (3, 3, O, F, T)
-    costs += reaches.costs + size_costs
+    sizes_m, size_costs = _sizes(extents, config)  # (2, O, F, T), (O, F, T)
+    centers_m, place_costs = _places(extents, sizes_m, config)  # (3, 2, O, F, T), (3, 2, F, T)
+    costs = _span_costs(extents.yaw_rad, sizes_m, centers_m, spans, config)  # (3, 3, O, F, T)
+    costs += extents.costs + size_costs
     costs += (place_costs[:, None, 0] + place_costs[None, :, 1])[:, :, None]
     costs = costs.transpose(3, 4, 2, 0, 1)
     vehicles = np.arange(len(costs))
     best = costs.reshape(len(costs), -1).argmin(axis=1) if len(costs) else vehicles
     way, size, along, left = np.unravel_index(best, costs.shape[1:])
-    direction = reaches.yaw_rad[vehicles, way]
+    direction = extents.yaw_rad[vehicles, way]
     center = np.column_stack(
         [
             centers_m[along, 0, size, vehicles, way],
@@ -205,12 +205,12 @@ def _best_rectangles(
     return rectangles, direction
 
 
-def _sizes(reaches: _Reaches, config: LShapeFitConfig) -> tuple[Float32, Float32]:
+def _sizes(extents: _Extents, config: LShapeFitConfig) -> tuple[Float32, Float32]:
     """Return (2, O, F, T) sizes along and left, first with the length along, and what they cost."""
     lengths_m = np.array(config.lengths_m, np.float32)
     widths_m = np.full_like(lengths_m, config.width_m[0])
     either_m = np.stack([np.append(lengths_m, widths_m), np.append(widths_m, lengths_m)])
-    seen_m = (reaches.high_m - reaches.low_m).transpose(2, 0, 1).copy()
+    seen_m = (extents.high_m - extents.low_m).transpose(2, 0, 1).copy()
     sizes_m = np.maximum(either_m[:, :, None, None], seen_m[:, None])
     along, across = sizes_m[:, : len(lengths_m)], sizes_m[::-1, len(lengths_m) :]
     length_m, width_m = np.concatenate([along, across], axis=1)
@@ -220,10 +220,10 @@ def _sizes(reaches: _Reaches, config: LShapeFitConfig) -> tuple[Float32, Float32
 
 
 def _places(
-    reaches: _Reaches, sizes_m: Float32, config: LShapeFitConfig
+    extents: _Extents, sizes_m: Float32, config: LShapeFitConfig
 ) -> tuple[Float32, Float32]:
     """Return (3, 2, O, F, T) centres that begin at the low end, lie evenly, end at the high end; and costs."""
-    low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (reaches.low_m, reaches.high_m))
+    low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (extents.low_m, extents.high_m))
     half_m = sizes_m / 2
     places_m = np.empty((3, *sizes_m.shape), np.float32)
     places_m[0] = low_m[:, None] + half_m

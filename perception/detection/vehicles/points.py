@@ -12,12 +12,12 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import connected_parts
-from perception.detection.point_cells import spread
+from perception.detection.point_cells import expand_ranges
 from perception.detection.vehicles.points_in_boxes import (
-    PointsInBoxes,
+    FrustumPoints,
     VehiclePointsConfig,
-    beyond_borders,
-    find_points_in_boxes,
+    extend_beyond_borders,
+    find_frustum_points,
 )
 from perception.geometry.sorting import sorted_keys
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
@@ -59,17 +59,17 @@ def find_points(
     if not len(boxes_px):
         none = np.zeros(0, np.int64)
         return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
-    reached_px = beyond_borders(boxes_px, camera[1][0], config)
-    near = find_points_in_boxes(points_velo, reached_px, camera, ground, config)
+    reached_px = extend_beyond_borders(boxes_px, camera[1][0], config)
+    near = find_frustum_points(points_velo, reached_px, camera, ground, config)
     claims = _Claims.of(near, reached_px, config)
     likely = _likelihoods(near, boxes_px, claims, camera, config)
-    claimed = np.bincount(claims.some_points, likely, len(near.rows))[claims.some_points]
-    say = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
+    claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
+    votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
     # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle in whose box it is
     # the likelier; the other one is in what is left.
-    first = claims.owners(say, likely, len(near.rows), len(boxes_px))[claims.some_points]
-    is_left = (first < 0) | (first == claims.some_boxes)
-    owners = claims.owners(say * is_left, likely, len(near.rows), len(boxes_px))
+    first = claims.owners(votes, likely, len(near.rows), len(boxes_px))[claims.sampled_points]
+    is_left = (first < 0) | (first == claims.sampled_boxes)
+    owners = claims.owners(votes * is_left, likely, len(near.rows), len(boxes_px))
     kept = np.flatnonzero(owners >= 0)
     return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
 
@@ -91,11 +91,11 @@ class _Claims:
     point: Int
     along_m: Float64
     left_m: Float64
-    some: Int
+    sampled: Int
     labels: Int
 
     @classmethod
-    def of(cls, near: PointsInBoxes, boxes_px: Float64, config: VehiclePointsConfig) -> Self:
+    def of(cls, near: FrustumPoints, boxes_px: Float64, config: VehiclePointsConfig) -> Self:
         """Pair boxes with points, and cluster those of each box."""
         u, v = np.ascontiguousarray(near.pixels.T)
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
@@ -104,28 +104,28 @@ class _Claims:
         along_m, left_m = _along_line_of_sight(
             near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box
         )
-        some = _some_of_each(box, config.samples)
-        labels = _clusters(along_m[some], left_m[some], box[some], config)
-        return cls(box, point, along_m, left_m, some, labels)
+        sampled = _sample_each(box, config.max_samples)
+        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], config)
+        return cls(box, point, along_m, left_m, sampled, labels)
 
     @property
-    def some_boxes(self) -> Int:
+    def sampled_boxes(self) -> Int:
         """(S,)."""
-        return self.box[self.some]
+        return self.box[self.sampled]
 
     @property
-    def some_points(self) -> Int:
+    def sampled_points(self) -> Int:
         """(S,)."""
-        return self.point[self.some]
+        return self.point[self.sampled]
 
-    def owners(self, say: Float64, likely: Float64, points: int, boxes: int) -> Int:
+    def owners(self, votes: Float64, likely: Float64, points: int, boxes: int) -> Int:
         """Return (points,) the box that each belongs to by (S,) says and likelihoods, or -1.
 
         To a box belongs what lies, from above, within its cluster of the greatest say; to the likelier of
         two what lies within both.
         """
-        is_best = _is_best(self.labels, self.some_boxes, say)
-        best, best_boxes = self.some[is_best], self.some_boxes[is_best]
+        is_best = _is_best(self.labels, self.sampled_boxes, votes)
+        best, best_boxes = self.sampled[is_best], self.sampled_boxes[is_best]
         is_within = np.ones(len(self.box), bool)
         for place_m in (self.along_m, self.left_m):
             low_m, high_m = _extents(place_m[best], best_boxes, boxes)
@@ -142,14 +142,14 @@ class _Claims:
 
 
 def _likelihoods(
-    near: PointsInBoxes,
+    near: FrustumPoints,
     boxes_px: Float64,
     claims: _Claims,
     camera: tuple[Calibration, tuple[int, int]],
     config: VehiclePointsConfig,
 ) -> Float64:
     """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
-    (calibration, size_px), box, point = camera, claims.some_boxes, claims.some_points
+    (calibration, size_px), box, point = camera, claims.sampled_boxes, claims.sampled_points
     x1, y1, x2, y2 = boxes_px.T
     off_center = np.zeros(len(box))
     for place_px, low_px, high_px in ((near.pixels[:, 0], x1, x2), (near.pixels[:, 1], y1, y2)):
@@ -159,9 +159,11 @@ def _likelihoods(
     expected_m = focal_px * config.height_m / np.maximum(y2 - y1, 1.0)
     is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
-    nearer = np.where(is_cut, config.cut_off, config.nearer)[box]
-    deviation = np.where(ratio < 0, nearer, config.farther)
-    return np.asarray(np.exp(-(off_center / config.centrality**2 + (ratio / deviation) ** 2) / 2))
+    near_deviation = np.where(is_cut, config.cut_deviation, config.near_deviation)[box]
+    deviation = np.where(ratio < 0, near_deviation, config.far_deviation)
+    return np.asarray(
+        np.exp(-(off_center / config.center_deviation**2 + (ratio / deviation) ** 2) / 2)
+    )
 
 
 def _along_line_of_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
@@ -172,7 +174,7 @@ def _along_line_of_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64,
     return cos * x_m + sin * y_m, cos * y_m - sin * x_m
 
 
-def _some_of_each(box: Int, most: int) -> Int:
+def _sample_each(box: Int, most: int) -> Int:
     """Return rows of (L,) rising numbers, evenly picked, so that none is there more often than that."""
     counts = np.bincount(box)
     starts = np.cumsum(counts) - counts
@@ -195,7 +197,7 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePoints
     if not len(box):
         return np.zeros(0, np.int64)
     away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
-    cell_m = ((config.gap_m + config.gap_per_m * away_m) / _CELLS_PER_GAP)[box]
+    cell_m = ((config.cluster_gap_m + config.cluster_gap_per_m * away_m) / _CELLS_PER_GAP)[box]
     along = np.floor(along_m / cell_m).astype(np.int64)
     left = np.floor(left_m / cell_m).astype(np.int64)
     along, left = along - along.min(), left - left.min()
@@ -210,7 +212,7 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePoints
     along, low, high = _STEPS.T[:, :, None]
     starts = np.searchsorted(cells, cells + along * row + low).T.ravel()
     ends = np.searchsorted(cells, cells + along * row + high, side="right").T.ravel()
-    step, second = spread(starts, ends - starts)
+    step, second = expand_ranges(starts, ends - starts)
     return connected_parts(len(cells), step // len(_STEPS), second)[cell_of]
 
 
@@ -222,11 +224,11 @@ def _extents(place_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
     return low_m, high_m
 
 
-def _is_best(labels: Int, box: Int, say: Float64) -> Bool:
+def _is_best(labels: Int, box: Int, votes: Float64) -> Bool:
     """Tell which pairs are of the cluster that has the greatest say in their box, if any has one."""
     if len(labels) == 0:
         return np.zeros(0, bool)
-    says = np.bincount(labels, say)
+    vote_sums = np.bincount(labels, votes)
     most = np.zeros(int(box.max()) + 1)
-    np.maximum.at(most, box, says[labels])
-    return np.asarray((says[labels] >= most[box]) & (say > 0))
+    np.maximum.at(most, box, vote_sums[labels])
+    return np.asarray((vote_sums[labels] >= most[box]) & (votes > 0))

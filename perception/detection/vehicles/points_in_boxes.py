@@ -15,46 +15,46 @@ class VehiclePointsConfig:
     """What tells the points of a vehicle.
 
     Attributes:
-        farthest_m: beyond it along the optical axis no point is looked at.
+        max_depth_m: beyond it along the optical axis no point is looked at.
         beyond: where the image's border cuts a box, so many of its heights farther out its vehicle may go on:
             the LiDAR sees it there, too.
         cell_m: edge of the cells in which the lowest point is looked for.
-        reach_m: how far around; under a car some ground is seen from one side or the other.
+        ground_search_radius_m: how far around; under a car some ground is seen from one side or the other.
         clearance_m: over the ground, from which on a point stands on it.
-        highest_m: over the ground, of lorries and buses.
+        max_height_m: over the ground, of lorries and buses.
         model_error_m: by which the lowest point around may miss a ground model that is true there.
         model_reach_m: from the LiDAR, beyond which a ground model knows no better than the scan.
         height_m: of a common car.
         nearer: standard deviation of the logarithm of depth over the depth at which a box would hold a
             common car, for nearer ones: small cars, and boxes that are drawn too high.
         farther: the same for farther ones: vans and lorries.
-        cut_off: the same for nearer ones where the image's border cuts the box.
+        cut_deviation: the same for nearer ones where the image's border cuts the box.
         centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
-        gap_m: between two points of one vehicle, seen from above, close to the sensor.
-        gap_per_m: by which the gap grows with distance, as beams spread.
+        cluster_gap_m: between two points of one vehicle, seen from above, close to the sensor.
+        cluster_gap_per_m: by which the gap grows with distance, as beams spread.
         samples: points of a box that have a say, evenly picked of more.
     """
 
-    farthest_m: float = 100.0
-    beyond: float = 3.0
+    max_depth_m: float = 100.0
+    border_extension: float = 3.0
     cell_m: float = 0.5
-    reach_m: float = 1.5
+    ground_search_radius_m: float = 1.5
     clearance_m: float = 0.2
-    highest_m: float = 3.5
+    max_height_m: float = 3.5
     model_error_m: float = 0.3
     model_reach_m: float = 30.0
     height_m: float = 1.5
-    nearer: float = 0.25
-    farther: float = 0.5
-    cut_off: float = 1.0
-    centrality: float = 0.5
-    gap_m: float = 0.4
-    gap_per_m: float = 0.012
-    samples: int = 256
+    near_deviation: float = 0.25
+    far_deviation: float = 0.5
+    cut_deviation: float = 1.0
+    center_deviation: float = 0.5
+    cluster_gap_m: float = 0.4
+    cluster_gap_per_m: float = 0.012
+    max_samples: int = 256
 
 
 @dataclass(frozen=True)
-class PointsInBoxes:
+class FrustumPoints:
     """K points of a scan that stand on the ground around boxes in the image.
 
     Attributes:
@@ -72,13 +72,13 @@ class PointsInBoxes:
     ground_m: Float64
 
 
-def find_points_in_boxes(
+def find_frustum_points(
     points_velo: Float32,
     boxes_px: Float64,
     camera: tuple[Calibration, tuple[int, int]],
     ground: GroundModel | None,
     config: VehiclePointsConfig,
-) -> PointsInBoxes:
+) -> FrustumPoints:
     """Find what stands on the ground in (M, 4) boxes, and how high the ground is there.
 
     Args:
@@ -97,21 +97,21 @@ def find_points_in_boxes(
     xyz_m = points_velo.take(rows, axis=0)[:, :3].astype(np.float64)
     pixels, depths_m = project(window_P_velo, xyz_m)
     is_around = _is_around(pixels, around_px - np.tile(low_px, 2), size_px)
-    around = np.flatnonzero((depths_m > 0) & (depths_m <= config.farthest_m) & is_around)
+    around = np.flatnonzero((depths_m > 0) & (depths_m <= config.max_depth_m) & is_around)
     rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
     pixels = pixels.T.take(around, axis=1).T + low_px
     cells = HeightCells.of(xyz_m, config.cell_m)
-    lowest_m = cells.lowest_m(config.reach_m)
-    ground_m = lowest_m
+    lowest_around_m = cells.lowest_around_m(config.ground_search_radius_m)
+    ground_m = lowest_around_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
         # A model goes on beyond what it was fitted to, but does not hold there.
         is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= config.model_reach_m
-        holds = is_near & (np.abs(model_m - lowest_m) < config.model_error_m)
-        ground_m = np.where(holds, model_m, lowest_m)
-    over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_m)
-    kept = np.flatnonzero((over_m >= config.clearance_m) & (over_m <= config.highest_m))
-    return PointsInBoxes(
+        holds = is_near & (np.abs(model_m - lowest_around_m) < config.model_error_m)
+        ground_m = np.where(holds, model_m, lowest_around_m)
+    over_m = xyz_m[:, 2] - np.maximum(ground_m, lowest_around_m)
+    kept = np.flatnonzero((over_m >= config.clearance_m) & (over_m <= config.max_height_m))
+    return FrustumPoints(
         rows[kept],
         xyz_m.take(kept, axis=0),
         pixels.T.take(kept, axis=1).T,
@@ -120,10 +120,10 @@ def find_points_in_boxes(
     )
 
 
-def beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePointsConfig) -> Float64:
+def extend_beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePointsConfig) -> Float64:
     """Return (M, 4) boxes; those that a side of the image cuts go on beyond it."""
     x1, y1, x2, y2 = np.clip(boxes_px.T, -width_px, 2 * width_px)
-    reach_px = config.beyond * (y2 - y1)
+    reach_px = config.border_extension * (y2 - y1)
     return np.column_stack(
         [
             np.where(x1 <= 1, x1 - reach_px, x1),

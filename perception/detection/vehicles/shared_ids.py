@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.box_overlap_ground import iou_ground
+from perception.geometry.box_overlap_ground import iou_bev
 from perception.tracking.association import assign_hungarian
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
@@ -144,5 +144,5 @@ def _overlap(vehicles: Boxes3D, objects: Boxes3D) -> Float64:
     overlap = np.full((len(vehicles), len(objects)), np.nan)
     known = np.flatnonzero(np.isfinite(vehicles.bottom_m).all(axis=1))
     if len(known) and len(objects):
-        overlap[known] = iou_ground(vehicles[known], objects)
+        overlap[known] = iou_bev(vehicles[known], objects)
     return overlap

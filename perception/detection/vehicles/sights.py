@@ -65,7 +65,9 @@ class VehicleObservations:
         points = np.maximum(vehicles.point_counts, 1)
         away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
         variances = (
-            config.place_m**2 + (config.place_per_m * away_m) ** 2 + config.sparse_m**2 / points
+            config.position_noise_m**2
+            + (config.position_noise_per_m * away_m) ** 2
+            + config.sparse_noise_m**2 / points
         )
         detections = vehicles.fused.detections
         return cls(
@@ -148,7 +150,7 @@ def _seen_on_ground(
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct those that the LiDAR found where they were expected; place anew those that it found not."""
-    distances = np.diagonal(place_distances(tracks, observations))
+    distances = np.diagonal(position_distances(tracks, observations))
     is_expected = tracks.is_located & (distances <= config.motion.gate)
     is_lost = frame_geometry.stamp_s - tracks.last_located_s > config.replacing_s
     anew = np.flatnonzero(observations.is_located & ~is_expected & (is_lost | ~tracks.is_located))
@@ -168,7 +170,7 @@ def _seen_on_ground(
     )
 
 
-def place_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
+def position_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
     """Return (T, D) squared Mahalanobis distances on the ground; NaN where either is not located."""
     centers_m = np.broadcast_to(
         observations.boxes_world.bottom_m[:, :2], (len(tracks), len(observations), 2)
@@ -194,7 +196,7 @@ def _placed(
         axis=_doubled(boxes.yaw_rad),
         yaw_rad=boxes.yaw_rad,
         sizes_m=boxes.size_m,
-        sizings=np.ones(len(tracks), np.int64),
+        size_samples=np.ones(len(tracks), np.int64),
         low_world_m=boxes.bottom_m[:, 2],
     )
 
@@ -206,8 +208,8 @@ def _corrected(
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
     boxes = observations.boxes_world
-    sizings = np.minimum(tracks.sizings + 1, config.max_size_samples)
-    share = 1.0 / sizings
+    size_samples = np.minimum(tracks.size_samples + 1, config.max_size_samples)
+    share = 1.0 / size_samples
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
     axis = config.axis_memory * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
@@ -222,7 +224,7 @@ def _corrected(
         axis=axis,
         yaw_rad=yaw_rad,
         sizes_m=sizes_m,
-        sizings=sizings,
+        size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
     return _turned_to_way(tracks, config)

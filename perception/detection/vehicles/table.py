@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from perception.tracking.columns import OnGround
+from perception.tracking.columns import GroundPlaneTracks
 from perception.tracking.motion_model import MotionModelConfig
 from perception.types import Bool, Float64, Int
 
@@ -23,15 +23,15 @@ class VehicleTrackerConfig:
         confirming_s: how long a track lives unseen before it is believed.
         coasting_s: how long afterwards.
         min_iou: in the image, of a detection and the track that it continues.
-        side_share: standard deviation of the sides of a box in the image from where they are expected, as a
+        side_deviation_share: standard deviation of the sides of a box in the image from where they are expected, as a
             share of its width and height.
         min_size_px: of boxes that are smaller, sides are no better known than of such.
         most_apart: squared distance of four sides and a place on the ground, in standard deviations, from
             which on a detection continues no track; of true pairs 1 in 20,000 is farther (chi-squared, 6
             degrees).
-        place_m: standard deviation of the place of a box, whatever its distance.
-        place_per_m: by which it grows with distance.
-        sparse_m: of the place of a box around one point; over the root of how many there are.
+        position_noise_m: standard deviation of the place of a box, whatever its distance.
+        position_noise_per_m: by which it grows with distance.
+        sparse_noise_m: of the place of a box around one point; over the root of how many there are.
         replacing_s: how long a track may be seen elsewhere than expected before it is believed to be there.
         axis_memory: share of what is known of a heading that is left after the next sight.
         way_speed_m_s: faster, the velocity tells the heading, too.
@@ -49,12 +49,12 @@ class VehicleTrackerConfig:
     confirming_s: float = 0.25
     coasting_s: float = 1.5
     min_iou: float = 0.1
-    side_share: float = 0.12
+    side_deviation_share: float = 0.12
     min_size_px: float = 4.0
     most_apart: float = 30.0
-    place_m: float = 0.2
-    place_per_m: float = 0.01
-    sparse_m: float = 1.2
+    position_noise_m: float = 0.2
+    position_noise_per_m: float = 0.01
+    sparse_noise_m: float = 1.2
     replacing_s: float = 0.35
     axis_memory: float = 0.7
     way_speed_m_s: float = 2.0
@@ -65,7 +65,7 @@ class VehicleTrackerConfig:
 
 
 @dataclass(frozen=True)
-class VehicleTable(OnGround):
+class VehicleTable(GroundPlaneTracks):
     """T followed vehicles.
 
     Attributes:
@@ -95,7 +95,7 @@ class VehicleTable(OnGround):
     axis: Float64
     yaw_rad: Float64
     sizes_m: Float64
-    sizings: Int
+    size_samples: Int
     low_world_m: Float64
 
     @property
@@ -122,6 +122,6 @@ class VehicleTable(OnGround):
             axis=np.zeros((count, 2)),
             yaw_rad=np.zeros(count),
             sizes_m=np.zeros((count, 3)),
-            sizings=np.zeros(count, np.int64),
+            size_samples=np.zeros(count, np.int64),
             low_world_m=np.zeros(count),
         )

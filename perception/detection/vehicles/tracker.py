@@ -16,7 +16,7 @@ from perception.detection.vehicles.sights import (
     begin,
     boxes_in_scan,
     expected_boxes_px,
-    place_distances,
+    position_distances,
     predict,
     update_tracks,
     velocities_in_scan,
@@ -134,7 +134,7 @@ class VehicleTracker:
         config = self._config
         expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
         iou = iou_px(expected_px, observations.boxes_px)
-        on_ground, gate = place_distances(tracks, observations), config.motion.gate
+        on_ground, gate = position_distances(tracks, observations), config.motion.gate
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, observations.boxes_px, config)

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, draw_curve
+from perception.evaluation.detection.curve import PrecisionCurve, compute_curve
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     KITTI_CLASSES,
     DetectionClass,
     Difficulty,
 )
-from perception.evaluation.detection.scene import lay_out
-from perception.evaluation.detection.tally import Tally, tally
+from perception.evaluation.detection.scene import pair_boxes
+from perception.evaluation.detection.tally import MatchStatistics, match_statistics
 from perception.types import Int
 
 
@@ -43,7 +43,7 @@ class DetectionMetrics:
 
 
 @dataclass(frozen=True)
-class DetectionTallies:
+class DetectionStatistics:
     """All that matching found, from which the figures of any choice of frames follow.
 
     Attributes:
@@ -56,7 +56,7 @@ class DetectionTallies:
     frames: int
     has_orientation: bool
     classes: tuple[DetectionClass, ...]
-    tallies: tuple[dict[str, Tally], ...]
+    statistics: tuple[dict[str, MatchStatistics], ...]
 
     def metrics(self, frame_weights: Int | None = None) -> DetectionMetrics:
         """Return the figures of all frames, or of a choice in which each is so often."""
@@ -66,15 +66,15 @@ class DetectionTallies:
                 ClassMetrics(
                     of_class,
                     {
-                        name: draw_curve(
+                        name: compute_curve(
                             of_difficulty,
                             has_orientation=self.has_orientation,
                             frame_weights=frame_weights,
                         )
-                        for name, of_difficulty in tallies.items()
+                        for name, of_difficulty in statistics.items()
                     },
                 )
-                for of_class, tallies in zip(self.classes, self.tallies, strict=True)
+                for of_class, statistics in zip(self.classes, self.statistics, strict=True)
             ),
         )
 
@@ -85,20 +85,20 @@ def match_detections(
     frames: int,
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
-) -> DetectionTallies:
+) -> DetectionStatistics:
     """Match the boxes of all frames for every class and difficulty.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    scene = lay_out(truths, detections, frames)
-    return DetectionTallies(
+    evaluation_boxes = pair_boxes(truths, detections, frames)
+    return DetectionStatistics(
         frames=frames,
-        has_orientation=scene.has_orientation,
+        has_orientation=evaluation_boxes.has_orientation,
         classes=tuple(classes),
-        tallies=tuple(
-            {one.name: tally(scene, of_class, one) for one in difficulties}
-            if scene.has_detections_of(of_class)
+        statistics=tuple(
+            {one.name: match_statistics(evaluation_boxes, of_class, one) for one in difficulties}
+            if evaluation_boxes.has_detections_of(of_class)
             else {}
             for of_class in classes
         ),

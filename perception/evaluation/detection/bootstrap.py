@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.errors import UsageError
-from perception.evaluation.detection.average_precision import DetectionTallies
+from perception.evaluation.detection.average_precision import DetectionStatistics
 from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
 from perception.types import Float64, Progress
 
@@ -47,7 +47,7 @@ def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
 
 
 def resample_precision(
-    tallies: DetectionTallies,
+    statistics: DetectionStatistics,
     resamples: int,
     generator: np.random.Generator,
     progress: Progress = iter,
@@ -66,19 +66,19 @@ def resample_precision(
     Raises:
         UsageError: no frame to draw from, or no choice asked for.
     """
-    if resamples < 1 or tallies.frames < 1:
+    if resamples < 1 or statistics.frames < 1:
         raise UsageError(
             "bootstrap",
             expected="at least one choice of at least one frame",
-            found=f"{resamples} choices of {tallies.frames} frames",
+            found=f"{resamples} choices of {statistics.frames} frames",
         )
     metrics = []
     for _ in progress(range(resamples)):
-        drawn = generator.integers(tallies.frames, size=tallies.frames)
-        metrics.append(tallies.metrics(np.bincount(drawn, minlength=tallies.frames)))
+        drawn = generator.integers(statistics.frames, size=statistics.frames)
+        metrics.append(statistics.metrics(np.bincount(drawn, minlength=statistics.frames)))
     return tuple(
         {name: _samples([one.classes[k].curves[name] for one in metrics]) for name in of_class}
-        for k, of_class in enumerate(tallies.tallies)
+        for k, of_class in enumerate(statistics.statistics)
     )
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from perception.evaluation.detection.protocol import RECALL_STEPS
-from perception.evaluation.detection.tally import Tally
+from perception.evaluation.detection.tally import MatchStatistics
 from perception.types import Float64, Int
 
 RecallPoints = Literal[11, 40]
@@ -54,8 +54,8 @@ class PrecisionCurve:
         return 100 * float(self.orientation_similarity[_AVERAGED[recall_points]].mean())
 
 
-def draw_curve(
-    tally: Tally, *, has_orientation: bool, frame_weights: Int | None = None
+def compute_curve(
+    match_statistics: MatchStatistics, *, has_orientation: bool, frame_weights: Int | None = None
 ) -> PrecisionCurve:
     """Choose the thresholds, and count at each.
 
@@ -64,33 +64,38 @@ def draw_curve(
         has_orientation: whether similarity of the headings means anything.
         frame_weights: (F,) how often each frame is in the set; None for once.
     """
-    weights = np.ones_like(tally.truths_of_frames) if frame_weights is None else frame_weights
-    truths = int(weights @ tally.truths_of_frames)
-    found = np.cumsum(weights[tally.matches.frames])
+    weights = (
+        np.ones_like(match_statistics.truths_of_frames) if frame_weights is None else frame_weights
+    )
+    truths = int(weights @ match_statistics.truths_of_frames)
+    found = np.cumsum(weights[match_statistics.matches.frames])
     matches = int(found[-1]) if len(found) else 0
-    places = threshold_places(matches, truths)
-    thresholds = tally.matches.scores[np.searchsorted(found, places)]
-    changes, weights_of_changes = tally.changes, weights[tally.changes.frames]
-    last = np.searchsorted(-changes.scores, -thresholds, side="right") - 1
+    places = threshold_ranks(matches, truths)
+    thresholds = match_statistics.matches.scores[np.searchsorted(found, places)]
+    increments, increment_weights = (
+        match_statistics.increments,
+        weights[match_statistics.increments.frames],
+    )
+    last = np.searchsorted(-increments.scores, -thresholds, side="right") - 1
 
     def count(change: Int | Float64) -> np.ndarray:
-        return np.cumsum(change * weights_of_changes)[last]
+        return np.cumsum(change * increment_weights)[last]
 
-    right, wrong = count(changes.true_positives), count(changes.false_positives)
-    similarity = count(changes.similarity) if has_orientation else None
+    right, wrong = count(increments.true_positives), count(increments.false_positives)
+    similarity = count(increments.similarity) if has_orientation else None
     return PrecisionCurve(
         truths=truths,
         matches=matches,
         thresholds=thresholds,
         true_positives=right,
         false_positives=wrong,
-        false_negatives=truths - count(changes.found_truths),
+        false_negatives=truths - count(increments.found_truths),
         precision=_envelope(right, right + wrong),
         orientation_similarity=None if similarity is None else _envelope(similarity, right + wrong),
     )
 
 
-def threshold_places(matches: int, truths: int) -> Int:
+def threshold_ranks(matches: int, truths: int) -> Int:
     """Return which of the falling scores, counted from 1, become thresholds.
 
     For each recall c in turn, it is the first score whose recall i/n is nearer to c than the next one's,
@@ -110,14 +115,14 @@ def threshold_places(matches: int, truths: int) -> Int:
     return np.unique(np.minimum(in_turn, matches))
 
 
-def best_ap(truths: int, recall_points: RecallPoints = 40) -> float:
+def max_ap(truths: int, recall_points: RecallPoints = 40) -> float:
     """Return the average precision in percent of finding so many objects and nothing else.
 
     It is 100 where objects are many. Where there are no more than 40, each is one threshold at most, and
     precision is 0 beyond the last, as with the official tool.
     """
     precision = np.zeros(RECALL_STEPS + 1)
-    precision[: len(threshold_places(truths, truths))] = 1
+    precision[: len(threshold_ranks(truths, truths))] = 1
     return 100 * float(precision[_AVERAGED[recall_points]].mean())
 
 

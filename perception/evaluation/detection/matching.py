@@ -8,7 +8,7 @@ from perception.evaluation.detection.grouping import ranks_in_groups
 from perception.types import Bool, Int
 
 
-def rival_groups(truths: Int, detections: Int) -> Int:
+def connected_groups(truths: Int, detections: Int) -> Int:
     """Return (P,) the group of each pair; pairs of one group compete, directly or through others."""
     if len(truths) == 0:
         return np.zeros(0, np.int64)
@@ -18,13 +18,13 @@ def rival_groups(truths: Int, detections: Int) -> Int:
     return np.asarray(connected_components(edges, directed=False)[1][truths], np.int64)
 
 
-def turns_in_groups(truths: Int, groups: Int) -> Int:
+def rounds_in_groups(truths: Int, groups: Int) -> Int:
     """Return (P,) how many truths of a pair's group are served before that pair's own."""
     _, firsts, of_pairs = np.unique(truths, return_index=True, return_inverse=True)
     return ranks_in_groups(groups[firsts])[of_pairs]
 
 
-def serve_in_turn(truths: Int, detections: Int, turns: Int) -> Bool:
+def assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
     """Let one truth after the other take the first detection of its choice that is still free.
 
     Truths of the same turn must not want the same detection, so that they can be served together.
@@ -39,8 +39,8 @@ def serve_in_turn(truths: Int, detections: Int, turns: Int) -> Bool:
     """
     is_taken = np.zeros(detections.max(initial=-1) + 1, bool)
     is_matched = np.zeros(len(truths), bool)
-    for turn in range(turns.max(initial=-1) + 1):
-        pairs = np.flatnonzero(turns == turn)
+    for round_number in range(rounds.max(initial=-1) + 1):
+        pairs = np.flatnonzero(rounds == round_number)
         pairs = pairs[~is_taken[detections[pairs]]]
         chosen = pairs[np.diff(truths[pairs], prepend=-1) != 0]
         is_matched[chosen] = True

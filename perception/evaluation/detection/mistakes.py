@@ -6,57 +6,57 @@ import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.evaluation.detection.scene import lay_out
-from perception.evaluation.detection.tally import tally
+from perception.evaluation.detection.scene import pair_boxes
+from perception.evaluation.detection.tally import match_statistics
 from perception.types import Int
 
 
 @dataclass(frozen=True)
-class Mistakes:
+class FrameErrors:
     """Of one class at one difficulty.
 
     Attributes:
         threshold: detections of this score and above count.
         misses: (F,) objects of each frame that none of them finds.
-        false_alarms: (F,) of them that find nothing.
+        false_positives: (F,) of them that find nothing.
     """
 
     threshold: float
-    misses: Int
-    false_alarms: Int
+    false_negatives: Int
+    false_positives: Int
 
     def worst(self, most: int) -> Int:
         """Return up to so many frames with mistakes, those with most of them first."""
-        together = self.misses + self.false_alarms
+        together = self.false_negatives + self.false_positives
         order = np.argsort(-together, kind="stable")
         return order[together[order] > 0][:most]
 
 
-def count_mistakes(
+def count_frame_errors(
     truths: TrueBoxes,
     detections: DetectedBoxes,
     frames: int,
     of_class: DetectionClass,
     difficulty: Difficulty,
-) -> Mistakes:
+) -> FrameErrors:
     """Count at the score at which misses and false alarms of all frames together are fewest.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    counted = tally(lay_out(truths, detections, frames), of_class, difficulty)
-    changes = counted.changes
-    gained = np.cumsum(changes.found_truths - changes.false_positives)
+    counted = match_statistics(pair_boxes(truths, detections, frames), of_class, difficulty)
+    increments = counted.increments
+    gained = np.cumsum(increments.found_truths - increments.false_positives)
     # Of equal scores all count or none.
-    last_of_score = np.flatnonzero(np.diff(changes.scores, append=-np.inf))
+    last_of_score = np.flatnonzero(np.diff(increments.scores, append=-np.inf))
     threshold = np.inf
     if len(last_of_score) and gained[last_of_score].max() > 0:
-        threshold = changes.scores[last_of_score[gained[last_of_score].argmax()]]
-    above = changes[changes.scores >= threshold]
+        threshold = increments.scores[last_of_score[gained[last_of_score].argmax()]]
+    above = increments[increments.scores >= threshold]
     found = np.bincount(above.frames, above.found_truths, minlength=frames)
     alarms = np.bincount(above.frames, above.false_positives, minlength=frames)
-    return Mistakes(
+    return FrameErrors(
         threshold=float(threshold),
-        misses=np.asarray(counted.truths_of_frames - found, np.int64),
-        false_alarms=np.asarray(alarms, np.int64),
+        false_negatives=np.asarray(counted.truths_of_frames - found, np.int64),
+        false_positives=np.asarray(alarms, np.int64),
     )

@@ -13,7 +13,7 @@ from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.grouping import ranks_in_groups
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
-from perception.evaluation.detection.scene import Scene, evaluation_mask, lay_out
+from perception.evaluation.detection.scene import EvaluationBoxes, evaluation_mask, pair_boxes
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Float64, Int
 
@@ -65,17 +65,17 @@ class ProposalRecall:
     Attributes:
         frames: how many there are.
         proposals: in all frames together.
-        most_in_a_frame: proposals of the frame that has most.
+        max_per_frame: proposals of the frame that has most.
         difficulties: by name.
     """
 
     frames: int
     proposals: int
-    most_in_a_frame: int
+    max_per_frame: int
     difficulties: dict[str, RecallMetrics]
 
     @property
-    def proposals_a_frame(self) -> float:
+    def proposals_per_frame(self) -> float:
         """How many there are on average; NaN of no frames."""
         return self.proposals / self.frames if self.frames else float("nan")
 
@@ -103,18 +103,19 @@ def proposal_recall(
     """
     for iou in overlaps:
         require_iou(iou)
-    scene = lay_out(truths, proposals, frames)
-    ranks = {iou: _first_ranks(scene, iou) for iou in overlaps}
+    evaluation_boxes = pair_boxes(truths, proposals, frames)
+    ranks = {iou: _first_ranks(evaluation_boxes, iou) for iou in overlaps}
     best_iou = np.zeros(len(truths))
-    np.maximum.at(best_iou, scene.overlaps.truths, scene.overlaps.iou)
+    np.maximum.at(best_iou, evaluation_boxes.overlaps.truths, evaluation_boxes.overlaps.iou)
     target_class = DetectionClass(of_class, iou=0)
     is_valid_truth = {
-        one.name: evaluation_mask(scene, target_class, one).is_valid_truth for one in difficulties
+        one.name: evaluation_mask(evaluation_boxes, target_class, one).is_valid_truth
+        for one in difficulties
     }
     return ProposalRecall(
         frames=frames,
         proposals=len(proposals),
-        most_in_a_frame=int(np.bincount(proposals.frames).max(initial=0)),
+        max_per_frame=int(np.bincount(proposals.frames).max(initial=0)),
         difficulties={
             name: RecallMetrics(
                 objects=int(valid.sum()),
@@ -126,7 +127,7 @@ def proposal_recall(
     )
 
 
-def count_reached(truths_px: Float64, proposals_px: Float64, overlaps: Sequence[float]) -> Int:
+def count_recalled(truths_px: Float64, proposals_px: Float64, overlaps: Sequence[float]) -> Int:
     """Return (T,) how many of (G, 4) objects of one frame some of (M, 4) proposals reaches at each IoU."""
     best = iou_px(truths_px, proposals_px).max(axis=1, initial=0)
     return np.asarray((best >= np.asarray(overlaps)[:, None]).sum(axis=1), np.int64)
@@ -138,14 +139,14 @@ def require_iou(iou: float) -> None:
         raise PerceptionError("IoU of a proposal", expected="above 0, at most 1", found=f"{iou:g}")
 
 
-def _first_ranks(scene: Scene, iou: float) -> Int:
+def _first_ranks(evaluation_boxes: EvaluationBoxes, iou: float) -> Int:
     """Return (G,) the place of the first proposal that reaches each object among those of its frame."""
-    proposals = scene.detections
+    proposals = evaluation_boxes.detections
     order = np.lexsort((-proposals.scores, proposals.frames))
     places = np.empty(len(proposals), np.int64)
     places[order] = ranks_in_groups(proposals.frames[order])
-    reaching = scene.overlaps[scene.overlaps.iou >= iou]
-    first = np.full(len(scene.truths), len(proposals))
+    reaching = evaluation_boxes.overlaps[evaluation_boxes.overlaps.iou >= iou]
+    first = np.full(len(evaluation_boxes.truths), len(proposals))
     np.minimum.at(first, reaching.truths, places[reaching.detections])
     return np.where(first < len(proposals), first, -1)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DetectionClass
-from perception.evaluation.detection.scene import Scene, lay_out
+from perception.evaluation.detection.scene import EvaluationBoxes, pair_boxes
 from perception.types import Bool, Float64, Int
 
 
@@ -59,16 +59,18 @@ def match_correctness(
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    scene = lay_out(truths, detections, frames)
-    is_of_class = scene.detection_types == of_class.name.lower()
-    is_correct = _matched(scene, of_class, is_of_class)
+    evaluation_boxes = pair_boxes(truths, detections, frames)
+    is_of_class = evaluation_boxes.detection_types == of_class.name.lower()
+    is_correct = _matched(evaluation_boxes, of_class, is_of_class)
     alike = [name.lower() for name in of_class.neighbours]
-    pairs = scene.overlaps
-    is_alike = np.isin(scene.truth_types[pairs.truths], alike) & (pairs.iou > of_class.iou)
-    is_left_out = scene.dont_care_shares > of_class.iou
+    pairs = evaluation_boxes.overlaps
+    is_alike = np.isin(evaluation_boxes.truth_types[pairs.truths], alike) & (
+        pairs.iou > of_class.iou
+    )
+    is_left_out = evaluation_boxes.dont_care_shares > of_class.iou
     is_left_out[pairs.detections[is_alike]] = True
     counts = is_of_class & (is_correct | ~is_left_out)
-    return Correctness(scene.detections.scores[counts], is_correct[counts])
+    return Correctness(evaluation_boxes.detections.scores[counts], is_correct[counts])
 
 
 def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
@@ -81,18 +83,20 @@ def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
     return Reliability(scores, shares, counts[is_filled])
 
 
-def _matched(scene: Scene, of_class: DetectionClass, is_of_class: Bool) -> Bool:
+def _matched(
+    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, is_of_class: Bool
+) -> Bool:
     """Return (D,) which detections are the first to reach a free object, surest and tightest first."""
-    pairs = scene.overlaps
+    pairs = evaluation_boxes.overlaps
     is_pair = (
         (pairs.iou > of_class.iou)
-        & (scene.truth_types[pairs.truths] == of_class.name.lower())
+        & (evaluation_boxes.truth_types[pairs.truths] == of_class.name.lower())
         & is_of_class[pairs.detections]
     )
     pairs = pairs[is_pair]
-    order = np.lexsort((-pairs.iou, -scene.detections.scores[pairs.detections]))
-    is_correct = np.zeros(len(scene.detections), bool)
-    is_found = np.zeros(len(scene.truths), bool)
+    order = np.lexsort((-pairs.iou, -evaluation_boxes.detections.scores[pairs.detections]))
+    is_correct = np.zeros(len(evaluation_boxes.detections), bool)
+    is_found = np.zeros(len(evaluation_boxes.truths), bool)
     for truth, detection in zip(
         pairs.truths[order].tolist(), pairs.detections[order].tolist(), strict=True
     ):

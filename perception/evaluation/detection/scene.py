@@ -20,7 +20,7 @@ from perception.types import Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class Overlaps(Rows):
+class OverlapPairs(Rows):
     """P pairs of a labelled and a detected box of one frame that share an area.
 
     Attributes:
@@ -35,7 +35,7 @@ class Overlaps(Rows):
 
 
 @dataclass(frozen=True)
-class Scene:
+class EvaluationBoxes:
     """What does not depend on the class that is looked for.
 
     Attributes:
@@ -53,7 +53,7 @@ class Scene:
     frames: int
     truth_types: np.ndarray
     detection_types: np.ndarray
-    overlaps: Overlaps
+    overlaps: OverlapPairs
     dont_care_shares: Float64
 
     @property
@@ -67,7 +67,7 @@ class Scene:
         return bool((is_of_class & (self.detections.boxes_px[:, 0] >= 0)).any())
 
 
-def lay_out(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> Scene:
+def pair_boxes(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> EvaluationBoxes:
     """Find all overlaps once.
 
     Raises:
@@ -77,7 +77,7 @@ def lay_out(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> Scene:
     if last >= max(frames, 1):
         raise PerceptionError("frames", expected=f"below {frames}", found=f"frame {last}")
     truth_types = np.char.lower(truths.types.astype(np.str_))
-    return Scene(
+    return EvaluationBoxes(
         truths=truths,
         detections=detections,
         frames=frames,
@@ -88,10 +88,10 @@ def lay_out(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> Scene:
     )
 
 
-def _find_overlaps(truths: TrueBoxes, detections: DetectedBoxes) -> Overlaps:
+def _find_overlaps(truths: TrueBoxes, detections: DetectedBoxes) -> OverlapPairs:
     of_truths, of_detections = pairs_in_groups(truths.frames, detections.frames)
     iou = paired_iou_px(truths.boxes_px[of_truths], detections.boxes_px[of_detections])
-    return Overlaps(of_truths, of_detections, iou)[iou > 0]
+    return OverlapPairs(of_truths, of_detections, iou)[iou > 0]
 
 
 def _dont_care_shares(regions: TrueBoxes, detections: DetectedBoxes) -> Float64:
@@ -122,11 +122,11 @@ class EvaluationMask:
 
 
 def evaluation_mask(
-    scene: Scene, of_class: DetectionClass, difficulty: Difficulty
+    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, difficulty: Difficulty
 ) -> EvaluationMask:
     """Decide who counts."""
-    truths, detections = scene.truths, scene.detections
-    is_of_class = scene.truth_types == of_class.name.lower()
+    truths, detections = evaluation_boxes.truths, evaluation_boxes.detections
+    is_of_class = evaluation_boxes.truth_types == of_class.name.lower()
     is_visible = (
         (truths.occlusion <= difficulty.max_occlusion)
         & (truths.truncation <= difficulty.max_truncation)
@@ -134,14 +134,15 @@ def evaluation_mask(
     )
     # The height of a detection is asked first, its class only then: what is too low may be of any.
     is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
-    is_valid_detection = ~is_low & (scene.detection_types == of_class.name.lower())
+    is_valid_detection = ~is_low & (evaluation_boxes.detection_types == of_class.name.lower())
     return EvaluationMask(
-        is_matchable_truth=is_of_class | _is_any_of(scene.truth_types, of_class.neighbours),
+        is_matchable_truth=is_of_class
+        | _is_any_of(evaluation_boxes.truth_types, of_class.neighbours),
         is_valid_truth=is_of_class & is_visible,
         is_matchable_detection=is_low | is_valid_detection,
         is_valid_detection=is_valid_detection,
         is_false_positive_if_unmatched=is_valid_detection
-        & (scene.dont_care_shares <= of_class.iou),
+        & (evaluation_boxes.dont_care_shares <= of_class.iou),
     )
 
 
@@ -153,8 +154,8 @@ def count_objects(
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    scene = lay_out(truths, DetectedBoxes.of_frames(()), frames)
-    return int(evaluation_mask(scene, of_class, difficulty).is_valid_truth.sum())
+    evaluation_boxes = pair_boxes(truths, DetectedBoxes.of_frames(()), frames)
+    return int(evaluation_mask(evaluation_boxes, of_class, difficulty).is_valid_truth.sum())
 
 
 def _heights_px(boxes_px: Float64) -> Float64:

@@ -7,8 +7,12 @@ from typing import Self
 import numpy as np
 
 from perception.evaluation.detection.grouping import pairs_in_groups, ranks_in_groups
-from perception.evaluation.detection.matching import rival_groups, serve_in_turn, turns_in_groups
-from perception.evaluation.detection.scene import EvaluationMask, Overlaps, Scene
+from perception.evaluation.detection.matching import (
+    assign_greedily,
+    connected_groups,
+    rounds_in_groups,
+)
+from perception.evaluation.detection.scene import EvaluationBoxes, EvaluationMask, OverlapPairs
 from perception.evaluation.rows import Rows
 from perception.types import Float64, Int
 
@@ -16,7 +20,7 @@ _BLOCK_PAIRS = 1_000_000  # that are matched at once, which bounds the memory at
 
 
 @dataclass(frozen=True)
-class Counts(Rows):
+class StepCounts(Rows):
     """What is found, one row a step of the threshold.
 
     Attributes:
@@ -39,7 +43,7 @@ class Counts(Rows):
 
 
 @dataclass(frozen=True)
-class Rivalry:
+class ThresholdSweep:
     """Groups of rivals, and the steps in which the threshold falls through each of them.
 
     Attributes:
@@ -51,17 +55,19 @@ class Rivalry:
         places: (D,) of each detection within its group, from 0.
     """
 
-    pairs: Overlaps
+    pairs: OverlapPairs
     groups: Int
-    turns: Int
+    rounds: Int
     steps: Int
     step_groups: Int
     places: Int
 
 
-def find_rivalry(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Rivalry:
+def plan_sweep(
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+) -> ThresholdSweep:
     """Order the pairs by choice: the greatest overlap, but who is ignored only in need."""
-    groups = rival_groups(candidates.truths, candidates.detections)
+    groups = connected_groups(candidates.truths, candidates.detections)
     is_valid_detection = mask.is_valid_detection[candidates.detections]
     worth = np.where(
         is_valid_detection, candidates.iou, 0.0
@@ -70,61 +76,70 @@ def find_rivalry(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Ri
     pairs, groups = candidates[order], groups[order]
     detections, firsts = np.unique(pairs.detections, return_index=True)
     detection_groups = groups[firsts]
-    fall = np.lexsort((-scene.detections.scores[detections], detection_groups))
-    places = np.zeros(len(scene.detections), np.int64)
+    fall = np.lexsort((-evaluation_boxes.detections.scores[detections], detection_groups))
+    places = np.zeros(len(evaluation_boxes.detections), np.int64)
     places[detections] = ranks_in_groups(detection_groups)
-    return Rivalry(
+    return ThresholdSweep(
         pairs=pairs,
         groups=groups,
-        turns=turns_in_groups(pairs.truths, groups),
+        rounds=rounds_in_groups(pairs.truths, groups),
         steps=np.asarray(detections[fall], np.int64),
         step_groups=detection_groups[fall],
         places=places,
     )
 
 
-def count_at_steps(scene: Scene, mask: EvaluationMask, rivalry: Rivalry) -> Counts:
+def count_at_steps(
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep
+) -> StepCounts:
     """Match each group anew at each of its steps, with the detections that the threshold has passed."""
-    blocks = (_count_block(scene, mask, rivalry, block) for block in _blocks(rivalry))
-    return Counts.concatenate(blocks)
+    blocks = (_count_block(evaluation_boxes, mask, sweep, block) for block in _blocks(sweep))
+    return StepCounts.concatenate(blocks)
 
 
-def _blocks(rivalry: Rivalry) -> Iterator[slice]:
+def _blocks(sweep: ThresholdSweep) -> Iterator[slice]:
     """Cut the steps into runs that do not take too many pairs together."""
-    pairs_of_steps = np.bincount(rivalry.groups)[rivalry.step_groups]
+    pairs_of_steps = np.bincount(sweep.groups)[sweep.step_groups]
     blocks = np.cumsum(pairs_of_steps) // _BLOCK_PAIRS
     ends = [*(np.flatnonzero(np.diff(blocks)) + 1).tolist(), len(blocks)]
     return (slice(start, end) for start, end in zip([0, *ends], ends, strict=False))
 
 
-def _count_block(scene: Scene, mask: EvaluationMask, rivalry: Rivalry, block: slice) -> Counts:
-    scores = scene.detections.scores
-    steps, groups = rivalry.steps[block], rivalry.step_groups[block]
+def _count_block(
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep, block: slice
+) -> StepCounts:
+    scores = evaluation_boxes.detections.scores
+    steps, groups = sweep.steps[block], sweep.step_groups[block]
     # Each step has its own copy of its group's pairs, less those that the threshold has not reached.
-    of_steps, of_pairs = pairs_in_groups(groups, rivalry.groups)
-    is_reached = scores[rivalry.pairs.detections[of_pairs]] >= scores[steps][of_steps]
+    of_steps, of_pairs = pairs_in_groups(groups, sweep.groups)
+    is_reached = scores[sweep.pairs.detections[of_pairs]] >= scores[steps][of_steps]
     of_steps, of_pairs = of_steps[is_reached], of_pairs[is_reached]
-    pairs = rivalry.pairs[of_pairs]
-    sizes = np.bincount(rivalry.step_groups)[groups]
-    is_matched = serve_in_turn(
-        truths=of_steps * len(scene.truths) + pairs.truths,
-        detections=(np.cumsum(sizes) - sizes)[of_steps] + rivalry.places[pairs.detections],
-        turns=rivalry.turns[of_pairs],
+    pairs = sweep.pairs[of_pairs]
+    sizes = np.bincount(sweep.step_groups)[groups]
+    is_matched = assign_greedily(
+        truths=of_steps * len(evaluation_boxes.truths) + pairs.truths,
+        detections=(np.cumsum(sizes) - sizes)[of_steps] + sweep.places[pairs.detections],
+        rounds=sweep.rounds[of_pairs],
     )
-    return _count(scene, mask, pairs[is_matched], of_steps[is_matched], len(steps))
+    return _count(evaluation_boxes, mask, pairs[is_matched], of_steps[is_matched], len(steps))
 
 
 def _count(
-    scene: Scene, mask: EvaluationMask, matched: Overlaps, of_steps: Int, steps: int
-) -> Counts:
+    evaluation_boxes: EvaluationBoxes,
+    mask: EvaluationMask,
+    matched: OverlapPairs,
+    of_steps: Int,
+    steps: int,
+) -> StepCounts:
     is_found = mask.is_valid_truth[matched.truths]
     is_right = is_found & mask.is_valid_detection[matched.detections]
     is_cleared = mask.is_false_positive_if_unmatched[matched.detections]
     turned_rad = (
-        scene.truths.alphas_rad[matched.truths] - scene.detections.alphas_rad[matched.detections]
+        evaluation_boxes.truths.alphas_rad[matched.truths]
+        - evaluation_boxes.detections.alphas_rad[matched.detections]
     )
     alike = np.where(is_right, (1 + np.cos(turned_rad)) / 2, 0.0)
-    return Counts(
+    return StepCounts(
         true_positives=np.bincount(of_steps[is_right], minlength=steps),
         found_truths=np.bincount(of_steps[is_found], minlength=steps),
         cleared=np.bincount(of_steps[is_cleared], minlength=steps),

@@ -11,16 +11,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.detection.matching import rival_groups, serve_in_turn, turns_in_groups
+from perception.evaluation.detection.matching import (
+    assign_greedily,
+    connected_groups,
+    rounds_in_groups,
+)
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.evaluation.detection.scene import EvaluationMask, Overlaps, Scene, evaluation_mask
-from perception.evaluation.detection.steps import count_at_steps, find_rivalry
+from perception.evaluation.detection.scene import (
+    EvaluationBoxes,
+    EvaluationMask,
+    OverlapPairs,
+    evaluation_mask,
+)
+from perception.evaluation.detection.steps import count_at_steps, plan_sweep
 from perception.evaluation.rows import Rows
 from perception.types import Float64, Int
 
 
 @dataclass(frozen=True)
-class Matches(Rows):
+class MatchedScores(Rows):
     """Valid truths that a normal detection is found for when all detections count.
 
     Attributes:
@@ -33,7 +42,7 @@ class Matches(Rows):
 
 
 @dataclass(frozen=True)
-class Changes(Rows):
+class CountIncrements(Rows):
     """By how much each detection changes the counts when the threshold falls to its score.
 
     Attributes:
@@ -54,7 +63,7 @@ class Changes(Rows):
 
 
 @dataclass(frozen=True)
-class Tally:
+class MatchStatistics:
     """One class at one difficulty.
 
     Attributes:
@@ -64,52 +73,61 @@ class Tally:
     """
 
     truths_of_frames: Int
-    matches: Matches
-    changes: Changes
+    matches: MatchedScores
+    increments: CountIncrements
 
 
-def tally(scene: Scene, of_class: DetectionClass, difficulty: Difficulty) -> Tally:
+def match_statistics(
+    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, difficulty: Difficulty
+) -> MatchStatistics:
     """Match the boxes of all frames, so that any threshold and any choice of frames can be counted."""
-    mask = evaluation_mask(scene, of_class, difficulty)
-    overlaps = scene.overlaps
+    mask = evaluation_mask(evaluation_boxes, of_class, difficulty)
+    overlaps = evaluation_boxes.overlaps
     candidates = overlaps[
         (overlaps.iou > of_class.iou)
         & mask.is_matchable_truth[overlaps.truths]
         & mask.is_matchable_detection[overlaps.detections]
     ]
-    valid_frames = scene.truths.frames[mask.is_valid_truth]
-    return Tally(
-        truths_of_frames=np.bincount(valid_frames, minlength=scene.frames),
-        matches=_match_by_score(scene, mask, candidates),
-        changes=_book_changes(scene, mask, candidates),
+    valid_frames = evaluation_boxes.truths.frames[mask.is_valid_truth]
+    return MatchStatistics(
+        truths_of_frames=np.bincount(valid_frames, minlength=evaluation_boxes.frames),
+        matches=_match_by_score(evaluation_boxes, mask, candidates),
+        increments=_count_increments(evaluation_boxes, mask, candidates),
     )
 
 
-def _match_by_score(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Matches:
+def _match_by_score(
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+) -> MatchedScores:
     """Let each truth take the surest of all detections, not the one that fits best."""
-    scores = scene.detections.scores[candidates.detections]
+    scores = evaluation_boxes.detections.scores[candidates.detections]
     pairs = candidates[np.lexsort((candidates.detections, -scores, candidates.truths))]
-    turns = turns_in_groups(pairs.truths, rival_groups(pairs.truths, pairs.detections))
-    matched = pairs[serve_in_turn(pairs.truths, pairs.detections, turns)]
+    rounds = rounds_in_groups(pairs.truths, connected_groups(pairs.truths, pairs.detections))
+    matched = pairs[assign_greedily(pairs.truths, pairs.detections, rounds)]
     both = mask.is_valid_truth[matched.truths] & mask.is_valid_detection[matched.detections]
     detections = matched.detections[both]
-    matches = Matches(scene.detections.scores[detections], scene.detections.frames[detections])
+    matches = MatchedScores(
+        evaluation_boxes.detections.scores[detections],
+        evaluation_boxes.detections.frames[detections],
+    )
     return matches[np.argsort(-matches.scores)]
 
 
-def _book_changes(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> Changes:
+def _count_increments(
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+) -> CountIncrements:
     """Let every detection be wrong for itself, then correct this by what the matching gains."""
-    rivalry = find_rivalry(scene, mask, candidates)
-    gains = count_at_steps(scene, mask, rivalry).gains(rivalry.step_groups)
-    detections, count = scene.detections, len(scene.detections)
+    sweep = plan_sweep(evaluation_boxes, mask, candidates)
+    gains = count_at_steps(evaluation_boxes, mask, sweep).gains(sweep.step_groups)
+    detections, count = evaluation_boxes.detections, len(evaluation_boxes.detections)
     cleared = np.zeros(count, np.int64)
     true_positives, found_truths = np.zeros(count, np.int64), np.zeros(count, np.int64)
     similarity = np.zeros(count)
-    true_positives[rivalry.steps] = gains.true_positives
-    found_truths[rivalry.steps] = gains.found_truths
-    cleared[rivalry.steps] = gains.cleared
-    similarity[rivalry.steps] = gains.similarity
-    changes = Changes(
+    true_positives[sweep.steps] = gains.true_positives
+    found_truths[sweep.steps] = gains.found_truths
+    cleared[sweep.steps] = gains.cleared
+    similarity[sweep.steps] = gains.similarity
+    increments = CountIncrements(
         scores=detections.scores,
         frames=detections.frames,
         true_positives=true_positives,
@@ -117,4 +135,4 @@ def _book_changes(scene: Scene, mask: EvaluationMask, candidates: Overlaps) -> C
         found_truths=found_truths,
         similarity=similarity,
     )[mask.is_matchable_detection]
-    return changes[np.argsort(-changes.scores, kind="stable")]
+    return increments[np.argsort(-increments.scores, kind="stable")]

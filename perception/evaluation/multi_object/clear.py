@@ -8,8 +8,8 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from perception.evaluation.multi_object.matching import rival_groups
-from perception.evaluation.multi_object.pairs import Pairs, couples_of, pair_up
+from perception.evaluation.multi_object.matching import matching_components
+from perception.evaluation.multi_object.pairs import BoxPairs, group_by_track, pair_boxes
 from perception.evaluation.multi_object.sequence import TrackedSequence
 from perception.types import Bool, Int
 
@@ -89,18 +89,18 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
         sequence: frames in order.
         threshold: of similarity, from which on two boxes may be the same.
     """
-    paired = pair_up(sequence, threshold)
-    matched = paired.pairs[_match_in_turn(paired.pairs)]
+    paired = pair_boxes(sequence, threshold)
+    matched = paired.pairs[_match_frames(paired.pairs)]
     true_positives = len(matched.truths)
     found = np.bincount(matched.truths, minlength=len(paired.truth_lengths))
     # In whole numbers: 80 % of five frames is four of them.
     is_mostly = 5 * found > 4 * paired.truth_lengths
     is_lost = 5 * found < paired.truth_lengths
     # The matches of each object in turn: what follows on what.
-    by_object = np.lexsort((matched.moments, matched.truths))
+    by_object = np.lexsort((matched.timesteps, matched.truths))
     is_same = np.diff(matched.truths[by_object]) == 0
     has_other_track = np.diff(matched.tracks[by_object]) != 0
-    has_gap = np.diff(matched.moments[by_object]) > 1
+    has_gap = np.diff(matched.timesteps[by_object]) > 1
     return Clear(
         true_positives=true_positives,
         false_positives=int(paired.track_lengths.sum()) - true_positives,
@@ -114,23 +114,23 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
     )
 
 
-def _match_in_turn(pairs: Pairs) -> Bool:
+def _match_frames(pairs: BoxPairs) -> Bool:
     """Match frame after frame: who was matched in the frame before stays so if still alike enough."""
     before = _pair_before(pairs)
     is_matched = np.ones(len(before), bool)
-    for group in rival_groups(pairs.truth_boxes, pairs.track_boxes):
+    for group in matching_components(pairs.truth_boxes, pairs.track_boxes):
         earlier = before[group.pairs]
         is_continued = (earlier >= 0) & is_matched[earlier]
         weights = _CONTINUED * is_continued + pairs.similarity[group.pairs]
-        is_matched[group.pairs] = group.heaviest(weights)
+        is_matched[group.pairs] = group.max_weight(weights)
     return is_matched
 
 
-def _pair_before(pairs: Pairs) -> Int:
+def _pair_before(pairs: BoxPairs) -> Int:
     """Return (C,) which pair is of the same object and track one moment earlier, or -1."""
-    couples = couples_of(pairs).of_pairs
-    order = np.lexsort((pairs.moments, couples))
-    is_next = (np.diff(couples[order]) == 0) & (np.diff(pairs.moments[order]) == 1)
+    track_pairs = group_by_track(pairs).pair_ids
+    order = np.lexsort((pairs.timesteps, track_pairs))
+    is_next = (np.diff(track_pairs[order]) == 0) & (np.diff(pairs.timesteps[order]) == 1)
     before = np.full(len(order), -1)
     before[order[1:][is_next]] = order[:-1][is_next]
     return before

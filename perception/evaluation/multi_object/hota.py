@@ -7,8 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.evaluation.multi_object.matching import heaviest_matching
-from perception.evaluation.multi_object.pairs import Couples, PairedSequence, couples_of, pair_up
+from perception.evaluation.multi_object.matching import max_weight_matching
+from perception.evaluation.multi_object.pairs import (
+    PairedSequence,
+    TrackPairs,
+    group_by_track,
+    pair_boxes,
+)
 from perception.evaluation.multi_object.sequence import TrackedSequence
 from perception.types import Float64, Int
 
@@ -151,16 +156,16 @@ class Hota:
 
 def hota(sequence: TrackedSequence) -> Hota:
     """Measure one sequence; several are combined by adding their results."""
-    paired = pair_up(sequence)
-    pairs, couples = paired.pairs, couples_of(paired.pairs)
-    weights = pairs.similarity * _alignment(paired, couples)[couples.of_pairs]
+    paired = pair_boxes(sequence)
+    pairs, track_pairs = paired.pairs, group_by_track(paired.pairs)
+    weights = pairs.similarity * _alignment(paired, track_pairs)[track_pairs.pair_ids]
     # One matching serves all thresholds: those who belong together over time, then those who are alike.
-    is_matched = heaviest_matching(pairs.truth_boxes, pairs.track_boxes, weights)
+    is_matched = max_weight_matching(pairs.truth_boxes, pairs.track_boxes, weights)
     is_positive = is_matched & (pairs.similarity >= ALPHAS[:, None] - _ROUNDING)
     true_positives = is_positive.sum(axis=1)
-    together = np.stack([couples.sums(row) for row in is_positive])
-    truth_lengths = paired.truth_lengths[couples.truths]
-    track_lengths = paired.track_lengths[couples.tracks]
+    together = np.stack([track_pairs.sums(row) for row in is_positive])
+    truth_lengths = paired.truth_lengths[track_pairs.truths]
+    track_lengths = paired.track_lengths[track_pairs.tracks]
     return Hota(
         true_positives=true_positives,
         false_negatives=paired.truth_lengths.sum() - true_positives,
@@ -172,13 +177,13 @@ def hota(sequence: TrackedSequence) -> Hota:
     )
 
 
-def _alignment(paired: PairedSequence, couples: Couples) -> Float64:
+def _alignment(paired: PairedSequence, track_pairs: TrackPairs) -> Float64:
     """Return (K,) how well each couple fits over the whole sequence, were no box to choose one partner."""
     pairs = paired.pairs
     by_truth = np.bincount(pairs.truth_boxes, pairs.similarity)[pairs.truth_boxes]
     by_track = np.bincount(pairs.track_boxes, pairs.similarity)[pairs.track_boxes]
-    together = couples.sums(pairs.similarity / (by_truth + by_track - pairs.similarity))
-    lengths = paired.truth_lengths[couples.truths] + paired.track_lengths[couples.tracks]
+    together = track_pairs.sums(pairs.similarity / (by_truth + by_track - pairs.similarity))
+    lengths = paired.truth_lengths[track_pairs.truths] + paired.track_lengths[track_pairs.tracks]
     return np.asarray(together / (lengths - together))
 
 

@@ -6,8 +6,8 @@ ECCV Workshops 2016.
 
 from dataclasses import dataclass
 
-from perception.evaluation.multi_object.matching import heaviest_matching
-from perception.evaluation.multi_object.pairs import couples_of, pair_up
+from perception.evaluation.multi_object.matching import max_weight_matching
+from perception.evaluation.multi_object.pairs import group_by_track, pair_boxes
 from perception.evaluation.multi_object.sequence import TrackedSequence
 
 
@@ -57,12 +57,12 @@ def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
         sequence: frames in order.
         threshold: of similarity, from which on two boxes meet.
     """
-    paired = pair_up(sequence, threshold)
-    couples = couples_of(paired.pairs)
-    meetings = couples.sums(paired.pairs.similarity > 0)
+    paired = pair_boxes(sequence, threshold)
+    track_pairs = group_by_track(paired.pairs)
+    meetings = track_pairs.sums(paired.pairs.similarity > 0)
     # A couple that meets c times spares c misses and c false boxes of what both would cost alone:
     # the cheapest assignment is the one with the most meetings.
-    is_given = heaviest_matching(couples.truths, couples.tracks, meetings)
+    is_given = max_weight_matching(track_pairs.truths, track_pairs.tracks, meetings)
     true_positives = int(meetings[is_given].sum())
     return Identity(
         true_positives=true_positives,

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from perception.types import Bool, Float64, Int
 
 
-def heaviest_matching(rows: Int, columns: Int, weights: Float64) -> Bool:
+def max_weight_matching(rows: Int, columns: Int, weights: Float64) -> Bool:
     """Return (C,) which of C different pairs are in the one-to-one matching of the greatest sum of weights.
 
     Args:
@@ -20,13 +20,13 @@ def heaviest_matching(rows: Int, columns: Int, weights: Float64) -> Bool:
         weights: (C,) above 0.
     """
     is_chosen = np.ones(len(rows), bool)
-    for group in rival_groups(rows, columns):
-        is_chosen[group.pairs] = group.heaviest(weights[group.pairs])
+    for group in matching_components(rows, columns):
+        is_chosen[group.pairs] = group.max_weight(weights[group.pairs])
     return is_chosen
 
 
 @dataclass(frozen=True)
-class RivalGroup:
+class MatchingComponent:
     """P pairs that compete, directly or through others, and with no pair outside.
 
     Attributes:
@@ -39,7 +39,7 @@ class RivalGroup:
     rows: Int
     columns: Int
 
-    def heaviest(self, weights: Float64) -> Bool:
+    def max_weight(self, weights: Float64) -> Bool:
         """Return (P,) which pairs are in the one-to-one matching of the greatest sum of (P,) weights."""
         table = np.zeros((int(self.rows.max()) + 1, int(self.columns.max()) + 1))
         table[self.rows, self.columns] = weights
@@ -49,7 +49,7 @@ class RivalGroup:
         return np.asarray(is_taken[self.rows, self.columns])
 
 
-def rival_groups(rows: Int, columns: Int) -> list[RivalGroup]:
+def matching_components(rows: Int, columns: Int) -> list[MatchingComponent]:
     """Return the groups of two and more rivals, in the order of their first pair.
 
     The matching of all pairs is the matchings of these groups, and every pair that is in none.
@@ -63,7 +63,7 @@ def rival_groups(rows: Int, columns: Int) -> list[RivalGroup]:
     group_rows = _numbered_within(labels[members], rows[members], starts)
     group_columns = _numbered_within(labels[members], columns[members], starts)
     groups = [
-        RivalGroup(members[start:end], group_rows[start:end], group_columns[start:end])
+        MatchingComponent(members[start:end], group_rows[start:end], group_columns[start:end])
         for start, end in pairwise([*starts.tolist(), len(members)])
     ]
     return sorted(groups, key=lambda group: int(group.pairs[0]))

@@ -24,7 +24,7 @@ from scipy.optimize import linear_sum_assignment
 from perception.evaluation.multi_object.moving_scene import (
     MovingObjectConfig,
     MovingScene,
-    is_labelled_there,
+    is_labelled_region,
     is_target,
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
@@ -32,8 +32,8 @@ from perception.evaluation.objects import MotionState
 from perception.geometry.box_overlap_ground import (
     center_distances_m,
     distance_similarity,
-    iou_ground,
-    shared_areas_m2,
+    intersection_areas_m2,
+    iou_bev,
 )
 from perception.types import Boxes3D, Float64, Int, Tracks
 
@@ -72,7 +72,7 @@ def assign_tracks(
     own_similarity = np.zeros(len(tracks))
     own_similarity[pairs[1]] = similarity[target_rows][pairs]
 
-    is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_sometime
+    is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_in_drive
     ignorable = ~targets & ~is_parked
     lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
     is_candidate = (similarity >= config.min_similarity) | lies_on
@@ -80,7 +80,7 @@ def assign_tracks(
         axis=0, initial=0.0
     )
     ignored = ignorable_similarity > own_similarity
-    is_unlabelled = (own_similarity == 0) & ~is_labelled_there(tracks.boxes, scene, config)
+    is_unlabelled = (own_similarity == 0) & ~is_labelled_region(tracks.boxes, scene, config)
     evaluated = ~ignored & ~is_unlabelled
     kept = ~ignored[pairs[1]]
     return FrameAssignment(
@@ -118,14 +118,14 @@ def similarity_frames(
     near = distance_similarity(center_distances_m(truth, predicted.boxes), config.max_distance_m)
     return SimilarityFrames(
         by_distance=TrackedFrame(*ids, near),
-        by_overlap=TrackedFrame(*ids, iou_ground(truth, predicted.boxes)),
+        by_overlap=TrackedFrame(*ids, iou_bev(truth, predicted.boxes)),
     )
 
 
 def _similarity(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
     """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
     near = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
-    return np.maximum(near, iou_ground(boxes, tracks))
+    return np.maximum(near, iou_bev(boxes, tracks))
 
 
 def _best_pairs(similarity: Float64, at_least: float) -> tuple[Int, Int]:
@@ -138,6 +138,6 @@ def _best_pairs(similarity: Float64, at_least: float) -> tuple[Int, Int]:
 
 def _covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
     """Return (M, T) the share of each track's outline that lies on each object."""
-    shared_m2 = shared_areas_m2(boxes, tracks)
+    shared_m2 = intersection_areas_m2(boxes, tracks)
     areas_m2 = tracks.size_m[:, 0] * tracks.size_m[:, 1]
     return np.divide(shared_m2, areas_m2, out=np.zeros_like(shared_m2), where=areas_m2 > 0)

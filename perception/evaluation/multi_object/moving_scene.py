@@ -65,20 +65,20 @@ class MovingScene:
     Attributes:
         objects: M labelled objects in the LiDAR frame, those that stand too.
         velocities_m_s: (M, 2) over the ground, along x and y of the LiDAR frame; NaN where unknown.
-        moves_sometime: (M,) whether the object moves in any frame of the drive.
+        moves_in_drive: (M,) whether the object moves in any frame of the drive.
         points: (M,) points of the scan that each box holds above its feet.
         view: what was labelled; None where everything around was.
     """
 
     objects: LabelledObjects
     velocities_m_s: Float64
-    moves_sometime: Bool
+    moves_in_drive: Bool
     points: Int
     view: LabelledView | None = None
 
     def __post_init__(self) -> None:
         """Refuse arrays of different lengths."""
-        columns = (self.objects, self.velocities_m_s, self.moves_sometime, self.points)
+        columns = (self.objects, self.velocities_m_s, self.moves_in_drive, self.points)
         lengths = {len(column) for column in columns}
         if len(lengths) > 1:
             raise PerceptionError(
@@ -86,7 +86,7 @@ class MovingScene:
             )
 
 
-def points_above_feet(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
+def points_above_bottom(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
     """Return (M,) how many points each box holds, less what lies near its bottom."""
     lift_m = np.array([0.0, 0.0, clearance_m])
     raised = Boxes3D(boxes_velo.bottom_m + lift_m, boxes_velo.size_m - lift_m, boxes_velo.yaw_rad)
@@ -110,7 +110,7 @@ def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) 
     return is_near & is_in_view(scene.view.calibration, middle, scene.view.image_size_px)
 
 
-def is_labelled_there(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:
+def is_labelled_region(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:
     """Tell where an object would have been labelled: in area and view, and in no DontCare region."""
     is_watched = _is_watched(boxes, scene, config)
     if scene.view is None or len(boxes) == 0:

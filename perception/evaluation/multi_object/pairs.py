@@ -19,7 +19,7 @@ _ROUNDING = np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
-class Pairs:
+class BoxPairs:
     """C pairs of a true and an answered box of the same frame, in the order of frames.
 
     Attributes:
@@ -35,7 +35,7 @@ class Pairs:
     tracks: Int
     truth_boxes: Int
     track_boxes: Int
-    moments: Int
+    timesteps: Int
     similarity: Float64
 
     def __getitem__(self, rows: Bool) -> Self:
@@ -45,7 +45,7 @@ class Pairs:
             self.tracks[rows],
             self.truth_boxes[rows],
             self.track_boxes[rows],
-            self.moments[rows],
+            self.timesteps[rows],
             self.similarity[rows],
         )
 
@@ -62,10 +62,10 @@ class PairedSequence:
 
     truth_lengths: Int
     track_lengths: Int
-    pairs: Pairs
+    pairs: BoxPairs
 
 
-def pair_up(sequence: TrackedSequence, threshold: float = 0.0) -> PairedSequence:
+def pair_boxes(sequence: TrackedSequence, threshold: float = 0.0) -> PairedSequence:
     """Find all pairs of a similarity above 0 and not under a threshold."""
     truths = _numbered([frame.truth_ids for frame in sequence])
     tracks = _numbered([frame.track_ids for frame in sequence])
@@ -79,45 +79,45 @@ def pair_up(sequence: TrackedSequence, threshold: float = 0.0) -> PairedSequence
     rows, columns = np.divmod(kept - starts[frames], widths[frames])
     truth_boxes = _starts(heights)[frames] + rows
     track_boxes = _starts(widths)[frames] + columns
-    moments = np.cumsum((heights > 0) & (widths > 0)) - 1
+    timesteps = np.cumsum((heights > 0) & (widths > 0)) - 1
     return PairedSequence(
         truth_lengths=np.bincount(truths),
         track_lengths=np.bincount(tracks),
-        pairs=Pairs(
+        pairs=BoxPairs(
             truths=truths[truth_boxes],
             tracks=tracks[track_boxes],
             truth_boxes=truth_boxes,
             track_boxes=track_boxes,
-            moments=moments[frames],
+            timesteps=timesteps[frames],
             similarity=similarity[kept],
         ),
     )
 
 
 @dataclass(frozen=True)
-class Couples:
+class TrackPairs:
     """K different couples of a true object and a track that were alike in at least one frame.
 
     Attributes:
         truths: (K,) number of the true object.
         tracks: (K,) number of the track.
-        of_pairs: (C,) number of the couple that each pair belongs to.
+        pair_ids: (C,) number of the couple that each pair belongs to.
     """
 
     truths: Int
     tracks: Int
-    of_pairs: Int
+    pair_ids: Int
 
     def sums(self, weights: Float64 | Bool) -> Float64:
         """Return (K,) sums of (C,) weights of pairs."""
-        return np.bincount(self.of_pairs, weights, len(self.truths)).astype(np.float64)
+        return np.bincount(self.pair_ids, weights, len(self.truths)).astype(np.float64)
 
 
-def couples_of(pairs: Pairs) -> Couples:
+def group_by_track(pairs: BoxPairs) -> TrackPairs:
     """Find out which pairs are of the same object and track."""
     width = int(pairs.tracks.max(initial=0)) + 1
-    keys, of_pairs = np.unique(pairs.truths * width + pairs.tracks, return_inverse=True)
-    return Couples(keys // width, keys % width, of_pairs)
+    keys, pair_ids = np.unique(pairs.truths * width + pairs.tracks, return_inverse=True)
+    return TrackPairs(keys // width, keys % width, pair_ids)
 
 
 def _numbered(ids_of_frames: list[Int]) -> Int:

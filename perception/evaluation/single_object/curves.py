@@ -55,7 +55,7 @@ class CorrectFrames:
 
 def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:
     """Tell which frames are right."""
-    in_space = slice(None) if errors.gives_boxes else slice(0)
+    in_space = slice(None) if errors.has_3d_boxes else slice(0)
     in_image = np.isfinite(errors.overlap_px)
     # What is missing is NaN, and NaN is never right.
     return CorrectFrames(
@@ -91,12 +91,12 @@ def cumulative_success(is_correct: Bool) -> Float64:
     return np.concatenate([[0.0], np.cumsum(is_correct) / count])
 
 
-def area_under(curve: Float64) -> float:
+def area_under_curve(curve: Float64) -> float:
     """Return the mean height of a curve over evenly spaced thresholds, by trapezoids."""
     return float(((curve[:-1] + curve[1:]) / 2).mean())
 
 
 def _shares(is_correct: Bool, errors: SingleObjectErrors) -> Float64:
-    if len(errors) == 0 or not errors.gives_boxes:
+    if len(errors) == 0 or not errors.has_3d_boxes:
         return np.full(is_correct.shape[1], np.nan)
     return np.asarray(is_correct.mean(axis=0))

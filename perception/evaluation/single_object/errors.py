@@ -46,12 +46,12 @@ class SingleObjectErrors:
         return len(self.frames)
 
     @property
-    def gives_boxes(self) -> bool:
+    def has_3d_boxes(self) -> bool:
         """Whether the tracker answers in space, not in the image alone."""
         return not bool(np.isnan(self.overlap).all())
 
     @property
-    def is_off(self) -> Bool:
+    def is_drifted(self) -> Bool:
         """(K,) whether the answer shares nothing with the object, in space or else in the image."""
         in_space = np.isfinite(self.overlap)
         return np.asarray(np.where(in_space, self.overlap == 0, self.overlap_px == 0))
@@ -73,23 +73,25 @@ def single_object_errors(
         followed: by a tracker, over the same frames or more.
         camera: that sees both; None where there is none.
     """
-    _, ours, theirs = np.intersect1d(truth.frames, predicted_track.frames, return_indices=True)
-    truth, boxes = truth[ours], predicted_track.boxes_velo[theirs]
-    outlines = _outlines(boxes, predicted_track.boxes_px[theirs], camera)
+    _, truth_rows, track_rows = np.intersect1d(
+        truth.frames, predicted_track.frames, return_indices=True
+    )
+    truth, boxes = truth[truth_rows], predicted_track.boxes_velo[track_rows]
+    outlines = _outlines(boxes, predicted_track.boxes_px[track_rows], camera)
     has_box = np.isfinite(boxes.bottom_m).all(axis=1)
     overlap = np.where(has_box, paired_iou_3d(boxes, truth.boxes_velo), 0.0)
-    off_m_s = predicted_track.velocities_m_s[theirs] - truth.velocities_m_s
+    velocity_error = predicted_track.velocities_m_s[track_rows] - truth.velocities_m_s
     overlap_px = np.nan_to_num(paired_iou_px(outlines, truth.boxes_px))
     return SingleObjectErrors(
         frames=truth.frames,
-        states=predicted_track.states[theirs],
+        states=predicted_track.states[track_rows],
         center_m=_norm(_centers_m(boxes) - _centers_m(truth.boxes_velo)),
         heading_rad=wrap(boxes.yaw_rad - truth.boxes_velo.yaw_rad),
         overlap=overlap if has_box.any() else np.full(len(truth), np.nan),
-        velocity_m_s=np.where(has_box, _norm(off_m_s), np.nan),
+        velocity_m_s=np.where(has_box, _norm(velocity_error), np.nan),
         center_px=_norm(_centers_px(outlines) - _centers_px(truth.boxes_px)),
         overlap_px=np.where(np.isfinite(truth.boxes_px).all(axis=1), overlap_px, np.nan),
-        seconds=predicted_track.seconds[theirs],
+        seconds=predicted_track.seconds[track_rows],
     )
 
 

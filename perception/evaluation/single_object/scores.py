@@ -6,7 +6,7 @@ import numpy as np
 
 from perception.evaluation.single_object.curves import (
     SingleObjectMetricsConfig,
-    area_under,
+    area_under_curve,
     correct_frames,
     precision_curve,
     success_curve,
@@ -47,7 +47,7 @@ PROTOCOL_WORDS = {
     "velocity": "mean length of the velocity's error over the ground, in the frames in which truth is known",
     "states": "shares of frames that the tracker itself calls seen, predicted and lost",
     "off": "share of frames whose answer shares nothing with the object",
-    "lost_from": "first frame from which on the answer never shares anything with the object again",
+    "lost_from_frame": "first frame from which on the answer never shares anything with the object again",
     "ms": "of one tracker on one object, without what it shares with others: reading, poses, ground",
     "together": "over all frames of all sequences, not a mean of the sequences",
 }
@@ -76,7 +76,7 @@ class SingleObjectMetrics:
         predicted: the same.
         lost: the same.
         off: share of frames that share nothing with the object.
-        lost_from: frame from which on nothing is shared, or None where the last is not off.
+        lost_from_frame: frame from which on nothing is shared, or None where the last is not off.
         ms_per_frame: mean.
         ms_p99: 99th percentile.
     """
@@ -97,8 +97,8 @@ class SingleObjectMetrics:
     seen: float
     predicted: float
     lost: float
-    off: float
-    lost_from: int | None
+    drifted: float
+    lost_from_frame: int | None
     ms_per_frame: float
     ms_p99: float
 
@@ -122,22 +122,22 @@ def single_object_metrics(
         overlap_success=_mean(correct.overlap),
         heading_success=_mean(correct.heading),
         location_success=_mean(correct.location),
-        success=area_under(success_curve(errors, config)),
-        precision=area_under(precision_curve(errors, config)),
+        success=area_under_curve(success_curve(errors, config)),
+        precision=area_under_curve(precision_curve(errors, config)),
         seen=shares[TrackStatus.SEEN],
         predicted=shares[TrackStatus.PREDICTED],
         lost=shares[TrackStatus.LOST],
-        off=_mean(errors.is_off),
-        lost_from=_lost_from(errors),
+        drifted=_mean(errors.is_drifted),
+        lost_from_frame=_lost_from(errors),
         ms_per_frame=1000 * _mean(errors.seconds),
         ms_p99=1000 * float(np.quantile(errors.seconds, 0.99)) if len(errors) else np.nan,
     )
 
 
 def _lost_from(errors: SingleObjectErrors) -> int | None:
-    if len(errors) == 0 or not errors.is_off[-1]:
+    if len(errors) == 0 or not errors.is_drifted[-1]:
         return None
-    on = np.flatnonzero(~errors.is_off)
+    on = np.flatnonzero(~errors.is_drifted)
     return int(errors.frames[on[-1] + 1 if len(on) else 0])
 
 

@@ -19,8 +19,8 @@ from perception.errors import PerceptionError
 from perception.geometry.boxes import transform_boxes
 from perception.sensor import LidarModel
 from perception.tracking.single_object.followed_box import BoxTrack
-from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
-from perception.tracking.single_object.object_motion import motion_of
+from perception.tracking.single_object.ground_below import LocalGround, update_ground
+from perception.tracking.single_object.object_motion import motion_model_for
 from perception.tracking.single_object.object_shape import ObjectShape, ObjectShapeConfig
 from perception.tracking.single_object.point_model import (
     PointModel,
@@ -35,11 +35,11 @@ from perception.tracking.single_object.pose_search import (
     squared_distance,
 )
 from perception.tracking.single_object.sight import ObjectObservation, observation_of, points_around
-from perception.tracking.single_object.surroundings import Surroundings
+from perception.tracking.single_object.surroundings import BackgroundModel
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.types import Boxes3D
 
-_PLAY = 0.02  # of what stands, in metres and radians: poses drift
+_POSE_DRIFT = 0.02  # of what stands, in metres and radians: poses drift
 _logger = logging.getLogger(__name__)
 
 
@@ -48,38 +48,38 @@ class BoxFitTrackerConfig:
     """When an object is seen, and what belongs to it.
 
     Attributes:
-        start_m: standard deviation of the first box along x and y.
-        start_rad: of its heading.
+        initial_deviation_m: standard deviation of the first box along x and y.
+        initial_deviation_rad: of its heading.
         clearance_m: points so near the ground may be ground.
         headroom_m: points so far above the box are not the object's.
-        thin_m: points are gathered by cells of this edge.
+        cell_m: points are gathered by cells of this edge.
         search_margin_m: how far around the box is looked at, least and most.
-        known_weight: of a point where something else stood a moment ago.
+        background_weight: of a point where something else stood a moment ago.
         min_reward: of the points at the best pose, each worth up to 1, to be seen.
         min_contrast: of what speaks for it, against what speaks against it.
         gate: squared deviations from what is expected; 99 % of true ones are closer (chi-squared, 3).
         min_share: of the reward that the object used to have at this distance.
-        return_share: the same of an object that was hidden.
-        return_top_m: by so much the top of an object that returns may differ from what it was, besides
+        reacquire_share: the same of an object that was hidden.
+        reacquire_top_m: by so much the top of an object that returns may differ from what it was, besides
             what the beams miss.
         lost_after_s: without being seen.
         shape: of the object.
         search: of its pose.
     """
 
-    start_m: float = 0.1
-    start_rad: float = 0.08
+    initial_deviation_m: float = 0.1
+    initial_deviation_rad: float = 0.08
     clearance_m: float = 0.2
     headroom_m: float = 0.3
-    thin_m: float = 0.1
+    cell_m: float = 0.1
     search_margin_m: tuple[float, float] = (3.0, 6.0)
-    known_weight: float = 0.1
+    background_weight: float = 0.1
     min_reward: float = 1.2
     min_contrast: float = 0.5
     gate: float = 11.3
     min_share: float = 0.1
-    return_share: float = 0.25
-    return_top_m: float = 0.25
+    reacquire_share: float = 0.25
+    reacquire_top_m: float = 0.25
     lost_after_s: float = 3.0
     shape: ObjectShapeConfig = field(default_factory=ObjectShapeConfig)
     search: PoseSearchConfig = field(default_factory=PoseSearchConfig)
@@ -104,15 +104,17 @@ class BoxFitTracker:
         config, box_world = self._config, transform_boxes(tracker_input.world_SE3_velo, box_velo)
         size_m = box_world.size_m[0].astype(np.float64)
         pose = np.append(box_world.bottom_m[0, :2], box_world.yaw_rad[0])
-        spread = np.array([config.start_m, config.start_m, config.start_rad])
-        self._motion = motion_of(size_m)
+        spread = np.array(
+            [config.initial_deviation_m, config.initial_deviation_m, config.initial_deviation_rad]
+        )
+        self._motion = motion_model_for(size_m)
         self._track = BoxTrack(
             stamp_s=tracker_input.stamp_s,
             last_seen_s=tracker_input.stamp_s,
             state=self._motion.begin(pose, spread),
-            ground=GroundBelow.of_box(float(box_world.bottom_m[0, 2])),
+            ground=LocalGround.of_box(float(box_world.bottom_m[0, 2])),
             shape=ObjectShape.of_box(size_m, config.shape),
-            surroundings=Surroundings(),
+            background=BackgroundModel(),
         )
         _, observation = self._observe(tracker_input, self._track)
         support = self._track.support(observation, self._track.pose)
@@ -141,7 +143,7 @@ class BoxFitTracker:
         if found is None:
             return expected.missed(observation)
         belief, support = found
-        state = self._motion.settle(expected.state.given(belief.pose, belief.covariance))
+        state = self._motion.correct_heading(expected.state.given(belief.pose, belief.covariance))
         return replace(expected, state=state).seen(observation, support)
 
     def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
@@ -160,18 +162,18 @@ class BoxFitTracker:
         deviation_m = np.sqrt(np.linalg.eigvalsh(expected.state.covariance[:2, :2])[-1])
         margin_m = np.clip(config.search.reach * deviation_m, *config.search_margin_m)
         reach_m = expected.shape.radius_m + float(margin_m)
-        around = points_around(tracker_input, expected.place_world, reach_m)
-        ground = ground_seen(
-            expected.ground, expected.place_world, float(size_m[0]), tracker_input, around
+        around = points_around(tracker_input, expected.position_world, reach_m)
+        ground = update_ground(
+            expected.ground, expected.position_world, float(size_m[0]), tracker_input, around
         )
         above_m = around[:, 2] - ground.z_world_m
         stands = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
         observation = observation_of(
-            around[stands], tracker_input.world_SE3_velo[:2, 3], config.thin_m
+            around[stands], tracker_input.world_SE3_velo[:2, 3], config.cell_m
         )
-        known = expected.surroundings.hold(observation.points_xy_m)
+        known = expected.background.contains(observation.points_xy_m)
         return replace(expected, ground=ground), observation.downweighted(
-            known, config.known_weight
+            known, config.background_weight
         )
 
     def _find(
@@ -180,12 +182,14 @@ class BoxFitTracker:
         """Return where the object is seen and what supports it, or None."""
         if len(observation) == 0:
             return None
-        config, usual_reward = self._config, expected.usual_reward_in(observation)
+        config, reference_reward = self._config, expected.reference_reward_in(observation)
         priors = self._priors(before, expected)
-        belief = search(expected.shape, observation, priors, usual_reward, config.search)
+        belief = search(expected.shape, observation, priors, reference_reward, config.search)
         support = expected.support(observation, belief.pose)
-        share = config.return_share if before.is_hidden else config.min_share
-        least = max(config.min_reward, config.min_contrast * support.penalty, share * usual_reward)
+        share = config.reacquire_share if before.is_hidden else config.min_share
+        least = max(
+            config.min_reward, config.min_contrast * support.penalty, share * reference_reward
+        )
         fits = (
             support.reward >= least
             and min(squared_distance(belief, prior) for prior in priors) <= config.gate
@@ -198,13 +202,13 @@ class BoxFitTracker:
         if not self._motion.may_stand(before.state):
             return (expected.belief,)
         was = before.belief
-        return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _PLAY**2)
+        return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _POSE_DRIFT**2)
 
     def _is_as_high(self, expected: BoxTrack, observation: ObjectObservation, top_m: float) -> bool:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""
         missed_m = self._sensor.elevation_step_rad * observation.distance_m(expected.pose[:2])
-        off_m = top_m - expected.ground.z_world_m - expected.usual_top_m
-        return bool(abs(off_m) <= self._config.return_top_m + missed_m)
+        off_m = top_m - expected.ground.z_world_m - expected.reference_top_m
+        return bool(abs(off_m) <= self._config.reacquire_top_m + missed_m)
 
     def _is_lost(self, track: BoxTrack) -> bool:
         return track.stamp_s - track.last_seen_s > self._config.lost_after_s
@@ -214,7 +218,7 @@ class BoxFitTracker:
         state = TrackStatus.SEEN
         if track.is_hidden:
             state = TrackStatus.LOST if self._is_lost(track) else TrackStatus.PREDICTED
-        middle = track.place_world + np.array([0.0, 0.0, size_m[2] / 2])
+        middle = track.position_world + np.array([0.0, 0.0, size_m[2] / 2])
         model = PointModel(middle, size_m, float(track.pose[2]), np.append(velocity, 0.0))
         return to_tracked_object(model, tracker_input, state)
 

@@ -12,7 +12,7 @@ from perception.tracking.single_object.heading_of_way import (
     heading_freeze_config_for,
     heading_of_way,
 )
-from perception.tracking.single_object.localizer import Localizer, LocalizerInput
+from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
 from perception.tracking.single_object.near_obstacles import obstacles_near
 from perception.tracking.single_object.pitch_ground import PitchFilter, PitchFilterConfig
 from perception.tracking.single_object.point_model import (
@@ -62,11 +62,11 @@ class PointMotionConfig:
     measured_variance: float = 1.0
 
 
-class Memory(Protocol):
+class PointMotion(Protocol):
     """What is remembered of a point's motion."""
 
     @property
-    def place(self) -> Float64:
+    def position(self) -> Float64:
         """(3,)."""
         ...
 
@@ -79,13 +79,13 @@ class Memory(Protocol):
         """Go on for a while."""
         ...
 
-    def corrected(self, places: Float64, variances: Float64) -> Self:
+    def corrected(self, positions: Float64, variances: Float64) -> Self:
         """Take in (K, 3) found places with their variances (K,)."""
         ...
 
 
 @dataclass(frozen=True)
-class LastPlace:
+class LastPosition:
     """The memory of a tracker without a filter: a point stays where it was last found.
 
     Attributes:
@@ -94,7 +94,7 @@ class LastPlace:
         elapsed_s: since it was found.
     """
 
-    place: Float64
+    position: Float64
     velocity: Float64
     elapsed_s: float = 0.0
 
@@ -103,11 +103,11 @@ class LastPlace:
         del noise
         return replace(self, elapsed_s=self.elapsed_s + elapsed_s)
 
-    def corrected(self, places: Float64, variances: Float64) -> Self:
+    def corrected(self, positions: Float64, variances: Float64) -> Self:
         """Go to the found place."""
         del variances
-        place = places.mean(axis=0)
-        return type(self)(place, (place - self.place) / self.elapsed_s)
+        position = positions.mean(axis=0)
+        return type(self)(position, (position - self.position) / self.elapsed_s)
 
 
 class CentroidTracker:
@@ -115,7 +115,7 @@ class CentroidTracker:
 
     def __init__(
         self,
-        localizer: Localizer,
+        localizer: ObjectLocalizer,
         sensor: LidarModel,
         config: CentroidTrackerConfig | None = None,
         motion: PointMotionConfig | None = None,
@@ -143,9 +143,9 @@ class CentroidTracker:
         self._pitch = PitchFilter(self._sensor.height_m, self._config.pitch)
         self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
         self._model = point_model_of(box_velo, tracker_input.world_SE3_velo)
-        place = self._localizer.begin(self._localizer_input(tracker_input, self._model, 0.0))
-        self._state = TrackStatus.PREDICTED if place is None else TrackStatus.SEEN
-        self._memory = self._remembered(self._model.place_m if place is None else place)
+        position = self._localizer.begin(self._localizer_input(tracker_input, self._model, 0.0))
+        self._state = TrackStatus.PREDICTED if position is None else TrackStatus.SEEN
+        self._motion = self._init_motion(self._model.position_m if position is None else position)
         return to_tracked_object(self._model, tracker_input, self._state)
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
@@ -168,58 +168,60 @@ class CentroidTracker:
         self, last: PointModel, tracker_input: TrackerInput, elapsed_s: float
     ) -> PointModel:
         if not 0 < elapsed_s <= self._config.longest_gap_s:
-            return self._lose(last)
+            return self._set_lost(last)
         noise = self._motion_config.noise if self._motion_config else NoiseLevels(0.0, 0.0)
-        expected = self._memory.predicted(elapsed_s, noise)
-        place = self._localizer.locate(
-            self._localizer_input(tracker_input, replace(last, place_m=expected.place), elapsed_s)
+        expected = self._motion.predicted(elapsed_s, noise)
+        position = self._localizer.locate(
+            self._localizer_input(
+                tracker_input, replace(last, position_m=expected.position), elapsed_s
+            )
         )
-        if place is None:
-            return self._miss(last, expected, elapsed_s)
+        if position is None:
+            return self._set_missed(last, expected, elapsed_s)
         variance = self._motion_config.measured_variance if self._motion_config else 0.0
         self._state, self._unseen_s = TrackStatus.SEEN, 0.0
-        return self._move(last, expected.corrected(place[None], np.array([variance])), elapsed_s)
+        return self._move(last, expected.corrected(position[None], np.array([variance])), elapsed_s)
 
-    def _miss(self, last: PointModel, expected: Memory, elapsed_s: float) -> PointModel:
+    def _set_missed(self, last: PointModel, expected: PointMotion, elapsed_s: float) -> PointModel:
         """Let the prediction stand, but not for ever."""
         self._unseen_s += elapsed_s
         if self._unseen_s > self._config.lost_after_s:
-            return self._lose(last)
+            return self._set_lost(last)
         self._state = TrackStatus.PREDICTED
         return self._move(last, expected, elapsed_s)
 
-    def _lose(self, last: PointModel) -> PointModel:
+    def _set_lost(self, last: PointModel) -> PointModel:
         """Wait where the object was last expected."""
-        self._memory, self._state = self._remembered(last.place_m), TrackStatus.LOST
+        self._motion, self._state = self._init_motion(last.position_m), TrackStatus.LOST
         self._unseen_s = np.inf
-        self._localizer.wait(last.place_m)
+        self._localizer.wait(last.position_m)
         return replace(last, velocity_m_s=np.zeros(3))
 
-    def _move(self, last: PointModel, memory: Memory, elapsed_s: float) -> PointModel:
+    def _move(self, last: PointModel, motion: PointMotion, elapsed_s: float) -> PointModel:
         """Remember the point, and turn its box along the way from where it was remembered before."""
-        way_m = memory.place - self._memory.place
+        way_m = motion.position - self._motion.position
         config = heading_freeze_config_for(last.size_m)
         yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, config)
-        self._memory = memory
-        return PointModel(memory.place, last.size_m, yaw_rad, memory.velocity)
+        self._motion = motion
+        return PointModel(motion.position, last.size_m, yaw_rad, motion.velocity)
 
-    def _remembered(self, place_m: Float64) -> Memory:
+    def _init_motion(self, position_m: Float64) -> PointMotion:
         if self._motion_config is None:
-            return LastPlace(place_m, np.zeros(3))
-        return EvenAcceleration.at_rest(place_m, self._motion_config.noise)
+            return LastPosition(position_m, np.zeros(3))
+        return EvenAcceleration.at_rest(position_m, self._motion_config.noise)
 
     def _localizer_input(
         self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float
     ) -> LocalizerInput:
         config = self._config
-        window = Window(model.place_m, model.size_m[:2], model.yaw_rad)
+        window = Window(model.position_m, model.size_m[:2], model.yaw_rad)
         gate = window.scaled(config.gate)
         # From the middle of the gate to beyond its corners, by as much as a window may leave it.
         reach_m = float(np.hypot(*gate.size_m) + np.hypot(*window.size_m)) / 2
         heights_m = (config.min_height_m, float(model.size_m[2]) + config.headroom_m)
         ground = self._ground(tracker_input, elapsed_s)
-        around = obstacles_near(tracker_input, ground, model.place_m, reach_m, heights_m)
-        return LocalizerInput(tracker_input, around, window, gate, elapsed_s)
+        obstacles = obstacles_near(tracker_input, ground, model.position_m, reach_m, heights_m)
+        return LocalizerInput(tracker_input, obstacles, window, gate, elapsed_s)
 
     def _ground(self, tracker_input: TrackerInput, elapsed_s: float) -> GroundModel:
         if self._config.ground == "pitch":

@@ -57,7 +57,7 @@ def color_ratios(image: UInt8, region: ImageRegion) -> Float64:
     return _scaled(positive)
 
 
-class AdaptiveColors:
+class AdaptiveColorModel:
     """A colour model that follows the light: a bank of Kalman filters, one a bin that is in use.
 
     state     value  change per second  change of that per second    (constant acceleration)

@@ -4,14 +4,14 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.camera import project
-from perception.tracking.single_object.color_model import AdaptiveColors, color_ratios
-from perception.tracking.single_object.image_mean_shift import climb, confidence_centroid
+from perception.tracking.single_object.color_model import AdaptiveColorModel, color_ratios
+from perception.tracking.single_object.image_mean_shift import confidence_centroid, image_mean_shift
 from perception.tracking.single_object.image_region import ImageRegion, region_of
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
 
-class ColorSide:
+class ColorLocalizer:
     """Learns an object's outline and colours from one image and finds it in the next.
 
     Without an image, or where the object is not in it, it finds nothing and keeps what it learned.
@@ -23,7 +23,7 @@ class ColorSide:
     """
 
     def __init__(self) -> None:
-        self.colors = AdaptiveColors()
+        self.colors = AdaptiveColorModel()
         self.regions: tuple[ImageRegion, ...] = ()
         self.region: ImageRegion | None = None
         self._anchor_px = np.zeros(2)
@@ -46,19 +46,21 @@ class ColorSide:
         by_px = anchor_px - self._anchor_px
         region = self.region.shifted(by_px, (width, height))
         start_px = None if self._center_px is None else self._center_px + by_px
-        found = climb(tracker_input.image, region, self.colors.ratios, start_px=start_px)
+        found = image_mean_shift(tracker_input.image, region, self.colors.ratios, start_px=start_px)
         self.regions = found.regions
         return found.center_px
 
-    def learn(self, tracker_input: TrackerInput, points_velo: Float, place_world: Float64) -> None:
+    def learn(
+        self, tracker_input: TrackerInput, points_velo: Float, position_world: Float64
+    ) -> None:
         """Take in how the object looks, by (N, 3+) its points; nothing where they span no area.
 
         Args:
             moment: with the image.
             points_velo: of the object.
-            place_world: (3,) where it is.
+            position_world: (3,) where it is.
         """
-        anchor_px = _seen_at(tracker_input, place_world)
+        anchor_px = _seen_at(tracker_input, position_world)
         if tracker_input.image is None or tracker_input.image_P_velo is None or anchor_px is None:
             return
         height, width = tracker_input.image.shape[:2]
@@ -73,10 +75,10 @@ class ColorSide:
         self._center_px = confidence_centroid(tracker_input.image, region, self.colors.ratios)
 
 
-def _seen_at(tracker_input: TrackerInput, place_world: Float64) -> Float64 | None:
+def _seen_at(tracker_input: TrackerInput, position_world: Float64) -> Float64 | None:
     """Return (2,) the pixel of a place, within the image or beyond; None behind the camera."""
     if tracker_input.image_P_velo is None:
         return None
-    place_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(place_world, 1.0)
-    pixel = project(tracker_input.image_P_velo, place_velo[None])[0][0]
+    position_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(position_world, 1.0)
+    pixel = project(tracker_input.image_P_velo, position_velo[None])[0][0]
     return pixel if np.isfinite(pixel).all() else None

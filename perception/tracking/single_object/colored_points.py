@@ -12,12 +12,12 @@ from perception.tracking.single_object.centroid_tracker import (
 )
 from perception.tracking.single_object.color_model import BINS, color_bins
 from perception.tracking.single_object.lidar_baselines import mean_over
-from perception.tracking.single_object.localizer import Localizer, LocalizerInput
-from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
+from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, mean_shift_3d
 from perception.types import Bool, Float64, Int
 
 
-class ColoredPointsLocalizer(Localizer):
+class ColoredPointsLocalizer(ObjectLocalizer):
     """Climbs to where points of the object's colours are densest.
 
     The colours are those of the points in the first box, counted once (author's code). Points that the image
@@ -46,21 +46,21 @@ class ColoredPointsLocalizer(Localizer):
                 advice="begin where the camera sees the object, or follow it by LiDAR alone",
             )
         bins, is_observed = colors_of_points(localizer_input)
-        held = localizer_input.window.holds(localizer_input.around.points_world)
-        self._counts = np.bincount(bins[held[is_observed]], minlength=BINS).astype(np.float64)
+        inside = localizer_input.window.contains(localizer_input.obstacles.points_world)
+        self._counts = np.bincount(bins[inside[is_observed]], minlength=BINS).astype(np.float64)
         return mean_over(localizer_input.window, localizer_input)
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Climb from the expected place; None beyond the gate."""
-        climbed = climb(
-            localizer_input.around.points_world,
+        shifted = mean_shift_3d(
+            localizer_input.obstacles.points_world,
             localizer_input.window,
             self._config,
             self._weights(localizer_input),
         )
-        if climbed is None or not localizer_input.gate.holds(climbed.place_m[None])[0]:
+        if shifted is None or not localizer_input.gate.contains(shifted.position_m[None])[0]:
             return None
-        return climbed.place_m
+        return shifted.position_m
 
     def _weights(self, localizer_input: LocalizerInput) -> Float64 | None:
         bins, is_observed = colors_of_points(localizer_input)
@@ -73,18 +73,18 @@ class ColoredPointsLocalizer(Localizer):
 
 def colors_of_points(localizer_input: LocalizerInput) -> tuple[Int, Bool]:
     """Return the bin of the colour of each point that the image shows, and (N,) which points these are."""
-    count = len(localizer_input.around.points_velo)
+    count = len(localizer_input.obstacles.points_velo)
     image, image_P_velo = (
         localizer_input.tracker_input.image,
         localizer_input.tracker_input.image_P_velo,
     )
     if image is None or image_P_velo is None:
         return np.zeros(0, np.int64), np.zeros(count, bool)
-    pixels, _ = project(image_P_velo, localizer_input.around.points_velo)
+    pixels, _ = project(image_P_velo, localizer_input.obstacles.points_velo)
     # Of points behind the camera, which have no pixel, any place outside will do.
-    places = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.int64)
-    is_observed = np.asarray(((places >= 0) & (places < image.shape[1::-1])).all(axis=1))
-    columns, rows = places[is_observed].T
+    positions = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.int64)
+    is_observed = np.asarray(((positions >= 0) & (positions < image.shape[1::-1])).all(axis=1))
+    columns, rows = positions[is_observed].T
     return color_bins(image[rows, columns]), is_observed
 
 

@@ -41,13 +41,13 @@ class EvenAcceleration:
     states: Gaussians
 
     @classmethod
-    def at_rest(cls, place: Float64, noise: NoiseLevels) -> Self:
+    def at_rest(cls, position: Float64, noise: NoiseLevels) -> Self:
         """Begin at (A,) a place, without motion."""
-        mean = np.concatenate([place, np.zeros(2 * len(place))])
+        mean = np.concatenate([position, np.zeros(2 * len(position))])
         return cls(Gaussians(mean[None], noise.first * np.eye(len(mean))[None]))
 
     @property
-    def place(self) -> Float64:
+    def position(self) -> Float64:
         """(A,)."""
         return self._third(0)
 
@@ -57,7 +57,7 @@ class EvenAcceleration:
         return self._third(1)
 
     @property
-    def place_covariance(self) -> Float64:
+    def position_covariance(self) -> Float64:
         """(A, A)."""
         axes = self.states.mean.shape[1] // 3
         return np.asarray(self.states.covariance[0, :axes, :axes])
@@ -69,12 +69,12 @@ class EvenAcceleration:
         added = noise.process * elapsed_s / _STEP_S * np.eye(3 * axes)
         return type(self)(kalman.predict(self.states, np.kron(steps, np.eye(axes)), added))
 
-    def corrected(self, places: Float64, variances: Float64) -> Self:
+    def corrected(self, positions: Float64, variances: Float64) -> Self:
         """Take in (K, A) measured places at once, (5.16), each with the variance (K,) of its numbers."""
-        axes = places.shape[1]
-        observation = np.tile(np.eye(axes, 3 * axes), (len(places), 1))
+        axes = positions.shape[1]
+        observation = np.tile(np.eye(axes, 3 * axes), (len(positions), 1))
         noise = np.diag(np.repeat(variances, axes))
-        return type(self)(kalman.update(self.states, places.reshape(1, -1), observation, noise))
+        return type(self)(kalman.update(self.states, positions.reshape(1, -1), observation, noise))
 
     def _third(self, number: int) -> Float64:
         return np.asarray(self.states.mean[0].reshape(3, -1)[number])

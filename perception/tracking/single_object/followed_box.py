@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.tracking.single_object.ground_below import GroundBelow
-from perception.tracking.single_object.object_motion import POSE, MovingState
+from perception.tracking.single_object.ground_below import LocalGround
+from perception.tracking.single_object.object_motion import POSE, MotionState
 from perception.tracking.single_object.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.pose_search import (
     PoseBelief,
@@ -13,7 +13,7 @@ from perception.tracking.single_object.pose_search import (
     support_at,
 )
 from perception.tracking.single_object.sight import ObjectObservation
-from perception.tracking.single_object.surroundings import Surroundings
+from perception.tracking.single_object.surroundings import BackgroundModel
 from perception.types import Float64
 
 _LEARNING = 0.1  # share of what is usual that one scan replaces
@@ -30,18 +30,18 @@ class BoxTrack:
         ground: below it.
         shape: of its box, and what was seen in it.
         surroundings: what stands around it.
-        usual_reward: what its points are worth, times the squared distance.
-        usual_top_m: of its highest point over the ground; 0 before any.
+        reference_reward: what its points are worth, times the squared distance.
+        reference_top_m: of its highest point over the ground; 0 before any.
     """
 
     stamp_s: float
     last_seen_s: float
-    state: MovingState
-    ground: GroundBelow
+    state: MotionState
+    ground: LocalGround
     shape: ObjectShape
-    surroundings: Surroundings
-    usual_reward: float = 0.0
-    usual_top_m: float = 0.0
+    background: BackgroundModel
+    reference_reward: float = 0.0
+    reference_top_m: float = 0.0
 
     @property
     def pose(self) -> Float64:
@@ -49,7 +49,7 @@ class BoxTrack:
         return self.state.mean[POSE]
 
     @property
-    def place_world(self) -> Float64:
+    def position_world(self) -> Float64:
         """(3,) middle of the bottom."""
         return np.append(self.state.mean[:2], self.ground.z_world_m)
 
@@ -63,9 +63,9 @@ class BoxTrack:
         """Whether the last scan did not show it."""
         return self.last_seen_s < self.stamp_s
 
-    def usual_reward_in(self, observation: ObjectObservation) -> float:
+    def reference_reward_in(self, observation: ObjectObservation) -> float:
         """Return what its points should be worth where it is expected."""
-        return self.usual_reward / observation.distance_m(self.pose[:2]) ** 2
+        return self.reference_reward / observation.distance_m(self.pose[:2]) ** 2
 
     def support(self, observation: ObjectObservation, pose: Float64) -> Support:
         """Return what speaks for and against (3,) a pose."""
@@ -82,18 +82,18 @@ class BoxTrack:
             self,
             last_seen_s=self.stamp_s,
             shape=self.shape.with_observation(observation, self.pose),
-            surroundings=self.surroundings.seen(
+            background=self.background.seen(
                 observation.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
             ),
-            usual_reward=_learned(self.usual_reward, reward),
-            usual_top_m=_learned(self.usual_top_m, top_m),
+            reference_reward=_learned(self.reference_reward, reward),
+            reference_top_m=_learned(self.reference_top_m, top_m),
         )
 
     def missed(self, observation: ObjectObservation) -> "BoxTrack":
         """Return what is known after the object was not seen."""
-        surroundings = self.surroundings.seen(observation.points_xy_m, is_hidden=True)
-        return replace(self, surroundings=surroundings)
+        background = self.background.seen(observation.points_xy_m, is_hidden=True)
+        return replace(self, background=background)
 
 
-def _learned(usual: float, news: float) -> float:
-    return news if usual == 0.0 else usual + _LEARNING * (news - usual)
+def _learned(reference: float, news: float) -> float:
+    return news if reference == 0.0 else reference + _LEARNING * (news - reference)

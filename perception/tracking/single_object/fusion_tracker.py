@@ -11,10 +11,10 @@ from perception.tracking.single_object.centroid_tracker import (
     CentroidTrackerConfig,
     PointMotionConfig,
 )
-from perception.tracking.single_object.color_side import ColorSide
+from perception.tracking.single_object.color_side import ColorLocalizer
 from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
-from perception.tracking.single_object.localizer import Localizer, LocalizerInput
-from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
+from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, mean_shift_3d
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
@@ -34,7 +34,7 @@ class FusedLocalizerConfig:
         search: size of the area whose points tell how far away a place in the image is, in boxes.
     """
 
-    climb: MeanShiftConfig = field(default_factory=MeanShiftConfig)  # Table 7.5
+    mean_shift_3d: MeanShiftConfig = field(default_factory=MeanShiftConfig)  # Table 7.5
     noise: NoiseLevels = field(default_factory=lambda: NoiseLevels(process=3.0, first=1.0))
     lidar_variance: float = 1.0
     image_variance: float = 3.0
@@ -56,21 +56,21 @@ class FusionTrackerConfig:
     motion: PointMotionConfig = field(default_factory=PointMotionConfig)
 
 
-class FusedLocalizer(Localizer):
+class FusedLocalizer(ObjectLocalizer):
     """Finds an object in scan and image, each on its own, and fuses both places."""
 
     def __init__(self, config: FusedLocalizerConfig) -> None:
         self._config = config
         self._point = EvenAcceleration.at_rest(np.zeros(3), config.noise)
-        self.colors = ColorSide()
+        self.colors = ColorLocalizer()
 
     def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its first box."""
-        self.colors = ColorSide()
-        seen = middle_of(localizer_input.around.points_world, localizer_input.window)
-        place = localizer_input.window.place_m if seen is None else seen
-        self.wait(place)
-        self._learn(localizer_input, localizer_input.window, place)
+        self.colors = ColorLocalizer()
+        seen = bounding_middle(localizer_input.obstacles.points_world, localizer_input.window)
+        position = localizer_input.window.position_m if seen is None else seen
+        self.wait(position)
+        self._learn(localizer_input, localizer_input.window, position)
         return seen
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
@@ -81,67 +81,77 @@ class FusedLocalizer(Localizer):
             (self._in_scan(localizer_input), config.lidar_variance),
             (self._in_image(localizer_input), config.image_variance),
         )
-        places = [place for place, _ in seen if _is_in_gate(place, localizer_input)]
-        variances = [variance for place, variance in seen if _is_in_gate(place, localizer_input)]
-        if not places:
+        positions = [position for position, _ in seen if _is_in_gate(position, localizer_input)]
+        variances = [
+            variance for position, variance in seen if _is_in_gate(position, localizer_input)
+        ]
+        if not positions:
             return None
-        self._point = self._point.corrected(np.array(places), np.array(variances))
+        self._point = self._point.corrected(np.array(positions), np.array(variances))
         self._learn(
-            localizer_input, localizer_input.window.moved(self._point.place), self._point.place
+            localizer_input,
+            localizer_input.window.moved(self._point.position),
+            self._point.position,
         )
-        return self._point.place
+        return self._point.position
 
-    def wait(self, place_m: Float64) -> None:
+    def wait(self, position_m: Float64) -> None:
         """Let the fused point rest."""
-        self._point = EvenAcceleration.at_rest(place_m, self._config.noise)
+        self._point = EvenAcceleration.at_rest(position_m, self._config.noise)
 
     def _in_scan(self, localizer_input: LocalizerInput) -> Float64 | None:
-        climbed = climb(
-            localizer_input.around.points_world, localizer_input.window, self._config.climb
+        shifted = mean_shift_3d(
+            localizer_input.obstacles.points_world,
+            localizer_input.window,
+            self._config.mean_shift_3d,
         )
-        return None if climbed is None else middle_of(localizer_input.around.points_world, climbed)
+        return (
+            None
+            if shifted is None
+            else bounding_middle(localizer_input.obstacles.points_world, shifted)
+        )
 
     def _in_image(self, localizer_input: LocalizerInput) -> Float64 | None:
         center_px = self.colors.locate(
-            localizer_input.tracker_input, localizer_input.window.place_m
+            localizer_input.tracker_input, localizer_input.window.position_m
         )
         if center_px is None or localizer_input.tracker_input.image_P_velo is None:
             return None
-        near = localizer_input.window.scaled(self._config.search).holds(
-            localizer_input.around.points_world
+        near = localizer_input.window.scaled(self._config.search).contains(
+            localizer_input.obstacles.points_world
         )
-        place_velo = back_project(
+        position_velo = back_project(
             center_px,
-            localizer_input.around.points_velo[near],
+            localizer_input.obstacles.points_velo[near],
             localizer_input.tracker_input.image_P_velo,
         )
-        if place_velo is None:
+        if position_velo is None:
             return None
         return np.asarray(
-            (localizer_input.tracker_input.world_SE3_velo @ np.append(place_velo, 1.0))[:3]
+            (localizer_input.tracker_input.world_SE3_velo @ np.append(position_velo, 1.0))[:3]
         )
 
-    def _learn(self, localizer_input: LocalizerInput, window: Window, place: Float64) -> None:
-        held = window.holds(localizer_input.around.points_world)
+    def _learn(self, localizer_input: LocalizerInput, window: Window, position: Float64) -> None:
+        inside = window.contains(localizer_input.obstacles.points_world)
         self.colors.learn(
-            localizer_input.tracker_input, localizer_input.around.points_velo[held], place
+            localizer_input.tracker_input, localizer_input.obstacles.points_velo[inside], position
         )
 
 
-def _is_in_gate(place: Float64 | None, localizer_input: LocalizerInput) -> bool:
-    return place is not None and bool(localizer_input.gate.holds(place[None])[0])
+def _is_in_gate(position: Float64 | None, localizer_input: LocalizerInput) -> bool:
+    return position is not None and bool(localizer_input.gate.contains(position[None])[0])
 
 
-def middle_of(points_world: Float64, window: Window) -> Float64 | None:
+def bounding_middle(points_world: Float64, window: Window) -> Float64 | None:
     """Return (3,) the middle of the points over a window: their mean, but halfway up; None without points.
 
     Window panes return little, and the ground's removal takes the foot: the mean height depends on both.
     """
-    held = points_world[window.holds(points_world)]
-    if len(held) == 0:
+    inside = points_world[window.contains(points_world)]
+    if len(inside) == 0:
         return None
-    low_m, high_m = held[:, 2].min(), held[:, 2].max()
-    return np.append(held[:, :2].mean(axis=0), (low_m + high_m) / 2)
+    low_m, high_m = inside[:, 2].min(), inside[:, 2].max()
+    return np.append(inside[:, :2].mean(axis=0), (low_m + high_m) / 2)
 
 
 class FusionTracker(CentroidTracker):
@@ -153,6 +163,6 @@ class FusionTracker(CentroidTracker):
         super().__init__(self._fused, sensor, config.point, config.motion)
 
     @property
-    def colors(self) -> ColorSide:
+    def colors(self) -> ColorLocalizer:
         """What it knows of the object's looks."""
         return self._fused.colors

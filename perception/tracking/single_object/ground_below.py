@@ -20,7 +20,7 @@ _ABOVE_M = 0.03  # the usual lowest point of a cell lies so far over the ground
 
 
 @dataclass(frozen=True)
-class GroundBelow:
+class LocalGround:
     """The ground below an object in the world, which is as smooth as roads are.
 
     Attributes:
@@ -32,57 +32,57 @@ class GroundBelow:
     variance: float
 
     @classmethod
-    def of_box(cls, bottom_m: float) -> "GroundBelow":
+    def of_box(cls, bottom_m: float) -> "LocalGround":
         """Return the ground that the first box stands on."""
         return cls(bottom_m, _STAGE_M**2)
 
-    def moved(self, way_m: float) -> "GroundBelow":
+    def moved(self, way_m: float) -> "LocalGround":
         """Return what is known after the object went some way."""
-        return GroundBelow(self.z_world_m, self.variance + (_SLOPE * way_m) ** 2 + _DRIFT_M**2)
+        return LocalGround(self.z_world_m, self.variance + (_SLOPE * way_m) ** 2 + _DRIFT_M**2)
 
-    def measured(self, z_world_m: float, deviation_m: float) -> "GroundBelow":
+    def measured(self, z_world_m: float, deviation_m: float) -> "LocalGround":
         """Take in one more height; one that is far off counts less."""
         off = z_world_m - self.z_world_m
         noise = deviation_m**2 * max(1.0, off**2 / (4 * (self.variance + deviation_m**2)))
         gain = self.variance / (self.variance + noise)
-        return GroundBelow(self.z_world_m + gain * off, (1 - gain) * self.variance)
+        return LocalGround(self.z_world_m + gain * off, (1 - gain) * self.variance)
 
 
-def ground_seen(
-    ground: GroundBelow,
-    place_world: Float64,
+def update_ground(
+    ground: LocalGround,
+    position_world: Float64,
     length_m: float,
     tracker_input: TrackerInput,
     around_world: Float64,
-) -> GroundBelow:
+) -> LocalGround:
     """Return the ground after a scan, by the ground stage, else by the lowest points around the object.
 
     Args:
         ground: as expected.
-        place_world: (3,) the middle of the object's bottom.
+        position_world: (3,) the middle of the object's bottom.
         length_m: of the object.
         moment: with the ground of the stage, or without.
         around_world: (N, 3) points around the object.
     """
-    x, y = np.abs(around_world[:, :2].T - place_world[:2, None])
+    x, y = np.abs(around_world[:, :2].T - position_world[:2, None])
     reach_m = length_m / 2 + _AROUND_M
     is_low = around_world[:, 2] < ground.z_world_m + _BAND_M
     local_m = _lowest_m(around_world[is_low & (x < reach_m) & (y < reach_m)], ground.z_world_m)
     velo = inverse(tracker_input.world_SE3_velo)
-    place_velo = velo[:3, :3] @ place_world + velo[:3, 3]
-    stage_m = _stage_m(tracker_input.ground, place_velo)
+    position_velo = velo[:3, :3] @ position_world + velo[:3, 3]
+    stage_m = _stage_m(tracker_input.ground, position_velo)
     if stage_m is not None:
-        stage_m += place_world[2] - place_velo[2]
+        stage_m += position_world[2] - position_velo[2]
         # Beyond its area the stage's surface goes on as a plane, which may leave the road.
         if local_m is None or abs(stage_m - local_m) < _TRUST_M:
             return ground.measured(stage_m, _STAGE_M)
     return ground if local_m is None else ground.measured(local_m - _ABOVE_M, _LOCAL_M)
 
 
-def _stage_m(ground: GroundModel | None, place_velo: Float64) -> float | None:
+def _stage_m(ground: GroundModel | None, position_velo: Float64) -> float | None:
     if ground is None:
         return None
-    height_m = float(ground.height_m(place_velo[None, :2])[0])
+    height_m = float(ground.height_m(position_velo[None, :2])[0])
     return height_m if np.isfinite(height_m) else None
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.errors import UsageError
-from perception.geometry.grids import VehicleBody
+from perception.geometry.grids import EgoVehicle
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
     TrackedObject,
@@ -12,7 +12,7 @@ from perception.tracking.single_object.tracker import (
 from perception.types import Boxes3D, Result
 
 
-def tracker_input_of(result: Result, body: VehicleBody) -> TrackerInput:
+def tracker_input_of(result: Result, body: EgoVehicle) -> TrackerInput:
     """Return what a tracker of one object is shown of a frame that the pipeline has seen.
 
     Args:
@@ -39,7 +39,7 @@ class TrackHandover:
     pipeline keeps.
     """
 
-    def __init__(self, track_id: int, tracker: SingleObjectTracker, body: VehicleBody) -> None:
+    def __init__(self, track_id: int, tracker: SingleObjectTracker, body: EgoVehicle) -> None:
         """Wait for an object.
 
         Args:

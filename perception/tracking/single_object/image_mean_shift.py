@@ -10,7 +10,7 @@ from perception.types import Float64, UInt8
 
 
 @dataclass(frozen=True)
-class Climb:
+class MeanShiftResult:
     """The steps of one mean shift.
 
     Attributes:
@@ -23,14 +23,14 @@ class Climb:
     center_px: Float64 | None
 
 
-def climb(
+def image_mean_shift(
     image: UInt8,
     region: ImageRegion,
     ratios: Float64,
     iterations: int = 4,
     tolerance_px: float = 1.0,
     start_px: Float64 | None = None,
-) -> Climb:
+) -> MeanShiftResult:
     """Shift a region by what the centroid of the confidence moves, until it moves less than a pixel.
 
     Args:
@@ -55,7 +55,7 @@ def climb(
         regions.append(regions[-1].shifted(shift_px, (width, height)))
         if np.hypot(*shift_px) < tolerance_px:
             break
-    return Climb(tuple(regions), center_px)
+    return MeanShiftResult(tuple(regions), center_px)
 
 
 def confidence(image: UInt8, region: ImageRegion, ratios: Float64) -> Float64:

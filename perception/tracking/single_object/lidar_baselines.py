@@ -8,13 +8,13 @@ from perception.tracking.single_object.centroid_tracker import (
     CentroidTrackerConfig,
     PointMotionConfig,
 )
-from perception.tracking.single_object.localizer import Localizer, LocalizerInput
-from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, climb
+from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
+from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, mean_shift_3d
 from perception.tracking.single_object.window import Window
 from perception.types import Float64
 
 
-class GateLocalizer(Localizer):
+class GateLocalizer(ObjectLocalizer):
     """3D-KF: the object is the mean of all points in the gate."""
 
     def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
@@ -26,7 +26,7 @@ class GateLocalizer(Localizer):
         return mean_over(localizer_input.gate, localizer_input)
 
 
-class MeanShiftLocalizer(Localizer):
+class MeanShiftLocalizer(ObjectLocalizer):
     """3D-MS: the object is where points are densest near its last place."""
 
     def __init__(self, config: MeanShiftConfig) -> None:
@@ -38,13 +38,17 @@ class MeanShiftLocalizer(Localizer):
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Climb from the expected place."""
-        climbed = climb(localizer_input.around.points_world, localizer_input.window, self._config)
-        return None if climbed is None else climbed.place_m
+        shifted = mean_shift_3d(
+            localizer_input.obstacles.points_world, localizer_input.window, self._config
+        )
+        return None if shifted is None else shifted.position_m
 
 
 def mean_over(window: Window, localizer_input: LocalizerInput) -> Float64 | None:
     """Return (3,) the mean of the points over a window, or None where there are none."""
-    points = localizer_input.around.points_world[window.holds(localizer_input.around.points_world)]
+    points = localizer_input.obstacles.points_world[
+        window.contains(localizer_input.obstacles.points_world)
+    ]
     return np.asarray(points.mean(axis=0)) if len(points) else None
 
 

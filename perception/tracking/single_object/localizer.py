@@ -22,13 +22,13 @@ class LocalizerInput:
     """
 
     tracker_input: TrackerInput
-    around: NearObstacles
+    obstacles: NearObstacles
     window: Window
     gate: Window
     elapsed_s: float
 
 
-class Localizer(Protocol):
+class ObjectLocalizer(Protocol):
     """Finds the point that stands for an object."""
 
     def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
@@ -43,9 +43,9 @@ class Localizer(Protocol):
         """Return (3,) the object's place in the world, or None where it is not found in the gate."""
         ...
 
-    def wait(self, place_m: Float64) -> None:
+    def wait(self, position_m: Float64) -> None:
         """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
 
         Of no concern to a localizer that keeps no motion.
         """
-        del place_m
+        del position_m

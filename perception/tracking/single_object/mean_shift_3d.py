@@ -21,7 +21,7 @@ class MeanShiftConfig:
     tolerance_m: float = 0.05  # δl, Table 7.5
 
 
-def climb(
+def mean_shift_3d(
     points_m: Float64, window: Window, config: MeanShiftConfig, weights: Float64 | None = None
 ) -> Window | None:
     """Shift a window to the mean of the points within, until it moves less than a few centimetres.
@@ -40,12 +40,12 @@ def climb(
     mass = np.ones(len(points_m)) if weights is None else weights
     is_found = False
     for _ in range(config.iterations):
-        held = window.holds(points_m)
-        total = mass[held].sum()
+        inside = window.contains(points_m)
+        total = mass[inside].sum()
         if not total > 0:
             break
-        mean_m = mass[held] @ points_m[held] / total
-        shift_m = float(np.linalg.norm(mean_m - window.place_m))
+        mean_m = mass[inside] @ points_m[inside] / total
+        shift_m = float(np.linalg.norm(mean_m - window.position_m))
         window, is_found = window.moved(mean_m), True
         if shift_m < config.tolerance_m:
             break

@@ -25,16 +25,16 @@ class NearObstacles:
 def obstacles_near(
     tracker_input: TrackerInput,
     ground: GroundModel,
-    place_world: Float64,
+    position_world: Float64,
     reach_m: float,
     heights_m: tuple[float, float],
 ) -> NearObstacles:
     """Return the points within a square around a place that lie between two heights over the ground."""
-    place_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(place_world, 1.0)
+    position_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(position_world, 1.0)
     # Column by column: two passes over a scan's x and y cost less than one over all its rows.
     near = np.flatnonzero(
-        (np.abs(tracker_input.points_velo[:, 0] - np.float32(place_velo[0])) < reach_m)
-        & (np.abs(tracker_input.points_velo[:, 1] - np.float32(place_velo[1])) < reach_m)
+        (np.abs(tracker_input.points_velo[:, 0] - np.float32(position_velo[0])) < reach_m)
+        & (np.abs(tracker_input.points_velo[:, 1] - np.float32(position_velo[1])) < reach_m)
     )
     points_velo = tracker_input.points_velo[near, :3]
     above_m = ground.distance_m(points_velo)

@@ -119,7 +119,7 @@ class ObjectShape:
         seen = (1 - self.config.memory_fading) * self.seen + np.minimum(news, 1.0)
         return replace(self, seen=seen.astype(np.float32), scans=self.scans + 1)
 
-    def kept_by(self, blurred: Float32, table: Float32) -> float:
+    def retained_share(self, blurred: Float32, table: Float32) -> float:
         """Return the share of the reward of what was seen so far that a blurred table still gives."""
         sharp = float((self.seen * np.maximum(table, 0)).sum())
         return float((self.seen * np.maximum(blurred, 0)).sum()) / sharp if sharp > 0 else 1.0
@@ -132,7 +132,7 @@ class ObjectShape:
         reward = self._sides(u, v, sensor_m) if is_vehicle else self._middle(u, v, sensor_m)
         if self.scans:
             share = self.config.memory_share * self.scans / (self.scans + self.config.memory_scans)
-            reward = (1 - share) * reward + share * self._memory()
+            reward = (1 - share) * reward + share * self._motion()
         outside = (self.outside_m(u, v) - self.config.tolerance_m) / self.config.edge_m
         rim = np.clip(outside, 0.0, 1.0)
         reward = (1 - rim) * reward - rim * self.config.rim_penalty
@@ -149,9 +149,9 @@ class ObjectShape:
     def _sides(self, u: Float64, v: Float64, sensor_m: Float64) -> Float64:
         """Reward what lies near the sides that face the sensor."""
         depths_m = []
-        for place, size, sensor in zip((u, v), self.size_m[:2], sensor_m, strict=True):
+        for position, size, sensor in zip((u, v), self.size_m[:2], sensor_m, strict=True):
             if abs(sensor) > size / 2:
-                depths_m.append(size / 2 - np.sign(sensor) * place + 0 * u + 0 * v)
+                depths_m.append(size / 2 - np.sign(sensor) * position + 0 * u + 0 * v)
         depth_m = np.minimum.reduce(depths_m) if depths_m else np.zeros_like(u + v)
         near = np.exp(-0.5 * (depth_m / self.config.side_deviation_m) ** 2)
         deep = np.where(depth_m > 0, self.config.deep_reward, 0.0)
@@ -165,7 +165,7 @@ class ObjectShape:
         along, left = (u - push_m[0]) / spread_m[0], (v - push_m[1]) / spread_m[1]
         return np.asarray(np.exp(-0.5 * (along**2 + left**2)))
 
-    def _memory(self) -> Float32:
+    def _motion(self) -> Float32:
         """Return how often each place was seen, against the places seen most."""
         smooth = cv2.GaussianBlur(self.seen, (0, 0), self.config.blur_m / self.config.cell_m)
         seen = smooth[smooth > 0.02]
@@ -180,5 +180,5 @@ def into_frame(points_xy_m: Float64, pose: Float64) -> Float64:
     return np.column_stack([cos * x + sin * y, cos * y - sin * x])
 
 
-def _clipped(value: float, least_most: tuple[float, float]) -> float:
-    return float(np.clip(value, *least_most))
+def _clipped(value: float, bounds: tuple[float, float]) -> float:
+    return float(np.clip(value, *bounds))

@@ -75,17 +75,17 @@ class PitchFilter:
     def update(self, points_velo: Float, elapsed_s: float) -> PitchedPlane:
         """Find the ground of a scan that follows the last one after a while; at first, anywhere."""
         config = self._config
-        angles_rad = angles_of(points_velo, self._sensor_height_m, config)
+        angles_rad = elevation_angles(points_velo, self._sensor_height_m, config)
         if self._angle_deg is None:
-            self._begin(most_frequent(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
+            self._begin(dominant_angle(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
         else:
             self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise)
-            expected_rad = float(np.radians(self._angle_deg.place[0]))
+            expected_rad = float(np.radians(self._angle_deg.position[0]))
             reach_rad = config.gate_rad * (1 + self._missed)
             self._correct(
-                most_frequent(angles_rad, (expected_rad - reach_rad, expected_rad + reach_rad))
+                dominant_angle(angles_rad, (expected_rad - reach_rad, expected_rad + reach_rad))
             )
-        pitch_deg = self._angle_deg.place[0] if self._angle_deg else 0.0
+        pitch_deg = self._angle_deg.position[0] if self._angle_deg else 0.0
         return PitchedPlane(float(np.radians(pitch_deg)), self._sensor_height_m)
 
     def _begin(self, found_rad: float | None) -> None:
@@ -101,7 +101,9 @@ class PitchFilter:
             )
 
 
-def angles_of(points_velo: Float, sensor_height_m: float, config: PitchFilterConfig) -> Float:
+def elevation_angles(
+    points_velo: Float, sensor_height_m: float, config: PitchFilterConfig
+) -> Float:
     """Return the angle of each point ahead over the level under the wheels (5.10).
 
     The lines go out from the ground under the sensor: from there all points of a plane are at one angle.
@@ -114,7 +116,7 @@ def angles_of(points_velo: Float, sensor_height_m: float, config: PitchFilterCon
     return np.asarray(np.arctan2(raised_m[chosen], x[chosen]))
 
 
-def most_frequent(angles_rad: Float, within_rad: tuple[float, float]) -> float | None:
+def dominant_angle(angles_rad: Float, within_rad: tuple[float, float]) -> float | None:
     """Return the highest peak of the angles' density (5.10) within an interval.
 
     The density is that of a Gaussian kernel, over bins of a hundredth of a degree.

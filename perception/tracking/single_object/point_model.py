@@ -21,13 +21,13 @@ class PointModel:
     """Where an object is, in the world.
 
     Attributes:
-        place_m: (3,) the point, middle of the box.
+        position_m: (3,) the point, middle of the box.
         size_m: (3,) of the box in the first frame.
         yaw_rad: heading.
         velocity_m_s: (3,).
     """
 
-    place_m: Float64
+    position_m: Float64
     size_m: Float64
     yaw_rad: float
     velocity_m_s: Float64
@@ -55,8 +55,8 @@ def check_start_box(box_velo: Boxes3D) -> None:
 def point_model_of(box_velo: Boxes3D, world_SE3_velo: Float64) -> PointModel:
     """Return the model of an object at rest in its first box."""
     box_world = transform_boxes(world_SE3_velo, box_velo)
-    place_m = box_world.bottom_m[0] + (0, 0, box_world.size_m[0, 2] / 2)
-    return PointModel(place_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
+    position_m = box_world.bottom_m[0] + (0, 0, box_world.size_m[0, 2] / 2)
+    return PointModel(position_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
 
 
 def to_tracked_object(
@@ -64,7 +64,7 @@ def to_tracked_object(
 ) -> TrackedObject:
     """Say what is known of an object, as every tracker does."""
     velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
-    bottom_m = model.place_m - (0, 0, model.size_m[2] / 2)
+    bottom_m = model.position_m - (0, 0, model.size_m[2] / 2)
     box_world = Boxes3D(bottom_m[None], model.size_m[None], np.array([model.yaw_rad]))
     box_velo = transform_boxes(velo_SE3_world, box_world)
     velocity_m_s = velo_SE3_world[:2, :3] @ model.velocity_m_s

@@ -24,42 +24,42 @@ class PoseSearchConfig:
     """How poses are searched.
 
     Attributes:
-        first_steps: most steps of the first lattice along the heading, across and around.
-        first_spacing: of the first lattice, as a share of the object's length and width.
-        first_spacing_rad: the same around.
-        later_steps: of the lattices after it.
+        coarse_steps: most steps of the first lattice along the heading, across and around.
+        coarse_spacing: of the first lattice, as a share of the object's length and width.
+        coarse_spacing_rad: the same around.
+        fine_steps: of the lattices after it.
         reach: of the first lattice in standard deviations of what is expected.
         max_reach_m: of the first lattice.
         min_reach_m: of the first lattice along and across.
         min_reach_rad: around.
         finest_m: lattices need not reach less far.
         finest_rad: the same of angles.
-        informative_points: so many points say all; more say the same again.
+        saturation_points: so many points say all; more say the same again.
         sharpness: what one such point says.
         surplus: what e times as many points as usual say.
         max_points: of one lattice; more are thinned evenly.
         possible: poses whose score is this far below the best may still be it.
-        floor_m: standard deviation of a pose that fits perfectly.
-        floor_rad: of its yaw.
+        min_deviation_m: standard deviation of a pose that fits perfectly.
+        min_deviation_rad: of its yaw.
     """
 
-    first_steps: tuple[int, int, int] = (25, 25, 7)
-    first_spacing: float = 0.15
-    first_spacing_rad: float = 0.07
-    later_steps: tuple[tuple[int, int, int], ...] = ((9, 9, 7), (7, 7, 7))
+    coarse_steps: tuple[int, int, int] = (25, 25, 7)
+    coarse_spacing: float = 0.15
+    coarse_spacing_rad: float = 0.07
+    fine_steps: tuple[tuple[int, int, int], ...] = ((9, 9, 7), (7, 7, 7))
     reach: float = 2.5
     max_reach_m: float = 6.0
     min_reach_m: float = 0.25
     min_reach_rad: float = 0.06
     finest_m: float = 0.04
     finest_rad: float = 0.01
-    informative_points: float = 15.0
+    saturation_points: float = 15.0
     sharpness: float = 3.0
-    surplus: float = 3.0
+    surplus_weight: float = 3.0
     max_points: int = 250
-    possible: float = 6.0
-    floor_m: float = 0.03
-    floor_rad: float = 0.015
+    score_margin: float = 6.0
+    min_deviation_m: float = 0.03
+    min_deviation_rad: float = 0.015
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def search(
     shape: ObjectShape,
     observation: ObjectObservation,
     priors: tuple[PoseBelief, ...],
-    usual_reward: float,
+    reference_reward: float,
     config: PoseSearchConfig,
 ) -> PoseBelief:
     """Return what is believed after a scan.
@@ -111,25 +111,31 @@ def search(
         shape: of the object.
         sight: what the scan shows.
         priors: what is believed before: one of these, the first as a rule.
-        usual_reward: what the object's points used to be worth, at this distance.
+        reference_reward: what the object's points used to be worth, at this distance.
         rules: how to search.
     """
     table = shape.rewards(observation.sensor_xy_m, priors[0].pose)
     lattice = _first_lattice(priors[0], shape, config)
-    for steps in (*config.later_steps, None):
+    for steps in (*config.fine_steps, None):
         smooth = _blurred(table, lattice.spacing[:2].max() / 2 / shape.config.cell_m)
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
         near = observation.near(lattice.pose[:2], reach_m, config.max_points)
         scored = _score_poses(shape, smooth, near, lattice)
-        kept = usual_reward * shape.kept_by(smooth, table)
+        kept = reference_reward * shape.retained_share(smooth, table)
         score = _gains(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
-        usual_reward = max(usual_reward, float(scored.rewards[best]))
-        belief = _moments(scored.poses, score, _around_best(score, best, config.possible))
+        reference_reward = max(reference_reward, float(scored.rewards[best]))
+        belief = _moments(scored.poses, score, _around_best(score, best, config.score_margin))
         if steps is not None:
             lattice = _finer(lattice, belief, steps, config)
     axes = _turn(belief.pose[2])
-    floor = axes @ np.diag(np.square([config.floor_m, config.floor_m, config.floor_rad])) @ axes.T
+    floor = (
+        axes
+        @ np.diag(
+            np.square([config.min_deviation_m, config.min_deviation_m, config.min_deviation_rad])
+        )
+        @ axes.T
+    )
     return PoseBelief(belief.pose, belief.covariance + floor)
 
 
@@ -168,9 +174,9 @@ def _first_lattice(prior: PoseBelief, shape: ObjectShape, config: PoseSearchConf
     most = np.array([config.max_reach_m, config.max_reach_m, np.pi / 2])
     spread = _spread(prior.pose[2], prior.covariance)
     reach = np.clip(config.reach * spread, least, most)
-    length_m, width_m = np.clip(config.first_spacing * shape.size_m[:2], 0.1, 0.3)
-    spacing = np.array([length_m, width_m, config.first_spacing_rad])
-    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, config.first_steps)
+    length_m, width_m = np.clip(config.coarse_spacing * shape.size_m[:2], 0.1, 0.3)
+    spacing = np.array([length_m, width_m, config.coarse_spacing_rad])
+    along, across, around = np.clip(2 * np.ceil(reach / spacing) + 1, 5, config.coarse_steps)
     return _Lattice(prior.pose, reach, (int(along), int(across), int(around)))
 
 
@@ -219,12 +225,12 @@ def _score_poses(
     return _ScoredPoses(poses, rewards.astype(np.float64))
 
 
-def _gains(rewards: Float64, usual_reward: float, config: PoseSearchConfig) -> Float64:
+def _gains(rewards: Float64, reference_reward: float, config: PoseSearchConfig) -> Float64:
     """Return what rewards say for poses; more than is usual for the object says little more."""
-    usual = max(usual_reward, 1.0)
-    beyond = config.surplus * np.log(np.maximum(rewards, usual) / usual)
-    share = config.sharpness * min(1.0, config.informative_points / usual)
-    return np.asarray(share * np.minimum(rewards, usual) + beyond)
+    reference = max(reference_reward, 1.0)
+    beyond = config.surplus_weight * np.log(np.maximum(rewards, reference) / reference)
+    share = config.sharpness * min(1.0, config.saturation_points / reference)
+    return np.asarray(share * np.minimum(rewards, reference) + beyond)
 
 
 def _log_prior(poses: Float64, priors: tuple[PoseBelief, ...]) -> Float64:
@@ -238,9 +244,9 @@ def _log_prior(poses: Float64, priors: tuple[PoseBelief, ...]) -> Float64:
     return np.asarray(np.logaddexp.reduce(logs))
 
 
-def _around_best(score: Float64, best: tuple[np.intp, ...], possible: float) -> Bool:
+def _around_best(score: Float64, best: tuple[np.intp, ...], score_margin: float) -> Bool:
     """Tell which poses are possible and hang together with the best: another object's do not."""
-    groups, _ = ndimage.label(score > score[best] - possible, np.ones((3, 3, 3)))
+    groups, _ = ndimage.label(score > score[best] - score_margin, np.ones((3, 3, 3)))
     return np.asarray(groups == groups[best])
 
 

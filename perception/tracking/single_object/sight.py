@@ -35,11 +35,11 @@ class ObjectObservation:
         """Return how far (2,) a place is from the sensor, at least 5 m: nearer, points get no denser."""
         return max(float(np.hypot(*(self.sensor_xy_m - xy_m))), 5.0)
 
-    def near(self, xy_m: Float64, radius_m: float, most: int) -> "Sight":
+    def near(self, xy_m: Float64, radius_m: float, max_cells: int) -> "Sight":
         """Return what lies near a place, thinned evenly to at most so many cells."""
         off = self.points_xy_m - xy_m
         rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
-        stride = max(1, -(-len(rows) // most))
+        stride = max(1, -(-len(rows) // max_cells))
         rows = rows[::stride]
         return replace(
             self,
@@ -53,10 +53,10 @@ class ObjectObservation:
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
 
 
-def points_around(tracker_input: TrackerInput, place_world: Float64, reach_m: float) -> Float64:
+def points_around(tracker_input: TrackerInput, position_world: Float64, reach_m: float) -> Float64:
     """Return the (N, 3) points in the world within a square around (3,) a place."""
     velo = inverse(tracker_input.world_SE3_velo)
-    x, y, _ = velo[:3, :3] @ place_world + velo[:3, 3]
+    x, y, _ = velo[:3, :3] @ position_world + velo[:3, 3]
     # One column, then the other of what is left: a third of the time of both over all points.
     near = np.flatnonzero(np.abs(tracker_input.points_velo[:, 0] - np.float32(x)) < reach_m)
     near = near[np.abs(tracker_input.points_velo[near, 1] - np.float32(y)) < reach_m]

@@ -11,7 +11,7 @@ _CELL_M = 0.15
 
 
 @dataclass(frozen=True)
-class _Others:
+class _BackgroundScan:
     """The (N, 2) points in the world that one scan showed beside the object; all, where it was hidden."""
 
     points_xy_m: Float64
@@ -19,7 +19,7 @@ class _Others:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class BackgroundModel:
     """The last scans without the object.
 
     While the object is seen, whatever else is there is something else at once. While it is hidden it
@@ -33,7 +33,7 @@ class Surroundings:
         staying: in this share of them.
     """
 
-    scans: tuple[_Others, ...] = ()
+    scans: tuple[_BackgroundScan, ...] = ()
     recent: int = 4
     kept: int = 10
     min_hidden: int = 6
@@ -41,10 +41,10 @@ class Surroundings:
 
     def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "Surroundings":
         """Return the surroundings after one more scan."""
-        scans = (_Others(points_xy_m, is_hidden), *self.scans)[: self.kept]
-        return Surroundings(scans, self.recent, self.kept, self.min_hidden, self.staying)
+        scans = (_BackgroundScan(points_xy_m, is_hidden), *self.scans)[: self.kept]
+        return BackgroundModel(scans, self.recent, self.kept, self.min_hidden, self.staying)
 
-    def hold(self, points_xy_m: Float64) -> Bool:
+    def contains(self, points_xy_m: Float64) -> Bool:
         """Tell which (N, 2) points lie where something else stood."""
         if not self.scans or not len(points_xy_m):
             return np.zeros(len(points_xy_m), bool)
@@ -52,15 +52,15 @@ class Surroundings:
         shape = tuple(np.floor((points_xy_m.max(axis=0) - low_m) / _CELL_M).astype(int) + 3)
         own = np.floor((points_xy_m - low_m) / _CELL_M).astype(np.int64)
         beside = [scan for scan in self.scans[: self.recent] if not scan.is_hidden]
-        holds = _count(beside, low_m, shape)[own[:, 0], own[:, 1]] > 0
+        contains = _count(beside, low_m, shape)[own[:, 0], own[:, 1]] > 0
         hidden = [scan for scan in self.scans if scan.is_hidden]
         if len(hidden) >= self.min_hidden:
             stays = _count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
-            holds |= stays >= self.staying * len(hidden)
-        return np.asarray(holds)
+            contains |= stays >= self.staying * len(hidden)
+        return np.asarray(contains)
 
 
-def _count(scans: list[_Others], low_m: Float64, shape: tuple[int, ...]) -> Float64:
+def _count(scans: list[_BackgroundScan], low_m: Float64, shape: tuple[int, ...]) -> Float64:
     """Return in how many scans something was in each cell or beside it."""
     counts = np.zeros(shape)
     for scan in scans:

@@ -20,7 +20,7 @@ from perception.tracking.single_object.opencv_trackers import (
 from perception.tracking.single_object.tracker import SingleObjectTracker
 
 # Best first. A tracker is made anew for every object that is followed.
-_MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
+_FACTORIES: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
     "default": BoxFitTracker,
     "h-fus": FusionTracker,
     "l-fus": colored_points_tracker,
@@ -34,7 +34,7 @@ _MAKERS: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
 }
 
 # Those that run on the OpenCV that is installed.
-TRACKERS = tuple(name for name in _MAKERS if name not in missing_opencv_trackers())
+TRACKERS = tuple(name for name in _FACTORIES if name not in missing_opencv_trackers())
 
 
 def single_object_tracker(name: str, sensor: LidarModel) -> SingleObjectTracker:
@@ -47,9 +47,9 @@ def single_object_tracker(name: str, sensor: LidarModel) -> SingleObjectTracker:
     Raises:
         UsageError: there is no tracker of this name.
     """
-    maker = _MAKERS.get(name)
-    if maker is None:
+    factory = _FACTORIES.get(name)
+    if factory is None:
         raise UsageError(
-            "tracker of one object", expected=f"one of {', '.join(_MAKERS)}", found=name
+            "tracker of one object", expected=f"one of {', '.join(_FACTORIES)}", found=name
         )
-    return maker(sensor)
+    return factory(sensor)

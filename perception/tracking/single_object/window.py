@@ -13,18 +13,18 @@ class Window:
     """Where points are looked for.
 
     Attributes:
-        place_m: (3,) its centre; the height is carried along.
+        position_m: (3,) its centre; the height is carried along.
         size_m: (2,) length along the heading, and width.
         yaw_rad: heading.
     """
 
-    place_m: Float64
+    position_m: Float64
     size_m: Float64
     yaw_rad: float
 
-    def holds(self, points_m: Float) -> Bool:
+    def contains(self, points_m: Float) -> Bool:
         """Tell which (N, 2+) points lie over it, at any height."""
-        x, y = (points_m[:, :2] - self.place_m[:2]).T
+        x, y = (points_m[:, :2] - self.position_m[:2]).T
         cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         half_length_m, half_width_m = self.size_m / 2
         return np.asarray(
@@ -32,9 +32,9 @@ class Window:
             & (np.abs(cos * y - sin * x) <= half_width_m)
         )
 
-    def moved(self, place_m: Float64) -> Self:
+    def moved(self, position_m: Float64) -> Self:
         """Return it at another place."""
-        return replace(self, place_m=place_m)
+        return replace(self, position_m=position_m)
 
     def scaled(self, factor: float) -> Self:
         """Return it with another size."""

@@ -30,9 +30,9 @@ def one_track(x_m: np.ndarray, track_id: int = 7) -> TrackPositions:
     )
 
 
-def drive_then(speeds_mps: list[tuple[float, float]]) -> np.ndarray:
+def drive_then(speeds_m_s: list[tuple[float, float]]) -> np.ndarray:
     """Return positions of an object that keeps each speed for so many seconds."""
-    per_scan = [np.full(round(seconds / SCAN_S), speed) for speed, seconds in speeds_mps]
+    per_scan = [np.full(round(seconds / SCAN_S), speed) for speed, seconds in speeds_m_s]
     return np.cumsum(np.concatenate(per_scan)) * SCAN_S
 
 
@@ -97,7 +97,7 @@ def test_short_tracks(boxes: int, speed_mps: float, expected: MotionState):
 
 
 def test_speed_is_that_of_the_object_over_the_ground():
-    speeds = label_motion(one_track(drive_then([(3.0, 2.0)]))).speeds_mps
+    speeds = label_motion(one_track(drive_then([(3.0, 2.0)]))).speeds_m_s
     np.testing.assert_allclose(speeds, 3.0, rtol=1e-9)
 
 
@@ -107,7 +107,7 @@ def test_velocities_have_the_world_s_axes():
     track.positions_world[:, 1] = -1.5 * track.stamps_s
     motion = label_motion(track)
     np.testing.assert_allclose(motion.velocities_m_s, np.tile([2.0, -1.5], (12, 1)), rtol=1e-9)
-    np.testing.assert_allclose(motion.speeds_mps, 2.5, rtol=1e-9)
+    np.testing.assert_allclose(motion.speeds_m_s, 2.5, rtol=1e-9)
     assert motion.velocities_of(4, np.array([7, 8])).tolist()[0] == pytest.approx([2.0, -1.5])
     assert np.isnan(motion.velocities_of(4, np.array([7, 8]))[1]).all()
     assert motion.velocities_of(4, np.zeros(0, np.int64)).shape == (0, 2)
@@ -145,8 +145,8 @@ def test_objects_without_a_track_are_left_out():
 
 
 def test_thresholds_out_of_order_are_refused():
-    with pytest.raises(UsageError, match="stop_mps <= start_mps"):
-        MotionLabelConfig(start_mps=0.5, stop_mps=0.8)
+    with pytest.raises(UsageError, match="stop_m_s <= start_m_s"):
+        MotionLabelConfig(start_m_s=0.5, stop_m_s=0.8)
 
 
 def kitti_tracks(kitti_root, sequence: str, *, has_ins: bool) -> TrackPositions:

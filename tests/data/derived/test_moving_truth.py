@@ -61,8 +61,8 @@ def test_who_moves_holds_points_that_move(drive, truth):
         own = point_truth.instances == scene.objects.track_ids[row] + 1
         assert point_truth.is_moving[own].all()
         assert scene.points[row] <= 1.1 * own.sum()
-    assert (scene.moves_sometime | (scene.objects.motions != MotionState.MOVING)).all()
-    assert not scene.moves_sometime.all()
+    assert (scene.moves_in_drive | (scene.objects.motions != MotionState.MOVING)).all()
+    assert not scene.moves_in_drive.all()
 
 
 def test_the_camera_s_view_has_its_image(drive, truth):

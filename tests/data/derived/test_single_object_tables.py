@@ -5,9 +5,9 @@ import pytest
 
 from data.derived.challenges import Challenge, ChallengeConfig, variations
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, without_repeats
+from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, unique_sequences
 from data.kitti.calibration import read_benchmark_calibration
-from data.kitti.labels import no_labels, read_tracking_labels
+from data.kitti.labels import empty_labels, read_tracking_labels
 
 PRINTED_FRAMES = (
     154, 154, 101, 18, 58, 144, 78, 78, 122, 314, 297, 101, 42, 136, 38, 51, 42, 31, 24, 390, 36,
@@ -47,7 +47,7 @@ def test_rows_of_the_tables():
 
 
 def test_what_both_tables_hold_is_followed_once():
-    together = without_repeats([*table_3_2(), *table_a_1()])
+    together = unique_sequences([*table_3_2(), *table_a_1()])
     assert len(together) == 53
     assert [one.name for one in together if "=" in one.name] == [
         "3.2 (1) = OTD 1",
@@ -72,7 +72,7 @@ def labelled(kitti_root) -> dict[str, DriveObjects]:
         found[path.stem] = DriveObjects(
             path.stem,
             [0.1 * frame for frame in frames],
-            [labels.get(frame, no_labels()) for frame in frames],
+            [labels.get(frame, empty_labels()) for frame in frames],
             None,
         )
     return found

@@ -23,7 +23,7 @@ def car_frames(tmp_path):
 
 @dataclass(frozen=True)
 class ToyOutput:
-    modal: dict
+    modality_detections: dict
     dense: DenseMaps | None
 
 
@@ -49,9 +49,9 @@ def test_detectors_look_once_at_each_frame(car_frames, tmp_path):
     again = detect_drives([drive], FingerprintedDetector(detector, "a"), store)
     assert detector.looks == len(drive) == len(first)
     for scene in (*first.scenes, *again.scenes):
-        assert list(scene.modal) == ["rgb", "dm"]
-        assert scene.modal["dm"].boxes_px.tolist() == [[10, 20, 30, 40]]
-        assert scene.modal["dm"].types.tolist() == ["Car"]
+        assert list(scene.modality_detections) == ["rgb", "dm"]
+        assert scene.modality_detections["dm"].boxes_px.tolist() == [[10, 20, 30, 40]]
+        assert scene.modality_detections["dm"].types.tolist() == ["Car"]
         assert scene.depths_m["dm"].tolist() == [[12, 12]]
         assert scene.size_px == (620, 190)
     labels = drive.labels(0)

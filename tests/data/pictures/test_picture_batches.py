@@ -196,7 +196,7 @@ def test_a_drive_on_disk_becomes_batches(make_data: MakeData):
             seen.append(number)
             yield number
 
-    data = make_data(augmentation=PictureAugmentation(), progress=progress, test_share=0.2)
+    data = make_data(augmentation=PictureAugmentation(), progress=progress, test_fraction=0.2)
     data.prepare_data()
     assert seen == [0, 1, 2, 3, 4]
     assert len(list(data.sources.store.folder.iterdir())) == 5
@@ -223,7 +223,7 @@ def test_validation_drives_are_taken_whole(make_data: MakeData, make_frames: Cal
 
 
 def test_a_share_takes_the_first_frames(make_data: MakeData, make_frames: Callable[..., Path]):
-    data = make_data(validation=(make_frames("other", 2),), training_share=0.5)
+    data = make_data(validation=(make_frames("other", 2),), training_fraction=0.5)
     data.setup()
     assert data.training.numbers.tolist() == [0, 1, 2]
     assert data.validation.numbers.tolist() == [0, 1]
@@ -289,9 +289,9 @@ def test_no_drives_are_refused(make_data: MakeData):
     [
         ({"batch_size": 0}, "a batch size from 1 and workers from 0"),
         ({"workers": -1}, "a batch size from 1 and workers from 0"),
-        ({"validation_share": 0.6, "test_share": 0.4}, "both from 0, together below 1"),
-        ({"test_share": -0.1}, "both from 0, together below 1"),
-        ({"training_share": 0.0}, "training share: expected above 0, at most 1, found 0"),
+        ({"validation_fraction": 0.6, "test_fraction": 0.4}, "both from 0, together below 1"),
+        ({"test_fraction": -0.1}, "both from 0, together below 1"),
+        ({"training_fraction": 0.0}, "training share: expected above 0, at most 1, found 0"),
     ],
 )
 def test_loading_that_cannot_be_is_refused(loading: dict[str, float], sentence: str):

@@ -3,7 +3,7 @@ import pytest
 
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
-from data.synthetic.remembered_drive import RememberedDrive
+from data.synthetic.remembered_drive import CachedDrive
 from perception.sensor import VLP_16
 
 GOOD, BAD = InsNoise(0.0, 0.0), InsNoise(1.0, 2.0)
@@ -11,7 +11,7 @@ GOOD, BAD = InsNoise(0.0, 0.0), InsNoise(1.0, 2.0)
 
 @pytest.fixture(scope="module")
 def drive():
-    return RememberedDrive(2, seed=3, sensor=VLP_16, noise=GOOD)
+    return CachedDrive(2, seed=3, sensor=VLP_16, noise=GOOD)
 
 
 def test_it_is_the_drive_that_forgets(drive):

@@ -12,9 +12,9 @@ from data.synthetic.materials import SemanticClass
 from data.synthetic.road import Road, RoadShape
 from data.synthetic.traffic_plan import _apart
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.yards import Yard
+from data.synthetic.yards import ParkingLot
 from perception.errors import UsageError
-from perception.geometry.box_overlap_ground import iou_ground
+from perception.geometry.box_overlap_ground import iou_bev
 
 KINDS = [
     world_kinds.town_street,
@@ -32,7 +32,7 @@ def test_no_two_vehicles_touch(kind):
     for index in (0, 19):
         labels = drive.labels_around(index)
         vehicles = labels.boxes_velo[np.isin(labels.types, ["Car", "Van", "Truck", "Misc"])]
-        overlap = iou_ground(vehicles, vehicles) - np.eye(len(vehicles))
+        overlap = iou_bev(vehicles, vehicles) - np.eye(len(vehicles))
         assert len(vehicles) > 2
         assert overlap.max() < 1e-3
 
@@ -40,18 +40,20 @@ def test_no_two_vehicles_touch(kind):
 def test_a_place_full_of_clutter_has_all_of_it():
     road = Road(RoadShape(lanes=2, land_m=(1.5, -1.0), roughness_m=0.1))
     everything = ClutterConfig(20, 20, 5, 0.5, 0.5, 20, 5, 10, 10, 5, 5)
-    parts = clutter.litter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
+    parts = clutter.place_clutter(road, (0.0, 100.0), everything, [], np.random.default_rng(0))
     assert len(parts) > 300
     heights = [
         part.mesh.vertices_m[:, 2].max() - part.mesh.vertices_m[:, 2].min() for part in parts
     ]
     assert max(heights) < 12
-    assert not clutter.litter(road, (0.0, 100.0), ClutterConfig(), [], np.random.default_rng(0))
+    assert not clutter.place_clutter(
+        road, (0.0, 100.0), ClutterConfig(), [], np.random.default_rng(0)
+    )
 
 
 def test_bushes_do_not_grow_over_the_road():
     road = Road(RoadShape(pavement_m=0.5))
-    parts = clutter.litter(
+    parts = clutter.place_clutter(
         road, (0.0, 100.0), ClutterConfig(bushes=30, conifers=10), [], np.random.default_rng(1)
     )
     for part in parts:
@@ -74,10 +76,10 @@ def test_slopes_and_bumps_begin_beyond_the_pavement():
 
 
 def test_nothing_is_built_on_a_yard_of_the_same_side():
-    yard = Yard(10.0, 20.0, 1)
-    assert yard.overlaps(25.0, 10.0, 1)
-    assert not yard.overlaps(25.0, 10.0, -1)
-    assert not yard.overlaps(30.0, 5.0, 1)
+    parking_lot = ParkingLot(10.0, 20.0, 1)
+    assert parking_lot.overlaps(25.0, 10.0, 1)
+    assert not parking_lot.overlaps(25.0, 10.0, -1)
+    assert not parking_lot.overlaps(30.0, 5.0, 1)
 
 
 def test_trucks_start_apart_from_the_ego_vehicle():

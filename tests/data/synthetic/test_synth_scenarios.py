@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from data.synthetic.scenarios import (
-    KINDS,
+    TARGET_CLASSES,
     TARGET_ID,
-    Difficulty,
     Scenario,
+    ScenarioChallenge,
     ScenarioDrive,
     all_scenarios,
 )
@@ -19,8 +19,8 @@ from perception.types import Boxes3D
 FRAMES = 60
 
 
-def drive_with(*difficulties: Difficulty, kind="Car", **options) -> ScenarioDrive:
-    return ScenarioDrive(Scenario(kind, frozenset(difficulties)), images=False, **options)
+def drive_with(*challenges: ScenarioChallenge, kind="Car", **options) -> ScenarioDrive:
+    return ScenarioDrive(Scenario(kind, frozenset(challenges)), images=False, **options)
 
 
 def object_box(drive: ScenarioDrive, index: int) -> Boxes3D:
@@ -46,7 +46,7 @@ def world_positions(drive: ScenarioDrive) -> np.ndarray:
 
 def test_scenarios_are_nothing_each_thing_alone_and_all_together():
     names = [scenario.name for scenario in all_scenarios("Car")]
-    assert names == ["plain", *Difficulty, "together"]
+    assert names == ["plain", *ScenarioChallenge, "together"]
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_drive(plain):
 
 
 def test_the_object_turns_away_and_back():
-    drive = drive_with(Difficulty.POSE)
+    drive = drive_with(ScenarioChallenge.POSE)
     yaw_deg = np.degrees([object_box(drive, i).yaw_rad[0] for i in range(FRAMES)])
     assert yaw_deg.min() == pytest.approx(-65, abs=2)
     assert abs(yaw_deg[0]) < 1
@@ -88,7 +88,7 @@ def test_the_object_turns_away_and_back():
 
 
 def test_the_distance_shrinks_from_far_to_near():
-    drive = drive_with(Difficulty.DISTANCE)
+    drive = drive_with(ScenarioChallenge.DISTANCE)
     ahead_m = np.array([object_box(drive, i).bottom_m[0, 0] for i in range(FRAMES)])
     assert ahead_m[0] == pytest.approx(40, abs=1)
     assert ahead_m[-1] == pytest.approx(18, abs=1)
@@ -96,7 +96,7 @@ def test_the_distance_shrinks_from_far_to_near():
 
 
 def test_the_object_brakes_to_a_crawl_and_speeds_up():
-    positions = world_positions(drive_with(Difficulty.VELOCITY))
+    positions = world_positions(drive_with(ScenarioChallenge.VELOCITY))
     speeds_m_s = 10 * np.linalg.norm(np.diff(positions, axis=0), axis=1)
     assert speeds_m_s[0] == pytest.approx(6.0, abs=0.2)
     assert speeds_m_s.min() == pytest.approx(0.6, abs=0.1)
@@ -104,15 +104,15 @@ def test_the_object_brakes_to_a_crawl_and_speeds_up():
 
 
 def test_the_light_falls_and_then_exceeds_what_it_was():
-    drive = ScenarioDrive(Scenario("Car", frozenset([Difficulty.ILLUMINATION])))
+    drive = ScenarioDrive(Scenario("Car", frozenset([ScenarioChallenge.ILLUMINATION])))
     before, shade, sun = (float(drive.image(i).mean()) for i in (0, 25, FRAMES - 1))
     assert shade < 0.6 * before
     assert sun > 1.05 * before
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TARGET_CLASSES)
 def test_together_the_van_hides_the_object_and_nobody_runs_into_anybody(kind):
-    drive = drive_with(*Difficulty, kind=kind)
+    drive = drive_with(*ScenarioChallenge, kind=kind)
     first, hidden, last = (points_on_object(drive, i) for i in (0, 21, FRAMES - 1))
     assert first > 10
     assert hidden == 0

@@ -6,7 +6,7 @@ import pytest
 from data.synthetic import people, vehicles
 from data.synthetic.materials import Slot
 from data.synthetic.road import Road, RoadShape
-from data.synthetic.traffic import Block, Lane, Slowdown, drive_lane, simulation_times
+from data.synthetic.traffic import Block, Lane, Slowdown, simulate_lane, simulation_times
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import draw_config
@@ -38,7 +38,7 @@ def lane_of_three() -> Lane:
 
 def test_followers_keep_their_distance_when_the_first_stops():
     times = simulation_times(15.0)
-    places = drive_lane(lane_of_three(), times, [], [Slowdown(0, 3.0, 8.0, 0.0)])
+    places = simulate_lane(lane_of_three(), times, [], [Slowdown(0, 3.0, 8.0, 0.0)])
     assert (places[:, :-1] - places[:, 1:] - 4.5).min() > 1.0
     assert (np.diff(places, axis=0) >= 0).all()
     speed = np.diff(places[:, 0]) / 0.05
@@ -48,7 +48,7 @@ def test_followers_keep_their_distance_when_the_first_stops():
 
 def test_a_closed_lane_stops_who_can_stop():
     times = simulation_times(12.0)
-    places = drive_lane(lane_of_three(), times, [Block(100.0, 0.0, 8.0)], [])
+    places = simulate_lane(lane_of_three(), times, [Block(100.0, 0.0, 8.0)], [])
     at_closing, at_opening = np.searchsorted(times, [0.0, 8.0])
     held = places[at_closing] < 80.0
     assert held.any()

@@ -6,7 +6,7 @@ import pytest
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, draw_drive, write_drives
 from data.synthetic.materials import SemanticClass
-from data.synthetic.writer import DATE, semantic_words
+from data.synthetic.writer import DATE, semantic_kitti_labels
 from perception.errors import UsageError
 from perception.sensor import VLP_16
 
@@ -68,7 +68,7 @@ def test_object_frames_come_from_several_worlds(tmp_path):
 
 def test_words_tell_class_motion_and_instance(street_drive):
     truth = street_drive.point_truth(0)
-    words = semantic_words(truth)
+    words = semantic_kitti_labels(truth)
     assert np.array_equal(words >> 16, truth.instances)
     cars = truth.classes == SemanticClass.CAR
     assert (words[cars & truth.is_moving] & 0xFFFF == 252).all()

@@ -5,7 +5,13 @@ import pytest
 
 from benchmarks.naive_proposals import boxes_by_loop
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalConfig, Proposals, box, cut, propose
+from perception.detection.depthcn.proposals import (
+    ProposalConfig,
+    Proposals,
+    cluster_points,
+    fit_boxes,
+    propose,
+)
 from perception.detection.depthcn.standing import find_standing
 from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
@@ -117,8 +123,8 @@ def test_steps_can_be_called_apart():
         standing = find_standing(
             scan, CALIBRATION, SIZE, rules.cell_m, rules.least_variance_m2, method
         )
-        labels = cut(standing, rules.radius_m, rules.min_points, method)
-        apart, whole = box(standing, labels), propose(scan, CALIBRATION, SIZE, rules, method)
+        labels = cluster_points(standing, rules.radius_m, rules.min_points, method)
+        apart, whole = fit_boxes(standing, labels), propose(scan, CALIBRATION, SIZE, rules, method)
         assert apart.boxes_px.tolist() == whole.boxes_px.tolist()
         assert apart.clusters.tolist() == whole.clusters.tolist()
 

@@ -8,7 +8,7 @@ import pytest
 from perception.detection.detectors.modalities import fill_maps, map_picture
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import Union
+from perception.detection.detectors.union import NmsFusion
 from perception.detection.fusion.fitted_to import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import CalibrationError, ImageError, ModelError, UsageError
@@ -51,10 +51,10 @@ def test_each_detector_sees_what_it_sees_alone(detectors, frame):
     output = MultimodalDetector(detectors).detect(frame)
     dense = densify(project_frame(frame))
     pictures = {"rgb": frame.image} | {name: map_picture(dense, name) for name in ("dm", "rm")}
-    assert list(output.modal) == list(MODALITIES)
+    assert list(output.modality_detections) == list(MODALITIES)
     for modality, picture in pictures.items():
-        assert_same(output.modal[modality], detectors[modality].detect(picture))
-        assert len(output.modal[modality])
+        assert_same(output.modality_detections[modality], detectors[modality].detect(picture))
+        assert len(output.modality_detections[modality])
     np.testing.assert_array_equal(output.dense.depth_m, dense.depth_m)
     assert sorted(output.timings_s) == ["dm", "fusion", "maps", "rgb", "rm"]
 
@@ -70,7 +70,7 @@ def test_answer_does_not_depend_on_who_works_at_once(detectors, frame, workers):
 @pytest.mark.parametrize("names", [("rgb",), ("dm",), ("rgb", "rm"), ("dm", "rm")])
 def test_any_of_the_modalities(detectors, frame, names):
     output = MultimodalDetector({name: detectors[name] for name in names}).detect(frame)
-    assert tuple(output.modal) == names
+    assert tuple(output.modality_detections) == names
     assert (output.dense is None) == (names == ("rgb",))
     columns = [MODALITIES.index(name) for name in names]
     assert set(output.fused.carriers) <= set(columns)
@@ -78,14 +78,16 @@ def test_any_of_the_modalities(detectors, frame, names):
 
 def test_frame_without_an_image(detectors, frame):
     blind = replace(frame, image=None)
-    assert list(MultimodalDetector(detectors).detect(blind).modal) == ["dm", "rm"]
+    assert list(MultimodalDetector(detectors).detect(blind).modality_detections) == ["dm", "rm"]
     with pytest.raises(ImageError, match="expected a camera image, found none"):
         MultimodalDetector({"rgb": detectors["rgb"]}).detect(blind)
 
 
 def test_image_alone_needs_no_calibration(detectors, frame):
     bare = replace(frame, calibration=None)
-    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).modal) == ["rgb"]
+    assert list(MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).modality_detections) == [
+        "rgb"
+    ]
     with pytest.raises(CalibrationError, match="expected a camera's calibration"):
         MultimodalDetector(detectors).detect(bare)
 
@@ -95,7 +97,7 @@ def test_maps_that_are_made_already_are_used(detectors, frame):
     dark = replace(dense, reflectance=np.zeros_like(dense.reflectance))
     output = MultimodalDetector(detectors).detect(frame, dark)
     assert output.dense is dark
-    assert len(output.modal["rm"]) == 0
+    assert len(output.modality_detections["rm"]) == 0
 
 
 def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
@@ -104,23 +106,25 @@ def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
     sparse = ModalityDetector(path, 1)
     output = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).detect(frame)
     maps = fill_maps(project_frame(frame), "sparse")
-    assert_same(output.modal["rm"], sparse.detect(map_picture(maps, "rm")))
+    assert_same(output.modality_detections["rm"], sparse.detect(map_picture(maps, "rm")))
     dense = densify(project_frame(frame))
-    assert_same(output.modal["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
+    assert_same(output.modality_detections["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
 
 
 def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
     asked = {}
 
     class Silent:
-        def fuse(self, modal, size_px, dense=None, camera=None):
-            asked.update(modal=modal, size_px=size_px, dense=dense, camera=camera)
+        def fuse(self, modality_detections, size_px, dense=None, camera=None):
+            asked.update(
+                modality_detections=modality_detections, size_px=size_px, dense=dense, camera=camera
+            )
             return FusedDetections.empty()
 
     output = MultimodalDetector(detectors, Silent()).detect(frame)
     assert len(output.fused) == 0
     assert asked == {
-        "modal": output.modal,
+        "modal": output.modality_detections,
         "size_px": SIZE_PX,
         "dense": output.dense,
         "camera": frame.calibration,
@@ -172,27 +176,27 @@ def detections(*rows, types=None):
 
 
 def test_union_keeps_the_best_of_each_place_and_says_who_else_saw_it():
-    modal = {
+    modality_detections = {
         "rgb": detections((0, 0, 10, 10, 0.6), (50, 0, 60, 10, 0.5)),
         "dm": detections((0, 0, 10, 12, 0.9)),
         "rm": detections((100, 0, 110, 10, 0.7), (0, 0, 10, 11, 0.1)),
     }
-    fused = Union().fuse(modal, (200, 100))
+    fused = NmsFusion().fuse(modality_detections, (200, 100))
     np.testing.assert_array_equal(fused.detections.scores, [0.9, 0.7, 0.5])
     np.testing.assert_array_equal(fused.parts, [[0, 0, 1], [-1, -1, 0], [1, -1, -1]])
     np.testing.assert_array_equal(fused.carriers, [1, 2, 0])
 
 
 def test_union_keeps_classes_apart():
-    modal = {
+    modality_detections = {
         "rgb": detections((0, 0, 10, 10, 0.6), types=["Van"]),
         "rm": detections((0, 0, 10, 10, 0.9)),
     }
-    fused = Union().fuse(modal, (200, 100))
+    fused = NmsFusion().fuse(modality_detections, (200, 100))
     assert fused.detections.types.tolist() == ["Car", "Van"]
     np.testing.assert_array_equal(fused.parts, [[-1, -1, 0], [0, -1, -1]])
 
 
 def test_union_of_nothing():
-    assert len(Union().fuse({}, (200, 100))) == 0
-    assert len(Union().fuse({"rgb": Detections.empty()}, (200, 100))) == 0
+    assert len(NmsFusion().fuse({}, (200, 100))) == 0
+    assert len(NmsFusion().fuse({"rgb": Detections.empty()}, (200, 100))) == 0

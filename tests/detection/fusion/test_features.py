@@ -25,11 +25,11 @@ def named(scene, rows, variant="default"):
 
 
 def test_two_boxes_of_three_by_hand():
-    modal = {
+    modality_detections = {
         "rgb": detections([[0, 0, 20, 10]], [0.9]),
         "rm": detections([[10, 0, 50, 30]], [0.5]),
     }
-    scene = DetectedScene(modal, (100, 50))
+    scene = DetectedScene(modality_detections, (100, 50))
     printed = tri_box_features(scene, np.array([[0, -1, 0]]), "features")[0]
     scores = [0.9, 0, 0.5]
     boxes = [0.2, 0.2, 0.1, 0.1, *[0.0] * 4, 0.4, 0.6, 0.3, 0.3]
@@ -62,12 +62,12 @@ def test_no_combination_has_no_features(variant):
 
 
 def test_what_the_default_adds_by_hand():
-    modal = {
+    modality_detections = {
         "rgb": detections([[0, 0, 20, 10]]),
         "dm": detections([[10, 0, 30, 10]]),
     }
     depths_m = {"rgb": np.array([[9.0, 20]]), "dm": np.full((1, 2), np.nan)}
-    scene = DetectedScene(modal, (100, 50), depths_m, known_focal_px=40.0)
+    scene = DetectedScene(modality_detections, (100, 50), depths_m, known_focal_px=40.0)
     found = named(scene, [[0, 0, -1]])
     assert found["near_rgb"] == pytest.approx([np.log(10)])
     assert found["middle_rgb"] == pytest.approx([np.log(21)])
@@ -89,7 +89,7 @@ def test_what_is_seen_is_the_same_to_cameras_of_every_field_of_view():
     zoomed = DetectedScene(
         {
             name: replace(found, boxes_px=2 * found.boxes_px - 50)
-            for name, found in scene.modal.items()
+            for name, found in scene.modality_detections.items()
         },
         (900, 700),
         scene.depths_m,
@@ -106,13 +106,13 @@ def test_where_nobody_says_a_camera_is_a_usual_one():
     plain = clumped_scene(3)
     assert plain.focal_px == pytest.approx(621 / np.tan(np.deg2rad(40)))
     matrix = np.array([[720.0, 0, 600, 45], [0, 710, 170, 0], [0, 0, 1, 0]])
-    known = scene_of(plain.modal, plain.size_px, None, Calibration(matrix, np.eye(4)))
+    known = scene_of(plain.modality_detections, plain.size_px, None, Calibration(matrix, np.eye(4)))
     assert known.focal_px == known.without("rgb").focal_px == 710
 
 
 def test_to_see_nothing_is_not_to_be_missing():
-    modal = {"rgb": detections([[0, 0, 20, 10]]), "dm": detections([])}
-    found = named(DetectedScene(modal, (100, 50)), [[0, -1, -1]])
+    modality_detections = {"rgb": detections([[0, 0, 20, 10]]), "dm": detections([])}
+    found = named(DetectedScene(modality_detections, (100, 50)), [[0, -1, -1]])
     assert found["looked_dm"] == [1]
     assert found["looked_rm"] == [0]
     assert found["seen_dm"] == [0]
@@ -139,7 +139,7 @@ def test_a_fifth_of_a_nearer_thing_is_its_near_side():
 def test_without_the_maps_nothing_is_known_of_depth():
     dense = maps_of(np.full((375, 1242), 10.0))
     scene = clumped_scene(0)
-    full = scene_of(scene.modal, scene.size_px, dense)
+    full = scene_of(scene.modality_detections, scene.size_px, dense)
     assert set(full.depths_m) == {"rgb", "dm", "rm"}
     assert full.without("dm").depths_m.keys() == {"rgb", "rm"}
     assert full.without("dm", "rm").depths_m == {}

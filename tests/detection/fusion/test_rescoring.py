@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.detection.fusion.calibration import Calibration, Calibrations
+from perception.detection.fusion.calibration import BetaCalibration, FusionCalibration
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.suppression import suppress
@@ -17,11 +17,11 @@ HALF_OF_ALL = np.full((3, 3), 0.5)
 
 
 def test_a_box_gets_the_mean_of_its_combinations(fusion_file):
-    modal = {
+    modality_detections = {
         "rgb": detections([[100, 100, 200, 200]], [0.8]),
         "dm": detections([[110, 100, 210, 200], [95, 100, 195, 200]], [0.6, 0.2]),
     }
-    scene = DetectedScene(modal, SIZE_PX)
+    scene = DetectedScene(modality_detections, SIZE_PX)
     rescored = Fusion(fusion_file(weights=HALF_OF_ALL)).rescore(scene)
     assert rescored.tri_boxes.tolist() == [[0, 0, -1], [0, 1, -1]]
     np.testing.assert_allclose(rescored.detections.scores, [0.6, 0.7, 0.5], atol=1e-6)
@@ -29,12 +29,12 @@ def test_a_box_gets_the_mean_of_its_combinations(fusion_file):
 
 
 def test_one_detection_stays_of_each_neighbourhood(fusion_file):
-    modal = {
+    modality_detections = {
         "rgb": detections([[100, 100, 200, 200], [600, 100, 700, 200]], [0.8, 0.3]),
         "dm": detections([[110, 100, 210, 200]], [0.9]),
         "rm": detections([[900, 100, 950, 150]], [0.5]),
     }
-    fused = Fusion(fusion_file()).fuse(modal, SIZE_PX)
+    fused = Fusion(fusion_file()).fuse(modality_detections, SIZE_PX)
     np.testing.assert_allclose(fused.detections.scores, [0.9, 0.5, 0.3], atol=1e-6)
     assert fused.detections.boxes_px[:, 0].tolist() == [110, 900, 600]
     assert fused.parts.tolist() == [[0, 0, -1], [-1, -1, 0], [1, -1, -1]]
@@ -43,12 +43,12 @@ def test_one_detection_stays_of_each_neighbourhood(fusion_file):
 
 
 def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_file):
-    modal = {
+    modality_detections = {
         "rgb": detections([[100, 100, 200, 200]], [0.8]),
         "dm": detections([[110, 100, 210, 200]], [0.6]),
         "rm": detections([[155, 100, 255, 200]], [0.3]),  # overlaps by 0.29: not the same
     }
-    fused = Fusion(fusion_file("default")).fuse(modal, SIZE_PX)
+    fused = Fusion(fusion_file("default")).fuse(modality_detections, SIZE_PX)
     # Weights 1 / 0.2² and 1 / 0.4².
     left = (25 * 100 + 6.25 * 110) / 31.25
     np.testing.assert_allclose(fused.detections.boxes_px[0], [left, 100, left + 100, 200])
@@ -57,11 +57,11 @@ def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_fi
 
 
 def test_the_thesis_keeps_the_best_box_as_it_is(fusion_file):
-    modal = {
+    modality_detections = {
         "rgb": detections([[100, 100, 200, 200]], [0.8]),
         "dm": detections([[110, 100, 210, 200]], [0.6]),
     }
-    fused = Fusion(fusion_file("features")).fuse(modal, SIZE_PX)
+    fused = Fusion(fusion_file("features")).fuse(modality_detections, SIZE_PX)
     assert fused.detections.boxes_px.tolist() == [[100, 100, 200, 200]]
 
 
@@ -78,9 +78,9 @@ def test_scores_become_probabilities_in_their_order(fusion_file):
 @pytest.mark.parametrize("left", MODALITIES)
 def test_a_view_alone_keeps_its_boxes_and_their_order(fusion_file, left):
     scene = clumped_scene(1)
-    found = scene.modal[left]
+    found = scene.modality_detections[left]
     found = found[suppress(found, 0.5)]
-    alone = replace(scene, modal={left: found}, depths_m={})
+    alone = replace(scene, modality_detections={left: found}, depths_m={})
     curves = f"1.0,1.0,0.0 {left}=1.0,1.0,-1.0"
     fused = Fusion(fusion_file("default", HALF_OF_ALL, calibration=curves)).fuse_scene(alone)
     np.testing.assert_array_equal(fused.detections.boxes_px, found.boxes_px)
@@ -89,16 +89,17 @@ def test_a_view_alone_keeps_its_boxes_and_their_order(fusion_file, left):
 
 
 def test_curves_are_written_and_read_as_they_are():
-    curves = Calibrations(
-        Calibration(0.5, 2.0, 0.1), {"rgb": Calibration(), "rm": Calibration(3.0, 0.0, -1e-7)}
+    curves = FusionCalibration(
+        BetaCalibration(0.5, 2.0, 0.1),
+        {"rgb": BetaCalibration(), "rm": BetaCalibration(3.0, 0.0, -1e-7)},
     )
-    assert Calibrations.parse(str(curves)) == curves
-    assert Calibrations.parse("1.0,1.0,0.0") == Calibrations()
+    assert FusionCalibration.parse(str(curves)) == curves
+    assert FusionCalibration.parse("1.0,1.0,0.0") == FusionCalibration()
     assert curves.of({"rgb", "dm"}) == curves.of({"rgb", "dm", "rm"}) == curves.joint
     assert [curves.of({name}) for name in MODALITIES] == [
-        Calibration(),
-        Calibration(),  # not known
-        Calibration(3.0, 0.0, -1e-7),
+        BetaCalibration(),
+        BetaCalibration(),  # not known
+        BetaCalibration(3.0, 0.0, -1e-7),
     ]
 
 
@@ -109,7 +110,7 @@ def test_any_modality_may_be_missing(fusion_file, variant, lost):
     fused = Fusion(fusion_file(variant)).fuse_scene(scene)
     assert bool(len(fused)) == (len(lost) < 3)
     for column, name in enumerate(("rgb", "dm", "rm")):
-        assert name in scene.modal or (fused.parts[:, column] == -1).all()
+        assert name in scene.modality_detections or (fused.parts[:, column] == -1).all()
     rows = np.arange(len(fused))
     assert (fused.parts[rows, fused.carriers] >= 0).all()
 
@@ -120,8 +121,8 @@ def test_detectors_that_see_nothing_make_nothing(fusion_file):
 
 
 def test_boxes_without_area_do_no_harm(fusion_file):
-    modal = {"rgb": detections([[5, 5, 5, 9]]), "dm": detections([[5, 5, 5, 9]])}
-    fused = Fusion(fusion_file("default")).fuse(modal, SIZE_PX)
+    modality_detections = {"rgb": detections([[5, 5, 5, 9]]), "dm": detections([[5, 5, 5, 9]])}
+    fused = Fusion(fusion_file("default")).fuse(modality_detections, SIZE_PX)
     assert np.isfinite(fused.detections.boxes_px).all()
 
 

@@ -42,8 +42,11 @@ def test_a_set_is_what_overlaps_by_way_of_others():
 
 def test_boxes_of_other_types_show_other_objects():
     box = [[0, 0, 100, 100]]
-    modal = {"rgb": detections(box), "dm": detections(box, type_="Pedestrian")}
-    assert tri_boxes(DetectedScene(modal, SIZE_PX)).tolist() == [[-1, 0, -1], [0, -1, -1]]
+    modality_detections = {"rgb": detections(box), "dm": detections(box, type_="Pedestrian")}
+    assert tri_boxes(DetectedScene(modality_detections, SIZE_PX)).tolist() == [
+        [-1, 0, -1],
+        [0, -1, -1],
+    ]
 
 
 def test_without_boxes_there_is_no_combination():
@@ -71,8 +74,8 @@ def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
     boxes = len(scene.merged.detections)
     rows = tri_boxes(scene, rules)
     assert len(rows) <= boxes * rules.max_partners**2
-    assert len(rows) < np.prod([len(found) for found in scene.modal.values()])
-    for column, found in enumerate(scene.modal.values()):
+    assert len(rows) < np.prod([len(found) for found in scene.modality_detections.values()])
+    for column, found in enumerate(scene.modality_detections.values()):
         assert set(range(len(found))) <= set(rows[:, column].tolist())
     best = reference_tri_boxes(scene, TriBoxConfig(rules.min_iou, rules.by_set, 1))
     assert set(map(tuple, best.tolist())) <= set(map(tuple, rows.tolist()))

@@ -42,17 +42,17 @@ class Scene:
     ego_turn_rad_s: float = 0.0
 
     def pose(self, time_s: float) -> np.ndarray:
-        place = np.array([self.ego_speed_m_s * time_s, 0, 0])
-        return se3.from_euler(0, 0, self.ego_turn_rad_s * time_s, place)
+        position = np.array([self.ego_speed_m_s * time_s, 0, 0])
+        return se3.from_euler(0, 0, self.ego_turn_rad_s * time_s, position)
 
-    def place(self, time_s: float) -> np.ndarray:
+    def position(self, time_s: float) -> np.ndarray:
         """Return the middle of the car's bottom in the world."""
         x, y = self.start_xy_m
         return np.array([x + SPEED_M_S * time_s, y, GROUND_M])
 
     def box(self, time_s: float) -> Boxes3D:
         """Return the car in the LiDAR frame."""
-        box_world = Boxes3D(self.place(time_s)[None], SIZE_M[None], np.zeros(1))
+        box_world = Boxes3D(self.position(time_s)[None], SIZE_M[None], np.zeros(1))
         return transform_boxes(se3.inverse(self.pose(time_s)), box_world)
 
     def tracker_input(
@@ -60,7 +60,7 @@ class Scene:
     ) -> TrackerInput:
         time_s = 0.1 * frame
         velo_SE3_world = se3.inverse(self.pose(time_s))
-        car = (car_points() + self.place(time_s)).astype(np.float32)
+        car = (car_points() + self.position(time_s)).astype(np.float32)
         car_velo = se3.transform_points(velo_SE3_world, car) if has_car else np.zeros((0, 3))
         points = np.vstack([ground_points(), car_velo])
         points_velo = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
@@ -217,11 +217,11 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
     for frame in range(5, 40):
         lost = tracker.update(scene.tracker_input(frame, has_car=False))
     assert lost.state is TrackStatus.LOST
-    place = lost.box_velo.bottom_m[0]
-    there = Scene(start_xy_m=(place[0] + 0.5 - 4.0 * SPEED_M_S, place[1]))
+    position = lost.box_velo.bottom_m[0]
+    there = Scene(start_xy_m=(position[0] + 0.5 - 4.0 * SPEED_M_S, position[1]))
     found = tracker.update(there.tracker_input(40))
     assert found.state is TrackStatus.SEEN
-    assert center_of(found)[0] == pytest.approx(place[0] + 0.5, abs=0.35)
+    assert center_of(found)[0] == pytest.approx(position[0] + 0.5, abs=0.35)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -334,7 +334,7 @@ def test_colours_are_those_of_the_car():
     assert tracker.colors.colors.ratios.argmax() == red
     assert tracker.colors.measured[red] == 1.0
     center_px = tracker.colors.regions[-1].center_px
-    middle_m = scene.place(0.4)[None] + np.array([0, 0, SIZE_M[2] / 2])
+    middle_m = scene.position(0.4)[None] + np.array([0, 0, SIZE_M[2] / 2])
     expected_px = project(IMAGE_P_VELO, middle_m)[0][0]
     assert np.hypot(*(center_px - expected_px)) < 12
 

@@ -4,7 +4,7 @@ import pytest
 from benchmarks.naive_color_filters import ReferenceAdaptiveColors, wandering_ratios
 from perception.tracking.single_object.color_model import (
     BINS,
-    AdaptiveColors,
+    AdaptiveColorModel,
     bin_colors,
     color_bins,
     color_ratios,
@@ -91,7 +91,7 @@ def test_a_region_outside_the_image_tells_nothing():
 
 
 def test_the_bank_is_a_loop_of_single_filters():
-    bank, plain = AdaptiveColors(), ReferenceAdaptiveColors()
+    bank, plain = AdaptiveColorModel(), ReferenceAdaptiveColors()
     for ratios in wandering_ratios(in_use=40, frames=60, seed=3):
         bank.update(ratios)
         plain.update(ratios)
@@ -100,14 +100,14 @@ def test_the_bank_is_a_loop_of_single_filters():
 
 
 def test_the_first_model_is_taken_as_it_is():
-    bank, ratios = AdaptiveColors(), np.zeros(BINS)
+    bank, ratios = AdaptiveColorModel(), np.zeros(BINS)
     ratios[[3, 9]] = 1.0, 0.25
     bank.update(ratios)
     np.testing.assert_allclose(bank.ratios, ratios)
 
 
 def test_colours_come_and_go_with_their_filters():
-    bank = AdaptiveColors()
+    bank = AdaptiveColorModel()
     for seen in ([3, 9], [9], [9, 30], []):
         ratios = np.zeros(BINS)
         ratios[seen] = 1.0
@@ -117,7 +117,7 @@ def test_colours_come_and_go_with_their_filters():
 
 
 def test_a_step_of_the_light_is_followed_slowly_then_fully():
-    bank = AdaptiveColors()
+    bank = AdaptiveColorModel()
     before, after = np.full(BINS, 0.0), np.full(BINS, 0.0)
     before[[3, 9]], after[[3, 9]] = (1.0, 0.2), (0.2, 1.0)
     for _ in range(20):
@@ -130,7 +130,7 @@ def test_a_step_of_the_light_is_followed_slowly_then_fully():
 
 
 def test_no_colour_at_all_ends_every_filter_and_never_gives_nan():
-    bank = AdaptiveColors()
+    bank = AdaptiveColorModel()
     for ratios in (np.zeros(BINS), np.ones(BINS), np.zeros(BINS)):
         bank.update(ratios)
         assert np.isfinite(bank.ratios).all()
@@ -139,7 +139,7 @@ def test_no_colour_at_all_ends_every_filter_and_never_gives_nan():
 
 
 def test_models_given_are_left_as_they_were():
-    bank, ratios = AdaptiveColors(), np.linspace(0, 1, BINS)
+    bank, ratios = AdaptiveColorModel(), np.linspace(0, 1, BINS)
     before = ratios.copy()
     bank.update(ratios)
     bank.update(ratios)

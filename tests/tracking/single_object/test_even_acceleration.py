@@ -9,9 +9,9 @@ STILL = NoiseLevels(process=0.0, first=1.0)
 
 def test_begins_at_rest_where_it_is_put():
     point = EvenAcceleration.at_rest(np.array([1.0, 2.0, 3.0]), AUTHOR)
-    np.testing.assert_array_equal(point.place, [1, 2, 3])
+    np.testing.assert_array_equal(point.position, [1, 2, 3])
     np.testing.assert_array_equal(point.velocity, [0, 0, 0])
-    np.testing.assert_array_equal(point.place_covariance, np.eye(3))
+    np.testing.assert_array_equal(point.position_covariance, np.eye(3))
 
 
 def test_two_measurements_at_once_meet_by_their_variances():
@@ -19,15 +19,15 @@ def test_two_measurements_at_once_meet_by_their_variances():
     point = EvenAcceleration.at_rest(np.zeros(1), AUTHOR)
     fused = point.corrected(np.array([[3.0], [6.0]]), np.array([1.0, 3.0]))
     precision = 1 + 1 + 1 / 3
-    assert fused.place[0] == pytest.approx((3 + 6 / 3) / precision)
-    assert fused.place_covariance[0, 0] == pytest.approx(1 / precision)
+    assert fused.position[0] == pytest.approx((3 + 6 / 3) / precision)
+    assert fused.position_covariance[0, 0] == pytest.approx(1 / precision)
 
 
 def test_both_at_once_are_one_after_the_other():
     point = EvenAcceleration.at_rest(np.zeros(3), AUTHOR).predicted(0.1, AUTHOR)
-    places, variances = np.array([[1.0, 2, 3], [2, 2, 2]]), np.array([1.0, 3.0])
-    at_once = point.corrected(places, variances)
-    in_turn = point.corrected(places[:1], variances[:1]).corrected(places[1:], variances[1:])
+    positions, variances = np.array([[1.0, 2, 3], [2, 2, 2]]), np.array([1.0, 3.0])
+    at_once = point.corrected(positions, variances)
+    in_turn = point.corrected(positions[:1], variances[:1]).corrected(positions[1:], variances[1:])
     np.testing.assert_allclose(at_once.states.mean, in_turn.states.mean)
     np.testing.assert_allclose(at_once.states.covariance, in_turn.states.covariance)
 
@@ -38,14 +38,14 @@ def test_finds_place_and_velocity_of_what_accelerates_evenly():
         time_s = 0.1 * step
         truth = np.array([2.0 * time_s, 0.5 * time_s**2])
         point = point.predicted(0.1, STILL).corrected(truth[None], np.array([1e-4]))
-    np.testing.assert_allclose(point.place, truth, atol=0.01)
+    np.testing.assert_allclose(point.position, truth, atol=0.01)
     np.testing.assert_allclose(point.velocity, [2.0, time_s], atol=0.01)
 
 
 def test_what_a_step_adds_grows_with_its_time():
     point = EvenAcceleration.at_rest(np.zeros(1), NoiseLevels(process=3.0, first=0.0))
-    assert point.predicted(0.1, AUTHOR).place_covariance[0, 0] == pytest.approx(3.0)
-    assert point.predicted(0.2, AUTHOR).place_covariance[0, 0] == pytest.approx(6.0)
+    assert point.predicted(0.1, AUTHOR).position_covariance[0, 0] == pytest.approx(3.0)
+    assert point.predicted(0.2, AUTHOR).position_covariance[0, 0] == pytest.approx(6.0)
 
 
 def test_no_time_changes_nothing():

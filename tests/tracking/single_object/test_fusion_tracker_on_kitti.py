@@ -5,7 +5,7 @@ import pytest
 
 from data.open_drive import open_drive
 from perception.geometry.box_outline_px import box_outlines_px
-from perception.geometry.grids import VehicleBody
+from perception.geometry.grids import EgoVehicle
 from perception.sensor import HDL_64E
 from perception.tracking.single_object.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import TrackerInput, TrackStatus
@@ -21,7 +21,7 @@ def errors(kitti_root) -> dict[int, np.ndarray]:
     trackers = {track: FusionTracker(HDL_64E) for track in (VAN, CYCLIST)}
     rows: dict[int, list] = {track: [] for track in trackers}
     for index, frame in enumerate(drive):
-        points = frame.points_velo[~VehicleBody().contains_xy(frame.points_velo)]
+        points = frame.points_velo[~EgoVehicle().contains_xy(frame.points_velo)]
         image_P_velo = frame.calibration.image_P_velo
         tracker_input = TrackerInput(
             frame.stamp_s, points, frame.world_SE3_velo, None, frame.image, image_P_velo

@@ -64,10 +64,10 @@ def test_it_follows_a_square_over_a_checkerboard(name, within_px):
     tracker = single_object_tracker(name, HDL_64E)
     tracker.start(tracker_input(image_with_square(160, 100)), BOX)
     for frame in range(1, 8):
-        place = 160 + 4 * frame, 100 - 2 * frame
-        tracked = tracker.update(tracker_input(image_with_square(*place), frame))
+        position = 160 + 4 * frame, 100 - 2 * frame
+        tracked = tracker.update(tracker_input(image_with_square(*position), frame))
         assert tracked.state is TrackStatus.SEEN
-        assert np.hypot(*(center_of(tracked.box_px) - place)) <= within_px
+        assert np.hypot(*(center_of(tracked.box_px) - position)) <= within_px
         np.testing.assert_allclose(tracked.box_px[2:] - tracked.box_px[:2], 40, atol=1e-3)
 
 

@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.object_motion import MovingState, motion_of
+from perception.tracking.single_object.object_motion import MotionState, motion_model_for
 
 CAR, CYCLIST, WALKER = (
-    motion_of(np.array(size)) for size in ((4.4, 1.8, 1.5), (1.8, 0.7, 1.75), (0.8, 0.6, 1.75))
+    motion_model_for(np.array(size))
+    for size in ((4.4, 1.8, 1.5), (1.8, 0.7, 1.75), (0.8, 0.6, 1.75))
 )
 EXACT = np.full(3, 0.01)
 
 
-def _state(*mean: float) -> MovingState:
-    return MovingState(np.array(mean), np.eye(5) * 0.01)
+def _state(*mean: float) -> MotionState:
+    return MotionState(np.array(mean), np.eye(5) * 0.01)
 
 
 def test_wheels_roll_around_the_centre_of_their_curve() -> None:
@@ -56,22 +57,22 @@ def test_a_belief_that_says_nothing_new_changes_nothing() -> None:
 
 def test_cars_may_go_backwards_and_cyclists_may_not() -> None:
     backwards = _state(0, 0, 0.2, -2.0, 0.0)
-    assert CAR.settle(backwards).mean[2] == 0.2
-    turned = CYCLIST.settle(backwards)
+    assert CAR.correct_heading(backwards).mean[2] == 0.2
+    turned = CYCLIST.correct_heading(backwards)
     assert turned.mean[2] == pytest.approx(0.2 + np.pi)
     np.testing.assert_allclose(CYCLIST.velocity_m_s(turned), CYCLIST.velocity_m_s(backwards))
 
 
 def test_what_stands_does_not_turn() -> None:
     certain = np.diag([0.01, 0.01, 0.01, 1e-6, 1e-6]) ** 2
-    stands = CAR.predict(MovingState(np.zeros(5), certain), 1.0)
-    rolls = CAR.predict(MovingState(np.array([0, 0, 0, 5.0, 0]), certain), 1.0)
+    stands = CAR.predict(MotionState(np.zeros(5), certain), 1.0)
+    rolls = CAR.predict(MotionState(np.array([0, 0, 0, 5.0, 0]), certain), 1.0)
     assert stands.covariance[2, 2] < 0.5 * rolls.covariance[2, 2]
 
 
 def test_a_walker_faces_its_way_even_after_turning_round() -> None:
-    state = MovingState(np.array([0, 0, 0.0, -1.4, 0.0]), np.eye(5) * 0.001)
-    assert abs(WALKER.settle(state).mean[2]) == pytest.approx(np.pi)
-    stands = MovingState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)
-    assert WALKER.settle(stands).mean[2] == 0.7
+    state = MotionState(np.array([0, 0, 0.0, -1.4, 0.0]), np.eye(5) * 0.001)
+    assert abs(WALKER.correct_heading(state).mean[2]) == pytest.approx(np.pi)
+    stands = MotionState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)
+    assert WALKER.correct_heading(stands).mean[2] == 0.7
     assert WALKER.may_stand(stands)

@@ -6,9 +6,9 @@ from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
     PitchFilter,
     PitchFilterConfig,
-    angles_of,
     bandwidth,
-    most_frequent,
+    dominant_angle,
+    elevation_angles,
 )
 
 HEIGHT_M = 1.73
@@ -30,32 +30,36 @@ def rng() -> np.random.Generator:
 
 @pytest.mark.parametrize("pitch_deg", [-1.2, 0.0, 0.8])
 def test_peak_is_that_of_the_plain_density(rng, pitch_deg):
-    angles = angles_of(road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, PitchFilterConfig())
+    angles = elevation_angles(
+        road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, PitchFilterConfig()
+    )
     at_rad = np.radians(np.arange(-3, 3, 0.01))
     plain_rad = reference_most_frequent(angles, at_rad, bandwidth(angles))
-    found_rad = most_frequent(angles, ANYWHERE)
+    found_rad = dominant_angle(angles, ANYWHERE)
     assert found_rad == pytest.approx(plain_rad, abs=np.radians(0.02))
     assert found_rad == pytest.approx(np.radians(pitch_deg), abs=np.radians(0.15))
 
 
 def test_only_what_lies_ahead_and_near_the_level_has_an_angle():
     points = np.array([[10, 0, -1.73, 0], [-10, 0, -1.73, 0], [10, 15, -1.73, 0], [10, 0, 1, 0]])
-    np.testing.assert_allclose(angles_of(points, HEIGHT_M, PitchFilterConfig()), [0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        elevation_angles(points, HEIGHT_M, PitchFilterConfig()), [0.0], atol=1e-12
+    )
 
 
 def test_a_peak_outside_the_interval_is_none(rng):
     angles = rng.normal(0.02, 0.001, 2000)
-    assert most_frequent(angles, (-0.01, 0.01)) is None
-    assert most_frequent(angles, (0.0, 0.04)) == pytest.approx(0.02, abs=0.001)
+    assert dominant_angle(angles, (-0.01, 0.01)) is None
+    assert dominant_angle(angles, (0.0, 0.04)) == pytest.approx(0.02, abs=0.001)
 
 
 @pytest.mark.parametrize("angles", [np.zeros(0), np.array([np.nan]), np.array([1.0])])
 def test_nothing_to_see_has_no_peak(angles):
-    assert most_frequent(angles, ANYWHERE) is None
+    assert dominant_angle(angles, ANYWHERE) is None
 
 
 def test_angles_all_alike_have_a_peak():
-    assert most_frequent(np.full(5, 0.011), ANYWHERE) == pytest.approx(0.011, abs=2e-4)
+    assert dominant_angle(np.full(5, 0.011), ANYWHERE) == pytest.approx(0.011, abs=2e-4)
 
 
 def test_plane_measures_along_its_normal():

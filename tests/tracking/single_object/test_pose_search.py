@@ -70,8 +70,8 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     expected = PoseBelief(truth, np.diag([1.2, 0.2, 0.05]) ** 2)
     observation = _observation(np.concatenate([own, neighbour]))
     shape = SHAPE.with_observation(_observation(own), truth)
-    usual = support_at(shape, _observation(own), truth).reward
-    belief = search(shape, observation, (expected,), usual, PoseSearchConfig())
+    reference = support_at(shape, _observation(own), truth).reward
+    belief = search(shape, observation, (expected,), reference, PoseSearchConfig())
     np.testing.assert_allclose(belief.pose[:2], truth[:2], atol=0.15)
 
 

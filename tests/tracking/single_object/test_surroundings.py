@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from perception.tracking.single_object.ground_below import GroundBelow, ground_seen
+from perception.tracking.single_object.ground_below import LocalGround, update_ground
 from perception.tracking.single_object.sight import observation_of, points_around
-from perception.tracking.single_object.surroundings import Surroundings
+from perception.tracking.single_object.surroundings import BackgroundModel
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
@@ -13,28 +13,28 @@ BOTH = np.concatenate([POLE, WALKER])
 
 
 def test_what_stood_beside_the_object_is_known_at_once() -> None:
-    around = Surroundings().seen(POLE, is_hidden=False)
-    np.testing.assert_array_equal(around.hold(BOTH), [True, False])
+    around = BackgroundModel().seen(POLE, is_hidden=False)
+    np.testing.assert_array_equal(around.contains(BOTH), [True, False])
 
 
 def test_it_is_forgotten_after_a_few_scans() -> None:
-    around = Surroundings().seen(POLE, is_hidden=False)
+    around = BackgroundModel().seen(POLE, is_hidden=False)
     for _ in range(4):
         around = around.seen(np.zeros((0, 2)), is_hidden=False)
-    assert not around.hold(POLE).any()
+    assert not around.contains(POLE).any()
 
 
 def test_while_the_object_is_hidden_only_what_stays_is_known() -> None:
-    around = Surroundings()
+    around = BackgroundModel()
     for number in range(8):
         walker = WALKER + np.array([0.14 * number, 0.0])
         around = around.seen(np.concatenate([POLE, walker]), is_hidden=True)
-    np.testing.assert_array_equal(around.hold(np.concatenate([POLE, walker])), [True, False])
+    np.testing.assert_array_equal(around.contains(np.concatenate([POLE, walker])), [True, False])
 
 
 def test_nothing_is_known_of_nothing() -> None:
-    assert not Surroundings().hold(BOTH).any()
-    assert len(Surroundings().seen(POLE, is_hidden=False).hold(np.zeros((0, 2)))) == 0
+    assert not BackgroundModel().contains(BOTH).any()
+    assert len(BackgroundModel().seen(POLE, is_hidden=False).contains(np.zeros((0, 2)))) == 0
 
 
 def test_a_sight_gathers_points_by_cells() -> None:
@@ -69,11 +69,11 @@ class _Stage:
 def _ground_after(stage: _Stage | None, *, road_m: float = -1.6) -> float:
     xy = np.stack(np.meshgrid(np.arange(6, 14, 0.3), np.arange(-4, 4, 0.3)), -1).reshape(-1, 2)
     road = np.column_stack([xy, np.full(len(xy), road_m)])
-    place = np.array([10.0, 0.0, -1.7])
+    position = np.array([10.0, 0.0, -1.7])
     tracker_input = TrackerInput(0.0, np.zeros((0, 4), np.float32), np.eye(4), stage)
-    ground = GroundBelow.of_box(-1.7)
+    ground = LocalGround.of_box(-1.7)
     for _ in range(30):
-        ground = ground_seen(ground.moved(0.5), place, 4.0, tracker_input, road)
+        ground = update_ground(ground.moved(0.5), position, 4.0, tracker_input, road)
     return ground.z_world_m
 
 
@@ -87,6 +87,6 @@ def test_the_road_around_the_object_stands_in_where_the_stage_leaves_it() -> Non
 
 
 def test_one_height_that_is_far_off_counts_little() -> None:
-    ground = GroundBelow(0.0, 0.05**2)
+    ground = LocalGround(0.0, 0.05**2)
     assert abs(ground.measured(1.0, 0.05).z_world_m) < 0.05
     assert ground.measured(0.02, 0.05).z_world_m == 0.01

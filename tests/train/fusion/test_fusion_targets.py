@@ -45,13 +45,13 @@ def test_vans_and_unlabelled_regions_are_not_used():
 
 
 def frames() -> DetectedFrames:
-    modal = {
+    modality_detections = {
         "rgb": detections([[0, 0, 20, 10]], [0.9]),
         "dm": detections([[0, 0, 10, 10]], [0.8]),
         "rm": detections([]),
     }
     truth = truth_of(("Car", [0, 0, 20, 10]))
-    return DetectedFrames((DetectedScene(modal, SIZE_PX),), truth, np.zeros(1, int))
+    return DetectedFrames((DetectedScene(modality_detections, SIZE_PX),), truth, np.zeros(1, int))
 
 
 def test_the_thesis_asks_zero_of_what_is_not_there():
@@ -88,13 +88,13 @@ def test_the_default_sees_all_again_by_detectors_that_are_doubted():
 def test_a_doubted_detector_keeps_its_order():
     scene = DetectedScene({"rgb": detections([[0, 0, 20, 10]] * 5)}, SIZE_PX)
     one = DetectedFrames((scene,) * 40, truth_of()[[]], np.zeros(40, int))
-    scores = np.array([other.modal["rgb"].scores for other in doubted(one, 3).scenes])
+    scores = np.array([other.modality_detections["rgb"].scores for other in doubted(one, 3).scenes])
     assert (np.diff(scores, axis=1) < 0).all()
     # A logit of 0 is shifted only; one of ln 9 is stretched by up to 15 %, too.
     logits = np.log(scores / (1 - scores))
     assert np.std(logits[:, 2]) == pytest.approx(0.45, rel=0.3)
     assert (abs((logits[:, 0] - logits[:, 2]) / np.log(9) - 1) <= 0.15).all()
-    again = doubted(one, 3).scenes[7].modal["rgb"].scores
+    again = doubted(one, 3).scenes[7].modality_detections["rgb"].scores
     np.testing.assert_array_equal(again, scores[7])
 
 

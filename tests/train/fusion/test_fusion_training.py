@@ -9,7 +9,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from export.exported import ExportConfig
 from export.fusion import export_fusion, with_calibrations
-from perception.detection.fusion.calibration import Calibration, Calibrations
+from perception.detection.fusion.calibration import BetaCalibration, FusionCalibration
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
@@ -47,7 +47,7 @@ def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     assert len(events.Scalars("validation/mse")) >= 2
     exported = export_fusion(ExportConfig(fitted.checkpoint))
     exported.require_parity("toy")
-    assert exported.forms["fp32"].parity["features"].rows == 63
+    assert exported.variants["fp32"].parity["features"].rows == 63
 
 
 def killed(monkeypatch, config, at):
@@ -125,7 +125,7 @@ def test_a_sweep_fits_every_size():
 
 def test_a_calibration_finds_the_curve_that_made_the_scores():
     rng = np.random.default_rng(0)
-    made = Calibration(0.6, 1.8, -0.4)
+    made = BetaCalibration(0.6, 1.8, -0.4)
     scores = rng.uniform(0, 1, 60_000)
     found = Correctness(scores, rng.uniform(size=60_000) < made.probabilities(scores))
     curve = fit_calibration(found)
@@ -136,7 +136,7 @@ def test_a_calibration_finds_the_curve_that_made_the_scores():
 
 
 def test_where_all_are_right_scores_stay():
-    assert fit_calibration(Correctness(np.array([0.2, 0.9]), np.ones(2, bool))) == Calibration()
+    assert fit_calibration(Correctness(np.array([0.2, 0.9]), np.ones(2, bool))) == BetaCalibration()
 
 
 def test_a_calibration_keeps_the_order_whatever_it_is_shown():
@@ -144,7 +144,7 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
     curve = fit_calibration(Correctness(scores, scores < 0.5))  # the surer, the wronger
     assert (np.diff(curve.probabilities(scores)) > 0).all()
     with pytest.raises(UsageError, match="from 0 on"):
-        Calibration(-1.0, 1.0, 0.0)
+        BetaCalibration(-1.0, 1.0, 0.0)
 
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
@@ -152,7 +152,9 @@ def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
     checkpoint = fit_fusion(SETS, config, tmp_path, TrainerConfig()).checkpoint
     model = export_fusion(ExportConfig(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
-    curves = Calibrations(Calibration(2.0, 0.5, 0.25), {"dm": Calibration(1.0, 0.0, -1.0)})
+    curves = FusionCalibration(
+        BetaCalibration(2.0, 0.5, 0.25), {"dm": BetaCalibration(1.0, 0.0, -1.0)}
+    )
     file.write_bytes(with_calibrations(model, curves))
     assert Fusion(file).calibrations == curves
     note_calibrations(checkpoint, curves)
