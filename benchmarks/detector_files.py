@@ -36,7 +36,7 @@ class ModelPair:
 
 
 def write_detector(
-    folder: Path, network: str, modality: Modality, size: InputSize, pictures: Sequence[UInt8]
+    folder: Path, network: str, modality: Modality, size: InputSize, images: Sequence[UInt8]
 ) -> ModelPair:
     """Write a network with random weights in full precision and in 8 bits.
 
@@ -48,7 +48,7 @@ def write_detector(
         pictures: (H, W, C) of this modality.
     """
     variant = DetectorNetworkConfig(modality, network, size=size)
-    inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in pictures[:_SHOWN]]
+    inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in images[:_SHOWN]]
     torch.manual_seed(0)
     detector = make_detector(variant)
     _limit_confident_boxes(detector, torch.from_numpy(np.concatenate(inputs)))
@@ -66,12 +66,12 @@ def write_detector(
     return files
 
 
-def _limit_confident_boxes(detector: YoloDetector, pictures: torch.Tensor) -> None:
+def _limit_confident_boxes(detector: YoloDetector, images: torch.Tensor) -> None:
     """Let batch norms see pictures, and few boxes be likely."""
     with torch.no_grad():
         for _ in range(3):
-            detector.train()(pictures)
-        logits = detector.eval()(pictures[:1])[:, :, OBJECTNESS].flatten()
+            detector.train()(images)
+        logits = detector.eval()(images[:1])[:, :, OBJECTNESS].flatten()
         least = logits.sort(descending=True).values[min(_LIKELY, len(logits)) - 1]
         bias = detector.head.convolution.bias
         assert bias is not None  # every head has one

@@ -13,7 +13,7 @@ from benchmarks.openvino_peer import openvino_network
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from export.parity import Arrays, Network
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import camera_image, map_picture
+from perception.detection.detectors.modalities import camera_image, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.maps.densify import DenseMaps, densify
@@ -55,26 +55,26 @@ class Workload:
             ImageError: the drive has no images.
         """
         dense = [densify(project_frame(frame)) for frame in prepared.frames]
-        pictures: dict[Modality, list[UInt8]] = {
+        images: dict[Modality, list[UInt8]] = {
             "rgb": [camera_image(frame) for frame in prepared.frames],
-            "dm": [map_picture(maps, "dm") for maps in dense],
-            "rm": [map_picture(maps, "rm") for maps in dense],
+            "dm": [map_image(maps, "dm") for maps in dense],
+            "rm": [map_image(maps, "rm") for maps in dense],
         }
         compact = {
-            name: write_detector(folder, "compact", name, COMPACT, pictures[name])
+            name: write_detector(folder, "compact", name, COMPACT, images[name])
             for name in MODALITIES
         }
-        yolov2 = write_detector(folder, "yolov2", "dm", THESIS, pictures["dm"])
+        yolov2 = write_detector(folder, "yolov2", "dm", THESIS, images["dm"])
         detectors = {name: ModalityDetector(files.fp32) for name, files in compact.items()}
         square = ModalityDetector(yolov2.fp32)
         inputs: list[dict[Modality, Arrays]] = [
             {
-                name: {"pictures": detector.preprocess(pictures[name][i])}
+                name: {"pictures": detector.preprocess(images[name][i])}
                 for name, detector in detectors.items()
             }
             for i in range(len(dense))
         ]
-        squares: list[Arrays] = [{"pictures": square.preprocess(one)} for one in pictures["dm"]]
+        squares: list[Arrays] = [{"pictures": square.preprocess(one)} for one in images["dm"]]
         return cls(compact, yolov2, dense, inputs, squares)
 
 

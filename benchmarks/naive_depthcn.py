@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.picture import encode_channels
 from perception.detection.depthcn.proposals import propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
@@ -18,21 +18,21 @@ def detect_one_by_one(
     """Detect as `DepthCn` does, with a call of the network for each candidate."""
     calibration, size_px = camera_of(frame)
     proposals = propose(frame.points_velo, calibration, size_px)
-    picture = camera_picture(
+    image = encode_channels(
         densify(project_frame(frame)), calibration.image_P_velo, sensor.height_m
     )
     focal_px = float(calibration.image_P_cam[0, 0])
     windows = windows_px(verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
-    verified = verify_one_by_one(verifier, picture, windows)
+    verified = verify_one_by_one(verifier, image, windows)
     right, bottom = size_px[0] - 1, size_px[1] - 1
     boxes_px = np.clip(verified.boxes_px, 0, [right, bottom, right, bottom])
     kept = suppress_by_loop(boxes_px, verified.scores, max_iou)
     return Detections(boxes_px[kept], verified.scores[kept], np.full(len(kept), VEHICLE))
 
 
-def verify_one_by_one(verifier: Verifier, picture: UInt8, windows: Float64) -> VerifierPrediction:
+def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> VerifierPrediction:
     """Judge (M, 4) windows of a picture with a call of the network for each."""
-    verified = [verifier.predict(picture, window[None]) for window in windows]
+    verified = [verifier.predict(image, window[None]) for window in windows]
     return VerifierPrediction(
         np.concatenate([np.zeros(0), *(one.scores for one in verified)]),
         np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in verified)]),

@@ -22,8 +22,8 @@ def openvino_network(file: Path, threads: int) -> Network:
         ) from error
     core = openvino.Core()
     model = core.read_model(file)
-    pictures = model.input("pictures")
-    model.reshape([1, *pictures.partial_shape.get_max_shape()[1:]])
+    images = model.input("pictures")
+    model.reshape([1, *images.partial_shape.get_max_shape()[1:]])
     settings = {
         "INFERENCE_NUM_THREADS": threads,
         "NUM_STREAMS": 1,

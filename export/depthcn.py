@@ -15,7 +15,7 @@ from export.forms import compare_variants
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.picture import encode_channels
 from perception.detection.depthcn.verifier import CONTRACT
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.detection.session import OnnxModel
@@ -135,8 +135,8 @@ def candidate_inputs(
         windows = detector.verify_frame(frame, dense).windows_px
         if len(windows):
             image_P_velo = camera_of(frame)[0].image_P_velo
-            picture = camera_picture(dense, image_P_velo, sensor.height_m)
-            yield detector.verifier.inputs(picture, windows)
+            image = encode_channels(dense, image_P_velo, sensor.height_m)
+            yield detector.verifier.inputs(image, windows)
 
 
 def _write(data: bytes, file: Path) -> Path:

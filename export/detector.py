@@ -17,7 +17,7 @@ from export.onnx import Exportable, to_onnx
 from export.parity import Arrays, torch_runner
 from export.quantize import QuantizationConfig, Scales, to_int8
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.types import UInt8
@@ -47,9 +47,9 @@ class DecodedDetector(nn.Module):
         super().__init__()
         self.detector = detector
 
-    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
         """Return (rows, K, 4) boxes in pixels of the input and (rows, K, classes) scores."""
-        decoded = self.detector.decode(self.detector(pictures))
+        decoded = self.detector.decode(self.detector(images))
         return decoded.boxes_px, decoded.scores
 
 
@@ -68,15 +68,15 @@ def export_detector(config: ExportConfig) -> ExportResult:
     models = {FP32: to_onnx(exportable)}
     generator = np.random.default_rng(0)
     inputs: dict[str, list[Arrays]] = {
-        "noise": [{"pictures": random_pictures(rows, shape, generator)} for rows in _NOISE_ROWS]
+        "noise": [{"pictures": random_images(rows, shape, generator)} for rows in _NOISE_ROWS]
     }
     with TemporaryDirectory() as folder:
         opened = {FP32: _open(models[FP32], Path(folder, "fp32.onnx"))}
-        if pictures := list(_inputs(config, opened[FP32])):
-            inputs["pictures"] = pictures[:_COMPARED_FRAMES]
+        if images := list(_inputs(config, opened[FP32])):
+            inputs["pictures"] = images[:_COMPARED_FRAMES]
         for scales in _scales_to_try(config):
             name = f"{INT8} {scales}"
-            models[name] = to_int8(models[FP32], pictures, replace(QUANTIZATION, scales=scales))
+            models[name] = to_int8(models[FP32], images, replace(QUANTIZATION, scales=scales))
             opened[name] = _open(models[name], Path(folder, f"{scales}.onnx"))
     variants = compare_variants(
         exportable,
@@ -117,7 +117,7 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
     detector, metadata = load_detector(checkpoint)
     size = size or InputSize(int(metadata["input_height"]), int(metadata["input_width"]))
     metadata |= {"input_height": str(size.height_px), "input_width": str(size.width_px)}
-    example = random_pictures(2, (detector.channels, *size), np.random.default_rng(0))
+    example = random_images(2, (detector.channels, *size), np.random.default_rng(0))
     return Exportable(
         DecodedDetector(detector).eval(),
         {"pictures": torch.from_numpy(example)},
@@ -126,7 +126,7 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
     )
 
 
-def random_pictures(rows: int, shape: tuple[int, ...], generator: np.random.Generator) -> UInt8:
+def random_images(rows: int, shape: tuple[int, ...], generator: np.random.Generator) -> UInt8:
     """Return (rows, C, h, w) pictures of blocks of noise for a shape (C, h, w)."""
     channels, height, width = shape
     blocks = (rows, channels, height // _BLOCK_PX, width // _BLOCK_PX)
@@ -174,8 +174,8 @@ def _scales_to_try(config: ExportConfig) -> tuple[Scales, ...]:
 def _inputs(config: ExportConfig, detector: ModalityDetector) -> Iterator[Arrays]:
     """Yield what the network is shown of some frames of the drive."""
     for frame in config.read("calibration", _CALIBRATION_FRAMES):
-        picture = picture_of(frame, detector.modality, detector.filling)
-        yield {"pictures": detector.preprocess(picture)}
+        image = modality_image(frame, detector.modality, detector.filling)
+        yield {"pictures": detector.preprocess(image)}
 
 
 def _open(data: bytes, file: Path) -> ModalityDetector:

@@ -6,7 +6,7 @@ from data.drive import Labels
 from data.true_boxes import true_boxes
 from export.exported import ExportConfig
 from export.parity import Network
-from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections
@@ -32,10 +32,10 @@ def measure_variants(
     found: dict[str, list[Detections]] = {name: [] for name in networks}
     for frame in config.read("precision"):
         labels.append(drive.labels(frame.index))
-        picture = picture_of(frame, detector.modality, detector.filling)
-        inputs = {"pictures": detector.preprocess(picture)}
+        image = modality_image(frame, detector.modality, detector.filling)
+        inputs = {"pictures": detector.preprocess(image)}
         for name, network in networks.items():
-            found[name].append(detector.postprocess(picture, network(inputs)))
+            found[name].append(detector.postprocess(image, network(inputs)))
     truths = true_boxes(labels)
     return {
         name: precision_table(

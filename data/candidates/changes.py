@@ -49,12 +49,12 @@ class CropView:
     box_share: Float64
 
 
-def crop_view(picture: UInt8, candidate: Candidate, change: Change) -> CropView:
+def crop_view(image: UInt8, candidate: Candidate, change: Change) -> CropView:
     """Cut a candidate out of an (H, W, 3) picture and change it."""
     window = np.asarray(candidate.window_px, np.float64)
     changed_A_picture = place_map(change, window)
     changed_A_crop = window_maps(window[None])[0]
-    crop = warp(picture, np.linalg.inv(changed_A_picture) @ changed_A_crop)
+    crop = warp(image, np.linalg.inv(changed_A_picture) @ changed_A_crop)
     box_share = _shares(moved_box(candidate.box_px, changed_A_picture), window)
     if change.cover is not None:
         crop = cover_side(crop, change.cover, box_share, candidate.depth_m)

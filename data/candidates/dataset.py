@@ -18,7 +18,7 @@ from perception.types import UInt8
 
 Sample = Mapping[str, Tensor]
 
-_OPEN_PICTURES = 384  # a file handle each; systems allow a process 1024 or more
+_MAX_OPEN_IMAGES = 384  # a file handle each; systems allow a process 1024 or more
 
 
 class CandidateDataset(Dataset[Sample]):
@@ -60,7 +60,7 @@ class CandidateDataset(Dataset[Sample]):
         self.frames, self.candidates = frames, candidates
         self.augmentation, self.seed = augmentation, seed
         self._channels = [CHANNELS.index(name) for name in channels]
-        self._pictures: dict[int, UInt8] = {}
+        self._images: dict[int, UInt8] = {}
 
     def __len__(self) -> int:
         return len(self.candidates)
@@ -73,7 +73,7 @@ class CandidateDataset(Dataset[Sample]):
         """
         row, change = self._change(index)
         candidate = self.candidate(row)
-        view = crop_view(self.picture(row), candidate, change)
+        view = crop_view(self.image(row), candidate, change)
         crop = np.ascontiguousarray(view.crop[..., self._channels].transpose(2, 0, 1))
         return {
             "crops": torch.from_numpy(crop),
@@ -87,14 +87,14 @@ class CandidateDataset(Dataset[Sample]):
         found = self.candidates
         return Candidate(found.windows_px[row], float(found.depths_m[row]), found.boxes_px[row])
 
-    def picture(self, row: int) -> UInt8:
+    def image(self, row: int) -> UInt8:
         """Return the whole picture that a candidate is cut from."""
         number = int(self.candidates.frames[row])
-        if number not in self._pictures:
-            if len(self._pictures) >= _OPEN_PICTURES:
-                self._pictures.pop(next(iter(self._pictures)))
-            self._pictures[number] = np.asarray(self.frames.picture(number))
-        return self._pictures[number]
+        if number not in self._images:
+            if len(self._images) >= _MAX_OPEN_IMAGES:
+                self._images.pop(next(iter(self._images)))
+            self._images[number] = np.asarray(self.frames.image(number))
+        return self._images[number]
 
     def _change(self, index: SampleIndex | int) -> tuple[int, Change]:
         if not isinstance(index, SampleIndex):

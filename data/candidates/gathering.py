@@ -121,7 +121,7 @@ def gather(
     for number in progress(range(len(frames))):
         try:
             scene = frames.scene(number)
-            frames.picture(number)  # made now, while a person waits and sees the progress
+            frames.image(number)  # made now, while a person waits and sees the progress
         except LabelError:
             raise
         except PerceptionError as error:

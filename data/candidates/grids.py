@@ -69,12 +69,12 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
     light *= 0.7 + 0.3 * crop[..., 2] / 255
     warmth = np.clip((crop[..., 1].astype(np.float32) - _ROAD) / _MAN_HIGH, 0, 1)[..., None]
     rgb = light[..., None] * ((1 - warmth) * (0.35, 0.6, 1.0) + warmth * (1.0, 0.85, 0.2))
-    picture = np.repeat(np.repeat(rgb.astype(np.uint8), _TIMES, axis=0), _TIMES, axis=1)
+    image = np.repeat(np.repeat(rgb.astype(np.uint8), _TIMES, axis=0), _TIMES, axis=1)
     if np.isfinite(box_share).all():
-        edges = np.asarray(box_share) * np.tile([picture.shape[1], picture.shape[0]], 2)
+        edges = np.asarray(box_share) * np.tile([image.shape[1], image.shape[0]], 2)
         x1, y1, x2, y2 = np.rint(edges).astype(int).tolist()
-        cv2.rectangle(picture, (x1, y1), (x2, y2), _BOX_RGB, 1)
-    return picture
+        cv2.rectangle(image, (x1, y1), (x2, y2), _BOX_RGB, 1)
+    return image
 
 
 def _grid(
@@ -95,7 +95,7 @@ def _grid(
 
 def _render_view(dataset: CandidateDataset, row: int, change: Change) -> UInt8:
     candidate = dataset.candidate(row)
-    view = crop_view(dataset.picture(row), candidate, change)
+    view = crop_view(dataset.image(row), candidate, change)
     gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
     return np.pad(
         shown(view.crop, view.box_share, candidate.depth_m * change.depth), gap, constant_values=255

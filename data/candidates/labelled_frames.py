@@ -17,7 +17,7 @@ import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.drive import Drive, Labels
 from data.frame_origin import code_fingerprint, frame_fingerprint
-from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.picture import encode_channels
 from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
@@ -80,30 +80,30 @@ class LabelledFrames:
             store: where pictures and scenes are kept.
         """
         self.drives, self.config, self.store = tuple(drives), config, store
-        self._picture_keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
+        self._image_keys: dict[int, str] = {}  # worth keeping: a picture is asked for often
         self._places = [(drive, index) for drive in drives for index in range(len(drive))]
         self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
 
     def __len__(self) -> int:
         return len(self._places)
 
-    def picture(self, number: int) -> UInt8:
+    def image(self, number: int) -> UInt8:
         """Return the (H, W, 3) picture of a frame, by memory map.
 
         Raises:
             PerceptionError: a file of the frame cannot be read, or it has no camera.
         """
         drive, index = self._places[number]
-        if number not in self._picture_keys:
+        if number not in self._image_keys:
             origin = _origin(drive, index)
-            self._picture_keys[number] = entry_key(
+            self._image_keys[number] = entry_key(
                 what="picture", method=self.config.method, **origin
             )
 
         def make() -> Arrays:
-            return {"picture": _picture(drive[index], self.config.method, drive.sensor.height_m)}
+            return {"picture": _make_image(drive[index], self.config.method, drive.sensor.height_m)}
 
-        return self.store.get(self._picture_keys[number], make)["picture"]
+        return self.store.get(self._image_keys[number], make)["picture"]
 
     def scene(self, number: int) -> Scene:
         """Return proposals and labels of a frame.
@@ -120,10 +120,10 @@ class LabelledFrames:
         return _to_scene(self.store.get(key, make))
 
 
-def _picture(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:
+def _make_image(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:
     calibration, _ = camera_of(frame)
     dense = densify(project_frame(frame), method)
-    return camera_picture(dense, calibration.image_P_velo, lidar_height_m)
+    return encode_channels(dense, calibration.image_P_velo, lidar_height_m)
 
 
 def _scene(frame: Frame, labels: Labels, config: FrameConfig) -> Scene:

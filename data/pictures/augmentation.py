@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from data.pictures.camera_changes import CameraStrengths, change_image
-from data.pictures.making import PictureRules
+from data.pictures.making import ImageConfig
 from data.pictures.map_changes import MapStrengths, change_depth_map, change_reflectance_map
 from data.pictures.placing import PlacingStrengths, draw_placement, place, transform_targets
 from data.pictures.wanted import DetectionTargets
@@ -18,7 +18,7 @@ from perception.types import UInt8
 
 
 @dataclass(frozen=True)
-class PictureAugmentation:
+class ImageAugmentationConfig:
     """The strengths of all operations.
 
     Attributes:
@@ -38,17 +38,17 @@ class PictureAugmentation:
 
 
 def changed(
-    picture: UInt8,
+    image: UInt8,
     labels: DetectionTargets,
-    config: PictureRules,
-    strengths: PictureAugmentation,
+    config: ImageConfig,
+    strengths: ImageAugmentationConfig,
     rng: np.random.Generator,
 ) -> tuple[UInt8, DetectionTargets]:
     """Return an (h, w, C) picture and its labels as another look would show them."""
     modality, is_filled = config.modality, config.filling != "sparse"
-    size_px = picture.shape[1], picture.shape[0]
+    size_px = image.shape[1], image.shape[0]
     placement = draw_placement(strengths.placing, size_px, rng)
-    placed = place(picture, placement, modality, rng)
+    placed = place(image, placement, modality, rng)
     if modality == "rgb":
         placed = change_image(placed, strengths.camera, rng)
     elif modality == "dm":

@@ -10,8 +10,8 @@ from torch.nn.utils.rnn import pad_sequence
 from torch.utils.data import Dataset
 
 from data.looks import SampleIndex
-from data.pictures.augmentation import PictureAugmentation, changed
-from data.pictures.labelled_pictures import LabelledPictures
+from data.pictures.augmentation import ImageAugmentationConfig, changed
+from data.pictures.labelled_pictures import LabelledImages
 from data.pictures.wanted import DetectionTargets
 from data.true_boxes import true_boxes
 from perception.errors import LabelError
@@ -21,7 +21,7 @@ from perception.types import Float64, Int, UInt8
 Sample = Mapping[str, Tensor]
 
 
-class PictureDataset(Dataset[Sample]):
+class ImageDataset(Dataset[Sample]):
     """Some frames of labelled drives, by row (unchanged) or by `Ask` (changed).
 
     A sample holds
@@ -35,9 +35,9 @@ class PictureDataset(Dataset[Sample]):
 
     def __init__(
         self,
-        frames: LabelledPictures,
+        frames: LabelledImages,
         numbers: Int,
-        augmentation: PictureAugmentation | None = None,
+        augmentation: ImageAugmentationConfig | None = None,
         seed: int = 0,
     ) -> None:
         """Read the labels of some frames.
@@ -65,9 +65,9 @@ class PictureDataset(Dataset[Sample]):
             PerceptionError: its frame is to be read again and cannot be.
         """
         row = index.row if isinstance(index, SampleIndex) else index
-        picture, labels = self.view(index)
+        image, labels = self.view(index)
         return {
-            "pictures": torch.from_numpy(np.array(picture.transpose(2, 0, 1), order="C")),
+            "pictures": torch.from_numpy(np.array(image.transpose(2, 0, 1), order="C")),
             "boxes_px": torch.from_numpy(labels.boxes_px),
             "classes": torch.from_numpy(labels.classes),
             "is_ignored": torch.from_numpy(labels.is_ignored),
@@ -81,13 +81,13 @@ class PictureDataset(Dataset[Sample]):
             PerceptionError: as `[]`.
         """
         row = index.row if isinstance(index, SampleIndex) else index
-        picture, labels = self.frames.picture(int(self.numbers[row])), self._labels[row]
+        image, labels = self.frames.image(int(self.numbers[row])), self._labels[row]
         if self.augmentation is None or not isinstance(index, SampleIndex):
-            return picture, labels
+            return image, labels
         rng = np.random.default_rng([self.seed, *index.view])
-        return changed(picture, labels, self.frames.config, self.augmentation, rng)
+        return changed(image, labels, self.frames.config, self.augmentation, rng)
 
-    def picture_size_px(self, row: int) -> tuple[int, int]:
+    def image_size_px(self, row: int) -> tuple[int, int]:
         """Return the (width, height) that a picture had before it was stretched to the input."""
         return self.frames.size_px(int(self.numbers[row]))
 

@@ -8,17 +8,17 @@ import numpy as np
 from data.array_store import Arrays, ArrayStore
 from data.drive import Drive, Labels
 from data.frames import file_number
-from data.pictures.making import PictureRules, make_pictures, picture_key
+from data.pictures.making import ImageConfig, image_key, make_images
 from data.pictures.wanted import DetectionTargets, detection_targets, labels_within_image
 from perception.types import Int, UInt8
 
 log = logging.getLogger(__name__)
 
 
-class LabelledPictures:
+class LabelledImages:
     """The frames of some drives, numbered through; the picture of each is kept in a store."""
 
-    def __init__(self, drives: Sequence[Drive], config: PictureRules, store: ArrayStore) -> None:
+    def __init__(self, drives: Sequence[Drive], config: ImageConfig, store: ArrayStore) -> None:
         """Number the frames.
 
         Args:
@@ -41,7 +41,7 @@ class LabelledPictures:
         """(F,) by which the files of the frames are named."""
         return np.array([file_number(drive, index) for drive, index in self._places], np.int64)
 
-    def picture(self, number: int) -> UInt8:
+    def image(self, number: int) -> UInt8:
         """Return the (h, w, C) picture of a frame, by memory map where it is large.
 
         Raises:
@@ -94,5 +94,5 @@ class LabelledPictures:
     def _arrays(self, number: int) -> Arrays:
         drive, index = self._places[number]
         if number not in self._keys:
-            self._keys[number] = picture_key(drive, index, self.config)
-        return self.store.get(self._keys[number], lambda: make_pictures(drive[index], self.config))
+            self._keys[number] = image_key(drive, index, self.config)
+        return self.store.get(self._keys[number], lambda: make_images(drive[index], self.config))

@@ -20,7 +20,7 @@ from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
     fill_maps,
-    map_picture,
+    map_image,
 )
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
@@ -30,7 +30,7 @@ _SIZE = InputSize(192, 640)
 
 
 @dataclass(frozen=True)
-class PictureRules:
+class ImageConfig:
     """What a frame is turned into.
 
     Attributes:
@@ -61,7 +61,7 @@ class PictureRules:
             raise UsageError("JPEG quality", expected="from 1 to 100", found=found)
 
 
-def picture_key(drive: Drive, index: int, config: PictureRules) -> str:
+def image_key(drive: Drive, index: int, config: ImageConfig) -> str:
     """Return the key of a frame's pictures; the classes that are looked for do not matter."""
     return entry_key(
         what="camera picture" if config.modality == "rgb" else ["map pictures", config.filling],
@@ -72,7 +72,7 @@ def picture_key(drive: Drive, index: int, config: PictureRules) -> str:
     )
 
 
-def make_pictures(frame: Frame, config: PictureRules) -> Arrays:
+def make_images(frame: Frame, config: ImageConfig) -> Arrays:
     """Return the pictures of a frame, each (h, w, C) by its modality, and (width, height) before: size_px.
 
     Both maps come at once, as all but the last step is the same.
@@ -85,19 +85,19 @@ def make_pictures(frame: Frame, config: PictureRules) -> Arrays:
         made = {"rgb": camera_image(frame)}
     else:
         dense = fill_maps(project_frame(frame), config.filling)
-        made = {"dm": map_picture(dense, "dm"), "rm": map_picture(dense, "rm")}
+        made = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
     height, width = next(iter(made.values())).shape[:2]
     if (quality := config.jpeg_quality) is not None:
-        made = {name: through_jpeg(picture, quality) for name, picture in made.items()}
+        made = {name: through_jpeg(image, quality) for name, image in made.items()}
     arrays: dict[str, UInt8 | Int] = {
         name: stretch(one, config.size, name) for name, one in made.items()
     }
     return {**arrays, "size_px": np.array([width, height])}
 
 
-def through_jpeg(picture: UInt8, quality: int) -> UInt8:
+def through_jpeg(image: UInt8, quality: int) -> UInt8:
     """Return what JPEG of a quality, 1 to 100, leaves of an (H, W, C) picture."""
     # OpenCV takes BGR; the order matters, as JPEG keeps brightness better than colour.
-    _, data = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    return np.asarray(decoded, np.uint8).reshape(picture.shape)[..., ::-1]
+    return np.asarray(decoded, np.uint8).reshape(image.shape)[..., ::-1]

@@ -55,7 +55,7 @@ class MapStrengths(Strengths):
 
 
 def change_depth_map(
-    picture: UInt8,
+    image: UInt8,
     zoom: float,
     strengths: MapStrengths,
     rng: np.random.Generator,
@@ -64,7 +64,7 @@ def change_depth_map(
 ) -> UInt8:
     """Return an (h, w, 1) depth map with depths divided by a zoom, errors, and losses."""
     noise_m = np.float32(strengths.range_noise_m * rng.random() ** 2)
-    changed = picture[..., 0]
+    changed = image[..., 0]
     if zoom != 1 or noise_m > 0:
         depth_m = np.take(_DEPTHS_M / np.float32(zoom), changed)
         if noise_m > 0:
@@ -76,14 +76,14 @@ def change_depth_map(
 
 
 def change_reflectance_map(
-    picture: UInt8, strengths: MapStrengths, rng: np.random.Generator, *, is_filled: bool = True
+    image: UInt8, strengths: MapStrengths, rng: np.random.Generator, *, is_filled: bool = True
 ) -> UInt8:
     """Return an (h, w, 1) reflectance map with other reflectances, errors, and losses."""
     gain, gamma = rng.uniform(-1, 1, 2)
     speckle = np.float32(strengths.speckle * rng.random() ** 2)
     power = (1 + strengths.gamma) ** gamma
     table = (1 + strengths.gain) ** gain * 255 * (_ALL / 255.0) ** power
-    reflectance = np.take(table.astype(np.float32), picture[..., 0])
+    reflectance = np.take(table.astype(np.float32), image[..., 0])
     if speckle > 0:
         reflectance *= 1 + speckle * _cells_noise(reflectance.shape, rng)
     changed = np.asarray(cv2.convertScaleAbs(np.maximum(reflectance, 0)), np.uint8)
@@ -92,19 +92,19 @@ def change_reflectance_map(
 
 
 def _less_beams(
-    picture: UInt8, strengths: MapStrengths, rng: np.random.Generator, is_filled: bool
+    image: UInt8, strengths: MapStrengths, rng: np.random.Generator, is_filled: bool
 ) -> UInt8:
     """Return an (h, w) map without some rows, or with the rows above in their place."""
     share = strengths.beams * rng.random() ** 2
-    is_lost = rng.random(len(picture)) < share
+    is_lost = rng.random(len(image)) < share
     if not is_filled:
-        return np.asarray(np.where(is_lost[:, None], np.uint8(0), picture))
-    rows = np.where(is_lost, 0, np.arange(len(picture)))
-    return picture[np.maximum.accumulate(rows)]
+        return np.asarray(np.where(is_lost[:, None], np.uint8(0), image))
+    rows = np.where(is_lost, 0, np.arange(len(image)))
+    return image[np.maximum.accumulate(rows)]
 
 
 def _with_losses(
-    picture: UInt8, weights: Float64, strengths: MapStrengths, rng: np.random.Generator
+    image: UInt8, weights: Float64, strengths: MapStrengths, rng: np.random.Generator
 ) -> UInt8:
     """Return an (h, w) map with cells set to 0.
 
@@ -115,13 +115,13 @@ def _with_losses(
         rng: draws.
     """
     lost, faded = rng.random(2) ** 2 * (strengths.lost, strengths.faded)
-    height, width = picture.shape
+    height, width = image.shape
     cell = int(rng.choice(_CELLS_PX))
     lots = rng.integers(0, 255, (-(-height // cell), -(-width // cell)), np.uint8)
     cells = cv2.resize(lots, (width, height), interpolation=cv2.INTER_NEAREST)
     losing = np.round(255 * (1 - (1 - lost) * (1 - faded * weights))).astype(np.uint8)
-    is_kept = cv2.compare(cells, cv2.LUT(picture, losing), cv2.CMP_GE)
-    return np.asarray(cv2.bitwise_and(picture, is_kept), np.uint8)
+    is_kept = cv2.compare(cells, cv2.LUT(image, losing), cv2.CMP_GE)
+    return np.asarray(cv2.bitwise_and(image, is_kept), np.uint8)
 
 
 def _cells_noise(shape: tuple[int, ...], rng: np.random.Generator) -> Float32:

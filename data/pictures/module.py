@@ -13,10 +13,10 @@ from torch.utils.data import DataLoader, Sampler
 from data.frames import OnBadFrame
 from data.loading import make_loader, process_sampler, validate_loader_config
 from data.looks import SampleIndex, ShuffledSampler
-from data.pictures.augmentation import PictureAugmentation
-from data.pictures.dataset import PictureDataset, Sample, collate
-from data.pictures.labelled_pictures import LabelledPictures
-from data.pictures.making import PictureRules
+from data.pictures.augmentation import ImageAugmentationConfig
+from data.pictures.dataset import ImageDataset, Sample, collate
+from data.pictures.labelled_pictures import LabelledImages
+from data.pictures.making import ImageConfig
 from data.pictures.splits import Split, random_split, split_from_lists
 from data.splitting import SplitBy
 from data.training_drives import TrainingDrives, open_drives
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class PictureLoading:
+class ImageLoadingConfig:
     """Which pictures are learned from, and how they come to the network.
 
     Attributes:
@@ -67,10 +67,10 @@ class PictureLoading:
             )
 
 
-class PictureData(LightningDataModule):
+class ImageDataModule(LightningDataModule):
     """Batches of pictures of one modality: changed to learn from, as they are to judge by.
 
-    A batch holds what `PictureDataset` says of a sample, with a first axis of samples; labels are filled up
+    A batch holds what `ImageDataset` says of a sample, with a first axis of samples; labels are filled up
     with boxes of zero size.
 
     Attributes:
@@ -79,16 +79,16 @@ class PictureData(LightningDataModule):
         test: what is kept for the end; empty where no share is.
     """
 
-    training: PictureDataset
-    validation: PictureDataset
-    test: PictureDataset
+    training: ImageDataset
+    validation: ImageDataset
+    test: ImageDataset
 
     def __init__(
         self,
         sources: TrainingDrives,
-        config: PictureRules,
-        augmentation: PictureAugmentation | None = None,
-        loading: PictureLoading = PictureLoading(),
+        config: ImageConfig,
+        augmentation: ImageAugmentationConfig | None = None,
+        loading: ImageLoadingConfig = ImageLoadingConfig(),
         progress: Progress = iter,
     ) -> None:
         """Keep what `setup` needs; nothing is read yet.
@@ -149,10 +149,10 @@ class PictureData(LightningDataModule):
         """Return batches of everything that was kept for the end, in order."""
         return self._loader(self.test, None)
 
-    def _frames(self, paths: Sequence[Path]) -> LabelledPictures:
-        return LabelledPictures(open_drives(paths), self.config, self.sources.store)
+    def _frames(self, paths: Sequence[Path]) -> LabelledImages:
+        return LabelledImages(open_drives(paths), self.config, self.sources.store)
 
-    def _split(self, frames: LabelledPictures) -> Split:
+    def _split(self, frames: LabelledImages) -> Split:
         loading, has_drives = self.loading, bool(self.sources.validation)
         if loading.frame_lists is None:
             return random_split(
@@ -172,13 +172,13 @@ class PictureData(LightningDataModule):
         return split_from_lists(frames.file_numbers, loading.frame_lists)
 
     def _dataset(
-        self, frames: LabelledPictures, numbers: Int, augmentation: PictureAugmentation | None
-    ) -> PictureDataset:
+        self, frames: LabelledImages, numbers: Int, augmentation: ImageAugmentationConfig | None
+    ) -> ImageDataset:
         readable = self._readable(frames, numbers.tolist(), is_told=True)
-        return PictureDataset(frames, readable, augmentation, self.loading.seed)
+        return ImageDataset(frames, readable, augmentation, self.loading.seed)
 
     def _readable(
-        self, frames: LabelledPictures, numbers: Iterable[int], *, is_told: bool = False
+        self, frames: LabelledImages, numbers: Iterable[int], *, is_told: bool = False
     ) -> Int:
         """Return the numbers of frames of which there is a picture; make it where it is not kept yet."""
         readable = []
@@ -195,6 +195,6 @@ class PictureData(LightningDataModule):
         return np.array(readable, np.int64)
 
     def _loader(
-        self, dataset: PictureDataset, sampler: Sampler[SampleIndex] | None
+        self, dataset: ImageDataset, sampler: Sampler[SampleIndex] | None
     ) -> DataLoader[Sample]:
         return make_loader(self, dataset, sampler, self.loading, collate)

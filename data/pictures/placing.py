@@ -91,27 +91,27 @@ def draw_placement(
 
 
 def place(
-    picture: UInt8, placement: Placement, modality: Modality, rng: np.random.Generator
+    image: UInt8, placement: Placement, modality: Modality, rng: np.random.Generator
 ) -> UInt8:
     """Return an (h, w, C) picture with everything at its new place.
 
     Of maps the nearest pixel is taken, and around the picture nothing is known; around an image is some grey.
     Values stay as they are, so that a depth map's have to be divided by the zoom yet.
     """
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     is_image = modality == "rgb"
     scale, offset = np.array(placement.scale), np.array(placement.offset_px)
     # OpenCV's places are of the centres of pixels.
     matrix = np.column_stack([np.diag(scale), offset + (scale - 1) / 2])
     warped = cv2.warpAffine(
-        picture,
+        image,
         matrix,
         (width, height),
         flags=cv2.INTER_LINEAR if is_image else cv2.INTER_NEAREST,
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=rng.uniform(*_AROUND, 3).tolist() if is_image else 0,
     )
-    placed = np.asarray(warped, np.uint8).reshape(picture.shape)
+    placed = np.asarray(warped, np.uint8).reshape(image.shape)
     if placement.patches_px is not None:
         for x1, y1, x2, y2 in placement.patches_px.astype(int).tolist():
             patch = placed[y1:y2, x1:x2]

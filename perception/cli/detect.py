@@ -27,8 +27,8 @@ from perception.detection.depthcn.proposals import ProposalConfig
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
-from perception.render.detections import depth_picture
-from perception.render.video import PictureSink, video_or_none
+from perception.render.detections import color_depth_map
+from perception.render.video import VideoSink, open_video
 from perception.types import Method
 
 log = logging.getLogger(__name__)
@@ -119,8 +119,8 @@ def detect_in_drive(
     with ExitStack() as files:
         is_film = plan.video and drive.is_sequence
         path = out / "video.mp4" if is_film else None
-        video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
-        pictures = _Pictures(out, video, drive, plan)
+        video = files.enter_context(open_video(path, drive.sensor.rate_hz))
+        pictures = _PreviewWriter(out, video, drive, plan)
         try:
             for output in found:
                 number = file_number(drive, output.frame.index)
@@ -138,10 +138,10 @@ def detect_in_drive(
     return summary
 
 
-class _Pictures:
+class _PreviewWriter:
     """Draws a video of a sequence and a picture of its middle, or a picture of each other frame."""
 
-    def __init__(self, out: Path, video: PictureSink, drive: Drive, plan: DetectConfig) -> None:
+    def __init__(self, out: Path, video: VideoSink, drive: Drive, plan: DetectConfig) -> None:
         self._out, self._video, self._config = out, video, plan
         self._is_sequence, self._turn_s = drive.is_sequence, 1 / drive.sensor.rate_hz
         self._middle = 1 + frame_count(drive, plan.frames) // 2
@@ -155,17 +155,17 @@ class _Pictures:
         scene = DetectionScene(
             number=number,
             image=output.frame.image,
-            depth=depth_picture(output.dense),
+            depth=color_depth_map(output.dense),
             proposals_px=output.proposals_px,
             detections=found[found.scores >= self._config.shown_score],
             timings_s=output.timings_s,
         )
         # One layout for all, as a video needs.
         self._composition = self._composition or DetectionComposition.of(scene, self._turn_s)
-        picture = self._composition.draw(scene)
+        preview = self._composition.draw(scene)
         if not self._is_sequence:
-            write_jpeg(self._out / "pictures" / f"{number:06d}.jpg", picture)
+            write_jpeg(self._out / "pictures" / f"{number:06d}.jpg", preview)
             return
-        self._video.add(picture)
+        self._video.add(preview)
         if self._count == self._middle:
-            write_jpeg(self._out / "picture.jpg", picture)
+            write_jpeg(self._out / "picture.jpg", preview)

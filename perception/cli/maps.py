@@ -59,13 +59,13 @@ def maps(
 
 def write_maps(dense: DenseMaps, folder: Path, name: str) -> None:
     """Write both maps as 8-bit PNG into `depth` and `reflectance`."""
-    pictures = {
+    images = {
         "depth": encode_depth(dense.depth_m),
         "reflectance": encode_reflectance(dense.reflectance),
     }
-    for kind, picture in pictures.items():
+    for kind, image in images.items():
         (folder / kind).mkdir(parents=True, exist_ok=True)
-        if not cv2.imwrite(str(folder / kind / name), picture):
+        if not cv2.imwrite(str(folder / kind / name), image):
             raise DriveError(folder / kind, expected="a folder to write to", found="none")
 
 

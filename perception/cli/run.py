@@ -14,7 +14,7 @@ from perception.cli.drive_results import drive_results
 from perception.cli.flags import require_positive
 from perception.cli.follow_on import HandoverTracking, NoObjectTracking, ObjectTracking
 from perception.cli.results_folder import ResultsFolder, new_results_folder
-from perception.cli.run_pictures import NoPictures, Pictures, RunPictures
+from perception.cli.run_pictures import NoRunVideo, RunVideo, RunVideoWriter
 from perception.cli.run_summary import RunSummary
 from perception.errors import PerceptionError
 from perception.pipeline import PipelineConfig
@@ -99,11 +99,11 @@ def run_drive(drive: Drive, out: Path, plan: RunConfig) -> RunSummary:
     with ExitStack() as files:
         folder = files.enter_context(ResultsFolder(out, drive, area))
         write_config(out, drive, plan=plan)
-        pictures = files.enter_context(_pictures(drive, out, plan))
+        video_writer = files.enter_context(_video_writer(drive, out, plan))
         object_tracking = files.enter_context(_object_tracking(drive, out, plan))
         try:
             for result in map(object_tracking.update, results):
-                pictures.add(result, object_tracking)
+                video_writer.add(result, object_tracking)
                 folder.write(result)
                 summary.add(result, drive.point_truth(result.frame.index), area)
         except PerceptionError:
@@ -120,12 +120,12 @@ def run_drive(drive: Drive, out: Path, plan: RunConfig) -> RunSummary:
     return summary
 
 
-def _pictures(drive: Drive, out: Path, plan: RunConfig) -> Pictures:
+def _video_writer(drive: Drive, out: Path, plan: RunConfig) -> RunVideo:
     """Return who draws what a plan wants drawn."""
     if not plan.video:
-        return NoPictures()
+        return NoRunVideo()
     composition = Composition(area=plan.pipeline.area, turn_s=1 / drive.sensor.rate_hz)
-    return RunPictures(out, drive, composition, frame_count(drive, plan.frames))
+    return RunVideoWriter(out, drive, composition, frame_count(drive, plan.frames))
 
 
 def _object_tracking(drive: Drive, out: Path, plan: RunConfig) -> ObjectTracking:

@@ -22,7 +22,7 @@ from perception.types import Result
 _IN_LINE = 2
 
 
-class Pictures(AbstractContextManager["Pictures"], Protocol):
+class RunVideo(AbstractContextManager["Pictures"], Protocol):
     """What a run asks of whoever draws."""
 
     def add(self, result: Result, object_tracking: ObjectTracking) -> None:
@@ -30,7 +30,7 @@ class Pictures(AbstractContextManager["Pictures"], Protocol):
         ...
 
 
-class NoPictures:
+class NoRunVideo:
     """Draws nothing, where nothing is to be drawn."""
 
     def __enter__(self) -> Self:
@@ -51,7 +51,7 @@ class _Scene:
     tracked: TrackedObjectFigure | None
 
 
-class RunPictures:
+class RunVideoWriter:
     """Writes video.mp4 and picture.jpg of a run; a context manager."""
 
     def __init__(self, out: Path, drive: Drive, composition: Composition, frames: int) -> None:
@@ -98,8 +98,8 @@ class RunPictures:
 
     def _draw(self, scene: _Scene) -> None:
         self._trails.add(scene.result)
-        picture = self._composition.draw(scene.without_object, self._trails, scene.tracked)
-        self._video.add(picture)
+        image = self._composition.draw(scene.without_object, self._trails, scene.tracked)
+        self._video.add(image)
         if self._count == self._middle:
-            write_jpeg(self._out / "picture.jpg", picture, quality=88)
+            write_jpeg(self._out / "picture.jpg", image, quality=88)
         self._count += 1

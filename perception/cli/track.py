@@ -27,7 +27,7 @@ from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.render.follow_composition import TrackedObjectComposition
 from perception.render.follow_scene import TrackedObjectScene, TrackedObjectTrail
-from perception.render.video import PictureSink, video_or_none
+from perception.render.video import VideoSink, open_video
 from perception.sensor import LidarModel
 from perception.tracking.single_object.color_model import color_ratios
 from perception.tracking.single_object.fusion_tracker import FusionTracker
@@ -121,7 +121,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
     timed_tracker = _TimedTracker(plan.make(plan.tracker, drive.sensor), start)
     summary = TrackSummary(drive.name, plan.tracker, start, out)
     last = frame_count(drive, None if plan.frames is None else start.frame + plan.frames)
-    pictures = _Pictures(start, last - start.frame)
+    renderer = _VideoRenderer(start, last - start.frame)
     chain = ObstacleChain(drive.sensor, plan.pipeline)
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
     shown = progress_bar(frames, drive.name, last - start.frame)
@@ -141,7 +141,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
             plan={name: value for name, value in vars(plan).items() if name != "make"},
         )
         path = out / "video.mp4" if plan.video else None
-        video = files.enter_context(video_or_none(path, drive.sensor.rate_hz))
+        video = files.enter_context(open_video(path, drive.sensor.rate_hz))
         try:
             for frame in shown:
                 result, _ = chain.segment(frame)
@@ -153,9 +153,9 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
                 rows.write(result, timed.tracked)
                 summary.add(result, timed.tracked, timed.seconds)
                 if plan.video:
-                    pictures.add(video, result, timed)
+                    renderer.add(video, result, timed)
                 if len(summary.frames) == 1 + (last - start.frame) // 2:
-                    _draw_colors(out / "color-model.png", start, result, timed_tracker.tracker)
+                    _plot_colors(out / "color-model.png", start, result, timed_tracker.tracker)
         finally:
             write_json(out / "summary.json", summary.to_json(drive.calibration))
     return summary
@@ -168,7 +168,7 @@ def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:
     return count
 
 
-def _draw_colors(
+def _plot_colors(
     path: Path, start: TrackStart, result: Result, tracker: SingleObjectTracker
 ) -> None:
     """Draw what a tracker that looks at colours knows of them (Fig. 5.16); nothing of another."""
@@ -218,14 +218,14 @@ def region_of_tracker(tracker: SingleObjectTracker) -> ImageRegion | None:
     return tracker.colors.region if isinstance(tracker, FusionTracker) else None
 
 
-class _Pictures:
+class _VideoRenderer:
     """Draws the video, remembering where the object was."""
 
     def __init__(self, start: TrackStart, frame_count: int) -> None:
         self._trail, self._truth = TrackedObjectTrail(), start.truth
         self._composition = TrackedObjectComposition(frame_count=frame_count, name=start.name)
 
-    def add(self, video: PictureSink, result: Result, timed: _TimedObject) -> None:
+    def add(self, video: VideoSink, result: Result, timed: _TimedObject) -> None:
         """Draw one frame."""
         self._trail.add(result, timed.tracked)
         scene = TrackedObjectScene(

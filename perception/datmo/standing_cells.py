@@ -22,7 +22,7 @@ class StandingCells:
         points: (C,) how many each holds.
     """
 
-    picture: UInt8
+    occupancy: UInt8
     first: Int
     cell_m: float
     rows: Int
@@ -44,7 +44,7 @@ class StandingCells:
         np.maximum.at(highest_m, cell_of, z_m)
         sums = [np.bincount(cell_of, along_m)[rows] / counts[rows] for along_m in (x_m, y_m)]
         return cls(
-            picture=(counts > 0).astype(np.uint8).reshape(shape),
+            occupancy=(counts > 0).astype(np.uint8).reshape(shape),
             first=first,
             cell_m=cell_m,
             rows=rows,
@@ -54,7 +54,7 @@ class StandingCells:
 
     def things(self, min_points: int, length_m: float) -> Footprints:
         """Outline the things up to a length; cells with a common corner are one thing."""
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(self.picture, connectivity=8)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(self.occupancy, connectivity=8)
         thing_of = np.asarray(labels.ravel()[self.rows], np.int64)
         longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
         points = np.bincount(thing_of, self.points, count)
@@ -74,7 +74,7 @@ class StandingCells:
 
     def is_touching(self, points_velo: Float) -> Bool:
         """Tell which of (P, 2+) points lie in a cell with a standing point or beside one."""
-        grown = cv2.dilate(self.picture, np.ones((3, 3), np.uint8))
+        grown = cv2.dilate(self.occupancy, np.ones((3, 3), np.uint8))
         x = _cell_numbers(points_velo[:, 0], self.cell_m) - self.first[0]
         y = _cell_numbers(points_velo[:, 1], self.cell_m) - self.first[1]
         is_on = (x >= 0) & (y >= 0) & (x < grown.shape[0]) & (y < grown.shape[1])

@@ -190,7 +190,7 @@ class Pipeline:
         return replace(
             result,
             modality_detections=multimodal.modality_detections,
-            map_pictures=multimodal.pictures,
+            map_images=multimodal.pictures,
             vehicles=moved.vehicles,
             tracks=moved.tracks,
         )

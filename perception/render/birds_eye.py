@@ -101,11 +101,11 @@ def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
         np.array([(surface.x_m[-1], surface.y_m[-1]), (surface.x_m[0], surface.y_m[0])])
     )
     (left, top), (right, bottom) = np.rint(corners).astype(int)
-    picture = cv2.resize(relief[::-1, ::-1], (right - left, bottom - top))
+    resized = cv2.resize(relief[::-1, ::-1], (right - left, bottom - top))
     height, width = canvas.shape[:2]
     rows = slice(max(top, 0), min(bottom, height))
     columns = slice(max(left, 0), min(right, width))
-    canvas[rows, columns] = picture[
+    canvas[rows, columns] = resized[
         rows.start - top : rows.stop - top, columns.start - left : columns.stop - left
     ]
 

@@ -68,11 +68,11 @@ def _part(scene: ColorModelScene) -> tuple[slice, slice]:
     return slice(top, bottom), slice(left, right)
 
 
-def _show(axes: "Axes", picture: UInt8 | Float64, part: tuple[slice, slice], **style: Any) -> Any:  # noqa: ANN401
+def _show(axes: "Axes", image: UInt8 | Float64, part: tuple[slice, slice], **style: Any) -> Any:  # noqa: ANN401
     """Lay a part of the image out in the image's own pixels, and let no outline widen it."""
     rows, columns = part
     extent = (columns.start - 0.5, columns.stop - 0.5, rows.stop - 0.5, rows.start - 0.5)
-    shown = axes.imshow(picture, extent=extent, **style)
+    shown = axes.imshow(image, extent=extent, **style)
     axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="column [px]")
     return shown
 

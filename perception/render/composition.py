@@ -167,14 +167,14 @@ class _Scene:
 
     def draw_on_image(self, fitted: FittedImage, image_P_velo: Float64) -> None:
         """Draw tracks and vehicles over the camera's image, whose own boxes name the vehicles."""
-        picture, projection = fitted.picture, fitted.resizing.project(image_P_velo)
+        canvas, projection = fitted.canvas, fitted.resizing.project(image_P_velo)
         if self.vehicles is None:
-            self.draw_tracks(picture, projection)
+            self.draw_tracks(canvas, projection)
             return
-        draw_tracks(picture, projection, self.figures, self.style, self.vehicles.ids)
-        self.vehicles.draw_in_space(picture, projection, self.style)
-        self.vehicles.draw_on_image(picture, fitted.resizing, self.style)
-        self._draw_tracked(picture, projection)
+        draw_tracks(canvas, projection, self.figures, self.style, self.vehicles.ids)
+        self.vehicles.draw_in_space(canvas, projection, self.style)
+        self.vehicles.draw_on_image(canvas, fitted.resizing, self.style)
+        self._draw_tracked(canvas, projection)
 
     def _draw_tracked(self, panel: UInt8, image_P_velo: Float64) -> None:
         if self.tracked is not None:

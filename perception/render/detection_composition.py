@@ -81,10 +81,10 @@ class DetectionComposition:
     def _panel(self, scene: DetectionScene, image: UInt8) -> UInt8:
         """Return a picture with its boxes, enlarged with it."""
         fitted = FittedImage.within(image, self.panel_px)
-        draw_boxes(fitted.picture, fitted.resizing.move_boxes(scene.proposals_px), PROPOSED)
+        draw_boxes(fitted.canvas, fitted.resizing.move_boxes(scene.proposals_px), PROPOSED)
         found = scene.detections
         moved = replace(found, boxes_px=fitted.resizing.move_boxes(found.boxes_px))
-        draw_detections(fitted.picture, moved, _TEXT_PX)
+        draw_detections(fitted.canvas, moved, _TEXT_PX)
         strip = blank_canvas(self.panel_px, palette.PANEL)
         centred = fitted.on_strip(self.panel_px[0])
         strip[: len(centred)] = centred

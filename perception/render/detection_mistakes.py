@@ -14,7 +14,7 @@ _TEXT_PX = 11
 
 
 def draw_detection_errors(
-    picture: UInt8, objects_px: Float64, ignored_px: Float64, detections: Detections, iou: float
+    image: UInt8, objects_px: Float64, ignored_px: Float64, detections: Detections, iou: float
 ) -> UInt8:
     """Return an (H, W, 3) picture with objects and detections on it, enlarged where it is small.
 
@@ -28,8 +28,8 @@ def draw_detection_errors(
         detections: sure enough to count.
         iou: from which on an object is found.
     """
-    scale = max(1, -(-_MIN_WIDTH_PX // picture.shape[1]))
-    canvas = np.repeat(np.repeat(picture, scale, axis=0), scale, axis=1)
+    scale = max(1, -(-_MIN_WIDTH_PX // image.shape[1]))
+    canvas = np.repeat(np.repeat(image, scale, axis=0), scale, axis=1)
     if canvas.shape[2] == 1:
         canvas = np.asarray(cv2.cvtColor(canvas, cv2.COLOR_GRAY2RGB), np.uint8)
     overlaps = iou_px(objects_px, detections.boxes_px) > iou

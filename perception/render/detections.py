@@ -37,7 +37,7 @@ def draw_boxes(canvas: UInt8, boxes_px: Float64, color: Color, width_px: int = 1
         cv2.polylines(canvas, outlines, True, line, width, cv2.LINE_AA, _FIXED_POINT_BITS)
 
 
-def depth_picture(dense: DenseMaps) -> UInt8:
+def color_depth_map(dense: DenseMaps) -> UInt8:
     """Return (H, W, 3) depths from red, near, to blue, far; dark where nothing is known."""
     nearness = cv2.convertScaleAbs(255 - encode_depth(dense.depth_m), alpha=_REDDEST / 255)
     colors = cv2.applyColorMap(nearness, cv2.COLORMAP_TURBO)[:, :, ::-1]

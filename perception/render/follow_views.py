@@ -49,7 +49,7 @@ class TrackedObjectViews:
         if image is None or calibration is None:
             return np.zeros((0, largest_px[0], 3), np.uint8)
         fitted = FittedImage.within(image, largest_px)
-        self._draw_on_image(fitted.picture, fitted.resizing, calibration)
+        self._draw_on_image(fitted.canvas, fitted.resizing, calibration)
         return fitted.on_strip(largest_px[0])
 
     def close_up(self, size_px: tuple[int, int]) -> UInt8:
@@ -62,9 +62,9 @@ class TrackedObjectViews:
         if window_px is None:
             return blank_canvas(size_px, palette.PANEL)
         resizing = Resizing.of_window(window_px, size_px)
-        picture = resizing.cut(image, size_px)
-        self._draw_on_image(picture, resizing, calibration)
-        return picture
+        canvas = resizing.cut(image, size_px)
+        self._draw_on_image(canvas, resizing, calibration)
+        return canvas
 
     def _window_px(
         self, image_P_velo: Float64, size_px: tuple[int, int], limits_px: tuple[int, int]
@@ -85,51 +85,51 @@ class TrackedObjectViews:
         middle_px = np.clip(middle_px, half_px, np.array(limits_px) - half_px)
         return np.concatenate([middle_px - half_px, middle_px + half_px])
 
-    def _draw_on_image(self, picture: UInt8, resizing: Resizing, calibration: Calibration) -> None:
+    def _draw_on_image(self, canvas: UInt8, resizing: Resizing, calibration: Calibration) -> None:
         tracked, region = self._scene.tracked, self._scene.region
         image_P_velo = resizing.project(calibration.image_P_velo)
         if region is not None and tracked.state is TrackStatus.SEEN:
-            draw_region(picture, resizing.move(region.hull_px), resizing.move(region.outer_px))
-        self._draw_truth(picture, image_P_velo)
+            draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
+        self._draw_truth(canvas, image_P_velo)
         if self._box is not None:
-            self._box.draw(picture, image_P_velo, self._style)
+            self._box.draw(canvas, image_P_velo, self._style)
         elif tracked.box_px is not None:
             first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
             color = STATUS_COLORS[tracked.state]
-            cv2.rectangle(picture, first, last, color, self._style.line_px, cv2.LINE_AA)
+            cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
 
     def from_behind(self, size_px: tuple[int, int]) -> UInt8:
         """Return the points in 3D, seen over the vehicle towards the object."""
         image_P_velo = chase_camera(size_px, self._bearing_rad(), _FIELD_OF_VIEW_RAD)
-        picture = blank_canvas(size_px, palette.PANEL)
-        self._points.draw(picture, image_P_velo)
-        self._draw_ways(picture, image_P_velo)
+        canvas = blank_canvas(size_px, palette.PANEL)
+        self._points.draw(canvas, image_P_velo)
+        self._draw_ways(canvas, image_P_velo)
         ground_m = float(self._scene.result.ground.height_m(np.zeros((1, 2)))[0])
-        draw_solid_vehicle(picture, image_P_velo, ground_m)
-        return picture
+        draw_solid_vehicle(canvas, image_P_velo, ground_m)
+        return canvas
 
     def from_above(self, size_px: tuple[int, int]) -> UInt8:
         """Return the points from above, as near as object and vehicle both are in view."""
         view = self._view_of_both(size_px)
-        picture = blank_canvas(size_px, palette.PANEL)
-        self._points.draw(picture, view.image_P_velo)
-        draw_rings(picture, view)
-        self._draw_ways(picture, view.image_P_velo)
-        draw_vehicle(picture, view)
-        return picture
+        canvas = blank_canvas(size_px, palette.PANEL)
+        self._points.draw(canvas, view.image_P_velo)
+        draw_rings(canvas, view)
+        self._draw_ways(canvas, view.image_P_velo)
+        draw_vehicle(canvas, view)
+        return canvas
 
-    def _draw_ways(self, picture: UInt8, image_P_velo: Float64) -> None:
-        draw_way(picture, image_P_velo, self._scene.ego_way_velo, palette.EGO_WAY)
-        self._draw_truth(picture, image_P_velo)
+    def _draw_ways(self, canvas: UInt8, image_P_velo: Float64) -> None:
+        draw_way(canvas, image_P_velo, self._scene.ego_way_velo, palette.EGO_WAY)
+        self._draw_truth(canvas, image_P_velo)
         if self._figure is not None:
-            self._figure.draw(picture, image_P_velo, self._style)
+            self._figure.draw(canvas, image_P_velo, self._style)
 
-    def _draw_truth(self, picture: UInt8, image_P_velo: Float64) -> None:
+    def _draw_truth(self, canvas: UInt8, image_P_velo: Float64) -> None:
         if self._scene.truth is not None:
             segments = edges(self._scene.truth)[0]
             owners = np.zeros(len(segments), np.int64)
-            strokes = project_strokes(image_P_velo, picture, segments, owners)
-            draw_strokes(picture, strokes, [palette.TRUTH], np.array([1]))
+            strokes = project_strokes(image_P_velo, canvas, segments, owners)
+            draw_strokes(canvas, strokes, [palette.TRUTH], np.array([1]))
 
     def _bearing_rad(self) -> float:
         box = self._scene.tracked.box_velo

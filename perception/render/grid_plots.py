@@ -151,9 +151,9 @@ def _draw_on_image(
     seen = render_cubes(camera.image_P_velo, (width, height), stack)
     tints = step.colors[rows, columns][stack.counts]
     lit = tints[seen.cubes] * _FACE_LIGHT[seen.faces, None]
-    picture = camera.image.reshape(-1, 3).astype(np.float64)
-    picture[seen.pixels] += _OPACITY * (lit - picture[seen.pixels])
-    axes.imshow(picture.reshape(height, width, 3).astype(np.uint8))
+    image = camera.image.reshape(-1, 3).astype(np.float64)
+    image[seen.pixels] += _OPACITY * (lit - image[seen.pixels])
+    axes.imshow(image.reshape(height, width, 3).astype(np.uint8))
     for number, box_m in enumerate(corners(step.boxes)):
         pixels, _ = project(camera.image_P_velo, box_m[_BOX_WALK])
         axes.plot(*pixels.T, color=rgb(palette.track_color(number)), linewidth=1.3)
@@ -173,10 +173,10 @@ def _columns(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float
 
 def _draw_from_above(axes: "Axes", scene: MotionGridScene, step: _Step) -> None:
     """Paint the cells of a step over what the scan saw."""
-    picture = _backdrop(scene.grids)
+    image = _backdrop(scene.grids)
     is_shown = step.height_m > 0
-    picture[is_shown] = step.colors[is_shown]
-    _show(axes, scene.grids, picture)
+    image[is_shown] = step.colors[is_shown]
+    _show(axes, scene.grids, image)
     _outline(axes, step.boxes)
 
 
@@ -193,7 +193,7 @@ def _backdrop(grids: MotionGrids) -> UInt8:
     return np.asarray(np.array([_UNSEEN, _SEEN_GROUND, _EXPLAINED], np.uint8)[kind])
 
 
-def _show(axes: "Axes", grids: MotionGrids, picture: Float | UInt8) -> "AxesImage":
+def _show(axes: "Axes", grids: MotionGrids, image: Float | UInt8) -> "AxesImage":
     """Lay (X, Y) or (X, Y, 3) cells out with ahead to the right and left up."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
@@ -202,7 +202,7 @@ def _show(axes: "Axes", grids: MotionGrids, picture: Float | UInt8) -> "AxesImag
     axes.set_ylabel("left [m]")
     axes.fill(*vehicle_outline_m()[:, :2].T, color=rgb(palette.VEHICLE), zorder=2)
     return axes.imshow(
-        picture.swapaxes(0, 1),
+        image.swapaxes(0, 1),
         origin="lower",
         extent=(low_x, high_x, low_y, high_y),
         # Without its darkest end, which the backdrop would swallow.

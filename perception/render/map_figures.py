@@ -33,7 +33,7 @@ def plot_maps(
     rows = figure.subplots(len(maps) + 2, 2)
     first = next(iter(maps))
     _draw_returns(rows[0, 0], image, sparse)
-    rows[0, 1].imshow(mask_picture(maps[first]))
+    rows[0, 1].imshow(mask_image(maps[first]))
     rows[0, 1].set_title(f"{first}: measured (yellow), filled (blue), not known (black)")
     for axes, box in zip(rows[1], (None, _busiest(sparse)), strict=True):
         _draw_triangles(axes, sparse, box)
@@ -48,12 +48,12 @@ def plot_maps(
     save_figure(figure, path)
 
 
-def mask_picture(dense: DenseMaps) -> UInt8:
+def mask_image(dense: DenseMaps) -> UInt8:
     """Return an (H, W, 3) picture of what is measured, filled and not known."""
-    picture = np.full((*dense.depth_m.shape, 3), _UNKNOWN, np.uint8)
-    picture[dense.is_filled] = _FILLED
-    picture[dense.is_measured] = _MEASURED
-    return picture
+    image = np.full((*dense.depth_m.shape, 3), _UNKNOWN, np.uint8)
+    image[dense.is_filled] = _FILLED
+    image[dense.is_measured] = _MEASURED
+    return image
 
 
 def _draw_returns(axes: "Axes", image: UInt8 | None, sparse: SparseMaps) -> None:

@@ -31,15 +31,15 @@ _TITLES: dict[MapModality, str] = {"dm": "Depth map", "rm": "Reflectance map"}
 def map_panels(result: Result, largest_px: tuple[int, int]) -> dict[str, UInt8]:
     """Return pictures by title, each within (width, height), of the maps that detectors looked at."""
     panels = {}
-    for modality in (name for name in MAP_MODALITIES if name in result.map_pictures):
-        shown = result.map_pictures[modality]
+    for modality in (name for name in MAP_MODALITIES if name in result.map_images):
+        shown = result.map_images[modality]
         scale = min(largest_px[0] / shown.shape[1], largest_px[1] / shown.shape[0])
         values = _smaller(shown, scale)
-        picture: UInt8 = np.asarray(cv2.applyColorMap(values, _COLORS[modality]), np.uint8)
+        image: UInt8 = np.asarray(cv2.applyColorMap(values, _COLORS[modality]), np.uint8)
         # Pixels of the map whose centres are whole numbers, as in `Resizing`.
         boxes_px = (likely_boxes_px(result.modality_detections[modality]) + 0.5) * scale - 0.5
-        draw_boxes(picture, boxes_px, palette.MODALITIES[modality])
-        panels[_TITLES[modality]] = picture[round(_SKY_SHARE * len(picture)) :]
+        draw_boxes(image, boxes_px, palette.MODALITIES[modality])
+        panels[_TITLES[modality]] = image[round(_SKY_SHARE * len(image)) :]
     return panels
 
 

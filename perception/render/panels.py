@@ -59,10 +59,10 @@ class Resizing:
     """Where the pixels of an image come to lie in a picture of a part of it; centres are whole numbers.
 
     Attributes:
-        picture_T_image: (3, 3) homogeneous, without turn.
+        canvas_T_image: (3, 3) homogeneous, without turn.
     """
 
-    picture_T_image: Float64
+    canvas_T_image: Float64
 
     @classmethod
     def of_window(cls, window_px: Float64, size_px: tuple[int, int]) -> Self:
@@ -75,11 +75,11 @@ class Resizing:
 
     def project(self, image_P_velo: Float64) -> Float64:
         """Return the (3, 4) projection to the picture."""
-        return np.asarray(self.picture_T_image @ image_P_velo)
+        return np.asarray(self.canvas_T_image @ image_P_velo)
 
     def move(self, pixels: Float64) -> Float64:
         """Return (N, 2) where pixels of the image lie in the picture."""
-        transform = self.picture_T_image
+        transform = self.canvas_T_image
         return np.asarray(pixels * transform.diagonal()[:2] + transform[:2, 2])
 
     def move_boxes(self, boxes_px: Float64) -> Float64:
@@ -91,7 +91,7 @@ class Resizing:
         return np.asarray(
             cv2.warpAffine(
                 image,
-                self.picture_T_image[:2],
+                self.canvas_T_image[:2],
                 size_px,
                 flags=cv2.INTER_CUBIC,
                 borderMode=cv2.BORDER_CONSTANT,
@@ -110,7 +110,7 @@ class FittedImage:
         resizing: from the image to it.
     """
 
-    picture: UInt8
+    canvas: UInt8
     resizing: Resizing
 
     @classmethod
@@ -120,15 +120,15 @@ class FittedImage:
         width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
         # Down to half the size, a pixel's neighbours are all that it takes.
         interpolation = cv2.INTER_AREA if scale <= 0.5 else cv2.INTER_LINEAR
-        picture = cv2.resize(image, (width, height), interpolation=interpolation)
+        canvas = cv2.resize(image, (width, height), interpolation=interpolation)
         whole = np.array([0, 0, image.shape[1], image.shape[0]], np.float64)
         resizing = Resizing.of_window(whole, (width, height))
-        return cls(np.asarray(picture, np.uint8), resizing)
+        return cls(np.asarray(canvas, np.uint8), resizing)
 
     def on_strip(self, width_px: int) -> UInt8:
         """Return the picture centred on a strip that wide."""
-        height, width = self.picture.shape[:2]
+        height, width = self.canvas.shape[:2]
         strip = blank_canvas((width_px, height), PANEL)
         left = (width_px - width) // 2
-        strip[:, left : left + width] = self.picture
+        strip[:, left : left + width] = self.canvas
         return strip

@@ -18,9 +18,9 @@ def packed(colors: UInt8) -> PackedColors:
     return spread.view(np.uint32)[:, 0]
 
 
-def unpacked(picture: PackedColors) -> UInt8:
+def unpacked(image: PackedColors) -> UInt8:
     """Return the (H, W, 3) picture of (H, W) packed colours."""
-    four = picture.view(np.uint8).reshape(*picture.shape, 4)
+    four = image.view(np.uint8).reshape(*image.shape, 4)
     return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8)
 
 

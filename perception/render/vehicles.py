@@ -60,18 +60,18 @@ class VehicleFigures:
             tuple(_name(track) for track in figures.tracks.ids.tolist()),
         )
 
-    def draw_on_image(self, picture: UInt8, resizing: Resizing, style: TrackStyle) -> None:
+    def draw_on_image(self, canvas: UInt8, resizing: Resizing, style: TrackStyle) -> None:
         """Draw the boxes of each detector thinly, and bold ones with names for what they say together."""
         for modality, found in self.result.modality_detections.items():
             color = palette.MODALITIES[modality]
-            draw_boxes(picture, resizing.move_boxes(likely_boxes_px(found)), color)
+            draw_boxes(canvas, resizing.move_boxes(likely_boxes_px(found)), color)
         boxes_px = resizing.move_boxes(self.boxes_px)
         for row in range(len(boxes_px)):
             color = _color(int(self.ids[row]))
-            draw_boxes(picture, boxes_px[row : row + 1], color, style.line_px + 1)
+            draw_boxes(canvas, boxes_px[row : row + 1], color, style.line_px + 1)
         for row, box_px in enumerate(boxes_px):
             draw_tag(
-                picture, self._label_text(row), box_px, _color(int(self.ids[row])), style.text_px
+                canvas, self._label_text(row), box_px, _color(int(self.ids[row])), style.text_px
             )
 
     def draw_in_space(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:

@@ -27,10 +27,10 @@ _MPEG4_BITS_PER_PIXEL = 2
 _HYBRID_SINCE = (61, 7)
 
 
-class PictureSink(AbstractContextManager["PictureSink"], Protocol):
+class VideoSink(AbstractContextManager["VideoSink"], Protocol):
     """Where pictures go, one after another."""
 
-    def add(self, picture: UInt8) -> None:
+    def add(self, image: UInt8) -> None:
         """Take the next (H, W, 3) RGB picture."""
         ...
 
@@ -43,7 +43,7 @@ class NoVideo:
 
     def __exit__(self, *error: object) -> None: ...
 
-    def add(self, picture: UInt8) -> None:
+    def add(self, image: UInt8) -> None:
         """Drop the picture."""
 
 
@@ -83,20 +83,20 @@ class VideoFile:
         if is_complete:
             self.partial_path.replace(self.path)
 
-    def add(self, picture: UInt8) -> None:
+    def add(self, image: UInt8) -> None:
         """Encode the next (H, W, 3) RGB picture; height and width are even and stay the same.
 
         Raises:
             ImageError: the picture is of another size than the first, or of an odd one.
         """
-        container = self._container or self._open(picture)
-        self._check_size(picture)
-        frame = av.VideoFrame.from_ndarray(_to_yuv420(picture), format="yuv420p")
+        container = self._container or self._open(image)
+        self._check_size(image)
+        frame = av.VideoFrame.from_ndarray(_to_yuv420(image), format="yuv420p")
         for packet in self._stream.encode(frame):
             container.mux(packet)
 
-    def _open(self, picture: UInt8) -> OutputContainer:
-        height, width = picture.shape[:2]
+    def _open(self, image: UInt8) -> OutputContainer:
+        height, width = image.shape[:2]
         if height % 2 or width % 2:
             raise ImageError(
                 self.path, expected="pictures of even size", found=f"{width}x{height} pixels"
@@ -117,29 +117,29 @@ class VideoFile:
         self._container = container
         return container
 
-    def _check_size(self, picture: UInt8) -> None:
+    def _check_size(self, image: UInt8) -> None:
         expected = (self._stream.height, self._stream.width, 3)
-        if picture.shape != expected:
+        if image.shape != expected:
             raise ImageError(
-                self.path, expected=f"pictures of shape {expected}", found=f"{picture.shape}"
+                self.path, expected=f"pictures of shape {expected}", found=f"{image.shape}"
             )
 
 
-def _to_yuv420(picture: UInt8) -> UInt8:
+def _to_yuv420(image: UInt8) -> UInt8:
     """Return (H * 3 / 2, W): brightness, then blue and red differences of every four pixels (BT.601).
 
     OpenCV takes the differences of one pixel of the four, which tears coloured lines; here they are
     the mean's. FFmpeg does the same in several times the time.
     """
-    height, width = picture.shape[:2]
-    planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2YUV_I420), np.uint8)
-    means = cv2.resize(picture, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    height, width = image.shape[:2]
+    planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
+    means = cv2.resize(image, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
     differences = cv2.transform(means, _CHROMA)
     planes[height:].reshape(2, height // 2, width // 2)[:] = differences.transpose(2, 0, 1)
     return planes
 
 
-def video_or_none(path: Path | None, rate_hz: float = 10.0) -> PictureSink:
+def open_video(path: Path | None, rate_hz: float = 10.0) -> VideoSink:
     """Return a file, or what drops all pictures where there is no path."""
     return NoVideo() if path is None else VideoFile(path, rate_hz)
 

@@ -23,7 +23,7 @@ class Result:
         obstacles: static and moving.
         tracks: what moves, as objects with an identity.
         modal: what each detector saw by itself; empty where detection is off.
-        map_pictures: (H, W) of each map that they looked at, 0 where nothing is known.
+        map_images: (H, W) of each map that they looked at, 0 where nothing is known.
         vehicles: what they say together, None where detection is off.
         depthcn: what DepthCN saw, None where it is off.
         timings_s: seconds by stage; what overlaps counts more than once.
@@ -36,7 +36,7 @@ class Result:
     obstacles: Obstacles
     tracks: Tracks = field(default_factory=Tracks.empty)
     modality_detections: ModalityDetections = field(default_factory=dict)
-    map_pictures: Mapping[Modality, UInt8] = field(default_factory=dict)
+    map_images: Mapping[Modality, UInt8] = field(default_factory=dict)
     vehicles: Vehicles | None = None
     depthcn: Detections | None = None
     timings_s: dict[str, float] = field(default_factory=dict)

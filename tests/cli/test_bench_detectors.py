@@ -22,15 +22,15 @@ from tests.detection.bright_cells import bright_cells
 SIZE = InputSize(64, 96)
 
 
-def pictures(count):
+def images(count):
     blocks = np.random.default_rng(0).integers(0, 256, (count, 8, 12, 1), dtype=np.uint8)
     return list(blocks.repeat(8, axis=1).repeat(8, axis=2))
 
 
 def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
-    files = write_detector(tmp_path, "compact", "dm", SIZE, pictures(2))
+    files = write_detector(tmp_path, "compact", "dm", SIZE, images(2))
     full, short = (ModalityDetector(files.of(form)) for form in ("fp32", "int8"))
-    inputs = {"pictures": full.preprocess(pictures(1)[0])}
+    inputs = {"pictures": full.preprocess(images(1)[0])}
     assert np.count_nonzero(full.model(inputs)["scores"] >= 0.01) == pytest.approx(100, abs=2)
     assert short.metadata["form"] == "int8 minmax"
 
@@ -39,7 +39,7 @@ def test_openvino_says_the_same(tmp_path):
     pytest.importorskip("openvino")
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
     ours = ModalityDetector(tmp_path / "dm.onnx")
-    inputs = {"pictures": ours.preprocess(pictures(1)[0])}
+    inputs = {"pictures": ours.preprocess(images(1)[0])}
     peer, expected = openvino_network(tmp_path / "dm.onnx", 1)(inputs), ours.model(inputs)
     for name, array in expected.items():
         np.testing.assert_allclose(peer[name], array, atol=1e-5)

@@ -94,10 +94,10 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
     ]
     monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
     config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
-    picture = tmp_path / "following.png"
-    publish(study_single_object(picture, config), picture)
-    assert cv2.imread(str(picture)).std() > 5
-    document = json.loads(picture.with_suffix(".json").read_text())
+    plot_path = tmp_path / "following.png"
+    publish(study_single_object(plot_path, config), plot_path)
+    assert cv2.imread(str(plot_path)).std() > 5
+    document = json.loads(plot_path.with_suffix(".json").read_text())
     assert list(document["results"]) == ["plain", "pose"]
     for metrics in document["results"].values():
         assert list(metrics) == ["default", "3d-kf"]
@@ -114,9 +114,9 @@ def test_panels_are_as_many_as_scenes_and_a_lost_tracker_does_not_stretch_them(t
     errors = {"good": np.full(5, 0.1), "gone": np.array([0.1, 50, 60, np.nan, 70])}
     panels = [TrackingErrorPanel(f"scene {n}", times_s, hidden, errors) for n in range(5)]
     plot_tracking_errors(tmp_path / "panels.png", "title", panels)
-    picture = cv2.imread(str(tmp_path / "panels.png"))
-    assert picture.shape[1] > picture.shape[0]
-    assert picture.std() > 5
+    plot_path = cv2.imread(str(tmp_path / "panels.png"))
+    assert plot_path.shape[1] > plot_path.shape[0]
+    assert plot_path.std() > 5
 
 
 @pytest.mark.parametrize(

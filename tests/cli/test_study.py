@@ -47,7 +47,7 @@ def drive():
     return CachedDrive(8, sensor=HDL_32E)
 
 
-def is_picture(path):
+def is_plot(path):
     image = cv2.imread(str(path))
     return image is not None and image.shape[0] > 400 and image.std() > 5
 
@@ -100,10 +100,10 @@ def test_a_gate_lets_through_what_lies_between_its_limits():
 
 
 def test_gates(drive, tmp_path, capsys):
-    picture = tmp_path / "new" / "gates.png"
-    publish(study_gates(drive, picture, frame=6, previous_scans=3, seed=0), picture)
-    assert is_picture(picture)
-    document = json.loads(picture.with_suffix(".json").read_text())
+    plot_path = tmp_path / "new" / "gates.png"
+    publish(study_gates(drive, plot_path, frame=6, previous_scans=3, seed=0), plot_path)
+    assert is_plot(plot_path)
+    document = json.loads(plot_path.with_suffix(".json").read_text())
     planes = document["results"]["planes"]
     assert len(planes["planes"]) == len(document["results"]["steps"]) + 1
     assert planes["planes"][0][3] == pytest.approx(HDL_32E.height_m, abs=0.1)
@@ -111,23 +111,23 @@ def test_gates(drive, tmp_path, capsys):
 
 
 def test_masks(drive, tmp_path):
-    picture = tmp_path / "masks.png"
-    study = study_masks(drive, picture, frame=6, previous_scans=3, seed=0)
-    assert is_picture(picture)
+    plot_path = tmp_path / "masks.png"
+    study = study_masks(drive, plot_path, frame=6, previous_scans=3, seed=0)
+    assert is_plot(plot_path)
     numbers = study.numbers
     assert numbers["(c) static after subtraction"]["points"] < numbers["(b) merged"]["points"]
     assert numbers["(f) static"]["points"] <= numbers["(c) static after subtraction"]["points"]
 
 
 def test_dense_cloud(drive, tmp_path):
-    picture = tmp_path / "cloud.png"
+    plot_path = tmp_path / "cloud.png"
     windows = read_windows(drive, 6, 3)
     points = windows.frame.points_velo
     stands = points[(points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)]
     study = study_dense_cloud(
-        drive, picture, frame=6, previous_scans=3, place_m=stands[0, :2].astype(np.float64)
+        drive, plot_path, frame=6, previous_scans=3, place_m=stands[0, :2].astype(np.float64)
     )
-    assert is_picture(picture)
+    assert is_plot(plot_path)
     assert set(study.numbers["disagreement_m"]) == {
         "INS alone",
         "thesis: BGF and ICP",
@@ -137,9 +137,9 @@ def test_dense_cloud(drive, tmp_path):
 
 def test_ground_error(drive, tmp_path):
     config = GroundErrorConfig(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
-    picture = tmp_path / "error.png"
-    study = study_ground_error(drive, picture, config, lambda frames: frames)
-    assert is_picture(picture)
+    plot_path = tmp_path / "error.png"
+    study = study_ground_error(drive, plot_path, config, lambda frames: frames)
+    assert is_plot(plot_path)
     mde_m = study.numbers["mde_m"]
     assert mde_m.shape == (2, 2)
     # One step a slice follows a slope late: 0.03 to 0.4 m from street to street.
@@ -176,9 +176,9 @@ DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
 
 def test_stages(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(stages, "time_default", lambda *_: DEFAULT_TIMES)
-    picture = tmp_path / "stages.png"
-    study = stages.study_stages(drive, picture, frames=1, progress=lambda frames: frames)
-    assert cv2.imread(str(picture)) is not None
+    plot_path = tmp_path / "stages.png"
+    study = stages.study_stages(drive, plot_path, frames=1, progress=lambda frames: frames)
+    assert cv2.imread(str(plot_path)) is not None
     assert sum(study.numbers["published_percent"].values()) == pytest.approx(100)
     assert study.numbers["default_s"] == DEFAULT_TIMES[0]
     words = [line.split() for line in study.table.splitlines()]
@@ -188,9 +188,9 @@ def test_stages(drive, tmp_path, monkeypatch):
 def test_speed(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
     config = speed.SpeedConfig(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
-    picture = tmp_path / "speed.png"
-    study = speed.study_speed(drive, picture, config, lambda frames: frames)
-    assert is_picture(picture)
+    plot_path = tmp_path / "speed.png"
+    study = speed.study_speed(drive, plot_path, config, lambda frames: frames)
+    assert is_plot(plot_path)
     assert study.numbers["thesis_frames_per_s"].shape == (2, 2)
     np.testing.assert_allclose(study.numbers["default_frames_per_s"], [50, 50])
 
@@ -215,9 +215,9 @@ def test_the_command_answers_in_one_sentence(capsys, tmp_path):
 
 def test_registration_brings_a_real_pole_together(kitti_root, tmp_path):
     raw = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
-    picture = tmp_path / "cloud.png"
-    assert main(["study", "dense-cloud", str(raw), "--frame", "77", "--out", str(picture)]) == 0
-    apart_m = json.loads(picture.with_suffix(".json").read_text())["results"]["disagreement_m"]
+    plot_path = tmp_path / "cloud.png"
+    assert main(["study", "dense-cloud", str(raw), "--frame", "77", "--out", str(plot_path)]) == 0
+    apart_m = json.loads(plot_path.with_suffix(".json").read_text())["results"]["disagreement_m"]
     assert apart_m["INS alone"] > 0.1
     assert apart_m["thesis: BGF and ICP"] < 0.04
     assert apart_m["default: GICP to a keyframe"] < 0.04

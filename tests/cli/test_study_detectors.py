@@ -21,14 +21,17 @@ from perception.cli.studies.detector_variants import (
 from perception.cli.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
 from perception.cli.studies.sim_to_real import UNCHANGED, share_variants
 from perception.cli.studies.variant_figures import precision_tables, times_table
-from perception.cli.training.detector_plan import DetectorModelConfig, PictureChoice
+from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
 from perception.errors import UsageError
 from tests.detection.bright_cells import bright_cells
 from tests.train.toy_pictures import tiny_network
 from train.detector import networks
 
 BASE = DetectorVariant(
-    "base", DetectorModelConfig("rm", "tiny", "64x96"), PictureChoice((Path("streets"),)), epochs=4
+    "base",
+    DetectorModelConfig("rm", "tiny", "64x96"),
+    DetectorDataConfig((Path("streets"),)),
+    epochs=4,
 )
 
 
@@ -43,8 +46,8 @@ def trainings(monkeypatch):
     """Put a training that does nothing in place; return what it was asked for."""
     asked = []
 
-    def train(pictures, choice, first, config, out, resume):
-        asked.append((choice, pictures, config.epochs, resume))
+    def train(images, choice, first, config, out, resume):
+        asked.append((choice, images, config.epochs, resume))
         (out / "last.ckpt").touch()
         return Trained(3, {"training_frames": 7})
 
@@ -129,7 +132,7 @@ def test_losses_are_all_four():
 
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
-    told = [(one.pictures.training_fraction, one.epochs, one.pictures.augment) for one in variants]
+    told = [(one.images.training_fraction, one.epochs, one.images.augment) for one in variants]
     assert told == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
     assert variants[-1].name == UNCHANGED
     with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):
@@ -188,8 +191,8 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     # To write a model file takes ten times as long as the rest; tests/export have that.
     monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.metadata))
-    pictures = PictureChoice((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
-    variant = replace(BASE, pictures=pictures, epochs=1)
+    images = DetectorDataConfig((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
+    variant = replace(BASE, images=images, epochs=1)
     found = study_variants(
         [variant],
         VariantTrainingConfig(accelerator="cpu"),

@@ -25,9 +25,9 @@ def frames(iterable):
 
 
 def test_the_grids_of_a_drive_without_camera_are_seen_from_above(drive, tmp_path):
-    picture = tmp_path / "grids.png"
-    study = study_motion_grid(drive, picture, frames, frame=6, preset="thesis")
-    image = cv2.imread(str(picture))
+    plot_path = tmp_path / "grids.png"
+    study = study_motion_grid(drive, plot_path, frames, frame=6, preset="thesis")
+    image = cv2.imread(str(plot_path))
     assert image.shape[1] > 2000
     assert image.std() > 20
     cells = study.numbers["cells"]
@@ -66,16 +66,16 @@ def test_a_frame_that_is_not_there_is_refused(drive, frame, tmp_path):
 
 
 def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, capsys):
-    picture = tmp_path / "grids.png"
+    plot_path = tmp_path / "grids.png"
     arguments = [str(kitti_root / "tracking"), "--sequence", "0000", "--frame", "8"]
-    assert main(["study", "motion-grid", *arguments, "--out", str(picture)]) == 0
-    document = json.loads(picture.with_suffix(".json").read_text())
+    assert main(["study", "motion-grid", *arguments, "--out", str(plot_path)]) == 0
+    document = json.loads(plot_path.with_suffix(".json").read_text())
     assert document["repeats"] == "Fig. 5.10"
     assert document["conditions"]["rules"]["background"]["scans"] == 50
     cells = document["results"]["cells"]
     assert cells["(b) after suppression, M"] < 0.4 * cells["(a) subtraction alone"]
     assert "(b) after suppression, M" in capsys.readouterr().out
     # Suppressed cells are red on the image, the others green.
-    blue, green, red = cv2.split(cv2.imread(str(picture))[:, :1200].astype(int))
+    blue, green, red = cv2.split(cv2.imread(str(plot_path))[:, :1200].astype(int))
     assert ((red - green > 60) & (red - blue > 60)).sum() > 3000
     assert ((green - red > 60) & (green - blue > 60)).sum() > 1000

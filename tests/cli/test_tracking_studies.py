@@ -52,10 +52,10 @@ def test_every_ins_is_measured_once():
 
 def test_ins_error(tmp_path, capsys):
     config = InsErrorConfig(3, (0,), VLP_16, positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
-    picture = tmp_path / "ins.png"
-    publish(study_ins_error(picture, config), picture)
-    assert cv2.imread(str(picture)).std() > 5
-    document = json.loads(picture.with_suffix(".json").read_text())
+    plot_path = tmp_path / "ins.png"
+    publish(study_ins_error(plot_path, config), plot_path)
+    assert cv2.imread(str(plot_path)).std() > 5
+    document = json.loads(plot_path.with_suffix(".json").read_text())
     assert [case["ins"] for case in document["results"]] == [
         {"position_m": 0.0, "angle_deg": 0.0},
         {"position_m": 1.0, "angle_deg": 0.0},
@@ -80,9 +80,9 @@ def test_sensors(tmp_path, monkeypatch):
             METHODS, metrics(n := found[drive[0].name][drive[1]], 10 - n, 1)
         ),
     )
-    picture = tmp_path / "sensors.png"
-    study = sensors.study_sensors(picture, sensors.SensorsConfig(10, (0, 1), (HDL_32E, VLP_16)))
-    assert cv2.imread(str(picture)).std() > 5
+    plot_path = tmp_path / "sensors.png"
+    study = sensors.study_sensors(plot_path, sensors.SensorsConfig(10, (0, 1), (HDL_32E, VLP_16)))
+    assert cv2.imread(str(plot_path)).std() > 5
     for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
         assert list(study.numbers[sensor]) == list(METHODS)
         for measures in study.numbers[sensor].values():

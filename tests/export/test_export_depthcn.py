@@ -43,8 +43,8 @@ def test_file_carries_what_training_noted(checkpoint, exported):
 
 def test_thesis_network_returns_its_windows(checkpoint, exported):
     windows = random_inputs(1, 5, np.random.default_rng(0))["windows_px"].astype(np.float64)
-    picture = np.zeros((375, 1242, 3), np.uint8)
-    boxes_px = Verifier(exported).predict(picture, windows).boxes_px
+    image = np.zeros((375, 1242, 3), np.uint8)
+    boxes_px = Verifier(exported).predict(image, windows).boxes_px
     assert np.array_equal(boxes_px, windows) == (checkpoint.stem == "thesis")
 
 

@@ -13,7 +13,7 @@ from export.detector import (
     choose,
     exportable_detector,
     moderate,
-    random_pictures,
+    random_images,
 )
 from export.detector_precision import measure_variants
 from export.exported import ExportConfig
@@ -29,8 +29,8 @@ from train.networks.compact import CompactDetector
 SIZE = InputSize(64, 96)
 
 
-def pictures(rows, seed=0, channels=1):
-    return random_pictures(rows, (channels, *SIZE), np.random.default_rng(seed))
+def images(rows, seed=0, channels=1):
+    return random_images(rows, (channels, *SIZE), np.random.default_rng(seed))
 
 
 def checkpoint_of(modality="dm", classes="Car"):
@@ -41,7 +41,7 @@ def checkpoint_of(modality="dm", classes="Car"):
     network = CompactDetector(names, channels=channels)
     with torch.no_grad():
         for _ in range(10):
-            network.train()(torch.from_numpy(pictures(8, channels=channels)))
+            network.train()(torch.from_numpy(images(8, channels=channels)))
         convolution = network.head.convolution
         convolution.weight *= 3
         convolution.bias.zero_()
@@ -93,7 +93,7 @@ def file_of(exported, variant):
 def test_file_finds_what_the_checkpoint_finds(checkpoint, exported):
     exportable = exportable_detector(checkpoint)
     model = ModalityDetector(file_of(exported, "fp32")).model
-    batches = [{"pictures": pictures(rows, seed=7)} for rows in (1, 4)]
+    batches = [{"pictures": images(rows, seed=7)} for rows in (1, 4)]
     parity = compare(torch_runner(exportable), model, batches)
     assert parity.rows == 5
     assert parity.largest["scores"] < 1e-5
@@ -105,7 +105,7 @@ def test_8_bits_are_near_to_it(exported):
     full, int8_name = (
         ModalityDetector(file_of(exported, variant)).model for variant in ("fp32", "int8")
     )
-    batch = {"pictures": pictures(2, seed=7)}
+    batch = {"pictures": images(2, seed=7)}
     difference = np.abs(full(batch)["scores"] - int8_name(batch)["scores"])
     assert 0 < difference.mean() < 0.05
 

@@ -18,8 +18,8 @@ class Doubled(torch.nn.Module):
         super().__init__()
         self.register_buffer("two", torch.tensor(2.0))
 
-    def forward(self, pictures, places):
-        return pictures.float().mean((1, 2)) * self.two, places - 1
+    def forward(self, images, places):
+        return images.float().mean((1, 2)) * self.two, places - 1
 
 
 EXPORTABLE = Exportable(
@@ -78,8 +78,8 @@ def test_same_network_gives_the_same_file(file):
 
 def test_module_that_takes_only_its_example_is_refused():
     class Fixed(torch.nn.Module):
-        def forward(self, pictures):
-            return torch.ones(1).expand(len(pictures))
+        def forward(self, images):
+            return torch.ones(1).expand(len(images))
 
     example = {"pictures": torch.zeros(2, 3, dtype=torch.uint8)}
     with pytest.raises(ModelError, match="expected any number of rows in input pictures"):

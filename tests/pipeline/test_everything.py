@@ -10,7 +10,7 @@ import pytest
 from perception.detection.depthcn import detector as depthcn_detector
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors import modalities
-from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modalities import modality_image
 from perception.errors import ModelError, PoseError, UsageError
 from perception.maps.densify import densify
 from perception.pipeline import Pipeline, PipelineConfig, detection_chain
@@ -120,13 +120,13 @@ def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeyp
     assert len(made) == 1
 
 
-def test_the_maps_that_were_looked_at_come_as_pictures(street_frames, all_stages):
+def test_result_holds_the_map_images(street_frames, all_stages):
     frame = street_frames[0]
     with Pipeline(config=all_stages) as pipeline:
-        pictures = pipeline.step(frame).map_pictures
-    assert set(pictures) == {"dm", "rm"}
-    for modality, picture in pictures.items():
-        np.testing.assert_array_equal(picture, picture_of(frame, modality)[..., 0])
+        map_images = pipeline.step(frame).map_images
+    assert set(map_images) == {"dm", "rm"}
+    for modality, image in map_images.items():
+        np.testing.assert_array_equal(image, modality_image(frame, modality)[..., 0])
 
 
 def test_without_an_image_the_lidar_looks_alone(street_frames, all_stages):

@@ -11,7 +11,7 @@ from perception.render.detection_composition import DetectionComposition, Detect
 from perception.render.detections import (
     DETECTED,
     PROPOSED,
-    depth_picture,
+    color_depth_map,
     draw_boxes,
     draw_detections,
 )
@@ -58,7 +58,7 @@ def test_near_is_red_far_is_blue_and_unknown_is_dark():
     depth_m = np.array([[5.0, 12.0, 70.0, 0.0]], np.float32)
     is_measured = depth_m > 0
     dense = DenseMaps(depth_m, np.zeros_like(depth_m), is_measured, np.zeros_like(is_measured))
-    near, middle, far, unknown = depth_picture(dense)[0].astype(int)
+    near, middle, far, unknown = color_depth_map(dense)[0].astype(int)
     assert near[0] > near[1] + 60 > near[2]
     assert middle[1] > middle[2]
     assert far[2] > far[1]

@@ -49,13 +49,13 @@ def follow_scene(scene) -> TrackedObjectScene:
     )
 
 
-def count_of(picture, color, tolerance=12) -> int:
-    return int((np.abs(picture.astype(int) - color).max(axis=2) <= tolerance).sum())
+def count_of(canvas, color, tolerance=12) -> int:
+    return int((np.abs(canvas.astype(int) - color).max(axis=2) <= tolerance).sum())
 
 
 def test_the_picture_has_its_size_and_shows_object_ways_region_and_label(follow_scene):
-    picture = TrackedObjectComposition((1280, 720), frame_count=4).draw(follow_scene)
-    assert picture.shape == (720, 1280, 3)
+    canvas = TrackedObjectComposition((1280, 720), frame_count=4).draw(follow_scene)
+    assert canvas.shape == (720, 1280, 3)
     for color in (
         palette.TRACKED_OBJECT,
         palette.EGO_WAY,
@@ -63,17 +63,17 @@ def test_the_picture_has_its_size_and_shows_object_ways_region_and_label(follow_
         palette.RING,
         palette.TRUTH,
     ):
-        assert count_of(picture, color) > 60
+        assert count_of(canvas, color) > 60
 
 
 def test_without_a_camera_the_scene_takes_the_whole_height(follow_scene):
     frame = replace(follow_scene.result.frame, image=None, calibration=None)
     bare = replace(follow_scene, result=replace(follow_scene.result, frame=frame), region=None)
-    picture = TrackedObjectComposition((1280, 720)).draw(bare)
+    canvas = TrackedObjectComposition((1280, 720)).draw(bare)
     # Where the camera's picture was, the scene's dark panel is.
-    assert np.abs(picture[30:200, 500:800].astype(int) - palette.PANEL).max(axis=2).min() == 0
-    assert count_of(picture, palette.TRACKED_OBJECT) > 60
-    assert count_of(picture, palette.INSIDE) == 0
+    assert np.abs(canvas[30:200, 500:800].astype(int) - palette.PANEL).max(axis=2).min() == 0
+    assert count_of(canvas, palette.TRACKED_OBJECT) > 60
+    assert count_of(canvas, palette.INSIDE) == 0
 
 
 def test_an_object_in_the_image_alone_is_drawn_as_its_rectangle(follow_scene):
@@ -106,9 +106,9 @@ def test_the_close_up_stays_within_the_image(follow_scene):
 def test_the_view_from_above_holds_vehicle_and_object(follow_scene):
     far = Boxes3D(np.array([[70.0, -30, -1.73]]), BOX.size_m, BOX.yaw_rad)
     scene = replace(follow_scene, tracked=tracked_in(TrackStatus.SEEN, far), truth=None)
-    picture = TrackedObjectViews(scene, STYLE).from_above((300, 400))
-    assert count_of(picture, palette.TRACKED_OBJECT) > 10
-    assert count_of(picture, palette.VEHICLE) > 5
+    canvas = TrackedObjectViews(scene, STYLE).from_above((300, 400))
+    assert count_of(canvas, palette.TRACKED_OBJECT) > 10
+    assert count_of(canvas, palette.VEHICLE) > 5
 
 
 def test_what_is_not_seen_is_said_and_what_is_lost_is_grey():
@@ -206,8 +206,8 @@ def test_pixels_stay_on_what_they_show_when_an_image_is_resized():
     image = np.zeros((40, 60, 3), np.uint8)
     image[10:12, 20:22] = 255
     fitted = FittedImage.within(image, (180, 90))
-    assert fitted.picture.shape == (90, 135, 3)
-    rows, columns = np.nonzero(fitted.picture[..., 0] > 127)
+    assert fitted.canvas.shape == (90, 135, 3)
+    rows, columns = np.nonzero(fitted.canvas[..., 0] > 127)
     np.testing.assert_allclose(
         fitted.resizing.move(np.array([[20.5, 10.5]]))[0], [columns.mean(), rows.mean()], atol=0.3
     )
@@ -217,7 +217,7 @@ def test_pixels_stay_on_what_they_show_when_an_image_is_resized():
 def test_a_window_is_enlarged_to_the_size_asked_for_and_blank_beyond_the_image():
     image = np.full((40, 60, 3), 77, np.uint8)
     resizing = Resizing.of_window(np.array([50.0, 10, 70, 20]), (80, 40))
-    picture = resizing.cut(image, (80, 40))
-    assert tuple(picture[20, 5]) == (77, 77, 77)
-    assert tuple(picture[20, 75]) == palette.PANEL
+    canvas = resizing.cut(image, (80, 40))
+    assert tuple(canvas[20, 5]) == (77, 77, 77)
+    assert tuple(canvas[20, 75]) == palette.PANEL
     np.testing.assert_allclose(resizing.move(np.array([[49.5, 9.5]])), [[-0.5, -0.5]])

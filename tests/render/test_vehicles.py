@@ -47,7 +47,7 @@ def seen(scene):
     return replace(
         scene,
         modality_detections=modality_detections,
-        map_pictures={"dm": depths},
+        map_images={"dm": depths},
         vehicles=vehicles,
     )
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from perception.errors import ImageError
-from perception.render.video import NoVideo, VideoFile, video_or_none
+from perception.render.video import NoVideo, VideoFile, open_video
 
 PICTURE = np.full((64, 96, 3), (200, 40, 40), np.uint8)
 
@@ -77,7 +77,7 @@ def test_without_pictures_there_is_no_file(tmp_path):
 
 
 def test_no_video_takes_pictures_all_the_same(tmp_path):
-    with video_or_none(None) as nothing:
+    with open_video(None) as nothing:
         assert isinstance(nothing, NoVideo)
         nothing.add(PICTURE)
-    assert isinstance(video_or_none(tmp_path / "drive.mp4"), VideoFile)
+    assert isinstance(open_video(tmp_path / "drive.mp4"), VideoFile)

@@ -31,15 +31,15 @@ def test_one_cell_is_eight_pixels(height, width, rows, columns, channels):
 
 def test_pictures_of_bytes_and_of_numbers_are_the_same():
     network = CompactDetector(widths=(4, 4, 4, 4, 4)).eval()
-    picture = torch.randint(0, 256, (1, 3, 32, 64), dtype=torch.uint8)
-    assert torch.equal(network(picture), network(picture.float()))
+    image = torch.randint(0, 256, (1, 3, 32, 64), dtype=torch.uint8)
+    assert torch.equal(network(image), network(image.float()))
 
 
 def test_a_batch_is_its_pictures_one_by_one():
     network = CompactDetector(widths=(4, 4, 4, 4, 4)).eval()
-    pictures = torch.randint(0, 256, (2, 3, 32, 64), dtype=torch.uint8)
-    together = network.decode(network(pictures))
-    alone = network.decode(network(pictures[1:]))
+    images = torch.randint(0, 256, (2, 3, 32, 64), dtype=torch.uint8)
+    together = network.decode(network(images))
+    alone = network.decode(network(images[1:]))
     assert torch.allclose(together.boxes_px[1], alone.boxes_px[0], atol=1e-3)
     assert torch.allclose(together.scores[1], alone.scores[0], atol=1e-6)
 

@@ -71,9 +71,9 @@ def test_what_is_written_is_the_file_built_by_hand(tmp_path):
 def test_a_filled_network_computes_what_the_file_says(tmp_path):
     network = two_layers().eval()
     load_darknet_weights(network, write(tmp_path / "hand.weights", OLD_HEADER, packed(NUMBERS)))
-    picture = torch.tensor([[[[1.0, 0]], [[0, 1]]]])
+    image = torch.tensor([[[[1.0, 0]], [[0, 1]]]])
     # 11 + 14 = 25; (25 - 3) / sqrt(4) * 2 + 0.5 = 22.5; 22.5 * (31, 32) + (21, 22)
-    assert torch.allclose(network(picture).reshape(-1), torch.tensor([718.5, 742.0]), atol=1e-2)
+    assert torch.allclose(network(image).reshape(-1), torch.tensor([718.5, 742.0]), atol=1e-2)
 
 
 def test_the_first_layers_alone(tmp_path):

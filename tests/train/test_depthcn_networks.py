@@ -64,9 +64,9 @@ def test_one_logit_says_what_the_softmax_of_two_says():
 def test_the_thesis_network_subtracts_the_mean_picture():
     network = ThesisVerifier().eval()
     crops = crops_of(1, 1)
-    network.mean_picture.copy_(crops[0])
+    network.mean_image.copy_(crops[0])
     biases_alone = network.heads(crops)[0]
-    network.mean_picture.zero_()
+    network.mean_image.zero_()
     torch.testing.assert_close(network.heads(torch.zeros_like(crops))[0], biases_alone)
 
 

@@ -190,8 +190,8 @@ def test_one_batch_is_learned_by_heart(config):
     boxes = torch.tensor(
         [[[8.0, 20, 28, 32], [50, 10, 84, 34]], [[60, 30, 75, 42], [0, 0, 30, 22]]]
     )
-    pictures = torch.zeros(2, 1, 64, 96)
-    for picture, of_one in zip(pictures, boxes, strict=True):
+    images = torch.zeros(2, 1, 64, 96)
+    for picture, of_one in zip(images, boxes, strict=True):
         for x1, y1, x2, y2 in of_one.long().tolist():
             picture[0, y1:y2, x1:x2] = 200
     nothing = torch.zeros(2, dtype=torch.long)
@@ -200,14 +200,14 @@ def test_one_batch_is_learned_by_heart(config):
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-2, total_steps=150)
     losses = []
     for _ in range(150):
-        loss = detection_loss(network(pictures), labels, network.head, config, LATER).total
+        loss = detection_loss(network(images), labels, network.head, config, LATER).total
         losses.append(loss.item())
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         schedule.step()
     assert losses[-1] < 0.2
-    found = network.decode(network(pictures))
+    found = network.decode(network(images))
     best = found.scores[..., 0].topk(2).indices
     for image in range(2):
         overlaps = pairwise_iou(found.boxes_px[image, best[image]], boxes[image])

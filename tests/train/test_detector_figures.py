@@ -59,7 +59,7 @@ def perfect_but_shifted(samples, shift_px):
         shifted_px = samples.boxes_px[row] + np.array([shift_px, 0, shift_px, 0])
         rows = [(*box_px, 0.9, "Car") for box_px in shifted_px]
         boxes.update([detections(*rows)], torch.tensor([row]), process=0)
-    sizes_px = np.array([samples.picture_size_px(row) for row in range(len(samples))])
+    sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
     return measure(samples.truth(), boxes.gathered(SIZE, sizes_px), len(samples), ("Car",))
 
 

@@ -8,7 +8,7 @@ import torch
 
 from perception.detection.detectors.network_answers import postprocess_detections
 from tests.train.together import train_together
-from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.figures import ValidationBoxes, measure, precision_table
@@ -18,7 +18,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 import torch
-from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
 from train.detector import networks
 from train.detector.descent import PRESETS, Descent
 from train.detector.networks import DetectorNetworkConfig
@@ -30,7 +30,7 @@ networks.NETWORKS["tiny"] = tiny_network
 form = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
 plan = DetectorTrainingConfig(form, Descent(learning_rate=0.02, averaging=0.8), PRESETS["default"].loss)
 trainer_config = TrainerConfig(2, "cpu", devices=2, watched="validation/moderate")
-trained = train_detector(ToyPictures(4, repeats=16), plan, trainer_config, Path(sys.argv[1]))
+trained = train_detector(ToyImages(4, repeats=16), plan, trainer_config, Path(sys.argv[1]))
 if trained is not None:
     print(json.dumps({"epoch": trained.epoch, **trained.counts}))
 """
@@ -45,13 +45,13 @@ def test_two_processes_train_one_detector(tmp_path, monkeypatch):
     saved = read_checkpoint(tmp_path / "out" / "last.ckpt", MODEL)
     assert saved["global_step"] == 2 * 16 / 2
     # Both saw every picture; a measure that counted them twice would call every second detection wrong.
-    samples, boxes = ToyPictures(4, repeats=1).training, ValidationBoxes(("Car",))
+    samples, boxes = ToyImages(4, repeats=1).training, ValidationBoxes(("Car",))
     for row in range(len(samples)):
         with torch.inference_mode():
             decoded = detector.decode(detector(samples[row]["pictures"][None]))
         seen = postprocess_detections(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
         boxes.update([seen], torch.tensor([row]), process=0)
-    found = boxes.gathered(SIZE, np.array([samples.picture_size_px(0)] * len(samples)))
+    found = boxes.gathered(SIZE, np.array([samples.image_size_px(0)] * len(samples)))
     alone = precision_table(measure(samples.truth(), found, len(samples), ("Car",)))
     for name, of_difficulty in alone.items():
         assert saved["precision"][name] == pytest.approx(of_difficulty, abs=0.01)

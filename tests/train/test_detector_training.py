@@ -15,7 +15,7 @@ from perception.render import palette
 from perception.types import Detections
 from tests.train.interrupted import KilledAfter
 from tests.train.toy_candidates import ToyCandidates
-from tests.train.toy_pictures import SIZE, ToyPictures, tiny_network
+from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.anchors import fit_anchors
@@ -49,13 +49,13 @@ def config_of(epochs, **other):
 
 
 def train(out, epochs=1, config=PLAN, data=None, **other):
-    return train_detector(data or ToyPictures(), config, config_of(epochs), out, **other)
+    return train_detector(data or ToyImages(), config, config_of(epochs), out, **other)
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
 def test_everything_fits_together(tmp_path, modality, channels):
     config = replace(PLAN, network_config=replace(PLAN.network_config, modality=modality))
-    data = ToyPictures(channels=channels)
+    data = ToyImages(channels=channels)
     trained = train_detector(data, config, config_of(1, is_trial=True), tmp_path)
     assert trained is None
     assert list(tmp_path.iterdir()) == []
@@ -64,7 +64,7 @@ def test_everything_fits_together(tmp_path, modality, channels):
 def test_a_batch_is_learned_by_heart(tmp_path):
     config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
     trained = train(
-        tmp_path, 3, config, ToyPictures(11, repeats=40)
+        tmp_path, 3, config, ToyImages(11, repeats=40)
     )  # 44 labels: 41 points of recall
     metrics = {"easy": 100.0, "moderate": 100.0, "hard": 100.0}
     assert trained.precision == {"Car 0.7": metrics, "Car 0.5": metrics}
@@ -76,7 +76,7 @@ def test_a_batch_is_learned_by_heart(tmp_path):
 def test_half_precision_learns_as_well(tmp_path):
     config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
     trainer_config = replace(config_of(1), precision="bf16-mixed")
-    trained = train_detector(ToyPictures(11, repeats=40), config, trainer_config, tmp_path)
+    trained = train_detector(ToyImages(11, repeats=40), config, trainer_config, tmp_path)
     assert trained.precision["Car 0.5"]["moderate"] > 90
 
 
@@ -105,7 +105,7 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
 
 
 def test_the_anchors_are_those_of_the_labels(tmp_path):
-    data = ToyPictures()
+    data = ToyImages()
     train(tmp_path, data=data)
     detector, metadata = load_detector(tmp_path / "last.ckpt")
     sizes_px = data.training.label_sizes_px()
@@ -135,7 +135,7 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
 
 
 def test_the_loaded_network_sees_what_was_measured(tmp_path):
-    data = ToyPictures(4, repeats=60)
+    data = ToyImages(4, repeats=60)
     train(tmp_path, 1, replace(PLAN, scales=(1.0, 1.0)), data)
     detector, _ = load_detector(tmp_path / "best.ckpt")
     with torch.inference_mode():
@@ -149,7 +149,7 @@ def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
     train(tmp_path / "first", 3)
     still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12))
     start = InitialWeights(checkpoint=tmp_path / "first" / "best.ckpt")
-    train(tmp_path / "second", 1, still, ToyPictures(5), first=start)  # of other labels
+    train(tmp_path / "second", 1, still, ToyImages(5), first=start)  # of other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
     after, _ = load_detector(tmp_path / "second" / "last.ckpt")
     for (name, weight), found in zip(before.named_parameters(), after.parameters(), strict=True):
@@ -161,7 +161,7 @@ def test_training_ends_when_it_gets_no_better(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "train.detector.training.mean_precision", lambda validation_metrics: {"moderate": 1.0}
     )
-    train_detector(ToyPictures(), PLAN, replace(config_of(9), patience=2), tmp_path)
+    train_detector(ToyImages(), PLAN, replace(config_of(9), patience=2), tmp_path)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
 
 
@@ -176,17 +176,17 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
     assert any(name.startswith("lr-") for name in tags)
     assert len(events.Scalars("validation/moderate")) == 2
     assert {"validation/pictures", "validation/curves"} <= set(events.Tags()["images"])
-    picture = events.Images("validation/pictures")[0]
-    assert (picture.width, picture.height) == (13 * 96, 13 * 5 * 64)
+    image = events.Images("validation/pictures")[0]
+    assert (image.width, image.height) == (13 * 96, 13 * 5 * 64)
 
 
 def test_boxes_are_drawn_where_they_are():
-    samples = ToyPictures().validation
+    samples = ToyImages().validation
     batch = {name: value[None] for name, value in samples[0].items()}
     seen = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.5]), np.array(["Car"]))
-    picture = draw_detections(batch, 0, seen)
-    assert picture.shape == (13 * 64, 13 * 96, 3)
-    white, green = (_is_near(picture, color) for color in ((255, 255, 255), palette.MOVING))
+    image = draw_detections(batch, 0, seen)
+    assert image.shape == (13 * 64, 13 * 96, 3)
+    white, green = (_is_near(image, color) for color in ((255, 255, 255), palette.MOVING))
     assert white[13 * 40, 13 * 12 : 13 * 28].all()
     left, _, right, bottom = (13 * samples.boxes_px[0, 3]).astype(int)
     assert green[bottom, left + 2 : right - 2].all()
@@ -194,8 +194,8 @@ def test_boxes_are_drawn_where_they_are():
     assert not _is_near(draw_detections(batch, 0, unsure), (255, 255, 255)).any()
 
 
-def _is_near(picture, color):
-    return (np.abs(picture.astype(int) - color) < 50).all(axis=2)
+def _is_near(image, color):
+    return (np.abs(image.astype(int) - color) < 50).all(axis=2)
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ torch = pytest.importorskip("torch")
 from perception.detection.detectors.input_size import InputSize  # noqa: E402
 from perception.errors import UsageError  # noqa: E402
 from train.detector.input_sizes import (  # noqa: E402
+    resize_images,
     resize_labels,
-    resize_pictures,
     scaled_sizes,
     size_of_batch,
 )
@@ -164,9 +164,9 @@ def test_labels_follow_their_picture():
 
 def test_nearest_invents_no_depth():
     picture = torch.tensor([[[[0, 200], [0, 200]]]], dtype=torch.uint8)
-    larger = resize_pictures(picture, InputSize(4, 6), "nearest")
+    larger = resize_images(picture, InputSize(4, 6), "nearest")
     assert larger.unique().tolist() == [0, 200]
-    smooth = resize_pictures(picture, InputSize(4, 6), "bilinear")
+    smooth = resize_images(picture, InputSize(4, 6), "bilinear")
     assert len(smooth.unique()) > 2
 
 

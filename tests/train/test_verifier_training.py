@@ -18,7 +18,7 @@ from train.schedules import stepped, warm_cosine
 from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
-from train.verifier.pictures import ScoredCrops, VerifierPictures, draw_scored
+from train.verifier.pictures import ScoredCrops, VerifierImages, draw_scored
 from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
 pytestmark = pytest.mark.usefixtures("one_torch_thread")
@@ -128,7 +128,7 @@ def test_a_training_is_not_written_over(tmp_path):
 
 def test_tensorboard_shows_what_is_promised(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    trainer = make_trainer(tmp_path, config_of(2), [VerifierPictures(lambda: grids)])
+    trainer = make_trainer(tmp_path, config_of(2), [VerifierImages(lambda: grids)])
     fit(trainer, module_of(), ToyCandidates())
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
@@ -171,9 +171,9 @@ def test_the_thesis_network_learns_what_to_subtract(tmp_path):
     data = ToyCandidates(8, 1)
     module = module_of("thesis")
     fit(make_trainer(tmp_path, config_of(1)), module, data)
-    torch.testing.assert_close(module.network.mean_picture, data.mean_crop())
+    torch.testing.assert_close(module.network.mean_image, data.mean_crop())
     network, _ = load_verifier(tmp_path / "last.ckpt")
-    torch.testing.assert_close(network.mean_picture, data.mean_crop())
+    torch.testing.assert_close(network.mean_image, data.mean_crop())
 
 
 def test_only_weights_decay():
@@ -252,8 +252,8 @@ def test_the_drawn_box_lies_where_it_is_said():
         is_vehicle=batch["is_vehicle"],
         box_share=torch.full((2, 4), float("nan")),
     )
-    picture = draw_scored(scored)
-    assert picture.shape == (134, 452, 3)
-    white = (picture == 255).all(axis=2)
+    image = draw_scored(scored)
+    assert image.shape == (134, 452, 3)
+    white = (image == 255).all(axis=2)
     assert white[66, 56:168].all()  # the upper edge of the vehicle's box
     assert not white[20:, 226:].any()  # the other candidate has none

@@ -31,7 +31,7 @@ class ToySamples:
     def __init__(self, count: int, seed: int, channels: int = 1) -> None:
         random = np.random.default_rng(seed)
         shape = (count, channels, *SIZE)
-        self.pictures = random.integers(20, 60, shape, dtype=np.uint8)
+        self.images = random.integers(20, 60, shape, dtype=np.uint8)
         self.boxes_px = np.zeros((count, CARS, 4), np.float32)
         for row in range(count):
             for car in range(CARS):
@@ -39,14 +39,14 @@ class ToySamples:
                 top = 32 * (car // 2) + random.integers(2, 14)
                 right, bottom = left + random.integers(16, 28), top + random.integers(14, 18)
                 self.boxes_px[row, car] = left, top, right, bottom
-                self.pictures[row, :, top:bottom, left:right] = 200
+                self.images[row, :, top:bottom, left:right] = 200
 
     def __len__(self) -> int:
-        return len(self.pictures)
+        return len(self.images)
 
     def __getitem__(self, row: int) -> dict[str, torch.Tensor]:
         return {
-            "pictures": torch.from_numpy(self.pictures[row]),
+            "pictures": torch.from_numpy(self.images[row]),
             "boxes_px": torch.from_numpy(self.boxes_px[row]),
             "classes": torch.zeros(CARS, dtype=torch.int64),
             "is_ignored": torch.zeros(CARS, dtype=torch.bool),
@@ -57,7 +57,7 @@ class ToySamples:
         boxes_px = self.boxes_px.reshape(-1, 4).astype(np.float64)
         return boxes_px[:, 2:] - boxes_px[:, :2]
 
-    def picture_size_px(self, row: int) -> tuple[int, int]:
+    def image_size_px(self, row: int) -> tuple[int, int]:
         return SCALE * SIZE.width_px, SCALE * SIZE.height_px
 
     def truth(self) -> TrueBoxes:
@@ -90,7 +90,7 @@ class _Order(Sampler[int]):
         return self._count * (self._repeats or 1)
 
 
-class ToyPictures(LightningDataModule):
+class ToyImages(LightningDataModule):
     """To learn from and to judge by; or one batch over and over, judged by itself."""
 
     def __init__(

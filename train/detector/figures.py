@@ -56,21 +56,21 @@ class ValidationBoxes(Metric):
         rows = self.rows
         return torch.cat(rows) if isinstance(rows, list) else rows
 
-    def gathered(self, size: InputSize, picture_sizes_px: Int) -> DetectedBoxes:
+    def gathered(self, size: InputSize, image_sizes_px: Int) -> DetectedBoxes:
         """Return them in pixels of the pictures as they were taken, each picture's from one process.
 
         Args:
             size: of the input.
-            picture_sizes_px: (F, 2) width and height of the F pictures of the validation set.
+            image_sizes_px: (F, 2) width and height of the F pictures of the validation set.
         """
         rows = np.asarray(self.compute().cpu().numpy(), np.float64)
         numbers, processes = rows[:, :2].T.astype(np.int64)
-        first = np.full(len(picture_sizes_px), np.iinfo(np.int64).max)
+        first = np.full(len(image_sizes_px), np.iinfo(np.int64).max)
         np.minimum.at(first, numbers, processes)
         rows = rows[processes == first[numbers]]
         rows = rows[np.lexsort((-rows[:, 3], rows[:, 0]))]
         numbers, classes = rows[:, 0].astype(np.int64), rows[:, 2].astype(np.int64)
-        scale = np.tile(picture_sizes_px[numbers] / [size.width_px, size.height_px], 2)
+        scale = np.tile(image_sizes_px[numbers] / [size.width_px, size.height_px], 2)
         return DetectedBoxes(
             frames=numbers,
             types=np.array(self._class_names, np.str_)[classes],

@@ -49,7 +49,7 @@ def size_of_batch(
     return sizes[int(rng.integers(len(sizes)))]
 
 
-def resize_pictures(pictures: Tensor, size: InputSize, interpolation: Interpolation) -> Tensor:
+def resize_images(images: Tensor, size: InputSize, interpolation: Interpolation) -> Tensor:
     """Return float pictures (B, C, H, W) of another size.
 
     Args:
@@ -58,8 +58,8 @@ def resize_pictures(pictures: Tensor, size: InputSize, interpolation: Interpolat
         interpolation: `nearest` for maps, where a mean of two depths is a place where nothing is.
     """
     if interpolation == "nearest":
-        return functional.interpolate(pictures.float(), size, mode="nearest-exact")
-    return functional.interpolate(pictures.float(), size, mode="bilinear", antialias=True)
+        return functional.interpolate(images.float(), size, mode="nearest-exact")
+    return functional.interpolate(images.float(), size, mode="bilinear", antialias=True)
 
 
 def resize_labels(labels: BatchLabels, before: InputSize, after: InputSize) -> BatchLabels:

@@ -14,14 +14,14 @@ from perception.render.precision_plots import PrecisionPanel, precision_figure
 from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
-_SHOWN_PICTURES = 6
+_SHOWN_IMAGES = 6
 _MIN_SCORE = 0.3  # below, they only hide the picture
 _SMALLEST_WIDTH_PX = 1200  # smaller pictures are shown larger
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
 _TEXT_PX = 10
 
 
-class DetectorPictures(Callback):
+class DetectorImages(Callback):
     """Draws some pictures and the curves of every validation."""
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class DetectorPictures(Callback):
     def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Choose the pictures: spread evenly, the same in every epoch."""
         count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
-        rows = np.linspace(0, count - 1, min(count, _SHOWN_PICTURES)).round().astype(int)
+        rows = np.linspace(0, count - 1, min(count, _SHOWN_IMAGES)).round().astype(int)
         self._rows, self._drawn = frozenset(rows.tolist()), {}
 
     def on_validation_batch_end(
@@ -54,9 +54,9 @@ class DetectorPictures(Callback):
             if not isinstance(logger, TensorBoardLogger) or not trainer.is_global_zero:
                 continue
             if self._drawn:
-                picture = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
+                image = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
                 logger.experiment.add_image(
-                    "validation/pictures", picture, trainer.global_step, dataformats="HWC"
+                    "validation/pictures", image, trainer.global_step, dataformats="HWC"
                 )
             if isinstance(pl_module, DetectorTraining) and pl_module.validation_metrics is not None:
                 figure = precision_figure("validation", curve_panels(pl_module.validation_metrics))

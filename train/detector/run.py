@@ -10,12 +10,12 @@ from lightning.pytorch import Callback, Trainer
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
-from data.pictures.module import PictureData
+from data.pictures.module import ImageDataModule
 from perception.errors import UsageError
 from train.checkpoints import read_checkpoint
 from train.detector.darknet_start import start_from_darknet
 from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
-from train.detector.pictures import DetectorPictures
+from train.detector.pictures import DetectorImages
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
 from train.networks.grid_detector import YoloDetector
 from train.networks.torchvision_detector import TorchvisionDetector, start_from_classifier
@@ -64,7 +64,7 @@ class TrainedDetector:
 
 
 def train_detector(
-    data: PictureData,
+    data: ImageDataModule,
     config: DetectorTrainingConfig,
     trainer_config: TrainerConfig,
     out: Path,
@@ -131,7 +131,7 @@ def callbacks(config: DetectorTrainingConfig) -> list[Callback]:
     """Return what draws, and what averages the weights."""
     averaging = config.descent.averaging
     averages = [WeightAveraging(avg_fn=partial(_averaged, kept=averaging))] if averaging else []
-    return [*averages, DetectorPictures()]
+    return [*averages, DetectorImages()]
 
 
 def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, kept: float) -> Tensor:
@@ -140,7 +140,7 @@ def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, kept: float) -> Te
     return mean * now + new * (1 - now)
 
 
-def _best(data: PictureData, checkpoint: Path) -> TrainedDetector:
+def _best(data: ImageDataModule, checkpoint: Path) -> TrainedDetector:
     content = read_checkpoint(checkpoint, MODEL)
     counts = {}
     for name, samples in (("training", data.training), ("validation", data.validation)):

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from data.pictures.module import PictureData
+from data.pictures.module import ImageDataModule
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.network_answers import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
@@ -21,8 +21,8 @@ from train.detector.descent import Descent
 from train.detector.figures import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.input_sizes import (
     Interpolation,
+    resize_images,
     resize_labels,
-    resize_pictures,
     scaled_sizes,
     size_of_batch,
 )
@@ -76,9 +76,9 @@ class DetectorTraining(LightningModule):
         self.boxes = ValidationBoxes(config.network_config.class_names)
 
     @property
-    def data(self) -> PictureData:
+    def data(self) -> ImageDataModule:
         """What it learns from."""
-        found: PictureData = self.trainer.datamodule  # type: ignore[attr-defined]
+        found: ImageDataModule = self.trainer.datamodule  # type: ignore[attr-defined]
         return found
 
     def on_fit_start(self) -> None:
@@ -88,9 +88,9 @@ class DetectorTraining(LightningModule):
             fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
             self.network.head.anchors_px.copy_(torch.from_numpy(fitted))
 
-    def forward(self, pictures: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Tensor:
         """Return raw predictions as the network does."""
-        raw: Tensor = self.network(pictures.contiguous(memory_format=torch.channels_last))
+        raw: Tensor = self.network(images.contiguous(memory_format=torch.channels_last))
         return raw
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
@@ -98,14 +98,14 @@ class DetectorTraining(LightningModule):
         network_config, step = self.config.network_config, self.trainer.global_step
         size = size_of_batch(self.sizes, step, self.config.seed)
         before = InputSize(*batch["pictures"].shape[-2:])
-        pictures, labels = batch["pictures"].float(), _labels(batch)
+        images, labels = batch["pictures"].float(), _labels(batch)
         if size != before:
             how: Interpolation = "bilinear" if network_config.modality == "rgb" else "nearest"
-            pictures = resize_pictures(pictures, size, how)
+            images = resize_images(images, size, how)
             labels = resize_labels(labels, before, size)
-        seen = step * len(pictures) * self.trainer.world_size
-        loss = self._loss(self(pictures), labels, seen)
-        self._log_loss("train", loss, len(pictures))
+        seen = step * len(images) * self.trainer.world_size
+        loss = self._loss(self(images), labels, seen)
+        self._log_loss("train", loss, len(images))
         return loss.total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
@@ -122,7 +122,7 @@ class DetectorTraining(LightningModule):
         network_config, samples = self.config.network_config, self.data.validation
         if self._truth is None:
             self._truth = samples.truth()
-        sizes_px = np.array([samples.picture_size_px(row) for row in range(len(samples))])
+        sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
         found = self.boxes.gathered(network_config.size, sizes_px)
         self.boxes.reset()
         self.validation_metrics = measure(

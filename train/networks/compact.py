@@ -73,9 +73,9 @@ class CompactTrunk(nn.Module):
         self.join_eighth = ReluUnit(eighth, eighth)
         self.out_channels = eighth
 
-    def forward(self, pictures: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Tensor:
         """Return (B, out_channels, H / 8, W / 8)."""
-        eighth = self.eighth(pictures)
+        eighth = self.eighth(images)
         sixteenth = self.sixteenth(eighth)
         coarse = self.coarse(sixteenth)
         sixteenth = self.join_sixteenth(sixteenth + self.lift_coarse(coarse))

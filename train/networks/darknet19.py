@@ -51,9 +51,9 @@ class Darknet19(nn.Module):
         self.fine = nn.Sequential(*layers)
         self.coarse = nn.Sequential(nn.MaxPool2d(2), *units(channels, _COARSE_STAGE))
 
-    def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
         """Return the fine and the coarse map."""
-        fine = self.fine(pictures)
+        fine = self.fine(images)
         return fine, self.coarse(fine)
 
 

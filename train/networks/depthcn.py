@@ -47,12 +47,12 @@ class ThesisVerifier(VehicleVerifier):
     depth 1 x 66 x 112 - conv 32 - pool 32 x 32 x 55 - conv 64 - pool 64 x 15 x 27 - 64 - 2
     """
 
-    mean_picture: Tensor
+    mean_image: Tensor
 
     def __init__(self) -> None:
         super().__init__()
         # Subtracted first: the mean picture of the training set.
-        self.register_buffer("mean_picture", torch.zeros(1, CROP_HEIGHT_PX, CROP_WIDTH_PX))
+        self.register_buffer("mean_image", torch.zeros(1, CROP_HEIGHT_PX, CROP_WIDTH_PX))
         self.features = nn.Sequential(
             nn.Conv2d(1, 32, 5, padding=2),
             nn.ReLU(),
@@ -80,7 +80,7 @@ class ThesisVerifier(VehicleVerifier):
 
     def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits, and the whole window as the box."""
-        classes = self.classifier(self.features(crops.float() - self.mean_picture))
+        classes = self.classifier(self.features(crops.float() - self.mean_image))
         whole = torch.tensor((0.0, 0.0, 1.0, 1.0), device=crops.device)
         # The softmax of two outputs is the sigmoid of their difference.
         return classes[:, 1] - classes[:, 0], whole.expand(crops.shape[0], 4)
@@ -150,8 +150,8 @@ class AroundCandidate(nn.Module):
 
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
         """Return (M, 3, H, W) channels of (M, 3, H, W) pictures of 0..255, and (M, 1) how far they are."""
-        pictures = crops.float()
-        depth, height = pictures[:, 0][self._MIDDLE], pictures[:, 1][self._MIDDLE]
+        images = crops.float()
+        depth, height = images[:, 0][self._MIDDLE], images[:, 1][self._MIDDLE]
         known = (height > 0).float()  # heights are 1..255
         mean = (depth * known).sum((1, 2)) / known.sum((1, 2)).clamp(min=1)
         distance_m = 400 / (80 - 75 / 255 * mean)
@@ -161,7 +161,7 @@ class AroundCandidate(nn.Module):
         even = torch.full_like(factor, 2 / 255)
         factors = torch.stack((factor, even, even), dim=1)[..., None, None]
         offsets = torch.stack((-factor * mean, even * 0 - 1, even * 0 - 1), dim=1)[..., None, None]
-        return (pictures * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
+        return (images * factors + offsets).clamp(-1, 1), distance_m[:, None] / 80
 
 
 def _block(

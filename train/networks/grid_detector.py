@@ -27,22 +27,22 @@ class YoloDetector(nn.Module):
         """Name what is detected, in the order of the scores."""
         return self.head.class_names
 
-    def forward(self, pictures: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Tensor:
         """Return raw predictions (B, A, 5 + classes, rows, columns) for (B, C, H, W) of 0..255."""
-        self._require_picture(pictures)
-        raw: Tensor = self.head(self.trunk(pictures.to(self.head.convolution.weight.dtype) / 255))
+        self._require_image(images)
+        raw: Tensor = self.head(self.trunk(images.to(self.head.convolution.weight.dtype) / 255))
         return raw
 
     def decode(self, raw: Tensor) -> DecodedBoxes:
         """Return the boxes and scores of raw predictions."""
         return self.head.decode(raw)
 
-    def _require_picture(self, pictures: Tensor) -> None:
-        height, width = pictures.shape[-2:]
+    def _require_image(self, images: Tensor) -> None:
+        height, width = images.shape[-2:]
         is_divisible = height % SIZE_STEP_PX == 0 and width % SIZE_STEP_PX == 0
-        if pictures.ndim != 4 or pictures.shape[1] != self.channels or not is_divisible:
+        if images.ndim != 4 or images.shape[1] != self.channels or not is_divisible:
             raise ModelError(
                 type(self).__name__,
                 expected=f"pictures (B, {self.channels}, H, W) with H and W multiples of {SIZE_STEP_PX}",
-                found=f"shape {tuple(pictures.shape)}",
+                found=f"shape {tuple(images.shape)}",
             )

@@ -62,9 +62,9 @@ class TorchvisionTrunk(nn.Module):
     mean: Tensor
     deviation: Tensor
 
-    def forward(self, pictures: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Tensor:
         """Return (B, 128, H / 8, W / 8); a map of one channel goes in three times."""
-        normal = (pictures.expand(-1, 3, -1, -1) - self.mean) / self.deviation
+        normal = (images.expand(-1, 3, -1, -1) - self.mean) / self.deviation
         eighth, sixteenth, coarse = (
             side(maps) for side, maps in zip(self.sides, self.maps(normal).values(), strict=True)
         )

@@ -60,9 +60,9 @@ class Yolov2Trunk(nn.Module):
         self.passed = ConvolutionUnit(FINE_CHANNELS, _PASSED_CHANNELS, 1)
         self.joined = ConvolutionUnit(4 * _PASSED_CHANNELS + 1024, self.out_channels, 3)
 
-    def forward(self, pictures: Tensor) -> Tensor:
+    def forward(self, images: Tensor) -> Tensor:
         """Return (B, 1024, H / 32, W / 32); a map of one channel goes in three times."""
-        fine, coarse = self.backbone(pictures.expand(-1, 3, -1, -1))
+        fine, coarse = self.backbone(images.expand(-1, 3, -1, -1))
         passed = reorganise(self.passed(fine))
         joined: Tensor = self.joined(torch.cat([passed, self.deep(coarse)], dim=1))
         return joined

@@ -54,7 +54,7 @@ class ScoredCrops:
         return ScoredCrops(*(torch.cat([getattr(c, n) for c in (self, others)]) for n in names))
 
 
-class VerifierPictures(Callback):
+class VerifierImages(Callback):
     """Draws augmentations once, and worst mistakes and boxes of every validation."""
 
     def __init__(self, augmentations: Callable[[], Mapping[str, UInt8]] = dict) -> None:
@@ -70,8 +70,8 @@ class VerifierPictures(Callback):
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show what each augmentation does, where a training begins."""
         if trainer.current_epoch == 0 and trainer.is_global_zero:
-            for name, picture in self._augmentations().items():
-                _show(trainer, f"augmentation/{name}", picture)
+            for name, image in self._augmentations().items():
+                _show(trainer, f"augmentation/{name}", image)
 
     def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Forget the last validation."""
@@ -144,12 +144,12 @@ def _grid(tiles: Sequence[UInt8]) -> UInt8:
     height, width = tiles[0].shape[:2]
     rows = -(-len(tiles) // _COLUMNS)
     columns = min(len(tiles), _COLUMNS)
-    picture = np.zeros((rows * (height + 2), columns * (width + 2), 3), np.uint8)
+    image = np.zeros((rows * (height + 2), columns * (width + 2), 3), np.uint8)
     for number, tile in enumerate(tiles):
         row, column = divmod(number, _COLUMNS)
         top, left = row * (height + 2), column * (width + 2)
-        picture[top : top + height, left : left + width] = tile
-    return picture
+        image[top : top + height, left : left + width] = tile
+    return image
 
 
 def _worst(scored: ScoredCrops) -> ScoredCrops:
@@ -157,7 +157,7 @@ def _worst(scored: ScoredCrops) -> ScoredCrops:
     return scored[order[:_COUNT]]
 
 
-def _show(trainer: Trainer, name: str, picture: UInt8) -> None:
+def _show(trainer: Trainer, name: str, image: UInt8) -> None:
     for logger in trainer.loggers:
         if isinstance(logger, TensorBoardLogger) and trainer.is_global_zero:
-            logger.experiment.add_image(name, picture, trainer.global_step, dataformats="HWC")
+            logger.experiment.add_image(name, image, trainer.global_step, dataformats="HWC")

@@ -15,7 +15,7 @@ from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
-from train.verifier.pictures import VerifierPictures
+from train.verifier.pictures import VerifierImages
 from train.verifier.training import VerifierTraining, VerifierTrainingConfig
 
 _SHOWN_SAMPLES = 8
@@ -61,8 +61,8 @@ def train_verifier(
     """
     torch.manual_seed(trainer_config.seed)
     module = VerifierTraining(config)
-    pictures = VerifierPictures(lambda: _augmentations(data))
-    trainer: Trainer = make_trainer(out, trainer_config, [pictures])
+    images = VerifierImages(lambda: _augmentations(data))
+    trainer: Trainer = make_trainer(out, trainer_config, [images])
     fit(trainer, module, data, resume)
     if trainer_config.is_trial or not trainer.is_global_zero:
         return None

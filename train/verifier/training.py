@@ -71,7 +71,7 @@ class VerifierTraining(LightningModule):
         is_new = self.trainer.ckpt_path is None
         if is_new and isinstance(self.network, ThesisVerifier):
             mean = self.trainer.datamodule.mean_crop()  # type: ignore[attr-defined]
-            self.network.mean_picture.copy_(mean)
+            self.network.mean_image.copy_(mean)
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
         """Return logits and boxes as the network does."""

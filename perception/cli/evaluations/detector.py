@@ -10,7 +10,7 @@ from perception.cli.evaluations.detector_figures import (
     detector_results,
     detector_table,
 )
-from perception.cli.evaluations.detector_pictures import draw_worst
+from perception.cli.evaluations.detector_pictures import draw_worst_frames
 from perception.cli.evaluations.detector_steps import measure_detector, open_detector, parse_classes
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
@@ -60,7 +60,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         one = measure_detector(source.name, drive, network, target_classes, reading, measuring)
         measured.append(one)
         if pictures is not None:
-            draw_worst(pictures, drive, network, one, worst)
+            draw_worst_frames(pictures, drive, network, one, worst)
     title = f"{network.model.name}: {network.modality}, {network.size.height_px}x{network.size.width_px}"
     print(detector_table(title, measured))
     if plot is not None:

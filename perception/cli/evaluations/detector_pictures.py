@@ -8,7 +8,7 @@ import numpy as np
 from data.drive import Drive
 from perception.cli.evaluations.detector_steps import MeasuredDetector
 from perception.cli.picture_file import write_jpeg
-from perception.detection.detectors.modalities import picture_of
+from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.mistakes import count_frame_errors
@@ -20,7 +20,7 @@ from perception.types import UInt8
 _DIFFICULTY = DIFFICULTIES[-1]  # where most objects count
 
 
-def draw_worst(
+def draw_worst_frames(
     folder: Path, drive: Drive, network: ModalityDetector, measured: MeasuredDetector, most: int
 ) -> None:
     """Write pictures DRIVE_CLASS_RANK_NUMBER.jpg of the worst frames of every class."""
@@ -34,19 +34,19 @@ def draw_worst(
         )
         for rank, place in enumerate(frame_errors.worst(most).tolist()):
             frame = drive[detected.outputs[place].index]
-            picture = _draw_errors(
-                picture_of(frame, network.modality, network.filling),
+            image = _draw_errors(
+                modality_image(frame, network.modality, network.filling),
                 measured,
                 place,
                 target_class,
                 frame_errors.threshold,
             )
             name = f"{drive_name}_{target_class.name}_{rank:02d}_{detected.numbers[place]:06d}.jpg"
-            write_jpeg(folder / name, picture, quality=95)
+            write_jpeg(folder / name, image, quality=95)
 
 
 def _draw_errors(
-    picture: UInt8,
+    image: UInt8,
     measured: MeasuredDetector,
     place: int,
     of_class: DetectionClass,
@@ -62,7 +62,7 @@ def _draw_errors(
         np.char.lower(detections.types) == of_class.name.lower()
     )
     return draw_detection_errors(
-        picture,
+        image,
         truths.boxes_px[is_valid_truth],
         truths.boxes_px[~is_valid_truth],
         detections[counts],

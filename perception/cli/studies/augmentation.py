@@ -39,13 +39,14 @@ class AugmentationStudyConfig:
 
 
 def study_augmentation(
-    data: VerifierDataConfig, picture: Path, config: AugmentationStudyConfig
+    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig
 ) -> Study:
     """Train without and with augmentation in two folders beside the picture, and compare."""
     trained = {
-        is_augmented: _train(data, picture, config, is_augmented) for is_augmented in (False, True)
+        is_augmented: _train(data, plot_path, config, is_augmented)
+        for is_augmented in (False, True)
     }
-    _plot(picture, config, trained)
+    _plot(plot_path, config, trained)
     return Study(
         name="augmentation",
         repeats="Table 7.8",
@@ -56,9 +57,9 @@ def study_augmentation(
 
 
 def _train(
-    data: VerifierDataConfig, picture: Path, config: AugmentationStudyConfig, is_augmented: bool
+    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig, is_augmented: bool
 ) -> "TrainedVerifier":
-    out = picture.with_suffix("") / _FOLDERS[is_augmented]
+    out = plot_path.with_suffix("") / _FOLDERS[is_augmented]
     is_begun = config.resume and (out / "last.ckpt").exists()
     trained = run_training(
         replace(data, augment=is_augmented),
@@ -96,7 +97,7 @@ def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier
 
 
 def _plot(
-    picture: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
+    plot_path: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
 ) -> None:
     from train.history import read_scalars
 
@@ -107,7 +108,7 @@ def _plot(
     title = (
         f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"
     )
-    plot_accuracies(picture, title, accuracies)
+    plot_accuracies(plot_path, title, accuracies)
 
 
 def _by_folder(percent: dict[bool, tuple[float, float]]) -> dict[str, tuple[float, float]]:

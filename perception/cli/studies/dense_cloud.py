@@ -17,7 +17,7 @@ from perception.types import Float64
 
 def study_dense_cloud(
     drive: Drive,
-    picture: Path,
+    plot_path: Path,
     *,
     frame: int | None,
     previous_scans: int,
@@ -44,7 +44,7 @@ def study_dense_cloud(
         for name, cutout in cutouts.items()
     }
     title = f"Merged cloud of a thin object, {drive.name} frame {windows.frame.index}"
-    plot_aged_points(picture, title, panels)
+    plot_aged_points(plot_path, title, panels)
     rows: list[list[Cell]] = [
         [name, len(cutout.age), f"{1e2 * disagreement_m[name]:.1f}"]
         for name, cutout in cutouts.items()

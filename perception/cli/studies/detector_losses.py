@@ -34,12 +34,12 @@ def study_detector_losses(
     variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
-    picture: Path,
+    plot_path: Path,
 ) -> Study:
     """Train all, and print average precision at every overlap."""
-    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
+    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
     overlaps = evaluation.rules.overlaps
-    plot_variant_curves(picture, "Losses", metrics, overlaps[0])
+    plot_variant_curves(plot_path, "Losses", metrics, overlaps[0])
     return Study(
         name="detector-losses",
         repeats="none: the thesis trains as published",

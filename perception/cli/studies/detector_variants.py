@@ -23,9 +23,9 @@ from perception.cli.evaluations.labelled_drives import (
     open_labelled,
 )
 from perception.cli.training.detector_plan import (
+    DetectorDataConfig,
     DetectorModelConfig,
     InitialWeightsConfig,
-    PictureChoice,
     run_training,
 )
 from perception.cli.training.trainer_choice import trainer_config
@@ -50,7 +50,7 @@ class DetectorVariant:
 
     name: str
     detector: DetectorModelConfig
-    pictures: PictureChoice
+    images: DetectorDataConfig
     epochs: int
 
 
@@ -172,7 +172,7 @@ def _train(
     )
     is_begun = (folder / "last.ckpt").exists()
     trained = run_training(
-        variant.pictures,
+        variant.images,
         variant.detector,
         InitialWeightsConfig(),
         config,

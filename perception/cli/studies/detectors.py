@@ -17,7 +17,7 @@ from perception.cli.studies.detector_variants import (
 from perception.cli.studies.output import RESULTS, publish
 from perception.cli.studies.reflectance_maps import map_variants, study_reflectance_maps
 from perception.cli.studies.sim_to_real import share_variants, study_sim_to_real
-from perception.cli.training.detector_plan import DetectorModelConfig, PictureChoice
+from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
 from perception.cli.training.trainer_choice import listed
 from perception.cli.training.verifier_plan import VerifierDataConfig
 from perception.types import Method, Modality
@@ -60,14 +60,14 @@ class TrainingFlags:
         self, detector: DetectorModelConfig, drives: list[Path], validation: Path | list[Path]
     ) -> DetectorVariant:
         """Return what the variants are changes of."""
-        pictures = PictureChoice(
+        images = DetectorDataConfig(
             tuple(drives),
             listed(validation),
             batch=self.batch,
             workers=self.workers,
             cache=self.cache,
         )
-        return DetectorVariant("", detector, pictures, self.epochs)
+        return DetectorVariant("", detector, images, self.epochs)
 
     def evaluation(self, *drives: Path) -> VariantEvaluationConfig:
         """Return by what the variants are measured."""

@@ -89,11 +89,11 @@ class _Scene:
         return TrackingErrorPanel(self.scenario.name, times_s, self.is_hidden, errors_m)
 
 
-def study_single_object(picture: Path, config: SingleObjectStudyConfig) -> Study:
+def study_single_object(plot_path: Path, config: SingleObjectStudyConfig) -> Study:
     """Let trackers follow the same object through every scene, and draw how far off they are."""
     scenes = [_measure(one, config) for one in all_scenarios(config.kind, config.duration_s)]
     title = f"Following a {config.kind.lower()} by {config.sensor.name}: centre error over time"
-    plot_tracking_errors(picture, title, [scene.panel() for scene in scenes])
+    plot_tracking_errors(plot_path, title, [scene.panel() for scene in scenes])
     return Study(
         name="following",
         repeats="the challenges of Table 3.2 and A.1, on scenes with exact truth",

@@ -17,7 +17,7 @@ _CLEARANCE_M = 0.2  # d_min of Table 7.1
 
 
 def study_gates(
-    drive: Drive, picture: Path, *, frame: int | None, previous_scans: int, seed: int
+    drive: Drive, plot_path: Path, *, frame: int | None, previous_scans: int, seed: int
 ) -> Study:
     """Draw one frame's merged cloud with the thesis' gates and planes, and list them."""
     area = LocalArea()
@@ -26,7 +26,7 @@ def study_gates(
     is_inlier = passes_gate(ground.points_velo, ground.planes)
     title = f"Gates and planes, {drive.name} frame {windows.frame.index}"
     cloud = GatedCloud(ground.points_velo, is_inlier, ground.planes, _CLEARANCE_M)
-    plot_gates(picture, title, cloud, area)
+    plot_gates(plot_path, title, cloud, area)
     return Study(
         name="gates",
         repeats="Figs 5.4, 5.5",

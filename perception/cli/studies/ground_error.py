@@ -42,7 +42,7 @@ class GroundErrorConfig:
 
 
 def study_ground_error(
-    drive: Drive, picture: Path, config: GroundErrorConfig, progress: Progress
+    drive: Drive, plot_path: Path, config: GroundErrorConfig, progress: Progress
 ) -> Study:
     """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
     errors = measure_ground_errors(drive, config, progress)
@@ -61,7 +61,7 @@ def study_ground_error(
         value_name="mDE [mm]",
         digits=1,
     )
-    plot_grid(picture, title, grid, is_low_good=True)
+    plot_grid(plot_path, title, grid, is_low_good=True)
     return Study(
         name="ground-error",
         repeats="Fig. 7.1",

@@ -50,7 +50,7 @@ class InsErrorConfig:
 MetricsByNoise = dict[InsNoise, dict[str, StudyTrackingMetrics]]
 
 
-def study_ins_error(picture: Path, config: InsErrorConfig) -> Study:
+def study_ins_error(plot_path: Path, config: InsErrorConfig) -> Study:
     """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
     metrics = _measure(config)
     drives = drives_named(config.seeds, config.frames)
@@ -58,7 +58,7 @@ def study_ins_error(picture: Path, config: InsErrorConfig) -> Study:
     positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
     angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
     plot_conditions(
-        picture,
+        plot_path,
         title,
         [
             Condition(

@@ -15,7 +15,7 @@ from perception.types import PointState
 
 
 def study_masks(
-    drive: Drive, picture: Path, *, frame: int | None, previous_scans: int, seed: int
+    drive: Drive, plot_path: Path, *, frame: int | None, previous_scans: int, seed: int
 ) -> Study:
     """Draw every step from the counters to the masks of one frame, and count cells and points."""
     area = LocalArea()
@@ -26,7 +26,7 @@ def study_masks(
     states = segmenter.update(windows.refined, planes).point_states
     stands = windows.frame.points_velo[states >= PointState.STATIC]
     title = f"From counters to masks, {drive.name} frame {windows.frame.index}"
-    plot_masks(picture, title, counters, stands)
+    plot_masks(plot_path, title, counters, stands)
     counts = _counts(counters)
     rows: list[list[Cell]] = [[name, cells, points] for name, (cells, points) in counts.items()]
     return Study(

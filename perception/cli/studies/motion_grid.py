@@ -25,7 +25,7 @@ _SOURCES = {"thesis": "Table 7.4", "author": "the author's code"}
 
 def study_motion_grid(
     drive: Drive,
-    picture: Path,
+    plot_path: Path,
     progress: Callable[[Iterable[Frame]], Iterable[Frame]],
     *,
     frame: int | None,
@@ -52,7 +52,7 @@ def study_motion_grid(
     boxes = axis_aligned_boxes(found.moving)
     title = f"2.5D motion grids by {_SOURCES[preset]}, {drive.name} frame {newest}"
     plot_motion_grids(
-        picture, title, MotionGridScene(grids, boxes, scan.ground, _camera(seen, drive))
+        plot_path, title, MotionGridScene(grids, boxes, scan.ground, _camera(seen, drive))
     )
     counts = _counts(grids)
     rows: list[list[Cell]] = [[name, count] for name, count in counts.items()]

@@ -30,7 +30,7 @@ class Study:
     conditions: dict[str, Any]
 
 
-def publish(study: Study, picture: Path) -> None:
+def publish(study: Study, plot_path: Path) -> None:
     """Write the numbers beside the picture, and print the table and where both are."""
     document = {
         "study": study.name,
@@ -39,6 +39,6 @@ def publish(study: Study, picture: Path) -> None:
         "conditions": study.conditions,
         "results": study.numbers,
     }
-    numbers = picture.with_suffix(".json")
+    numbers = plot_path.with_suffix(".json")
     write_json(numbers, document)
-    print(f"{study.table}\n\n{picture}\n{numbers}")
+    print(f"{study.table}\n\n{plot_path}\n{numbers}")

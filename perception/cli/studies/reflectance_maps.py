@@ -62,11 +62,11 @@ def study_reflectance_maps(
     variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
-    picture: Path,
+    plot_path: Path,
 ) -> Study:
     """Train all, and print Tables B.1, B.2 and B.3."""
-    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
-    plot_variant_curves(picture, "Detectors of the reflectance map", metrics, _IOU)
+    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
+    plot_variant_curves(plot_path, "Detectors of the reflectance map", metrics, _IOU)
     tables = [
         precision_tables(
             "Sparse, dense and wide (Table B.2)",

@@ -35,7 +35,7 @@ class SensorsConfig:
     sensors: Sequence[LidarModel] = (HDL_64E, HDL_32E, VLP_16)
 
 
-def study_sensors(picture: Path, config: SensorsConfig) -> Study:
+def study_sensors(plot_path: Path, config: SensorsConfig) -> Study:
     """Measure all methods on the same streets seen by one LiDAR after another, and draw bars."""
     metrics = {
         sensor.name: total(
@@ -47,7 +47,7 @@ def study_sensors(picture: Path, config: SensorsConfig) -> Study:
         for sensor in config.sensors
     }
     title = f"Tracks of moving objects by LiDAR, {drives_named(config.seeds, config.frames)}"
-    plot_groups(picture, title, list(metrics), by_measure(list(metrics.values())))
+    plot_groups(plot_path, title, list(metrics), by_measure(list(metrics.values())))
     return Study(
         name="sensors",
         repeats="none: the thesis has one sensor",

@@ -30,14 +30,14 @@ def share_variants(base: DetectorVariant, shares: Sequence[float]) -> list[Detec
         replace(
             base,
             name=f"{share:g} of all",
-            pictures=replace(base.pictures, training_fraction=share),
+            images=replace(base.images, training_fraction=share),
             epochs=round(base.epochs / share),
         )
         for share in shares
     ]
     return [
         *variants,
-        replace(base, name=UNCHANGED, pictures=replace(base.pictures, augment=False)),
+        replace(base, name=UNCHANGED, images=replace(base.images, augment=False)),
     ]
 
 
@@ -45,15 +45,15 @@ def study_sim_to_real(
     variants: list[DetectorVariant],
     conditions: VariantTrainingConfig,
     evaluation: VariantEvaluationConfig,
-    picture: Path,
+    plot_path: Path,
 ) -> Study:
     """Train all, and draw average precision over the number of frames learned from."""
-    metrics = study_variants(variants, conditions, evaluation, picture.with_suffix(""))
+    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
     overlaps = evaluation.rules.overlaps
     of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
     modality = variants[0].detector.modality
     plot_over_frames(
-        picture, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
+        plot_path, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
     )
     return Study(
         name="sim-to-real",

@@ -35,7 +35,7 @@ class SpeedConfig:
     frames: int = 5
 
 
-def study_speed(drive: Drive, picture: Path, config: SpeedConfig, progress: Progress) -> Study:
+def study_speed(drive: Drive, plot_path: Path, config: SpeedConfig, progress: Progress) -> Study:
     """Time the thesis' method for each pair, the default method for each m, and draw the curves."""
     cases = [ThesisCase(m, size) for size in config.voxel_sizes_m for m in config.previous_scans]
     measured = time_thesis(drive, cases, config.frames, progress)
@@ -54,7 +54,7 @@ def study_speed(drive: Drive, picture: Path, config: SpeedConfig, progress: Prog
         for size, speeds in zip(config.voxel_sizes_m, thesis, strict=True)
     ]
     curves.append(Curve("default, υ = 10 cm", config.previous_scans, default, is_emphasised=True))
-    plot_curves(picture, title, curves, ("merged scans before the newest, m", "frames/s"))
+    plot_curves(plot_path, title, curves, ("merged scans before the newest, m", "frames/s"))
     return Study(
         name="speed",
         repeats="Fig. 7.3",

@@ -22,7 +22,7 @@ from perception.render.plots import plot_shares
 _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 
 
-def study_stages(drive: Drive, picture: Path, *, frames: int, progress: Progress) -> Study:
+def study_stages(drive: Drive, plot_path: Path, *, frames: int, progress: Progress) -> Study:
     """Time every stage on the same frames, and draw the shares."""
     case = ThesisCase()
     thesis = mean_times_s(time_thesis(drive, [case], frames, progress)[case])
@@ -33,7 +33,7 @@ def study_stages(drive: Drive, picture: Path, *, frames: int, progress: Progress
         f"thesis' method here\n{_total(thesis)}": thesis,
         f"default method\n{_total(default)}": default,
     }
-    plot_shares(picture, title, bars)
+    plot_shares(plot_path, title, bars)
     published: list[list[Cell]] = [
         [f"published: {stage}", None, f"{share:.1f}"] for stage, share in _PUBLISHED.items()
     ]

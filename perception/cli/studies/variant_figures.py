@@ -58,7 +58,7 @@ def times_table(
 
 
 def plot_variant_curves(
-    picture: Path, title: str, metrics: Mapping[str, VariantMetrics], iou: float
+    plot_path: Path, title: str, metrics: Mapping[str, VariantMetrics], iou: float
 ) -> None:
     """Draw the precision-recall curves of all variants, a panel for each drive."""
     panels = []
@@ -73,11 +73,11 @@ def plot_variant_curves(
         panels.append(
             PrecisionPanel(f"{drive}, {_SHOWN_LEVEL}, IoU over {iou:g}", curves, "AP R40")
         )
-    plot_precision(picture, title, panels)
+    plot_precision(plot_path, title, panels)
 
 
 def plot_over_frames(
-    picture: Path, title: str, metrics: Mapping[str, VariantMetrics], ious: Sequence[float]
+    plot_path: Path, title: str, metrics: Mapping[str, VariantMetrics], ious: Sequence[float]
 ) -> None:
     """Draw average precision over the number of frames that were learned from, a panel for each drive."""
     in_order = sorted(metrics.values(), key=lambda one: one.training_frames)
@@ -93,7 +93,7 @@ def plot_over_frames(
         )
         for drive in _drives(metrics)
     ]
-    plot_levels(picture, title, "AP R40 %", panels)
+    plot_levels(plot_path, title, "AP R40 %", panels)
 
 
 def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:

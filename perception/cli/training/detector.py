@@ -8,9 +8,9 @@ from data.splitting import SplitBy
 from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.detector_plan import (
+    DetectorDataConfig,
     DetectorModelConfig,
     InitialWeightsConfig,
-    PictureChoice,
     run_training,
 )
 from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
@@ -112,7 +112,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         watched="validation/moderate",
         patience=patience,
     )
-    pictures = PictureChoice(
+    images = DetectorDataConfig(
         tuple(drives),
         as_path_tuple(validation),
         validation_fraction,
@@ -139,7 +139,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         anchors,
     )
     first = InitialWeightsConfig(start, darknet_weights, backbone_weights)
-    trained = run_training(pictures, model, first, config, out, resume)
+    trained = run_training(images, model, first, config, out, resume)
     if trained is None:
         return
     write_json(out / "figures.json", trained)

@@ -14,14 +14,14 @@ from perception.detection.detectors.modalities import MapFilling
 from perception.types import Modality
 
 if TYPE_CHECKING:
-    from data.pictures.module import PictureData
+    from data.pictures.module import ImageDataModule
     from train.detector.run import TrainedDetector
     from train.detector.training import DetectorTrainingConfig
     from train.trainer import TrainerConfig
 
 
 @dataclass(frozen=True)
-class PictureChoice:
+class DetectorDataConfig:
     """What a detector is shown.
 
     Attributes:
@@ -104,7 +104,7 @@ class InitialWeightsConfig:
 
 
 def run_training(
-    pictures: PictureChoice,
+    images: DetectorDataConfig,
     model: DetectorModelConfig,
     first: InitialWeightsConfig,
     trainer: "TrainerConfig",
@@ -116,12 +116,12 @@ def run_training(
     from train.trainer import checkpoint_to_resume
 
     checkpoint = checkpoint_to_resume(out, resume)
-    config = detector_training_config(model, pictures, trainer.seed)
+    config = detector_training_config(model, images, trainer.seed)
     weights = InitialWeights(first.start, first.darknet_weights, _backbone(first.backbone_weights))
-    module = picture_data(pictures, model, config, trainer.seed)
+    module = image_data(images, model, config, trainer.seed)
     write_training_configuration(
         out,
-        data=pictures,
+        data=images,
         loading=module.loading,
         augmentation=module.augmentation,
         network=config,
@@ -133,7 +133,7 @@ def run_training(
 
 
 def detector_training_config(
-    model: DetectorModelConfig, pictures: PictureChoice, seed: int
+    model: DetectorModelConfig, images: DetectorDataConfig, seed: int
 ) -> "DetectorTrainingConfig":
     """Return which network, and how it descends."""
     from train.detector.descent import PRESETS
@@ -161,43 +161,46 @@ def detector_training_config(
         ),
         anchors=model.anchors,
         seed=seed,
-        training_data=", ".join(str(path) for path in pictures.drives),
+        training_data=", ".join(str(path) for path in images.drives),
         revision=program_revision(),
     )
 
 
-def picture_data(
-    pictures: PictureChoice, model: DetectorModelConfig, config: "DetectorTrainingConfig", seed: int
-) -> "PictureData":
+def image_data(
+    images: DetectorDataConfig,
+    model: DetectorModelConfig,
+    config: "DetectorTrainingConfig",
+    seed: int,
+) -> "ImageDataModule":
     """Return the batches of a detector."""
-    from data.pictures.augmentation import PictureAugmentation
-    from data.pictures.making import PictureRules
-    from data.pictures.module import PictureData, PictureLoading
+    from data.pictures.augmentation import ImageAugmentationConfig
+    from data.pictures.making import ImageConfig
+    from data.pictures.module import ImageDataModule, ImageLoadingConfig
     from data.training_drives import TrainingDrives
     from train.detector.descent import PRESETS
 
     network_config = config.network_config
-    loading = PictureLoading(
-        batch_size=PRESETS[model.preset].batch_size if pictures.batch is None else pictures.batch,
-        workers=pictures.workers,
-        validation_fraction=pictures.validation_fraction,
-        test_fraction=pictures.test_fraction,
-        split_by=pictures.split,
-        training_fraction=pictures.training_fraction,
-        frame_lists=pictures.lists,
-        on_bad_frame=pictures.on_bad_frame,
+    loading = ImageLoadingConfig(
+        batch_size=PRESETS[model.preset].batch_size if images.batch is None else images.batch,
+        workers=images.workers,
+        validation_fraction=images.validation_fraction,
+        test_fraction=images.test_fraction,
+        split_by=images.split,
+        training_fraction=images.training_fraction,
+        frame_lists=images.lists,
+        on_bad_frame=images.on_bad_frame,
         seed=seed,
     )
-    return PictureData(
-        TrainingDrives(pictures.drives, pictures.validation, pictures.cache),
-        PictureRules(
+    return ImageDataModule(
+        TrainingDrives(images.drives, images.validation, images.cache),
+        ImageConfig(
             network_config.modality,
             network_config.class_names,
             network_config.size,
             network_config.filling,
-            pictures.jpeg,
+            images.jpeg,
         ),
-        PictureAugmentation() if pictures.augment else None,
+        ImageAugmentationConfig() if images.augment else None,
         loading,
         frame_progress_bar("pictures"),
     )

@@ -17,19 +17,19 @@ from perception.types import Float, Float64, UInt8
 MIN_EDGE_PX = 1.0
 
 
-def crop_windows(picture: UInt8, windows_px: Float) -> UInt8:
+def crop_windows(image: UInt8, windows_px: Float) -> UInt8:
     """Return (M, C, 66, 112) of an (H, W, C) picture; what lies beyond its edges is 0.
 
     Raises:
         PerceptionError: a window is not finite.
     """
-    channels = picture.shape[2]
+    channels = image.shape[2]
     crops = np.empty((len(windows_px), channels, CROP_HEIGHT_PX, CROP_WIDTH_PX), np.uint8)
     # OpenCV warps four channels in half the time of three.
     if channels == 3:
-        picture = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2RGBA), np.uint8)
-    for crop, picture_A_crop in zip(crops, window_maps(windows_px), strict=True):
-        crop[:] = warp(picture, picture_A_crop)[..., :channels].transpose(2, 0, 1)
+        image = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2RGBA), np.uint8)
+    for crop, image_A_crop in zip(crops, window_maps(windows_px), strict=True):
+        crop[:] = warp(image, image_A_crop)[..., :channels].transpose(2, 0, 1)
     return crops
 
 
@@ -51,17 +51,17 @@ def window_maps(windows_px: Float) -> Float64:
     return maps
 
 
-def warp(picture: UInt8, picture_A_crop: Float64) -> UInt8:
+def warp(image: UInt8, image_A_crop: Float64) -> UInt8:
     """Return the (66, 112, C) crop that a (3, 3) map takes from an (H, W, C) picture.
 
     Each pixel is the nearest one of the picture: between a car and what lies behind it, or what is not
     known, no depth in between is true.
     """
     crop = cv2.warpAffine(
-        picture,
-        picture_A_crop[:2],
+        image,
+        image_A_crop[:2],
         (CROP_WIDTH_PX, CROP_HEIGHT_PX),
         flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
     )
-    return np.asarray(crop.reshape(CROP_HEIGHT_PX, CROP_WIDTH_PX, picture.shape[2]), np.uint8)
+    return np.asarray(crop.reshape(CROP_HEIGHT_PX, CROP_WIDTH_PX, image.shape[2]), np.uint8)

@@ -9,7 +9,7 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.picture import encode_channels
 from perception.detection.depthcn.proposals import ProposalConfig, Proposals, propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
@@ -139,8 +139,8 @@ class DepthCn:
         windows = windows_px(self.verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
         prediction = VerifierPrediction.empty()
         if len(proposals):
-            picture = camera_picture(dense, calibration.image_P_velo, self._sensor.height_m)
-            prediction = self.verifier.predict(picture, windows)
+            image = encode_channels(dense, calibration.image_P_velo, self._sensor.height_m)
+            prediction = self.verifier.predict(image, windows)
         boxes_px = _within_image(prediction.boxes_px, dense.depth_m.shape)
         kept = self._keep(boxes_px, prediction.scores)
         return VerifiedProposals(proposals, windows, prediction.scores, boxes_px, kept)

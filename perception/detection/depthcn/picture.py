@@ -17,7 +17,7 @@ CHANNELS = ("depth", "height", "reflectance")
 _LOWEST_M, _HIGHEST_M = -1.0, 4.0
 
 
-def camera_picture(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: float) -> UInt8:
+def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: float) -> UInt8:
     """Return (H, W, 3), the channels of `CHANNELS`.
 
     Args:

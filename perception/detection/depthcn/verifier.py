@@ -83,18 +83,18 @@ class Verifier:
         self.method: Method = self.model.metadata_choice("method", _METHODS)
         """By which proposals and maps it was trained."""
 
-    def inputs(self, picture: UInt8, windows_px: Float64) -> dict[str, Array]:
+    def inputs(self, image: UInt8, windows_px: Float64) -> dict[str, Array]:
         """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""
-        planes = cv2.split(picture)
+        planes = cv2.split(image)
         selected = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
         return {
-            "crops": crop_windows(selected.reshape(*picture.shape[:2], -1), windows_px),
+            "crops": crop_windows(selected.reshape(*image.shape[:2], -1), windows_px),
             "windows_px": windows_px.astype(np.float32),
         }
 
-    def predict(self, picture: UInt8, windows_px: Float64) -> VerifierPrediction:
+    def predict(self, image: UInt8, windows_px: Float64) -> VerifierPrediction:
         """Look at all (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture at once."""
-        outputs = self.model(self.inputs(picture, windows_px))
+        outputs = self.model(self.inputs(image, windows_px))
         return VerifierPrediction(
             outputs["scores"].astype(np.float64), outputs["boxes_px"].astype(np.float64)
         )

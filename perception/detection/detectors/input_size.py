@@ -40,10 +40,10 @@ class InputSize(NamedTuple):
             )
         return cls(*sides)
 
-    def for_picture(self, height_px: int, width_px: int) -> "InputSize":
+    def for_image(self, height_px: int, width_px: int) -> "InputSize":
         """Return a size of about as many pixels, in the shape of a picture and multiples of 32.
 
-        >>> tuple(InputSize(192, 640).for_picture(375, 1242)), tuple(InputSize(192, 640).for_picture(900, 1600))
+        >>> tuple(InputSize(192, 640).for_image(375, 1242)), tuple(InputSize(192, 640).for_image(900, 1600))
         ((192, 640), (256, 480))
         """
         aspect = width_px / height_px
@@ -53,23 +53,23 @@ class InputSize(NamedTuple):
         return InputSize(SIZE_STEP_PX * rows, SIZE_STEP_PX * columns)
 
 
-def stretch(picture: UInt8, size: InputSize, modality: Modality) -> UInt8:
+def stretch(image: UInt8, size: InputSize, modality: Modality) -> UInt8:
     """Return (h, w, C) an (H, W, C) picture stretched to a size.
 
     Of maps the nearest pixel is taken: the mean of two depths is a place where nothing is.
     """
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     if (height, width) == size:
-        return picture
+        return image
     shrinks = size.height_px < height or size.width_px < width
     smooth = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     how = smooth if modality == "rgb" else cv2.INTER_NEAREST
-    stretched = cv2.resize(picture, (size.width_px, size.height_px), interpolation=how)
+    stretched = cv2.resize(image, (size.width_px, size.height_px), interpolation=how)
     return np.asarray(stretched, np.uint8).reshape(*size, -1)
 
 
-def boxes_in_picture(boxes_px: Float64, size: InputSize, picture: UInt8) -> Float64:
+def boxes_in_image(boxes_px: Float64, size: InputSize, image: UInt8) -> Float64:
     """Return (M, 4) boxes of the input as boxes of the (H, W, C) picture that was stretched to it."""
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     scale = np.tile([width / size.width_px, height / size.height_px], 2)
     return np.asarray(boxes_px * scale, np.float64)

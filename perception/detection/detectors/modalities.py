@@ -33,12 +33,12 @@ def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
     return densify(sparse, filling)
 
 
-def map_picture(dense: DenseMaps, modality: MapModality) -> UInt8:
+def map_image(dense: DenseMaps, modality: MapModality) -> UInt8:
     """Return (H, W, 1), the depth or the reflectance map as 8-bit numbers, 0 where nothing is known."""
     if modality == "rm":
         return encode_reflectance(dense.reflectance)[..., None]
-    picture = cv2.multiply(encode_depth(dense.depth_m), dense.is_valid.view(np.uint8))
-    return np.asarray(picture, np.uint8)[..., None]
+    image = cv2.multiply(encode_depth(dense.depth_m), dense.is_valid.view(np.uint8))
+    return np.asarray(image, np.uint8)[..., None]
 
 
 def camera_image(frame: Frame) -> UInt8:
@@ -52,7 +52,7 @@ def camera_image(frame: Frame) -> UInt8:
     return frame.image
 
 
-def picture_of(frame: Frame, modality: Modality, filling: MapFilling = "default") -> UInt8:
+def modality_image(frame: Frame, modality: Modality, filling: MapFilling = "default") -> UInt8:
     """Return (H, W, C) what a detector is shown of a frame.
 
     Raises:
@@ -61,7 +61,7 @@ def picture_of(frame: Frame, modality: Modality, filling: MapFilling = "default"
     """
     if modality == "rgb":
         return camera_image(frame)
-    return map_picture(fill_maps(project_frame(frame), filling), modality)
+    return map_image(fill_maps(project_frame(frame), filling), modality)
 
 
 def _leave_sparse(sparse: SparseMaps) -> FilledMaps:

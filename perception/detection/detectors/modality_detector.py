@@ -10,7 +10,7 @@ from importlib.abc import Traversable
 import cv2
 import numpy as np
 
-from perception.detection.detectors.input_size import InputSize, boxes_in_picture, stretch
+from perception.detection.detectors.input_size import InputSize, boxes_in_image, stretch
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.detection.detectors.network_answers import postprocess_detections
 from perception.detection.session import Array, ModelContract, ModelInput, OnnxModel, shipped_model
@@ -62,7 +62,7 @@ class ModalityDetector:
         """What it detects."""
         self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
         """Of the pictures that go in; whatever it is shown is stretched to it."""
-        self._check_pictures()
+        self._check_input()
         self._check_classes()
 
     @property
@@ -70,7 +70,7 @@ class ModalityDetector:
         """What the file says of itself."""
         return self.model.metadata
 
-    def detect(self, picture: UInt8) -> Detections:
+    def detect(self, image: UInt8) -> Detections:
         """Return the objects in an (H, W, C) picture of its modality, best first.
 
         Boxes are within the picture and in its pixels. None overlaps a better one of its class by more
@@ -80,33 +80,33 @@ class ModalityDetector:
             ImageError: the picture has other channels than the modality.
             ModelError: what comes out of the network is not finite.
         """
-        return self.postprocess(picture, self.model({"pictures": self.preprocess(picture)}))
+        return self.postprocess(image, self.model({"pictures": self.preprocess(image)}))
 
-    def preprocess(self, picture: UInt8) -> UInt8:
+    def preprocess(self, image: UInt8) -> UInt8:
         """Return (1, C, h, w) what the network is shown of an (H, W, C) picture.
 
         Raises:
             ImageError: the picture has other channels than the modality.
         """
         channels = CHANNELS[self.modality]
-        if picture.ndim != 3 or picture.shape[2] != channels or not picture.size:
+        if image.ndim != 3 or image.shape[2] != channels or not image.size:
             raise ImageError(
                 f"picture for {self.model.name}",
                 expected=f"shape (H, W, {channels}) of modality {self.modality}",
-                found=f"shape {picture.shape}",
+                found=f"shape {image.shape}",
             )
-        planes = cv2.split(stretch(picture, self.size, self.modality))
+        planes = cv2.split(stretch(image, self.size, self.modality))
         return np.stack(planes).astype(np.uint8, copy=False)[None]
 
-    def postprocess(self, picture: UInt8, outputs: Mapping[str, Array]) -> Detections:
+    def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return what the network's answer to an (H, W, C) picture says, as `detect` does."""
         seen = postprocess_detections(
             outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
         )
-        height, width = picture.shape[:2]
+        height, width = image.shape[:2]
         # To the centres of the outermost pixels, as KITTI's labels are.
         within = np.clip(
-            boxes_in_picture(seen.boxes_px, self.size, picture), 0, [width - 1, height - 1] * 2
+            boxes_in_image(seen.boxes_px, self.size, image), 0, [width - 1, height - 1] * 2
         )
         return replace(seen, boxes_px=within)
 
@@ -116,7 +116,7 @@ class ModalityDetector:
             raise ModelError(self.model.name, expected=f"{key} in pixels", found=value)
         return int(value)
 
-    def _check_pictures(self) -> None:
+    def _check_input(self) -> None:
         required = ModelInput(np.uint8, (None, CHANNELS[self.modality], *self.size))
         found = self.model.inputs["pictures"]
         if not required.accepts(found):

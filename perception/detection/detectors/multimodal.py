@@ -20,7 +20,7 @@ from perception.detection.detectors.modalities import (
     MapFilling,
     camera_image,
     fill_maps,
-    map_picture,
+    map_image,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.union import NmsFusion
@@ -130,7 +130,7 @@ class MultimodalDetector:
         for modality in MAP_MODALITIES:
             if modality in self.detectors:
                 running[modality] = self._start(
-                    modality, partial(self._picture, modality, maps.made)
+                    modality, partial(self._map_image, modality, maps.made)
                 )
         seen = {name: running[name].result() for name in MODALITIES if name in running}
         modality_detections = {name: one.made.seen for name, one in seen.items()}
@@ -146,7 +146,7 @@ class MultimodalDetector:
             modality_detections,
             fused.made,
             shown,
-            {name: seen[name].made.picture[..., 0] for name in MAP_MODALITIES if name in seen},
+            {name: seen[name].made.image[..., 0] for name in MAP_MODALITIES if name in seen},
             timings_s,
             (
                 *(one.span(f"{name} detector", begun_s) for name, one in seen.items()),
@@ -171,14 +171,14 @@ class MultimodalDetector:
             made |= {filling: fill_maps(sparse, filling) for filling in missing}
         return made
 
-    def _picture(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
-        return map_picture(maps[self.detectors[modality].filling], modality)
+    def _map_image(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
+        return map_image(maps[self.detectors[modality].filling], modality)
 
-    def _start(self, modality: Modality, picture: Callable[[], UInt8]) -> "Future[_Timed[_Look]]":
+    def _start(self, modality: Modality, image: Callable[[], UInt8]) -> "Future[_Timed[_Look]]":
         """Let a detector look at a picture, which is made by whoever does this, too."""
 
         def detect() -> _ModalOutput:
-            shown = picture()
+            shown = image()
             return _ModalOutput(shown, self.detectors[modality].detect(shown))
 
         return self._workers.submit(_timed, detect)
@@ -187,7 +187,7 @@ class MultimodalDetector:
 class _ModalOutput(NamedTuple):
     """What a detector was shown, and what it saw."""
 
-    picture: UInt8
+    image: UInt8
     seen: Detections
 
 

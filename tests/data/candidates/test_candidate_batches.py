@@ -55,7 +55,7 @@ def test_a_plain_sample_is_the_crop_that_runs_see(dataset: CandidateDataset):
     row = int(np.flatnonzero(dataset.candidates.is_vehicle)[0])
     sample = dataset[row]
     assert set(sample) == FIELDS
-    expected = crop_windows(dataset.picture(row), dataset.candidates.windows_px[[row]])[0]
+    expected = crop_windows(dataset.image(row), dataset.candidates.windows_px[[row]])[0]
     assert np.abs(sample["crops"].numpy().astype(int) - expected).max() <= 2
     assert float(sample["is_vehicle"]) == 1.0
     x1, y1, x2, y2 = dataset.candidates.windows_px[row]
@@ -147,7 +147,7 @@ def test_resumed_training_sees_what_it_would_have_seen(
 @pytest.mark.parametrize("method", ["fork", "spawn"])
 def test_workers_give_what_no_worker_gives(dataset: CandidateDataset, method: str):
     indices = [SampleIndex(row, (0, row)) for row in range(len(dataset))]
-    assert len(dataset.picture(0))  # an open picture stays behind
+    assert len(dataset.image(0))  # an open picture stays behind
 
     def crops(**options: object) -> np.ndarray:
         loader = DataLoader(dataset, batch_size=4, sampler=indices, **options)

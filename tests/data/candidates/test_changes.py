@@ -15,10 +15,10 @@ BOX = np.array([170.0, 80, 260, 140])
 
 def painted(box: np.ndarray = BOX) -> np.ndarray:
     """Return a picture that is 200 within a box."""
-    picture = np.zeros((240, 500, 3), np.uint8)
+    image = np.zeros((240, 500, 3), np.uint8)
     x1, y1, x2, y2 = box.astype(int)
-    picture[y1 : y2 + 1, x1 : x2 + 1] = 200
-    return picture
+    image[y1 : y2 + 1, x1 : x2 + 1] = 200
+    return image
 
 
 def extent_share(crop: np.ndarray) -> np.ndarray:
@@ -73,11 +73,11 @@ def test_shares_by_hand(change: Change, expected: tuple[float, ...]):
 
 
 def test_unchanged_it_is_what_runs_see():
-    picture = np.random.default_rng(0).integers(0, 256, (240, 500, 3), np.uint8)
-    smooth = np.cumsum(np.cumsum(picture, axis=1), axis=0)
-    picture = (255 * smooth / smooth.max()).astype(np.uint8)
-    view = crop_view(picture, Candidate(WINDOW, 20.0, BOX), Change())
-    at_run_time = crop_windows(picture, WINDOW[None])[0].transpose(1, 2, 0)
+    image = np.random.default_rng(0).integers(0, 256, (240, 500, 3), np.uint8)
+    smooth = np.cumsum(np.cumsum(image, axis=1), axis=0)
+    image = (255 * smooth / smooth.max()).astype(np.uint8)
+    view = crop_view(image, Candidate(WINDOW, 20.0, BOX), Change())
+    at_run_time = crop_windows(image, WINDOW[None])[0].transpose(1, 2, 0)
     assert np.abs(view.crop.astype(int) - at_run_time).max() <= 1
 
 

@@ -36,16 +36,16 @@ def test_a_scene_holds_who_is_made_of_what(street: LabelledFrames):
 
 
 def test_a_picture_shows_depth_height_and_reflectance(street: LabelledFrames):
-    picture = street.picture(0)
-    assert picture.shape == (95, 310, 3)
+    image = street.image(0)
+    assert image.shape == (95, 310, 3)
     scene = street.scene(0)
     x1, y1, x2, y2 = scene.label_boxes_px[0].astype(int)
-    on_car = picture[(y1 + y2) // 2, (x1 + x2) // 2]
+    on_car = image[(y1 + y2) // 2, (x1 + x2) // 2]
     assert int(on_car[2]) == pytest.approx(127, abs=2)
 
 
 def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
-    scene, picture = street.scene(1), np.array(street.picture(1))
+    scene, image = street.scene(1), np.array(street.image(1))
 
     def never(*args: object) -> None:
         raise AssertionError("it was there already")
@@ -53,7 +53,7 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
     monkeypatch.setattr(labelled_frames, "_scene", never)
     monkeypatch.setattr(labelled_frames, "_picture", never)
     again = LabelledFrames(street.drives, street.config, street.store)
-    np.testing.assert_array_equal(again.picture(1), picture)
+    np.testing.assert_array_equal(again.image(1), image)
     assert again.scene(1).focal_px == scene.focal_px
     np.testing.assert_array_equal(again.scene(1).shares, scene.shares)
 
@@ -67,15 +67,15 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
     ],
 )
 def test_other_settings_make_new_entries(
-    street: LabelledFrames, config: FrameConfig, pictures: int, scenes: int
+    street: LabelledFrames, config: FrameConfig, images: int, scenes: int
 ):
-    street.picture(0), street.scene(0)
+    street.image(0), street.scene(0)
     before = entries(street.store)
     other = LabelledFrames(street.drives, config, street.store)
-    other.picture(0)
-    assert entries(street.store) == before + pictures
+    other.image(0)
+    assert entries(street.store) == before + images
     other.scene(0)
-    assert entries(street.store) == before + pictures + scenes
+    assert entries(street.store) == before + images + scenes
 
 
 @pytest.mark.parametrize("name", ["velodyne/000000.bin", "calib/000000.txt", "label_2/000000.txt"])
@@ -115,7 +115,7 @@ def test_without_a_camera_nothing_can_be_seen(make_street: Callable[..., Path], 
     folder.rmdir()
     frames = LabelledFrames([open_drive(folder.parent)], FrameConfig(), store)
     with pytest.raises(CalibrationError, match="expected a camera's calibration, found none"):
-        frames.picture(0)
+        frames.image(0)
 
 
 def test_without_labels_nothing_can_be_learned(make_street: Callable[..., Path], store: ArrayStore):

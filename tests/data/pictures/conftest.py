@@ -9,8 +9,8 @@ import pytest
 
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
-from data.pictures.labelled_pictures import LabelledPictures
-from data.pictures.making import PictureRules
+from data.pictures.labelled_pictures import LabelledImages
+from data.pictures.making import ImageConfig
 from perception.detection.detectors.input_size import InputSize
 from perception.types import Modality
 from tests.car_frames import SIZE_PX, write_car_frames
@@ -42,15 +42,15 @@ def make_frames(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def make_pictures(
+def make_images(
     make_frames: Callable[..., Path], store: ArrayStore
-) -> Callable[..., LabelledPictures]:
+) -> Callable[..., LabelledImages]:
     """Open frames, written anew unless a root is given, as pictures of a modality."""
 
     def make(
         modality: Modality = "dm", root: Path | None = None, **config: object
-    ) -> LabelledPictures:
+    ) -> LabelledImages:
         drive = open_drive(root or make_frames())
-        return LabelledPictures([drive], PictureRules(modality, **{"size": SMALL, **config}), store)
+        return LabelledImages([drive], ImageConfig(modality, **{"size": SMALL, **config}), store)
 
     return make

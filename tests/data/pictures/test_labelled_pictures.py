@@ -12,17 +12,17 @@ import pytest
 from data.array_store import ArrayStore
 from data.open_drive import open_drive
 from data.pictures import labelled_pictures
-from data.pictures.labelled_pictures import LabelledPictures
-from data.pictures.making import PictureRules
+from data.pictures.labelled_pictures import LabelledImages
+from data.pictures.making import ImageConfig
 from perception.detection.detectors.input_size import InputSize, stretch
-from perception.detection.detectors.modalities import MapFilling, fill_maps, map_picture
+from perception.detection.detectors.modalities import MapFilling, fill_maps, map_image
 from perception.errors import ImageError, LabelError, ScanError, UsageError
 from perception.maps.projection import project_frame
 from perception.types import Modality
 from tests.car_frames import SIZE_PX, write_car_frames
 from tests.data.pictures.conftest import SMALL
 
-Make = Callable[..., LabelledPictures]
+Make = Callable[..., LabelledImages]
 
 
 def entries(store: ArrayStore) -> int:
@@ -32,36 +32,36 @@ def entries(store: ArrayStore) -> int:
 @pytest.mark.parametrize("modality", ["dm", "rm"])
 @pytest.mark.parametrize("filling", ["default", "sparse"])
 def test_a_map_is_what_a_detector_is_shown(
-    make_pictures: Make, modality: Modality, filling: MapFilling
+    make_images: Make, modality: Modality, filling: MapFilling
 ):
-    frames = make_pictures(modality, filling=filling)
+    frames = make_images(modality, filling=filling)
     dense = fill_maps(project_frame(frames.drives[0][1]), filling)
-    expected = stretch(map_picture(dense, modality), SMALL, modality)
-    np.testing.assert_array_equal(frames.picture(1), expected)
-    assert frames.picture(1).shape == (96, 320, 1)
+    expected = stretch(map_image(dense, modality), SMALL, modality)
+    np.testing.assert_array_equal(frames.image(1), expected)
+    assert frames.image(1).shape == (96, 320, 1)
     assert frames.size_px(1) == SIZE_PX
 
 
-def test_an_image_is_red_green_blue_and_stretched(make_pictures: Make):
-    picture = make_pictures("rgb").picture(2)
-    assert picture.shape == (96, 320, 3)
-    assert picture[10, 10].tolist() == [230, 0, 0]
-    assert picture[10, 300].tolist() == [0, 0, 230]
+def test_an_image_is_red_green_blue_and_stretched(make_images: Make):
+    image = make_images("rgb").image(2)
+    assert image.shape == (96, 320, 3)
+    assert image[10, 10].tolist() == [230, 0, 0]
+    assert image[10, 300].tolist() == [0, 0, 230]
 
 
 def test_both_maps_are_kept_at_once_and_read_again(
-    make_pictures: Make, make_frames: Callable[..., Path], store: ArrayStore, monkeypatch
+    make_images: Make, make_frames: Callable[..., Path], store: ArrayStore, monkeypatch
 ):
     root = make_frames()
-    depth = np.array(make_pictures("dm", root).picture(0))
+    depth = np.array(make_images("dm", root).image(0))
 
     def never(*args: object) -> None:
         raise AssertionError("it was there already")
 
-    monkeypatch.setattr(labelled_pictures, "make_pictures", never)
-    reflectance = make_pictures("rm", root, class_names=("Van",)).picture(0)
+    monkeypatch.setattr(labelled_pictures, "make_images", never)
+    reflectance = make_images("rm", root, class_names=("Van",)).image(0)
     assert (reflectance > 0).sum() == pytest.approx((depth > 0).sum(), rel=0.2)
-    np.testing.assert_array_equal(make_pictures("dm", root).picture(0), depth)
+    np.testing.assert_array_equal(make_images("dm", root).image(0), depth)
     assert entries(store) == 1
 
 
@@ -75,24 +75,24 @@ def test_both_maps_are_kept_at_once_and_read_again(
     ],
 )
 def test_other_settings_make_other_entries(
-    make_pictures: Make,
+    make_images: Make,
     make_frames: Callable[..., Path],
     store: ArrayStore,
     modality: Modality,
     changes: dict[str, object],
 ):
     root = make_frames(frames=1)
-    make_pictures(modality, root).picture(0)
-    make_pictures(modality, root, **changes).picture(0)
+    make_images(modality, root).image(0)
+    make_images(modality, root, **changes).image(0)
     assert entries(store) == 2
 
 
 def test_images_do_not_depend_on_how_maps_are_filled(
-    make_pictures: Make, make_frames: Callable[..., Path], store: ArrayStore
+    make_images: Make, make_frames: Callable[..., Path], store: ArrayStore
 ):
     root = make_frames(frames=1)
-    make_pictures("rgb", root).picture(0)
-    make_pictures("rgb", root, filling="nearest").picture(0)
+    make_images("rgb", root).image(0)
+    make_images("rgb", root, filling="nearest").image(0)
     assert entries(store) == 1
 
 
@@ -105,97 +105,93 @@ def test_images_do_not_depend_on_how_maps_are_filled(
     ],
 )
 def test_a_file_that_changed_is_read_again(
-    make_pictures: Make,
+    make_images: Make,
     make_frames: Callable[..., Path],
     store: ArrayStore,
     modality: Modality,
     file: str,
 ):
     root = make_frames(frames=1)
-    make_pictures(modality, root).picture(0)
+    make_images(modality, root).image(0)
     path = root / "training" / file
     os.utime(path, ns=(0, path.stat().st_mtime_ns + 10**9))
-    make_pictures(modality, root).picture(0)
+    make_images(modality, root).image(0)
     assert entries(store) == 2
 
 
 def test_the_cache_stays_within_its_budget(make_frames: Callable[..., Path], tmp_path: Path):
     budget_bytes = 200_000  # three entries of two maps of 30 kB and their headers
     store = ArrayStore(tmp_path / "small", budget_bytes)
-    frames = LabelledPictures([open_drive(make_frames())], PictureRules("dm", size=SMALL), store)
-    pictures = [np.array(frames.picture(number)) for number in range(5)]
+    frames = LabelledImages([open_drive(make_frames())], ImageConfig("dm", size=SMALL), store)
+    images = [np.array(frames.image(number)) for number in range(5)]
     kept_bytes = sum(path.stat().st_size for path in store.folder.rglob("*.npy"))
     assert 0 < kept_bytes <= budget_bytes
-    for number, picture in enumerate(pictures):  # what went is made again
-        np.testing.assert_array_equal(frames.picture(number), picture)
+    for number, image in enumerate(images):  # what went is made again
+        np.testing.assert_array_equal(frames.image(number), image)
 
 
-def test_jpeg_leaves_its_traces_as_opencv_writes_them(make_pictures: Make):
-    frames = make_pictures("rm", jpeg_quality=75, size=InputSize(190, 620))
+def test_jpeg_leaves_its_traces_as_opencv_writes_them(make_images: Make):
+    frames = make_images("rm", jpeg_quality=75, size=InputSize(190, 620))
     dense = fill_maps(project_frame(frames.drives[0][0]))
-    _, data = cv2.imencode(".jpg", map_picture(dense, "rm"), [cv2.IMWRITE_JPEG_QUALITY, 75])
+    _, data = cv2.imencode(".jpg", map_image(dense, "rm"), [cv2.IMWRITE_JPEG_QUALITY, 75])
     expected = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-    np.testing.assert_array_equal(frames.picture(0)[..., 0], expected)
-    assert (expected != map_picture(dense, "rm")[..., 0]).any()
+    np.testing.assert_array_equal(frames.image(0)[..., 0], expected)
+    assert (expected != map_image(dense, "rm")[..., 0]).any()
 
 
-def test_jpeg_keeps_colours_in_their_order(make_pictures: Make):
-    red, blue = make_pictures("rgb", jpeg_quality=90).picture(0)[10, [10, 300]].astype(int)
+def test_jpeg_keeps_colours_in_their_order(make_images: Make):
+    red, blue = make_images("rgb", jpeg_quality=90).image(0)[10, [10, 300]].astype(int)
     np.testing.assert_allclose(red, [250, 0, 0], atol=6)
     np.testing.assert_allclose(blue, [0, 0, 250], atol=6)
 
 
 def test_maps_need_no_image_and_images_need_one(tmp_path: Path, store: ArrayStore):
     drive = open_drive(write_car_frames(tmp_path / "lidar", 1))
-    assert LabelledPictures([drive], PictureRules("rm"), store).picture(0).any()
+    assert LabelledImages([drive], ImageConfig("rm"), store).image(0).any()
     with pytest.raises(ImageError, match=r"000000\.bin: expected a camera image, found none"):
-        LabelledPictures([drive], PictureRules("rgb"), store).picture(0)
+        LabelledImages([drive], ImageConfig("rgb"), store).image(0)
 
 
-def test_a_scan_that_cannot_be_read_is_named(make_pictures: Make, make_frames: Callable[..., Path]):
+def test_a_scan_that_cannot_be_read_is_named(make_images: Make, make_frames: Callable[..., Path]):
     root = make_frames(frames=2)
     (root / "training/velodyne/000001.bin").write_bytes(b"short")
-    frames = make_pictures("dm", root)
-    assert frames.picture(0).any()
+    frames = make_images("dm", root)
+    assert frames.image(0).any()
     with pytest.raises(ScanError, match=r"000001\.bin: expected 16 bytes a point"):
-        frames.picture(1)
+        frames.image(1)
 
 
-def test_an_image_that_cannot_be_read_is_named(
-    make_pictures: Make, make_frames: Callable[..., Path]
-):
+def test_an_image_that_cannot_be_read_is_named(make_images: Make, make_frames: Callable[..., Path]):
     root = make_frames(frames=1)
     (root / "training/image_2/000000.png").write_bytes(b"no image")
     with pytest.raises(ImageError, match=r"000000\.png: expected a whole PNG or JPEG image"):
-        make_pictures("rgb", root).picture(0)
+        make_images("rgb", root).image(0)
 
 
-def test_labels_that_cannot_be_read_are_named(
-    make_pictures: Make, make_frames: Callable[..., Path]
-):
+def test_labels_that_cannot_be_read_are_named(make_images: Make, make_frames: Callable[..., Path]):
     root = make_frames(frames=1)
     (root / "training/label_2/000000.txt").write_text("Car 0 0 0 nan 1 2 3 1 1 1 0 0 9 0\n")
     with pytest.raises(LabelError, match=r"000000\.txt row 1: expected 14 finite numbers"):
-        make_pictures("dm", root).labels(0)
+        make_images("dm", root).labels(0)
 
 
 def test_an_empty_label_file_is_a_frame_without_objects(
-    make_pictures: Make, make_frames: Callable[..., Path]
+    make_images: Make, make_frames: Callable[..., Path]
 ):
     root = make_frames(frames=1)
     (root / "training/label_2/000000.txt").write_text("")
-    frames = make_pictures("dm", root)
+    frames = make_images("dm", root)
     assert (len(frames.labels(0)), len(frames.targets(0))) == (0, 0)
 
 
 def test_boxes_without_an_area_are_left_out_and_told_once(
-    make_pictures: Make, make_frames: Callable[..., Path], caplog
+    make_images: Make, make_frames: Callable[..., Path], caplog
 ):
     root = make_frames(frames=1)
     path = root / "training/label_2/000000.txt"
     row = "Car 0 0 0 {} 50 {} 90 1.5 1.7 4 0 1.7 20 0\n"
     path.write_text(row.format(100, 160) + row.format(100, 100) + row.format(700, 800))
-    frames = make_pictures("dm", root)
+    frames = make_images("dm", root)
     with caplog.at_level(logging.WARNING):
         found = frames.targets(0), frames.targets(0)
     assert [len(labels) for labels in found] == [1, 1]
@@ -215,16 +211,16 @@ def test_boxes_without_an_area_are_left_out_and_told_once(
 )
 def test_rules_that_cannot_be_are_refused(config: dict[str, object], sentence: str):
     with pytest.raises(UsageError, match=sentence):
-        PictureRules(**{"modality": "dm", **config})
+        ImageConfig(**{"modality": "dm", **config})
 
 
 def test_real_frames_in_all_views(kitti_root: Path, store: ArrayStore):
     drive = open_drive(kitti_root / "object")
     for modality, share in (("rgb", 1.0), ("dm", 0.5), ("rm", 0.5)):
-        frames = LabelledPictures([drive], PictureRules(modality), store)
-        picture, labels = frames.picture(3), frames.targets(3)
-        assert picture.shape[:2] == (192, 640)
-        assert (picture.max(axis=2) > 0).mean() > 0.9 * share
+        frames = LabelledImages([drive], ImageConfig(modality), store)
+        image, labels = frames.image(3), frames.targets(3)
+        assert image.shape[:2] == (192, 640)
+        assert (image.max(axis=2) > 0).mean() > 0.9 * share
         width, height = frames.size_px(3)
         assert 1220 < width < 1250
         assert 368 < height < 378

@@ -19,9 +19,9 @@ def rng(seed: int = 0) -> np.random.Generator:
 
 def plane(depth_m: float) -> np.ndarray:
     """Return a depth map of one depth, of which the upper half is unknown."""
-    picture = np.full((96, 160, 1), encode_depth(np.float32([[depth_m]])).item(), np.uint8)
-    picture[:48] = 0
-    return picture
+    image = np.full((96, 160, 1), encode_depth(np.float32([[depth_m]])).item(), np.uint8)
+    image[:48] = 0
+    return image
 
 
 @pytest.mark.parametrize("depth_m", [12.0, 20.0, 40.0])
@@ -41,9 +41,9 @@ def test_a_plane_at_20_m_zoomed_by_2_is_that_of_10_m():
 
 
 def test_no_strength_changes_nothing():
-    picture = rng().integers(0, 256, (96, 160, 1), np.uint8)
-    np.testing.assert_array_equal(change_depth_map(picture, 1, NONE, rng()), picture)
-    np.testing.assert_array_equal(change_reflectance_map(picture, NONE, rng()), picture)
+    image = rng().integers(0, 256, (96, 160, 1), np.uint8)
+    np.testing.assert_array_equal(change_depth_map(image, 1, NONE, rng()), image)
+    np.testing.assert_array_equal(change_reflectance_map(image, NONE, rng()), image)
 
 
 def test_errors_of_the_range_are_in_metres():
@@ -73,10 +73,10 @@ def test_lost_cells_are_unknown_and_nothing_else_changes():
 @pytest.mark.parametrize("is_depth", [True, False])
 def test_far_and_weak_returns_fade_first(is_depth: bool):
     strengths = replace(NONE, faded=1.0)
-    picture = np.tile(np.array([[20], [250]], np.uint8).repeat(48, axis=0), (1, 160))[..., None]
+    image = np.tile(np.array([[20], [250]], np.uint8).repeat(48, axis=0), (1, 160))[..., None]
     kept = np.zeros(2)
     for seed in range(20):
-        args = (picture, 1.0) if is_depth else (picture,)
+        args = (image, 1.0) if is_depth else (image,)
         change = change_depth_map if is_depth else change_reflectance_map
         changed = change(*args, strengths, rng(seed))
         kept += [(changed[:48] > 0).mean() / 20, (changed[48:] > 0).mean() / 20]
@@ -98,33 +98,33 @@ def test_a_lost_beam_shows_the_row_above_where_maps_are_filled():
 
 
 def test_other_lidars_change_reflectances_by_one_rising_curve():
-    picture = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
+    image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
     curves = []
     for seed in range(50):
-        changed = change_reflectance_map(picture, replace(NONE, gain=1.0), rng(seed)).ravel()
+        changed = change_reflectance_map(image, replace(NONE, gain=1.0), rng(seed)).ravel()
         assert changed[0] == 0
         assert (np.diff(changed.astype(int)) >= 0).all()
         curves.append(changed[100] / 100)
     assert 0.49 < min(curves) < 0.6
     assert 1.7 < max(curves) < 2.01
-    gamma = change_reflectance_map(picture, replace(NONE, gamma=1.0), rng(2)).ravel()
+    gamma = change_reflectance_map(image, replace(NONE, gamma=1.0), rng(2)).ravel()
     assert (gamma[0], gamma[255]) == (0, 255)
     assert gamma[100] != 100
 
 
 def test_speckle_leaves_the_mean_and_what_is_unknown():
-    picture = np.full((96, 160, 1), 120, np.uint8)
-    picture[:48] = 0
+    image = np.full((96, 160, 1), 120, np.uint8)
+    image[:48] = 0
     for seed in range(10):
-        changed = change_reflectance_map(picture, replace(NONE, speckle=0.3), rng(seed))
+        changed = change_reflectance_map(image, replace(NONE, speckle=0.3), rng(seed))
         assert not changed[:48].any()
         assert changed[48:].mean() == pytest.approx(120, abs=2)
         assert changed[48:].std() < 40
 
 
 def test_changes_depend_on_the_generator_alone():
-    picture, strengths = plane(15), MapStrengths()
-    first, again, other = (change_depth_map(picture, 1.1, strengths, rng(s)) for s in (3, 3, 4))
+    image, strengths = plane(15), MapStrengths()
+    first, again, other = (change_depth_map(image, 1.1, strengths, rng(s)) for s in (3, 3, 4))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
 

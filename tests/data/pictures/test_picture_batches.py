@@ -14,11 +14,11 @@ from torch.utils.data import DataLoader
 from data.array_store import ArrayStore
 from data.looks import SampleIndex, ShuffledSampler
 from data.open_drive import open_drive
-from data.pictures.augmentation import PictureAugmentation, changed
-from data.pictures.dataset import PictureDataset, collate
-from data.pictures.labelled_pictures import LabelledPictures
-from data.pictures.making import PictureRules
-from data.pictures.module import PictureData, PictureLoading
+from data.pictures.augmentation import ImageAugmentationConfig, changed
+from data.pictures.dataset import ImageDataset, collate
+from data.pictures.labelled_pictures import LabelledImages
+from data.pictures.making import ImageConfig
+from data.pictures.module import ImageDataModule, ImageLoadingConfig
 from data.process_share import ContiguousDistributedSampler
 from data.training_drives import TrainingDrives
 from perception.errors import DriveError, LabelError, ScanError, UsageError
@@ -27,25 +27,25 @@ from tests.car_frames import SIZE_PX
 from tests.data.pictures.conftest import SMALL
 
 FIELDS = {"pictures", "boxes_px", "classes", "is_ignored", "numbers"}
-MakeData = Callable[..., PictureData]
+MakeData = Callable[..., ImageDataModule]
 
 
 @pytest.fixture
 def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
     def make(
         modality: Modality = "dm",
-        augmentation: PictureAugmentation | None = None,
+        augmentation: ImageAugmentationConfig | None = None,
         training: tuple[Path, ...] | None = None,
         validation: tuple[Path, ...] = (),
         progress: Callable[[Iterable[int]], Iterable[int]] = iter,
         **loading: object,
-    ) -> PictureData:
+    ) -> ImageDataModule:
         named = (make_frames(),) if training is None else training
-        return PictureData(
+        return ImageDataModule(
             TrainingDrives(named, validation, cache=tmp_path / "cache"),
-            PictureRules(modality, size=SMALL),
+            ImageConfig(modality, size=SMALL),
             augmentation,
-            PictureLoading(**{"batch_size": 2, **loading}),
+            ImageLoadingConfig(**{"batch_size": 2, **loading}),
             progress,
         )
 
@@ -53,15 +53,15 @@ def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
 
 
 @pytest.fixture
-def dataset(make_pictures: Callable[..., LabelledPictures]) -> PictureDataset:
-    return PictureDataset(make_pictures(), np.arange(5), PictureAugmentation(), seed=3)
+def dataset(make_images: Callable[..., LabelledImages]) -> ImageDataset:
+    return ImageDataset(make_images(), np.arange(5), ImageAugmentationConfig(), seed=3)
 
 
-def test_a_plain_sample_is_the_picture_and_its_labels(dataset: PictureDataset):
+def test_a_plain_sample_is_the_picture_and_its_labels(dataset: ImageDataset):
     sample = dataset[1]
     assert set(sample) == FIELDS
-    picture = dataset.frames.picture(1)
-    np.testing.assert_array_equal(sample["pictures"].numpy(), picture.transpose(2, 0, 1))
+    image = dataset.frames.image(1)
+    np.testing.assert_array_equal(sample["pictures"].numpy(), image.transpose(2, 0, 1))
     expected = dataset.frames.labels(1).boxes_px * np.tile([320 / 620, 96 / 190], 2)
     np.testing.assert_allclose(sample["boxes_px"], expected, rtol=1e-5)
     assert (sample["classes"].tolist(), sample["is_ignored"].tolist()) == ([0, 0], [False, False])
@@ -70,53 +70,53 @@ def test_a_plain_sample_is_the_picture_and_its_labels(dataset: PictureDataset):
 
 @pytest.mark.parametrize("modality", MODALITIES)
 def test_a_look_is_the_same_at_every_asking_and_another_is_not(
-    make_pictures: Callable[..., LabelledPictures], modality: Modality
+    make_images: Callable[..., LabelledImages], modality: Modality
 ):
-    dataset = PictureDataset(make_pictures(modality), np.arange(5), PictureAugmentation(), seed=3)
+    dataset = ImageDataset(make_images(modality), np.arange(5), ImageAugmentationConfig(), seed=3)
     first, again, other = (dataset[SampleIndex(0, view)] for view in ((1, 5), (1, 5), (2, 5)))
     for name in FIELDS:
         assert torch.equal(first[name], again[name])
     assert not torch.equal(first["pictures"], other["pictures"])
-    reseeded = PictureDataset(dataset.frames, np.arange(5), PictureAugmentation(), seed=4)
+    reseeded = ImageDataset(dataset.frames, np.arange(5), ImageAugmentationConfig(), seed=4)
     assert not torch.equal(first["pictures"], reseeded[SampleIndex(0, (1, 5))]["pictures"])
 
 
 @pytest.mark.parametrize("modality", MODALITIES)
 def test_no_augmentation_and_that_of_no_strength_are_plain(
-    make_pictures: Callable[..., LabelledPictures], modality: Modality
+    make_images: Callable[..., LabelledImages], modality: Modality
 ):
-    frames = make_pictures(modality)
-    none = PictureAugmentation.none()
+    frames = make_images(modality)
+    none = ImageAugmentationConfig.none()
     rng = np.random.default_rng(0)
-    picture, labels = changed(frames.picture(0), frames.targets(0), frames.config, none, rng)
-    np.testing.assert_array_equal(picture, frames.picture(0))
+    image, labels = changed(frames.image(0), frames.targets(0), frames.config, none, rng)
+    np.testing.assert_array_equal(image, frames.image(0))
     np.testing.assert_allclose(labels.boxes_px, frames.targets(0).boxes_px)
-    plain = PictureDataset(frames, np.arange(5))
+    plain = ImageDataset(frames, np.arange(5))
     assert torch.equal(plain[SampleIndex(0, (1, 5))]["pictures"], plain[0]["pictures"])
 
 
-def test_a_frame_that_the_store_lost_is_made_anew(dataset: PictureDataset):
+def test_a_frame_that_the_store_lost_is_made_anew(dataset: ImageDataset):
     before = dataset[0]["pictures"]
     for path in list(dataset.frames.store.folder.rglob("*.npy")):
         path.unlink()
-    assert torch.equal(PictureDataset(dataset.frames, np.arange(1))[0]["pictures"], before)
+    assert torch.equal(ImageDataset(dataset.frames, np.arange(1))[0]["pictures"], before)
 
 
 def test_truth_sizes_and_label_sizes_are_of_its_frames_in_order(
-    make_pictures: Callable[..., LabelledPictures],
+    make_images: Callable[..., LabelledImages],
 ):
-    frames = make_pictures()
-    dataset = PictureDataset(frames, np.array([3, 1]))
+    frames = make_images()
+    dataset = ImageDataset(frames, np.array([3, 1]))
     truth = dataset.truth()
     assert truth.frames.tolist() == [0, 0, 1, 1]
     expected = [*frames.labels(3).boxes_px, *frames.labels(1).boxes_px]
     np.testing.assert_array_equal(truth.boxes_px, expected)
-    assert dataset.picture_size_px(1) == SIZE_PX
+    assert dataset.image_size_px(1) == SIZE_PX
     sizes = np.array(expected)[:, 2:] - np.array(expected)[:, :2]
     np.testing.assert_allclose(dataset.label_sizes_px(), sizes * [320 / 620, 96 / 190], rtol=1e-5)
 
 
-def test_labels_are_filled_up_with_boxes_of_no_size(dataset: PictureDataset):
+def test_labels_are_filled_up_with_boxes_of_no_size(dataset: ImageDataset):
     less = {**dataset[0], "boxes_px": torch.ones(1, 4), "classes": torch.ones(1, dtype=torch.int64)}
     less["is_ignored"] = torch.ones(1, dtype=torch.bool)
     batch = collate([dataset[1], less])
@@ -130,9 +130,9 @@ def test_labels_are_filled_up_with_boxes_of_no_size(dataset: PictureDataset):
 
 
 def test_a_batch_without_any_label_is_a_batch(
-    make_frames: Callable[..., Path], make_pictures: Callable[..., LabelledPictures]
+    make_frames: Callable[..., Path], make_images: Callable[..., LabelledImages]
 ):
-    dataset = PictureDataset(make_pictures("dm", make_frames(cars=0)), np.arange(2))
+    dataset = ImageDataset(make_images("dm", make_frames(cars=0)), np.arange(2))
     assert collate([dataset[0], dataset[1]])["boxes_px"].shape == (2, 0, 4)
     assert dataset.label_sizes_px().shape == (0, 2)
 
@@ -153,7 +153,7 @@ def test_an_epoch_holds_every_frame_once_and_depends_on_its_number_alone():
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_workers_give_what_no_worker_gives(dataset: PictureDataset, method: str):
+def test_workers_give_what_no_worker_gives(dataset: ImageDataset, method: str):
     indices = [SampleIndex(row, (0, row)) for row in range(5)]
 
     def batches(**options: object) -> list[dict[str, torch.Tensor]]:
@@ -182,9 +182,9 @@ def test_workers_fill_one_cache_at_once(make_data: MakeData):
     folder = data.sources.store.folder
     for path in list(folder.rglob("*.npy")):
         path.unlink()
-    pictures = torch.cat([batch["pictures"] for batch in data.train_dataloader()])
-    assert pictures.shape == (4, 1, 96, 320)
-    assert (pictures > 0).any()
+    images = torch.cat([batch["pictures"] for batch in data.train_dataloader()])
+    assert images.shape == (4, 1, 96, 320)
+    assert (images > 0).any()
     assert len([path for path in folder.iterdir() if any(path.iterdir())]) == 4
 
 
@@ -196,7 +196,7 @@ def test_a_drive_on_disk_becomes_batches(make_data: MakeData):
             seen.append(number)
             yield number
 
-    data = make_data(augmentation=PictureAugmentation(), progress=progress, test_fraction=0.2)
+    data = make_data(augmentation=ImageAugmentationConfig(), progress=progress, test_fraction=0.2)
     data.prepare_data()
     assert seen == [0, 1, 2, 3, 4]
     assert len(list(data.sources.store.folder.iterdir())) == 5
@@ -209,7 +209,7 @@ def test_a_drive_on_disk_becomes_batches(make_data: MakeData):
     assert batches[0]["pictures"].dtype == torch.uint8
     assert sorted(torch.cat([batch["numbers"] for batch in batches]).tolist()) == [0, 1, 2]
     (kept,) = data.val_dataloader()
-    plain = data.validation.frames.picture(int(data.validation.numbers[0]))
+    plain = data.validation.frames.image(int(data.validation.numbers[0]))
     np.testing.assert_array_equal(kept["pictures"][0, 0].numpy(), plain[..., 0])
     assert len(list(data.test_dataloader())) == 1
 
@@ -296,7 +296,7 @@ def test_no_drives_are_refused(make_data: MakeData):
 )
 def test_loading_that_cannot_be_is_refused(loading: dict[str, float], sentence: str):
     with pytest.raises(UsageError, match=sentence):
-        PictureLoading(**loading)
+        ImageLoadingConfig(**loading)
 
 
 class Watcher(LightningModule):
@@ -317,7 +317,7 @@ class Watcher(LightningModule):
 
 
 def test_resumed_training_sees_what_it_would_have_seen(make_data: MakeData, tmp_path: Path):
-    data = make_data(augmentation=PictureAugmentation())
+    data = make_data(augmentation=ImageAugmentationConfig())
 
     def trained(epochs: int, resumed: Path | None = None) -> list[tuple[int, float, list[int]]]:
         watcher = Watcher()
@@ -337,6 +337,6 @@ def test_resumed_training_sees_what_it_would_have_seen(make_data: MakeData, tmp_
 
 def test_sequences_give_pictures_as_object_frames_do(kitti_root: Path, store: ArrayStore):
     drive = open_drive(kitti_root / "tracking", sequence="0000")
-    dataset = PictureDataset(LabelledPictures([drive], PictureRules("rgb"), store), np.arange(3))
+    dataset = ImageDataset(LabelledImages([drive], ImageConfig("rgb"), store), np.arange(3))
     assert dataset[0]["pictures"].shape == (3, 192, 640)
     assert set(dataset.truth().types) >= {"Van", "Cyclist"}

@@ -18,12 +18,12 @@ SIZE_PX = (160, 96)
 BOX = (40, 30, 60, 50)
 
 
-def picture_of(box: tuple[int, ...], channels: int = 1) -> np.ndarray:
+def modality_image(box: tuple[int, ...], channels: int = 1) -> np.ndarray:
     """Return a picture that is 200 within a box and 100 around it."""
     x1, y1, x2, y2 = box
-    picture = np.full((SIZE_PX[1], SIZE_PX[0], channels), 100, np.uint8)
-    picture[y1:y2, x1:x2] = 200
-    return picture
+    image = np.full((SIZE_PX[1], SIZE_PX[0], channels), 100, np.uint8)
+    image[y1:y2, x1:x2] = 200
+    return image
 
 
 def labels_of(*boxes: tuple[float, ...], min_height_px: float = 4.0) -> DetectionTargets:
@@ -55,7 +55,7 @@ PLACEMENTS = {
 def test_a_box_stays_around_what_it_holds(modality: Modality, name: str):
     placement, expected = PLACEMENTS[name]
     channels = 3 if modality == "rgb" else 1
-    placed = place(picture_of(BOX, channels), placement, modality, np.random.default_rng(0))
+    placed = place(modality_image(BOX, channels), placement, modality, np.random.default_rng(0))
     assert placed.shape == (96, 160, channels)
     labels = transform_targets(labels_of(BOX), placement, SIZE_PX)
     np.testing.assert_allclose(labels.boxes_px, [expected])
@@ -70,7 +70,7 @@ def test_a_box_stays_around_what_it_holds(modality: Modality, name: str):
 
 def test_around_a_smaller_map_nothing_is_known():
     placement = PLACEMENTS["smaller"][0]
-    placed = place(picture_of(BOX), placement, "dm", np.random.default_rng(0))
+    placed = place(modality_image(BOX), placement, "dm", np.random.default_rng(0))
     assert extent(placed[..., 0] > 0) == [16, 8, 96, 56]
     assert set(np.unique(placed)) == {0, 100, 200}  # no depth in between
 
@@ -107,11 +107,11 @@ def test_a_patch_hides_and_in_a_depth_map_is_unknown_or_nearer():
     placement = Placement(patches_px=np.array([[35.0, 20.0, 55.0, 60.0]]))
     hiding = set()
     for seed in range(12):
-        placed = place(picture_of(BOX), placement, "dm", np.random.default_rng(seed))[..., 0]
+        placed = place(modality_image(BOX), placement, "dm", np.random.default_rng(seed))[..., 0]
         (value,) = np.unique(placed[20:60, 35:55])
         assert value < 100  # all behind it is farther
         hiding.add(value > 0)
-        assert (placed[:, 55:60] == picture_of(BOX)[:, 55:60, 0]).all()
+        assert (placed[:, 55:60] == modality_image(BOX)[:, 55:60, 0]).all()
     assert hiding == {True, False}
 
 

@@ -9,23 +9,23 @@ from perception.errors import PerceptionError
 SHAPE = (66, 112)
 
 
-def smooth_picture(channels: int = 3) -> np.ndarray:
+def smooth_image(channels: int = 3) -> np.ndarray:
     rows, columns = np.mgrid[:120, :400]
     ramps = [columns / 400, rows / 120, (rows + columns) / 520]
     return np.stack([np.rint(255 * ramp) for ramp in ramps[:channels]], axis=-1).astype(np.uint8)
 
 
-def sampled(picture: np.ndarray, window: np.ndarray) -> np.ndarray:
+def sampled(image: np.ndarray, window: np.ndarray) -> np.ndarray:
     """The nearest pixels, one by one."""
     x1, y1, x2, y2 = window
-    crop = np.zeros((picture.shape[2], *SHAPE))
-    height, width = picture.shape[:2]
+    crop = np.zeros((image.shape[2], *SHAPE))
+    height, width = image.shape[:2]
     for row in range(SHAPE[0]):
         for column in range(SHAPE[1]):
             x = round(x1 + (column + 0.5) / SHAPE[1] * (x2 - x1))
             y = round(y1 + (row + 0.5) / SHAPE[0] * (y2 - y1))
             if 0 <= x < width and 0 <= y < height:
-                crop[:, row, column] = picture[y, x]
+                crop[:, row, column] = image[y, x]
     return crop
 
 
@@ -41,19 +41,19 @@ def sampled(picture: np.ndarray, window: np.ndarray) -> np.ndarray:
     ],
 )
 def test_a_crop_shows_the_nearest_pixels_of_the_window(window):
-    picture = smooth_picture()
-    crop = crop_windows(picture, np.array([window]))[0]
-    error = np.abs(crop.astype(float) - sampled(picture, np.array(window)))
+    image = smooth_image()
+    crop = crop_windows(image, np.array([window]))[0]
+    error = np.abs(crop.astype(float) - sampled(image, np.array(window)))
     # OpenCV rounds places to a fraction of a pixel: half-way between two, either may be taken.
     assert (error > 0).mean() < 0.03
     assert (error > 3).mean() < 0.01
 
 
 def test_a_window_of_the_crops_size_copies_pixels():
-    picture = np.random.default_rng(0).integers(0, 256, (120, 400, 3), np.uint8)
+    image = np.random.default_rng(0).integers(0, 256, (120, 400, 3), np.uint8)
     # Pixel 0 spreads from -0.5 to 0.5.
-    crop = crop_windows(picture, np.array([[49.5, 19.5, 161.5, 85.5]]))[0]
-    np.testing.assert_array_equal(crop, picture[20:86, 50:162].transpose(2, 0, 1))
+    crop = crop_windows(image, np.array([[49.5, 19.5, 161.5, 85.5]]))[0]
+    np.testing.assert_array_equal(crop, image[20:86, 50:162].transpose(2, 0, 1))
 
 
 def test_beyond_the_picture_is_nothing():
@@ -68,27 +68,27 @@ def test_beyond_the_picture_is_nothing():
 
 @pytest.mark.parametrize("channels", [1, 2, 3])
 def test_channels_come_first(channels):
-    picture = smooth_picture()[..., :channels]
+    image = smooth_image()[..., :channels]
     windows = np.array([[10.0, 10, 90, 60], [20, 20, 60, 50]])
-    crops = crop_windows(picture, windows)
+    crops = crop_windows(image, windows)
     assert crops.shape == (2, channels, *SHAPE)
     for channel in range(channels):
-        alone = crop_windows(picture[..., [channel]], windows)[:, 0]
+        alone = crop_windows(image[..., [channel]], windows)[:, 0]
         assert np.abs(crops[:, channel].astype(int) - alone).max() <= 3
 
 
 def test_no_windows_give_no_crops():
-    assert crop_windows(smooth_picture(), np.zeros((0, 4))).shape == (0, 3, *SHAPE)
+    assert crop_windows(smooth_image(), np.zeros((0, 4))).shape == (0, 3, *SHAPE)
 
 
 def test_a_box_without_width_is_seen_one_pixel_wide():
-    picture = smooth_picture()
-    crop = crop_windows(picture, np.array([[100.0, 20, 100, 60]]))[0]
-    wider = crop_windows(picture, np.array([[100.0, 20, 101, 60]]))[0]
+    image = smooth_image()
+    crop = crop_windows(image, np.array([[100.0, 20, 100, 60]]))[0]
+    wider = crop_windows(image, np.array([[100.0, 20, 101, 60]]))[0]
     np.testing.assert_array_equal(crop, wider)
 
 
 @pytest.mark.parametrize("edge", [np.nan, np.inf])
 def test_a_window_that_is_not_finite_is_refused(edge):
     with pytest.raises(PerceptionError, match="windows_px: expected finite windows"):
-        crop_windows(smooth_picture(), np.array([[0.0, 0, edge, 10]]))
+        crop_windows(smooth_image(), np.array([[0.0, 0, edge, 10]]))

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.naive_depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
 from data.open_drive import open_drive
 from perception.detection.depthcn.detector import DepthCn, NmsConfig
-from perception.detection.depthcn.picture import camera_picture
+from perception.detection.depthcn.picture import encode_channels
 from perception.detection.depthcn.proposals import Proposals
 from perception.detection.depthcn.windows import windows_px
 from perception.errors import CalibrationError, ModelError, PerceptionError, UsageError
@@ -107,7 +107,7 @@ def test_one_call_judges_all_candidates_as_one_by_one(write_model):
     corner = generator.uniform((0, 0), (150, 50), (30, 2))
     proposals = proposals_at(np.hstack([corner, corner + generator.uniform(10, 60, (30, 2))]))
     verified = detector.verify(proposals, dense, CALIBRATION)
-    picture = camera_picture(dense, CALIBRATION.image_P_velo, 1.73)
+    picture = encode_channels(dense, CALIBRATION.image_P_velo, 1.73)
     windows = windows_px("metric", proposals.boxes_px, proposals.depths_m, 100.0)
     judged = verify_one_by_one(detector.verifier, picture, windows)
     np.testing.assert_allclose(verified.scores, judged.scores, atol=1e-6)

@@ -19,17 +19,17 @@ def write(tmp_path):
     return write
 
 
-def picture_with_bright_cells(channels=1, cells=(((0, 0), 204), ((1, 2), 102))):
+def image_with_bright_cells(channels=1, cells=(((0, 0), 204), ((1, 2), 102))):
     """Return a picture of 64 x 96 whose cells (row, column) are as bright as told."""
-    picture = np.zeros((64, 96, channels), np.uint8)
+    image = np.zeros((64, 96, channels), np.uint8)
     for (row, column), brightness in cells:
-        picture[32 * row : 32 * row + 32, 32 * column : 32 * column + 32] = brightness
-    return picture
+        image[32 * row : 32 * row + 32, 32 * column : 32 * column + 32] = brightness
+    return image
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("rgb", 3), ("dm", 1), ("rm", 1)])
 def test_bright_cells_are_found_best_first(write, modality, channels):
-    found = ModalityDetector(write("a.onnx", modality)).detect(picture_with_bright_cells(channels))
+    found = ModalityDetector(write("a.onnx", modality)).detect(image_with_bright_cells(channels))
     # The last pixels of the picture are at 95 and 63.
     np.testing.assert_allclose(found.boxes_px, [[0, 0, 32, 32], [64, 32, 95, 63]])
     np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
@@ -37,7 +37,7 @@ def test_bright_cells_are_found_best_first(write, modality, channels):
 
 
 def test_boxes_are_in_pixels_of_the_picture_that_was_shown(write):
-    large = picture_with_bright_cells().repeat(3, axis=0).repeat(5, axis=1)
+    large = image_with_bright_cells().repeat(3, axis=0).repeat(5, axis=1)
     found = ModalityDetector(write()).detect(large)
     np.testing.assert_allclose(found.boxes_px, [[0, 0, 160, 96], [320, 96, 479, 191]])
     np.testing.assert_allclose(found.scores, [0.8, 0.4], rtol=1e-6)
@@ -48,9 +48,9 @@ def test_nothing_is_found_in_the_dark(write):
 
 
 def test_channels_are_not_mixed_up(write):
-    picture = np.zeros((64, 96, 3), np.uint8)
-    picture[..., 0], picture[..., 2] = 30, 90
-    shown = ModalityDetector(write("a.onnx", "rgb")).preprocess(picture)
+    image = np.zeros((64, 96, 3), np.uint8)
+    image[..., 0], image[..., 2] = 30, 90
+    shown = ModalityDetector(write("a.onnx", "rgb")).preprocess(image)
     assert shown.shape == (1, 3, 64, 96)
     assert shown.dtype == np.uint8
     np.testing.assert_array_equal(shown[0, :, 5, 7], [30, 0, 90])
@@ -58,7 +58,7 @@ def test_channels_are_not_mixed_up(write):
 
 def test_each_class_is_found_by_itself(write):
     detector = ModalityDetector(write("a.onnx", "dm", "Car,Pedestrian"))
-    found = detector.detect(picture_with_bright_cells())
+    found = detector.detect(image_with_bright_cells())
     assert sorted(found.types.tolist()) == ["Car", "Car", "Pedestrian", "Pedestrian"]
 
 
@@ -74,8 +74,8 @@ def test_file_says_what_it_is(write):
 
 
 def test_answer_does_not_depend_on_threads(write):
-    picture = np.random.default_rng(0).integers(0, 256, (375, 1242, 1), dtype=np.uint8)
-    one, two = (ModalityDetector(write(), threads).detect(picture) for threads in (1, 2))
+    image = np.random.default_rng(0).integers(0, 256, (375, 1242, 1), dtype=np.uint8)
+    one, two = (ModalityDetector(write(), threads).detect(image) for threads in (1, 2))
     np.testing.assert_array_equal(one.scores, two.scores)
     np.testing.assert_array_equal(one.boxes_px, two.boxes_px)
 

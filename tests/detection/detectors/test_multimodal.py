@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.detection.detectors.modalities import fill_maps, map_picture
+from perception.detection.detectors.modalities import fill_maps, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.union import NmsFusion
@@ -50,7 +50,7 @@ def assert_same(one: Detections, other: Detections):
 def test_each_detector_sees_what_it_sees_alone(detectors, frame):
     output = MultimodalDetector(detectors).detect(frame)
     dense = densify(project_frame(frame))
-    pictures = {"rgb": frame.image} | {name: map_picture(dense, name) for name in ("dm", "rm")}
+    pictures = {"rgb": frame.image} | {name: map_image(dense, name) for name in ("dm", "rm")}
     assert list(output.modality_detections) == list(MODALITIES)
     for modality, picture in pictures.items():
         assert_same(output.modality_detections[modality], detectors[modality].detect(picture))
@@ -106,9 +106,9 @@ def test_maps_are_filled_as_each_detector_learned(detectors, frame, tmp_path):
     sparse = ModalityDetector(path, 1)
     output = MultimodalDetector({"dm": detectors["dm"], "rm": sparse}).detect(frame)
     maps = fill_maps(project_frame(frame), "sparse")
-    assert_same(output.modality_detections["rm"], sparse.detect(map_picture(maps, "rm")))
+    assert_same(output.modality_detections["rm"], sparse.detect(map_image(maps, "rm")))
     dense = densify(project_frame(frame))
-    assert_same(output.modality_detections["dm"], detectors["dm"].detect(map_picture(dense, "dm")))
+    assert_same(output.modality_detections["dm"], detectors["dm"].detect(map_image(dense, "dm")))
 
 
 def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
