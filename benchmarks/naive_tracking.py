@@ -53,9 +53,9 @@ def greedy_nearest_by_loop(distances: Float64, gate: float) -> dict[int, int]:
     for track in range(distances.shape[0]):
         best = None
         for detection in range(distances.shape[1]):
-            is_candidate = distances[track, detection] <= gate and detection not in taken.values()
+            is_free = distances[track, detection] <= gate and detection not in taken.values()
             nearer = best is None or distances[track, detection] < distances[track, best]
-            if is_candidate and nearer:
+            if is_free and nearer:
                 best = detection
         if best is not None:
             taken[track] = best
@@ -100,7 +100,7 @@ class ReferencePointTracker:
         return self._confirmed_tracks(world_SE3_velo)
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
-        candidates = self._candidates(world_SE3_velo, moving)
+        detections = self._detections(world_SE3_velo, moving)
         last_m = [track.filter.mean[:2].copy() for track in self._tracks]
         for track in self._tracks:
             transition = np.eye(4) + step_s * np.eye(4, k=2)
@@ -111,16 +111,16 @@ class ReferencePointTracker:
             if self.config.gate_around == "last estimate"
             else [track.filter.mean[:2] for track in self._tracks]
         )
-        distances = np.empty((len(self._tracks), len(candidates)))
+        distances = np.empty((len(self._tracks), len(detections)))
         for row, place_m in enumerate(expected_m):
-            for column, candidate in enumerate(candidates):
-                distances[row, column] = np.linalg.norm(place_m - candidate.filter.mean[:2])
+            for column, detected in enumerate(detections):
+                distances[row, column] = np.linalg.norm(place_m - detected.filter.mean[:2])
         pairs = greedy_nearest_by_loop(distances, self.config.gate_m)
         for row, track in enumerate(self._tracks):
-            self._correct(track, last_m[row], candidates[pairs[row]] if row in pairs else None)
-        self._manage(candidates, set(pairs.values()), world_SE3_velo)
+            self._correct(track, last_m[row], detections[pairs[row]] if row in pairs else None)
+        self._manage(detections, set(pairs.values()), world_SE3_velo)
 
-    def _candidates(self, world_SE3_velo: Float64, moving: Footprints) -> list[_ReferenceTrack]:
+    def _detections(self, world_SE3_velo: Float64, moving: Footprints) -> list[_ReferenceTrack]:
         found = []
         for number in range(len(moving)):
             thing = moving[np.array([number])]
@@ -145,10 +145,10 @@ class ReferencePointTracker:
             track.filter.update(last_m, np.eye(2, 4), noise)
 
     def _manage(
-        self, candidates: list[_ReferenceTrack], claimed: set[int], world_SE3_velo: Float64
+        self, detections: list[_ReferenceTrack], claimed: set[int], world_SE3_velo: Float64
     ) -> None:
         kept = [track for track in self._tracks if track.is_confirmed]
-        kept += [track for number, track in enumerate(candidates) if number not in claimed]
+        kept += [track for number, track in enumerate(detections) if number not in claimed]
         margin_m = self.config.kept_beyond_area_m
         self._tracks = [t for t in kept if self._is_within(t, world_SE3_velo, margin_m)]
         for track in self._tracks:

@@ -69,14 +69,14 @@ def export_verifier(config: ExportConfig) -> ExportResult:
     with TemporaryDirectory() as folder:
         full = _write(models["fp32"], Path(folder, "fp32.onnx"))
         frames = config.read("candidates")
-        if candidates := list(candidate_inputs(DepthCn(full, sensor), frames, sensor)):
-            inputs["candidates"] = candidates
+        if crop_batches := list(crop_inputs(DepthCn(full, sensor), frames, sensor)):
+            inputs["candidates"] = crop_batches
         if config.int8:
-            if not candidates:
+            if not crop_batches:
                 raise UsageError(
                     "int8", expected="candidates to find its scales with", found="none"
                 )
-            models["int8"] = to_int8(models["fp32"], candidates[:_CALIBRATION_FRAMES])
+            models["int8"] = to_int8(models["fp32"], crop_batches[:_CALIBRATION_FRAMES])
         opened = {
             name: (len(data), OnnxModel(_write(data, Path(folder, f"{name}.onnx")), CONTRACT))
             for name, data in models.items()
@@ -126,9 +126,7 @@ def random_inputs(channels: int, rows: int, generator: np.random.Generator) -> I
     }
 
 
-def candidate_inputs(
-    detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel
-) -> Iterator[Inputs]:
+def crop_inputs(detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel) -> Iterator[Inputs]:
     """Yield what the detector shows its network of each frame that has candidates."""
     for frame in frames:
         dense = densify(project_frame(frame))

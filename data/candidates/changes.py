@@ -22,7 +22,7 @@ _ALL_DEPTHS_M = decode_depth(np.arange(256, dtype=np.uint8))
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CropSource:
     """One candidate of one picture.
 
     Attributes:
@@ -49,15 +49,15 @@ class CropView:
     box_share: Float64
 
 
-def crop_view(image: UInt8, candidate: Candidate, change: Change) -> CropView:
+def crop_view(image: UInt8, source: CropSource, change: Change) -> CropView:
     """Cut a candidate out of an (H, W, 3) picture and change it."""
-    window = np.asarray(candidate.window_px, np.float64)
+    window = np.asarray(source.window_px, np.float64)
     changed_A_picture = place_map(change, window)
     changed_A_crop = window_maps(window[None])[0]
     crop = warp(image, np.linalg.inv(changed_A_picture) @ changed_A_crop)
-    box_share = _shares(moved_box(candidate.box_px, changed_A_picture), window)
+    box_share = _shares(moved_box(source.box_px, changed_A_picture), window)
     if change.cover is not None:
-        crop = cover_side(crop, change.cover, box_share, candidate.depth_m)
+        crop = cover_side(crop, change.cover, box_share, source.depth_m)
     if change.depth != 1.0:
         crop = scale_depth(crop, change.depth)
     if change.line_shifts_px is not None:

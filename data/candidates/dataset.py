@@ -8,8 +8,8 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from data.candidates.augmentation import Augmentation, Change, draw_change
-from data.candidates.changes import Candidate, crop_view
-from data.candidates.gathering import CandidateSet
+from data.candidates.changes import CropSource, crop_view
+from data.candidates.gathering import CropSet
 from data.candidates.labelled_frames import LabelledFrames
 from data.looks import SampleIndex
 from perception.detection.depthcn.picture import CHANNELS
@@ -21,7 +21,7 @@ Sample = Mapping[str, Tensor]
 _MAX_OPEN_IMAGES = 384  # a file handle each; systems allow a process 1024 or more
 
 
-class CandidateDataset(Dataset[Sample]):
+class CropDataset(Dataset[Sample]):
     """Samples of a candidate set, by row (unchanged) or by `Ask` (changed).
 
     A sample holds
@@ -37,7 +37,7 @@ class CandidateDataset(Dataset[Sample]):
     def __init__(
         self,
         frames: LabelledFrames,
-        candidates: CandidateSet,
+        crops: CropSet,
         augmentation: Augmentation | None = None,
         channels: Sequence[str] = CHANNELS,
         seed: int = 0,
@@ -57,13 +57,13 @@ class CandidateDataset(Dataset[Sample]):
         unknown = [name for name in channels if name not in CHANNELS]
         if unknown or not channels:
             raise UsageError("channels", expected=f"some of {CHANNELS}", found=str(channels))
-        self.frames, self.candidates = frames, candidates
+        self.frames, self.crops = frames, crops
         self.augmentation, self.seed = augmentation, seed
         self._channels = [CHANNELS.index(name) for name in channels]
         self._images: dict[int, UInt8] = {}
 
     def __len__(self) -> int:
-        return len(self.candidates)
+        return len(self.crops)
 
     def __getitem__(self, index: SampleIndex | int) -> Sample:
         """Return one sample.
@@ -72,24 +72,24 @@ class CandidateDataset(Dataset[Sample]):
             PerceptionError: its frame is to be read again and cannot be.
         """
         row, change = self._change(index)
-        candidate = self.candidate(row)
-        view = crop_view(self.image(row), candidate, change)
+        source = self.source(row)
+        view = crop_view(self.image(row), source, change)
         crop = np.ascontiguousarray(view.crop[..., self._channels].transpose(2, 0, 1))
         return {
             "crops": torch.from_numpy(crop),
-            "windows_px": torch.from_numpy(self.candidates.windows_px[row]),
-            "is_vehicle": torch.tensor(float(self.candidates.is_vehicle[row])),
+            "windows_px": torch.from_numpy(self.crops.windows_px[row]),
+            "is_vehicle": torch.tensor(float(self.crops.is_vehicle[row])),
             "box_share": torch.from_numpy(view.box_share.astype(np.float32)),
         }
 
-    def candidate(self, row: int) -> Candidate:
+    def source(self, row: int) -> CropSource:
         """Return one candidate."""
-        found = self.candidates
-        return Candidate(found.windows_px[row], float(found.depths_m[row]), found.boxes_px[row])
+        found = self.crops
+        return CropSource(found.windows_px[row], float(found.depths_m[row]), found.boxes_px[row])
 
     def image(self, row: int) -> UInt8:
         """Return the whole picture that a candidate is cut from."""
-        number = int(self.candidates.frames[row])
+        number = int(self.crops.frames[row])
         if number not in self._images:
             if len(self._images) >= _MAX_OPEN_IMAGES:
                 self._images.pop(next(iter(self._images)))

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from data.candidates.labelled_frames import LabelledFrames, Scene
-from data.candidates.matching import MATCHING, VEHICLE
+from data.candidates.labelled_frames import LabelledFrames, ProposalScene
+from data.candidates.matching import MATCHERS, VEHICLE
 from data.frames import OnBadFrame
 from perception.detection.depthcn.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError, UsageError
@@ -32,24 +32,24 @@ class CropSamplingConfig:
     """
 
     window: WindowKind = "metric"
-    shaken: int = 2
-    shake: float = 0.1
+    jittered_copies: int = 2
+    max_jitter: float = 0.1
     min_points: int = 20
     on_bad_frame: OnBadFrame = "stop"
     seed: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what cannot be done, or would move a box off its vehicle."""
-        if self.shaken < 0 or not 0 <= self.shake <= 0.25 or self.min_points < 1:
+        if self.jittered_copies < 0 or not 0 <= self.max_jitter <= 0.25 or self.min_points < 1:
             raise UsageError(
                 "rules of gathering",
                 expected="shaken >= 0, shake from 0 to 0.25, min_points >= 1",
-                found=f"{self.shaken}, {self.shake:g}, {self.min_points}",
+                found=f"{self.jittered_copies}, {self.max_jitter:g}, {self.min_points}",
             )
 
 
 @dataclass(frozen=True)
-class CandidateSet:
+class CropSet:
     """M candidates of many frames, without their pixels.
 
     Attributes:
@@ -58,7 +58,7 @@ class CandidateSet:
         depths_m: (M,) how far they are.
         is_vehicle: (M,).
         boxes_px: (M, 4) of the vehicle's label, NaN of others.
-        is_shaken: (M,) whether it is a shaken label, not a proposal.
+        is_jittered: (M,) whether it is a shaken label, not a proposal.
     """
 
     frames: Int
@@ -66,7 +66,7 @@ class CandidateSet:
     depths_m: Float32
     is_vehicle: Bool
     boxes_px: Float32
-    is_shaken: Bool
+    is_jittered: Bool
 
     def __len__(self) -> int:
         """Return M."""
@@ -100,9 +100,9 @@ class CandidateSet:
         )
 
 
-def gather(
+def collect_crops(
     frames: LabelledFrames, config: CropSamplingConfig, progress: Progress = iter
-) -> CandidateSet:
+) -> CropSet:
     """Go through all frames.
 
     Args:
@@ -130,9 +130,9 @@ def gather(
             log.warning("skipped frame %d: %s", number, error)
             continue
         types.update(scene.label_types.tolist())
-        parts.append(_candidates(scene, number, config))
+        parts.append(_crops(scene, number, config))
     _require_vehicles(types, len(parts))
-    return CandidateSet.joined(parts)
+    return CropSet.joined(parts)
 
 
 def _require_vehicles(types: Counter[str], frames: int) -> None:
@@ -147,44 +147,46 @@ def _require_vehicles(types: Counter[str], frames: int) -> None:
     )
 
 
-def _candidates(scene: Scene, number: int, config: CropSamplingConfig) -> CandidateSet:
+def _crops(scene: ProposalScene, number: int, config: CropSamplingConfig) -> CropSet:
     rng = np.random.default_rng([config.seed, number])
-    return CandidateSet.joined(
-        [_proposed(scene, number, config.window), _shaken(scene, number, config, rng)]
+    return CropSet.joined(
+        [_proposed(scene, number, config.window), _jittered(scene, number, config, rng)]
     )
 
 
-def _proposed(scene: Scene, number: int, kind: WindowKind) -> CandidateSet:
-    matches = MATCHING[kind](scene)
+def _proposed(scene: ProposalScene, number: int, kind: WindowKind) -> CropSet:
+    matches = MATCHERS[kind](scene)
     rows = np.flatnonzero(~matches.is_left_out)
     labels = matches.labels[rows]
     boxes_px = np.full((len(rows), 4), np.nan)
     boxes_px[labels >= 0] = scene.label_boxes_px[labels[labels >= 0]]
     windows = windows_px(kind, scene.boxes_px[rows], scene.depths_m[rows], scene.focal_px)
-    return _of_frame(number, windows, scene.depths_m[rows], boxes_px, is_shaken=False)
+    return _of_frame(number, windows, scene.depths_m[rows], boxes_px, is_jittered=False)
 
 
-def _shaken(
-    scene: Scene, number: int, config: CropSamplingConfig, rng: np.random.Generator
-) -> CandidateSet:
+def _jittered(
+    scene: ProposalScene, number: int, config: CropSamplingConfig, rng: np.random.Generator
+) -> CropSet:
     """Add vehicles that the LiDAR sees whether or not they are proposed, with boxes a little off."""
     is_observed = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
-    rows = np.repeat(np.flatnonzero(is_observed & np.isfinite(scene.label_depths_m)), config.shaken)
+    rows = np.repeat(
+        np.flatnonzero(is_observed & np.isfinite(scene.label_depths_m)), config.jittered_copies
+    )
     boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
     size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
-    moved = boxes_px + rng.uniform(-config.shake, config.shake, boxes_px.shape) * size
+    moved = boxes_px + rng.uniform(-config.max_jitter, config.max_jitter, boxes_px.shape) * size
     windows = windows_px(config.window, moved, depths_m, scene.focal_px)
-    return _of_frame(number, windows, depths_m, boxes_px, is_shaken=True)
+    return _of_frame(number, windows, depths_m, boxes_px, is_jittered=True)
 
 
 def _of_frame(
-    number: int, windows: Float64, depths_m: Float64, boxes_px: Float64, *, is_shaken: bool
-) -> CandidateSet:
-    return CandidateSet(
+    number: int, windows: Float64, depths_m: Float64, boxes_px: Float64, *, is_jittered: bool
+) -> CropSet:
+    return CropSet(
         frames=np.full(len(windows), number),
         windows_px=windows.astype(np.float32),
         depths_m=depths_m.astype(np.float32),
         is_vehicle=np.asarray(np.isfinite(boxes_px).all(axis=1)),
         boxes_px=boxes_px.astype(np.float32),
-        is_shaken=np.full(len(windows), is_shaken),
+        is_jittered=np.full(len(windows), is_jittered),
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from data.candidates.augmentation import OPERATIONS, Augmentation, Change, draw_change
 from data.candidates.changes import crop_view
-from data.candidates.dataset import CandidateDataset
+from data.candidates.dataset import CropDataset
 from perception.maps.encoding import decode_depth
 from perception.types import Float, UInt8
 
@@ -24,7 +24,7 @@ _ROAD, _MAN_HIGH = 52, 90  # the road, and 1.8 m more, as the picture encodes he
 
 
 def augmentation_grids(
-    dataset: CandidateDataset, strengths: Augmentation, rows: Sequence[int], draws: int = 6
+    dataset: CropDataset, strengths: Augmentation, rows: Sequence[int], draws: int = 6
 ) -> Mapping[str, UInt8]:
     """Return an (H, W, 3) RGB picture for `none`, for each operation alone, and for `all`.
 
@@ -40,10 +40,10 @@ def augmentation_grids(
     return {name: _grid(dataset, one, rows, draws) for name, one in chosen.items()}
 
 
-def grid_rows(dataset: CandidateDataset, count: int, seed: int = 0) -> list[int]:
+def grid_rows(dataset: CropDataset, count: int, seed: int = 0) -> list[int]:
     """Draw samples to be looked at, vehicles first, then as many others."""
     rng = np.random.default_rng(seed)
-    is_vehicle = dataset.candidates.is_vehicle
+    is_vehicle = dataset.crops.is_vehicle
     classes = [np.flatnonzero(is_vehicle), np.flatnonzero(~is_vehicle)]
     counts = [(count + 1) // 2, count // 2]
     return [
@@ -77,9 +77,7 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
     return image
 
 
-def _grid(
-    dataset: CandidateDataset, strengths: Augmentation, rows: Sequence[int], draws: int
-) -> UInt8:
+def _grid(dataset: CropDataset, strengths: Augmentation, rows: Sequence[int], draws: int) -> UInt8:
     lines = [[_render_view(dataset, row, Change()) for row in rows]]
     for draw in range(draws):
         lines.append(
@@ -93,10 +91,10 @@ def _grid(
     return np.concatenate([np.concatenate(line, axis=1) for line in lines], axis=0)
 
 
-def _render_view(dataset: CandidateDataset, row: int, change: Change) -> UInt8:
-    candidate = dataset.candidate(row)
-    view = crop_view(dataset.image(row), candidate, change)
+def _render_view(dataset: CropDataset, row: int, change: Change) -> UInt8:
+    source = dataset.source(row)
+    view = crop_view(dataset.image(row), source, change)
     gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
     return np.pad(
-        shown(view.crop, view.box_share, candidate.depth_m * change.depth), gap, constant_values=255
+        shown(view.crop, view.box_share, source.depth_m * change.depth), gap, constant_values=255
     )

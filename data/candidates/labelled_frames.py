@@ -42,7 +42,7 @@ class FrameConfig:
 
 
 @dataclass(frozen=True)
-class Scene:
+class ProposalScene:
     """P proposals and L labelled objects of one frame.
 
     Attributes:
@@ -105,7 +105,7 @@ class LabelledFrames:
 
         return self.store.get(self._image_keys[number], make)["picture"]
 
-    def scene(self, number: int) -> Scene:
+    def scene(self, number: int) -> ProposalScene:
         """Return proposals and labels of a frame.
 
         Raises:
@@ -126,14 +126,14 @@ def _make_image(frame: Frame, method: Method, lidar_height_m: float) -> UInt8:
     return encode_channels(dense, calibration.image_P_velo, lidar_height_m)
 
 
-def _scene(frame: Frame, labels: Labels, config: FrameConfig) -> Scene:
+def _scene(frame: Frame, labels: Labels, config: FrameConfig) -> ProposalScene:
     calibration, size_px = camera_of(frame)
     points_velo = frame.points_velo
     proposals = propose(points_velo, calibration, size_px, config.proposals, config.method)
     is_within = points_inside(labels.boxes_velo, frame.points_velo, _MARGIN_M)
     _, depth_m = project(calibration.image_P_velo, frame.points_velo)
     nearest_m = np.where(is_within & (depth_m > 0), depth_m, np.inf).min(axis=1, initial=np.inf)
-    return Scene(
+    return ProposalScene(
         boxes_px=proposals.boxes_px,
         depths_m=proposals.depths_m,
         shares=_shares(proposals.clusters, is_within, len(proposals)),
@@ -146,10 +146,10 @@ def _scene(frame: Frame, labels: Labels, config: FrameConfig) -> Scene:
     )
 
 
-def _to_scene(arrays: Arrays) -> Scene:
+def _to_scene(arrays: Arrays) -> ProposalScene:
     """Return the scene that a store kept, whose focal length is an array there."""
     kept: dict[str, Any] = {**arrays, "focal_px": float(arrays["focal_px"])}
-    return Scene(**kept)
+    return ProposalScene(**kept)
 
 
 def _shares(clusters: Int, is_within: np.ndarray, count: int) -> Float64:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.candidates.labelled_frames import Scene
+from data.candidates.labelled_frames import ProposalScene
 from perception.detection.depthcn.windows import WindowKind
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float64, Int
@@ -21,7 +21,7 @@ _MAX_UNLABELLED = 0.5  # of a proposal's box within a region in which nothing wa
 
 
 @dataclass(frozen=True)
-class Matches:
+class ProposalMatches:
     """What P proposals of one frame are.
 
     Attributes:
@@ -33,24 +33,24 @@ class Matches:
     is_left_out: Bool
 
 
-def match_by_points(scene: Scene) -> Matches:
+def match_by_points(scene: ProposalScene) -> ProposalMatches:
     """Call a vehicle what has at least half of its points in a car's 3D box."""
     return _match(scene, scene.shares, _MIN_SHARE, _MAX_SHARE)
 
 
-def match_by_boxes(scene: Scene) -> Matches:
+def match_by_boxes(scene: ProposalScene) -> ProposalMatches:
     """Call a vehicle what overlaps a car's 2D box well, as the thesis does."""
     return _match(scene, iou_px(scene.boxes_px, scene.label_boxes_px), _MIN_IOU, _MAX_IOU)
 
 
 # What the thesis' network sees is the proposal's box, of which nothing but its box can be asked.
-MATCHING: Mapping[WindowKind, Callable[[Scene], Matches]] = {
+MATCHERS: Mapping[WindowKind, Callable[[ProposalScene], ProposalMatches]] = {
     "metric": match_by_points,
     "box": match_by_boxes,
 }
 
 
-def _match(scene: Scene, closeness: Float64, least: float, most: float) -> Matches:
+def _match(scene: ProposalScene, closeness: Float64, least: float, most: float) -> ProposalMatches:
     """Match by a (P, L) measure: a vehicle from `least` on, none where it is `most` at most."""
     of_car = np.where(scene.label_types == VEHICLE, closeness, 0.0)
     of_neighbour = np.where(scene.label_types == _NEIGHBOUR, closeness, 0.0)
@@ -61,4 +61,4 @@ def _match(scene: Scene, closeness: Float64, least: float, most: float) -> Match
     near_either = np.maximum(closest, of_neighbour.max(axis=1, initial=0.0)) > most
     unlabelled = intersection_over_area_px(scene.boxes_px, scene.dont_care_px)
     in_region = unlabelled.max(axis=1, initial=0.0) > _MAX_UNLABELLED
-    return Matches(labels, np.asarray((near_either | in_region) & ~is_vehicle))
+    return ProposalMatches(labels, np.asarray((near_either | in_region) & ~is_vehicle))

@@ -11,8 +11,8 @@ from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import Augmentation
 from data.candidates.balance import BalancedSampler
-from data.candidates.dataset import CandidateDataset, Sample
-from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
+from data.candidates.dataset import CropDataset, Sample
+from data.candidates.gathering import CropSamplingConfig, CropSet, collect_crops
 from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.loading import make_loader, process_sampler, validate_loader_config
 from data.splitting import SplitBy, split_rng, validation_frames
@@ -61,14 +61,14 @@ class CropLoadingConfig:
         validate_loader_config(self, least=2)
 
 
-class CandidateData(LightningDataModule):
+class CropDataModule(LightningDataModule):
     """Batches of candidates: changed and balanced to learn from, as they are to judge by.
 
-    A batch holds what `CandidateDataset` says of a sample, with a first axis of samples.
+    A batch holds what `CropDataset` says of a sample, with a first axis of samples.
     """
 
-    training: CandidateDataset
-    validation: CandidateDataset
+    training: CropDataset
+    validation: CropDataset
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class CandidateData(LightningDataModule):
             PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
         """
         for paths in self.sources.parts:
-            gather(self._frames(paths), self.config.sampling, self._progress)
+            collect_crops(self._frames(paths), self.config.sampling, self._progress)
 
     def setup(self, stage: str | None = None) -> None:
         """Gather the candidates and keep some back.
@@ -110,16 +110,16 @@ class CandidateData(LightningDataModule):
             PerceptionError: a drive cannot be opened or read, or has no labels or no camera.
         """
         frames = self._frames(self.sources.training)
-        found = gather(frames, self.config.sampling)
+        found = collect_crops(frames, self.config.sampling)
         kept_frames, kept = frames, found
         if self.sources.validation:
             kept_frames = self._frames(self.sources.validation)
-            kept = gather(kept_frames, self.config.sampling)
+            kept = collect_crops(kept_frames, self.config.sampling)
         else:
             is_kept = self._is_kept(frames)[found.frames]
             found, kept = found[~is_kept], found[is_kept]
         # What is judged is what will be met: proposals, not labels that were shaken.
-        kept = kept[~kept.is_shaken]
+        kept = kept[~kept.is_jittered]
         found.require_both_classes("training candidates")
         kept.require_both_classes("validation candidates")
         self.training = self._dataset(frames, found, self.augmentation)
@@ -127,7 +127,7 @@ class CandidateData(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Sample]:
         """Return batches of which half are vehicles."""
-        is_vehicle = self.training.candidates.is_vehicle
+        is_vehicle = self.training.crops.is_vehicle
         loading = self.loading
         epoch_sampler = BalancedSampler(is_vehicle, loading.seed, loading.samples_per_epoch)
         return make_loader(self, self.training, process_sampler(self, epoch_sampler), loading)
@@ -138,8 +138,8 @@ class CandidateData(LightningDataModule):
 
     def mean_crop(self, samples: int = 1024) -> Tensor:
         """Return (C, 66, 112) the mean of some training samples as they are, half of them vehicles."""
-        plain = self._dataset(self.training.frames, self.training.candidates, None)
-        sampler = BalancedSampler(plain.candidates.is_vehicle, self.loading.seed, samples)
+        plain = self._dataset(self.training.frames, self.training.crops, None)
+        sampler = BalancedSampler(plain.crops.is_vehicle, self.loading.seed, samples)
         total = sum(plain[index]["crops"].to(torch.int64) for index in sampler)
         return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
 
@@ -155,7 +155,7 @@ class CandidateData(LightningDataModule):
         )
 
     def _dataset(
-        self, frames: LabelledFrames, found: CandidateSet, augmentation: Augmentation | None
-    ) -> CandidateDataset:
+        self, frames: LabelledFrames, found: CropSet, augmentation: Augmentation | None
+    ) -> CropDataset:
         channels, seed = self.loading.channels, self.loading.seed
-        return CandidateDataset(frames, found, augmentation, channels, seed)
+        return CropDataset(frames, found, augmentation, channels, seed)

@@ -158,8 +158,8 @@ class PointTracker:
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
         """Move all tracks to the next frame."""
-        before, candidates = self._tracks, self._begin(moving, world_SE3_velo)
-        measured_m = candidates.states.mean[:, :2]
+        before, new_tracks = self._tracks, self._begin(moving, world_SE3_velo)
+        measured_m = new_tracks.states.mean[:, :2]
 
         # Prediction, then gating and nearest neighbour.
         predicted = self._predict(before.states, self.config.step_s or step_s)
@@ -169,11 +169,11 @@ class PointTracker:
 
         # Correction, and the shape of what was seen.
         states = self._correct(before.states, predicted, measured_m, pairs)
-        after = self._update_matched(replace(before, states=states), candidates, pairs)
+        after = self._update_matched(replace(before, states=states), new_tracks, pairs)
 
         # Track management: initialisation, confirmation, removal.
         after = after[after.is_confirmed]
-        born = candidates[pairs.unmatched_detections]
+        born = new_tracks[pairs.unmatched_detections]
         after, born = (f[self._is_near(f, world_SE3_velo)] for f in (after, born))
         self._tracks = after.joined(replace(born, ids=self._next_id + np.arange(len(born))))
         self._next_id += len(born)
@@ -217,12 +217,12 @@ class PointTracker:
         return predicted.replaced(pairs.tracks, seen)
 
     def _update_matched(
-        self, tracks: _PointTracks, candidates: _PointTracks, pairs: Association
+        self, tracks: _PointTracks, new_tracks: _PointTracks, pairs: Association
     ) -> _PointTracks:
         """Note which tracks were seen, and how large and high each of these was."""
         low_world_m, size_m = tracks.low_world_m.copy(), tracks.size_m.copy()
-        low_world_m[pairs.tracks] = candidates.low_world_m[pairs.detections]
-        size_m[pairs.tracks] = candidates.size_m[pairs.detections]
+        low_world_m[pairs.tracks] = new_tracks.low_world_m[pairs.detections]
+        size_m[pairs.tracks] = new_tracks.size_m[pairs.detections]
         is_observed = np.zeros(len(tracks), bool)
         is_observed[pairs.tracks] = True
         is_confirmed = tracks.is_confirmed | is_observed | (not self.config.confirms)

@@ -7,9 +7,9 @@ import torch
 from perception.errors import ModelError
 from train.networks.depthcn import (
     VERIFIER_INPUTS,
-    AroundCandidate,
+    DefaultVerifier,
+    RelativeDepthEncoding,
     ThesisVerifier,
-    Verifier,
     load_verifier,
     make_verifier,
 )
@@ -76,12 +76,12 @@ def test_the_thesis_box_is_the_window():
 
 
 def test_the_default_network_is_light():
-    counted = sum(weights.numel() for weights in Verifier().parameters())
+    counted = sum(weights.numel() for weights in DefaultVerifier().parameters())
     assert 300_000 < counted < 500_000
 
 
 def test_the_default_box_is_a_share_of_the_window():
-    network = Verifier().eval()
+    network = DefaultVerifier().eval()
     with torch.no_grad():
         network.box.weight.zero_()
         network.box.bias.copy_(torch.tensor([0.25, 0.5, 0.75, 1.25]))
@@ -110,7 +110,7 @@ def test_a_frame_without_candidates_has_no_boxes(method):
 
 
 def test_a_crop_is_judged_alone_as_among_others():
-    network = Verifier().eval()
+    network = DefaultVerifier().eval()
     crops = crops_of(4, 3)
     together, _ = network.heads(crops)
     alone = torch.cat([network.heads(crop[None])[0] for crop in crops])
@@ -125,7 +125,7 @@ def test_depth_becomes_meters_behind_the_candidate():
     crop[:, 0, 0, 0], crop[:, 0, 0, 1] = encoded[1], encoded[2]
     crop[:, :, 0, 2] = 0
     crop[:, :, 40, 50] = 0  # unknown in the middle: leaves the mean as it is
-    channels, distance = AroundCandidate()(crop)
+    channels, distance = RelativeDepthEncoding()(crop)
     assert distance.item() == pytest.approx(10 / 80, rel=0.01)
     behind = channels[0, 0]
     assert behind[0, 0].item() == pytest.approx(0.5 / 8, abs=0.01)
@@ -137,7 +137,7 @@ def test_depth_becomes_meters_behind_the_candidate():
 
 
 def test_a_crop_of_nothing_known_stays_finite():
-    channels, distance = AroundCandidate()(torch.zeros(2, 3, 66, 112, dtype=torch.uint8))
+    channels, distance = RelativeDepthEncoding()(torch.zeros(2, 3, 66, 112, dtype=torch.uint8))
     assert torch.isfinite(channels).all()
     assert distance.flatten().tolist() == pytest.approx([5 / 80, 5 / 80])
 

@@ -18,7 +18,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 import torch
-from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
+from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.detector import networks
 from train.detector.descent import PRESETS, Descent
 from train.detector.networks import DetectorNetworkConfig

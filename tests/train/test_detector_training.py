@@ -14,7 +14,7 @@ from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
 from tests.train.interrupted import KilledAfter
-from tests.train.toy_candidates import ToyCandidates
+from tests.train.toy_candidates import ToyCrops
 from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
@@ -234,7 +234,7 @@ def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, confi
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
     trainer = make_trainer(tmp_path, TrainerConfig(1, "cpu"))
-    fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCandidates(8))
+    fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops(8))
     verifier = tmp_path / "last.ckpt"
     for refuses in (
         lambda: load_detector(verifier),

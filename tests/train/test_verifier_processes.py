@@ -9,13 +9,13 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 import torch
-from tests.train.toy_candidates import ToyCandidates
+from tests.train.toy_crops import ToyCrops
 from train.trainer import TrainerConfig, fit, make_trainer
 from train.verifier.training import PLANS, VerifierTraining
 torch.set_num_threads(1)
 torch.manual_seed(0)
 trainer = make_trainer(Path(sys.argv[1]), TrainerConfig(1, "cpu", devices=2))
-fit(trainer, VerifierTraining(PLANS["default"]), ToyCandidates())
+fit(trainer, VerifierTraining(PLANS["default"]), ToyCrops())
 if trainer.is_global_zero:
     figures = {name: float(value) for name, value in trainer.callback_metrics.items()}
     print(json.dumps({"processes": trainer.world_size, "steps": trainer.global_step, **figures}))

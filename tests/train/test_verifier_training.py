@@ -10,7 +10,7 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from perception.errors import ModelError, UsageError
 from tests.train.interrupted import KilledAfter
-from tests.train.toy_candidates import ToyCandidates, toy_batch
+from tests.train.toy_candidates import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
@@ -36,7 +36,7 @@ def module_of(method="default", seed=0):
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
 def test_everything_fits_together(tmp_path, method, channels):
     trainer = make_trainer(tmp_path, config_of(1, is_trial=True))
-    fit(trainer, module_of(method), ToyCandidates(8, channels))
+    fit(trainer, module_of(method), ToyCrops(8, channels))
     assert trainer.global_step == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -60,15 +60,15 @@ def test_a_batch_is_learned_by_heart():
 
 def weights_after(folder, epochs, killed_at=None):
     trainer = make_trainer(folder / "whole", config_of(epochs))
-    fit(trainer, module_of(), ToyCandidates())
+    fit(trainer, module_of(), ToyCrops())
     with pytest.raises(KeyboardInterrupt):
         fit(
             make_trainer(folder / "killed", config_of(epochs), [KilledAfter(killed_at)]),
             module_of(),
-            ToyCandidates(),
+            ToyCrops(),
         )
     again = make_trainer(folder / "killed", config_of(epochs))
-    fit(again, module_of(seed=9), ToyCandidates(), folder / "killed" / "last.ckpt")
+    fit(again, module_of(seed=9), ToyCrops(), folder / "killed" / "last.ckpt")
     return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
 
 
@@ -82,7 +82,7 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path):
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
     trainer = make_trainer(tmp_path, config_of(3))
-    fit(trainer, module_of(), ToyCandidates())
+    fit(trainer, module_of(), ToyCrops())
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
     assert (last["epoch"], last["global_step"]) == (2, 12)
@@ -92,7 +92,7 @@ def test_the_best_epoch_and_the_last_are_kept(tmp_path):
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
-    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCandidates())
+    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCrops())
     before = (tmp_path / "last.ckpt").read_bytes()
 
     def full(path, content):
@@ -104,7 +104,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
         fit(
             make_trainer(tmp_path, config_of(2)),
             module_of(),
-            ToyCandidates(),
+            ToyCrops(),
             tmp_path / "last.ckpt",
         )
     assert (tmp_path / "last.ckpt").read_bytes() == before
@@ -112,10 +112,10 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCandidates())
+    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCrops())
     trainer = make_trainer(tmp_path / "thesis", config_of(2))
     with pytest.raises(ModelError, match=r"weights of this depthcn, found those of .* \(default\)"):
-        fit(trainer, module_of("thesis"), ToyCandidates(channels=1), tmp_path / "last.ckpt")
+        fit(trainer, module_of("thesis"), ToyCrops(channels=1), tmp_path / "last.ckpt")
 
 
 def test_a_training_is_not_written_over(tmp_path):
@@ -129,7 +129,7 @@ def test_a_training_is_not_written_over(tmp_path):
 def test_tensorboard_shows_what_is_promised(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
     trainer = make_trainer(tmp_path, config_of(2), [VerifierImages(lambda: grids)])
-    fit(trainer, module_of(), ToyCandidates())
+    fit(trainer, module_of(), ToyCrops())
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
     losses = ("loss", "class_loss", "box_loss")
@@ -143,7 +143,7 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):
-    fit(make_trainer(tmp_path, config_of(2)), module_of(), ToyCandidates())
+    fit(make_trainer(tmp_path, config_of(2)), module_of(), ToyCrops())
     printed = capfd.readouterr()
     assert printed.out == ""
     lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
@@ -168,7 +168,7 @@ def test_the_default_rate_rises_and_falls():
 
 
 def test_the_thesis_network_learns_what_to_subtract(tmp_path):
-    data = ToyCandidates(8, 1)
+    data = ToyCrops(8, 1)
     module = module_of("thesis")
     fit(make_trainer(tmp_path, config_of(1)), module, data)
     torch.testing.assert_close(module.network.mean_image, data.mean_crop())

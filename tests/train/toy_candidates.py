@@ -43,7 +43,7 @@ class _Order(Sampler[int]):
         return self._count
 
 
-class ToyCandidates(LightningDataModule):
+class ToyCrops(LightningDataModule):
     def __init__(self, count: int = 32, channels: int = 3, batch: int = 8) -> None:
         super().__init__()
         self._count, self._channels, self._batch = count, channels, batch

@@ -90,7 +90,7 @@ class ThesisVerifier(VehicleVerifier):
         return self.heads(crops)[0], windows_px
 
 
-class Verifier(VehicleVerifier):
+class DefaultVerifier(VehicleVerifier):
     """The default: light, with batch norm, and says where in the window the vehicle's box is."""
 
     # (filters, stride) of the 3 x 3 convolutions, and the units of the full layer. Where filters are many,
@@ -103,7 +103,7 @@ class Verifier(VehicleVerifier):
 
     def __init__(self) -> None:
         super().__init__()
-        self.around = AroundCandidate()
+        self.around = RelativeDepthEncoding()
         blocks, before = [], len(CHANNELS)
         for filters, stride in self._WHOLE:
             blocks.append(_block(before, filters, stride))
@@ -134,7 +134,7 @@ class Verifier(VehicleVerifier):
         return self.vehicle(features)[:, 0], self.box(features)
 
 
-class AroundCandidate(nn.Module):
+class RelativeDepthEncoding(nn.Module):
     """From 8-bit pictures to what a network learns easily: every channel from -1 to 1.
 
     depth         how far behind the middle of the window, 8 m to both sides; unknown pixels come out nearest
@@ -195,7 +195,7 @@ VERIFIER_INPUTS: dict[Method, VerifierInputConfig] = {
 
 def make_verifier(method: Method) -> VehicleVerifier:
     """Return an untrained network."""
-    return ThesisVerifier() if method == "thesis" else Verifier()
+    return ThesisVerifier() if method == "thesis" else DefaultVerifier()
 
 
 def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:

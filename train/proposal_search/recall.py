@@ -19,8 +19,8 @@ from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet
 from train.proposal_search.workers import run_parts
 
-Gathered = Iterable[tuple["Gathering", "list[Candidates]"]]
-RecallProgress = Callable[[Gathered, int], Gathered]
+CollectedProposals = Iterable[tuple["Gathering", "list[Candidates]"]]
+RecallProgress = Callable[[CollectedProposals, int], CollectedProposals]
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ProposalSetting:
 
 
 @dataclass(frozen=True)
-class Gathering:
+class RecallTask:
     """What one process gathers at a time.
 
     Attributes:
@@ -56,7 +56,7 @@ class Gathering:
 
 
 @dataclass(frozen=True)
-class Candidates:
+class FrameProposals:
     """One frame.
 
     Attributes:
@@ -80,12 +80,12 @@ def measure_recall(
     Raises:
         PerceptionError: a frame cannot be read.
     """
-    gatherings = [
-        Gathering(chunk, frames, tuple(settings), order, config.on_bad_frame)
+    tasks = [
+        RecallTask(chunk, frames, tuple(settings), order, config.on_bad_frame)
         for chunk, frames in enumerate(config.survey.chunks(config.chunk_frames))
     ]
-    gathered = progress(run_parts(gather, gatherings, workers), len(gatherings))
-    by_chunk = {gathering.chunk: frames for gathering, frames in gathered}
+    gathered = progress(run_parts(collect_proposals, tasks, workers), len(tasks))
+    by_chunk = {task.chunk: frames for task, frames in gathered}
     frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
     truths = true_boxes([frame.labels for frame in frames])
     return [
@@ -100,14 +100,14 @@ def measure_recall(
     ]
 
 
-def gather(gathering: Gathering) -> list[Candidates]:
+def collect_proposals(task: RecallTask) -> list[FrameProposals]:
     """Return what is labelled and what is proposed in each frame that can be read."""
-    drive, frames = gathering.frames.open(), gathering.frames.frames
-    read = ((index, read_or_skip(drive, index, gathering.on_bad_frame)) for index in frames)
+    drive, frames = task.frames.open(), task.frames.frames
+    read = ((index, read_or_skip(drive, index, task.on_bad_frame)) for index in frames)
     return [
-        Candidates(
+        FrameProposals(
             drive.labels(index),
-            tuple(_propose(frame, setting, gathering.order) for setting in gathering.settings),
+            tuple(_propose(frame, setting, task.order) for setting in task.settings),
         )
         for index, frame in read
         if frame is not None

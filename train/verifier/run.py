@@ -8,9 +8,9 @@ import torch
 from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
-from data.candidates.dataset import CandidateDataset
+from data.candidates.dataset import CropDataset
 from data.candidates.grids import augmentation_grids, grid_rows
-from data.candidates.module import CandidateData
+from data.candidates.module import CropDataModule
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
@@ -44,7 +44,7 @@ class TrainedVerifier:
 
 
 def train_verifier(
-    data: CandidateData,
+    data: CropDataModule,
     config: VerifierTrainingConfig,
     trainer_config: TrainerConfig,
     out: Path,
@@ -69,7 +69,7 @@ def train_verifier(
     return _evaluate_best(data, out / BEST)
 
 
-def evaluate(network: VehicleVerifier, samples: CandidateDataset, workers: int = 0) -> MetricValues:
+def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -> MetricValues:
     """Return the figures of a network over samples as they are."""
     metrics = VerifierMetrics()
     loader = DataLoader(samples, _EVALUATION_BATCH, num_workers=workers)
@@ -80,13 +80,13 @@ def evaluate(network: VehicleVerifier, samples: CandidateDataset, workers: int =
     return {name: float(value) for name, value in metrics.compute().items()}
 
 
-def _evaluate_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
+def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
     network, notes = load_verifier(checkpoint)
     parts = {"training": data.training, "validation": data.validation}
     counts = {}
     for name, samples in parts.items():
         counts[f"{name}_candidates"] = len(samples)
-        counts[f"{name}_vehicles"] = int(samples.candidates.is_vehicle.sum())
+        counts[f"{name}_vehicles"] = int(samples.crops.is_vehicle.sum())
     return TrainedVerifier(
         checkpoint,
         int(notes["epochs"]),
@@ -98,7 +98,7 @@ def _evaluate_best(data: CandidateData, checkpoint: Path) -> TrainedVerifier:
     )
 
 
-def _augmentations(data: CandidateData) -> Mapping[str, UInt8]:
+def _augmentations(data: CropDataModule) -> Mapping[str, UInt8]:
     if data.augmentation is None:
         return {}
     rows = grid_rows(data.training, _SHOWN_SAMPLES)

@@ -22,7 +22,7 @@ from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_
 from perception.types import Method
 from train.proposal_search.counting import ProposalCount
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.recall import Gathered, ProposalSetting, measure_recall
+from train.proposal_search.recall import CollectedProposals, ProposalSetting, measure_recall
 from train.proposal_search.search import FinishedTasks, SearchConfig, search
 from train.proposal_search.survey import Survey, survey
 
@@ -117,5 +117,5 @@ def _search_bar(finished: FinishedTasks, done: int, parts: int) -> FinishedTasks
     return progress_bar
 
 
-def _recall_bar(gathered: Gathered, parts: int) -> Gathered:
+def _recall_bar(gathered: CollectedProposals, parts: int) -> CollectedProposals:
     return progress_bar(gathered, "recall", parts, unit="part", delay_s=2)

@@ -11,7 +11,7 @@ from perception.cli.training.trainer_choice import write_training_configuration
 from perception.types import Method
 
 if TYPE_CHECKING:
-    from data.candidates.module import CandidateData
+    from data.candidates.module import CropDataModule
     from train.trainer import TrainerConfig
     from train.verifier.run import TrainedVerifier
 
@@ -68,16 +68,16 @@ def run_training(
     write_training_configuration(
         out, data=data, network=config, trainer=trainer, resumed_from=checkpoint
     )
-    module = candidate_data(data, method, trainer.seed)
+    module = crop_data(data, method, trainer.seed)
     return train_verifier(module, config, trainer, out, checkpoint)
 
 
-def candidate_data(data: VerifierDataConfig, method: Method, seed: int) -> "CandidateData":
+def crop_data(data: VerifierDataConfig, method: Method, seed: int) -> "CropDataModule":
     """Return the batches of one of the networks."""
     from data.candidates.augmentation import Augmentation
     from data.candidates.gathering import CropSamplingConfig
     from data.candidates.labelled_frames import FrameConfig
-    from data.candidates.module import CandidateData, CropConfig, CropLoadingConfig
+    from data.candidates.module import CropConfig, CropDataModule, CropLoadingConfig
     from data.training_drives import TrainingDrives
     from train.networks.depthcn import VERIFIER_INPUTS
 
@@ -85,7 +85,7 @@ def candidate_data(data: VerifierDataConfig, method: Method, seed: int) -> "Cand
     sampling = CropSamplingConfig(
         window=input_config.window, on_bad_frame=data.on_bad_frame, seed=seed
     )
-    return CandidateData(
+    return CropDataModule(
         TrainingDrives(data.drives, data.validation, data.cache),
         CropConfig(FrameConfig(method), sampling),
         Augmentation() if data.augment else None,

@@ -47,7 +47,7 @@ _MIN_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
 
 
 @dataclass(frozen=True)
-class Rescored:
+class RescoredBoxes:
     """M boxes of all modalities with their new scores, and the T combinations that these come from.
 
     Attributes:
@@ -111,7 +111,7 @@ class Fusion:
             return FusedDetections.empty()
         return self.join(scene, self.rescore(scene))
 
-    def rescore(self, scene: DetectedScene) -> Rescored:
+    def rescore(self, scene: DetectedScene) -> RescoredBoxes:
         """Give each box of each modality the mean of what all its combinations say of it.
 
         Args:
@@ -126,9 +126,11 @@ class Fusion:
         sums = np.bincount(flat[is_observed], tri_scores.ravel()[is_observed], count)
         times = np.bincount(flat[is_observed], minlength=count)
         best = _best_rows(flat, tri_scores.ravel(), count)
-        return Rescored(replace(merged.detections, scores=sums / times), rows, tri_scores, best)
+        return RescoredBoxes(
+            replace(merged.detections, scores=sums / times), rows, tri_scores, best
+        )
 
-    def join(self, scene: DetectedScene, rescored: Rescored) -> FusedDetections:
+    def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Keep the best box of each neighbourhood, with what it was made of."""
         kept = suppress(rescored.detections, MAX_IOU)
         rows = rescored.best[kept]

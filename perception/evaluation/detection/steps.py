@@ -64,16 +64,16 @@ class ThresholdSweep:
 
 
 def plan_sweep(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> ThresholdSweep:
     """Order the pairs by choice: the greatest overlap, but who is ignored only in need."""
-    groups = connected_groups(candidates.truths, candidates.detections)
-    is_valid_detection = mask.is_valid_detection[candidates.detections]
+    groups = connected_groups(pairs_to_match.truths, pairs_to_match.detections)
+    is_valid_detection = mask.is_valid_detection[pairs_to_match.detections]
     worth = np.where(
-        is_valid_detection, candidates.iou, 0.0
+        is_valid_detection, pairs_to_match.iou, 0.0
     )  # of the ignored ones, the first will do
-    order = np.lexsort((candidates.detections, -worth, candidates.truths, groups))
-    pairs, groups = candidates[order], groups[order]
+    order = np.lexsort((pairs_to_match.detections, -worth, pairs_to_match.truths, groups))
+    pairs, groups = pairs_to_match[order], groups[order]
     detections, firsts = np.unique(pairs.detections, return_index=True)
     detection_groups = groups[firsts]
     fall = np.lexsort((-evaluation_boxes.detections.scores[detections], detection_groups))

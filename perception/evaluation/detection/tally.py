@@ -83,7 +83,7 @@ def match_statistics(
     """Match the boxes of all frames, so that any threshold and any choice of frames can be counted."""
     mask = evaluation_mask(evaluation_boxes, of_class, difficulty)
     overlaps = evaluation_boxes.overlaps
-    candidates = overlaps[
+    pairs_to_match = overlaps[
         (overlaps.iou > of_class.iou)
         & mask.is_matchable_truth[overlaps.truths]
         & mask.is_matchable_detection[overlaps.detections]
@@ -91,17 +91,17 @@ def match_statistics(
     valid_frames = evaluation_boxes.truths.frames[mask.is_valid_truth]
     return MatchStatistics(
         truths_of_frames=np.bincount(valid_frames, minlength=evaluation_boxes.frames),
-        matches=_match_by_score(evaluation_boxes, mask, candidates),
-        increments=_count_increments(evaluation_boxes, mask, candidates),
+        matches=_match_by_score(evaluation_boxes, mask, pairs_to_match),
+        increments=_count_increments(evaluation_boxes, mask, pairs_to_match),
     )
 
 
 def _match_by_score(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> MatchedScores:
     """Let each truth take the surest of all detections, not the one that fits best."""
-    scores = evaluation_boxes.detections.scores[candidates.detections]
-    pairs = candidates[np.lexsort((candidates.detections, -scores, candidates.truths))]
+    scores = evaluation_boxes.detections.scores[pairs_to_match.detections]
+    pairs = pairs_to_match[np.lexsort((pairs_to_match.detections, -scores, pairs_to_match.truths))]
     rounds = rounds_in_groups(pairs.truths, connected_groups(pairs.truths, pairs.detections))
     matched = pairs[assign_greedily(pairs.truths, pairs.detections, rounds)]
     both = mask.is_valid_truth[matched.truths] & mask.is_valid_detection[matched.detections]
@@ -114,10 +114,10 @@ def _match_by_score(
 
 
 def _count_increments(
-    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, candidates: OverlapPairs
+    evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> CountIncrements:
     """Let every detection be wrong for itself, then correct this by what the matching gains."""
-    sweep = plan_sweep(evaluation_boxes, mask, candidates)
+    sweep = plan_sweep(evaluation_boxes, mask, pairs_to_match)
     gains = count_at_steps(evaluation_boxes, mask, sweep).gains(sweep.step_groups)
     detections, count = evaluation_boxes.detections, len(evaluation_boxes.detections)
     cleared = np.zeros(count, np.int64)

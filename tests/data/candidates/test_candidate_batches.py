@@ -16,11 +16,11 @@ from torch.utils.data import DataLoader
 
 from data.candidates.augmentation import OPERATIONS, Augmentation
 from data.candidates.balance import BalancedSampler
-from data.candidates.dataset import CandidateDataset
-from data.candidates.gathering import CropSamplingConfig, gather
+from data.candidates.dataset import CropDataset
+from data.candidates.gathering import CropSamplingConfig, collect_crops
 from data.candidates.grids import augmentation_grids, grid_rows
 from data.candidates.labelled_frames import LabelledFrames
-from data.candidates.module import CandidateData, CropConfig, CropLoadingConfig
+from data.candidates.module import CropConfig, CropDataModule, CropLoadingConfig
 from data.looks import SampleIndex
 from data.splitting import validation_frames
 from data.training_drives import TrainingDrives
@@ -31,19 +31,19 @@ FIELDS = {"crops", "windows_px", "is_vehicle", "box_share"}
 
 
 @pytest.fixture
-def dataset(street: LabelledFrames) -> CandidateDataset:
-    return CandidateDataset(street, gather(street, CropSamplingConfig()), Augmentation(), seed=3)
+def dataset(street: LabelledFrames) -> CropDataset:
+    return CropDataset(street, collect_crops(street, CropSamplingConfig()), Augmentation(), seed=3)
 
 
 @pytest.fixture
-def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[..., CandidateData]:
+def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[..., CropDataModule]:
     def make(
         loading: CropLoadingConfig | None = None, **sources: tuple[Path, ...]
-    ) -> CandidateData:
+    ) -> CropDataModule:
         named = {"training": (make_street(frames=5),)} | sources
-        return CandidateData(
+        return CropDataModule(
             TrainingDrives(**named, cache=tmp_path / "cache"),
-            CropConfig(sampling=CropSamplingConfig(shaken=2)),
+            CropConfig(sampling=CropSamplingConfig(jittered_copies=2)),
             Augmentation(),
             loading or CropLoadingConfig(batch_size=4),
         )
@@ -51,25 +51,25 @@ def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[...,
     return make
 
 
-def test_a_plain_sample_is_the_crop_that_runs_see(dataset: CandidateDataset):
-    row = int(np.flatnonzero(dataset.candidates.is_vehicle)[0])
+def test_a_plain_sample_is_the_crop_that_runs_see(dataset: CropDataset):
+    row = int(np.flatnonzero(dataset.crops.is_vehicle)[0])
     sample = dataset[row]
     assert set(sample) == FIELDS
-    expected = crop_windows(dataset.image(row), dataset.candidates.windows_px[[row]])[0]
+    expected = crop_windows(dataset.image(row), dataset.crops.windows_px[[row]])[0]
     assert np.abs(sample["crops"].numpy().astype(int) - expected).max() <= 2
     assert float(sample["is_vehicle"]) == 1.0
-    x1, y1, x2, y2 = dataset.candidates.windows_px[row]
+    x1, y1, x2, y2 = dataset.crops.windows_px[row]
     box = sample["box_share"].numpy() * np.tile([x2 - x1, y2 - y1], 2) + [x1, y1, x1, y1]
-    np.testing.assert_allclose(box, dataset.candidates.boxes_px[row], atol=1e-3)
+    np.testing.assert_allclose(box, dataset.crops.boxes_px[row], atol=1e-3)
 
 
-def test_what_is_no_vehicle_says_so(dataset: CandidateDataset):
-    sample = dataset[int(np.flatnonzero(~dataset.candidates.is_vehicle)[0])]
+def test_what_is_no_vehicle_says_so(dataset: CropDataset):
+    sample = dataset[int(np.flatnonzero(~dataset.crops.is_vehicle)[0])]
     assert float(sample["is_vehicle"]) == 0.0
     assert sample["box_share"].isnan().all()
 
 
-def test_a_look_is_the_same_at_every_asking_and_another_is_not(dataset: CandidateDataset):
+def test_a_look_is_the_same_at_every_asking_and_another_is_not(dataset: CropDataset):
     first, again, other = (
         dataset[SampleIndex(0, view)]["crops"] for view in ((1, 5), (1, 5), (2, 5))
     )
@@ -77,12 +77,12 @@ def test_a_look_is_the_same_at_every_asking_and_another_is_not(dataset: Candidat
     assert bool((first != other).any())
 
 
-def test_channels_are_chosen_by_name(street: LabelledFrames, dataset: CandidateDataset):
-    chosen = CandidateDataset(street, dataset.candidates, None, ("reflectance", "depth"))
+def test_channels_are_chosen_by_name(street: LabelledFrames, dataset: CropDataset):
+    chosen = CropDataset(street, dataset.crops, None, ("reflectance", "depth"))
     crops = chosen[0]["crops"]
     np.testing.assert_array_equal(crops, dataset[0]["crops"][[2, 0]])
     with pytest.raises(UsageError, match="channels: expected some of"):
-        CandidateDataset(street, dataset.candidates, None, ("colour",))
+        CropDataset(street, dataset.crops, None, ("colour",))
 
 
 def test_half_of_every_batch_are_vehicles_and_all_are_seen():
@@ -126,7 +126,7 @@ class Watcher(LightningModule):
 
 
 def test_resumed_training_sees_what_it_would_have_seen(
-    make_data: Callable[..., CandidateData], tmp_path: Path
+    make_data: Callable[..., CropDataModule], tmp_path: Path
 ):
     def trained(epochs: int, resumed: Path | None = None) -> list[tuple[int, float]]:
         watcher, data = Watcher(), make_data()
@@ -145,7 +145,7 @@ def test_resumed_training_sees_what_it_would_have_seen(
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn"])
-def test_workers_give_what_no_worker_gives(dataset: CandidateDataset, method: str):
+def test_workers_give_what_no_worker_gives(dataset: CropDataset, method: str):
     indices = [SampleIndex(row, (0, row)) for row in range(len(dataset))]
     assert len(dataset.image(0))  # an open picture stays behind
 
@@ -157,17 +157,17 @@ def test_workers_give_what_no_worker_gives(dataset: CandidateDataset, method: st
     np.testing.assert_array_equal(crops(num_workers=1, multiprocessing_context=method), alone)
 
 
-def test_a_worker_makes_anew_what_the_store_lost(dataset: CandidateDataset):
+def test_a_worker_makes_anew_what_the_store_lost(dataset: CropDataset):
     before = dataset[0]["crops"]
     for entry in dataset.frames.store.folder.iterdir():
         for path in entry.iterdir():
             path.unlink()
         entry.rmdir()
-    other = CandidateDataset(dataset.frames, dataset.candidates)
+    other = CropDataset(dataset.frames, dataset.crops)
     np.testing.assert_array_equal(other[0]["crops"], before)
 
 
-def test_batches_of_drives_on_disk(make_data: Callable[..., CandidateData]):
+def test_batches_of_drives_on_disk(make_data: Callable[..., CropDataModule]):
     data = make_data()
     data.prepare_data()
     data.setup()
@@ -175,40 +175,40 @@ def test_batches_of_drives_on_disk(make_data: Callable[..., CandidateData]):
     assert set(batch) == FIELDS
     assert batch["crops"].shape == (4, 3, 66, 112)
     assert float(batch["is_vehicle"].mean()) == 0.5
-    assert not data.validation.candidates.is_shaken.any()
-    shared = set(data.training.candidates.frames) & set(data.validation.candidates.frames)
+    assert not data.validation.crops.is_jittered.any()
+    shared = set(data.training.crops.frames) & set(data.validation.crops.frames)
     assert shared == set()
-    assert len(set(data.validation.candidates.frames)) == 1  # 20 % of five frames
+    assert len(set(data.validation.crops.frames)) == 1  # 20 % of five frames
     kept = sum(len(batch["is_vehicle"]) for batch in data.val_dataloader())
     assert kept == len(data.validation)
 
 
 def test_validation_drives_are_taken_whole(
-    make_street: Callable[..., Path], make_data: Callable[..., CandidateData]
+    make_street: Callable[..., Path], make_data: Callable[..., CropDataModule]
 ):
     data = make_data(validation=(make_street("other", frames=2),))
     data.setup()
-    assert set(data.training.candidates.frames) == {0, 1, 2, 3, 4}
-    assert set(data.validation.candidates.frames) == {0, 1}
+    assert set(data.training.crops.frames) == {0, 1, 2, 3, 4}
+    assert set(data.validation.crops.frames) == {0, 1}
 
 
-def test_the_mean_crop_is_the_mean_of_plain_samples(make_data: Callable[..., CandidateData]):
+def test_the_mean_crop_is_the_mean_of_plain_samples(make_data: Callable[..., CropDataModule]):
     data = make_data()
     data.setup()
-    rows = [index.row for index in BalancedSampler(data.training.candidates.is_vehicle, 0, 20)]
+    rows = [index.row for index in BalancedSampler(data.training.crops.is_vehicle, 0, 20)]
     crops = [data.training[row]["crops"].numpy() for row in rows]
     np.testing.assert_allclose(data.mean_crop(20), np.mean(crops, axis=0), rtol=1e-5)
 
 
 def test_a_validation_set_without_cars_is_refused(
-    make_street: Callable[..., Path], make_data: Callable[..., CandidateData]
+    make_street: Callable[..., Path], make_data: Callable[..., CropDataModule]
 ):
     data = make_data(validation=(make_street("other", things=("Van",)),))
     with pytest.raises(LabelError, match="a set that lacks the class"):
         data.setup()
 
 
-def test_no_drives_are_refused(make_data: Callable[..., CandidateData]):
+def test_no_drives_are_refused(make_data: Callable[..., CropDataModule]):
     with pytest.raises(DriveError, match="expected drives to learn from, found none"):
         make_data(training=()).setup()
 
@@ -236,17 +236,17 @@ def test_loading_that_cannot_be_is_refused(loading: dict[str, int]):
         CropLoadingConfig(**loading)
 
 
-def test_grids_show_every_operation(dataset: CandidateDataset):
+def test_grids_show_every_operation(dataset: CropDataset):
     rows = grid_rows(dataset, 4)
     draws = 6
     grids = augmentation_grids(dataset, Augmentation(), rows, draws)
     assert list(grids) == ["none", *OPERATIONS, "all"]
-    columns = 2 + min(2, int((~dataset.candidates.is_vehicle).sum()))
+    columns = 2 + min(2, int((~dataset.crops.is_vehicle).sum()))
     for name, grid in grids.items():
         assert grid.shape == ((1 + draws) * 134, columns * 226, 3)
         lines = grid.reshape(1 + draws, 134, -1, 3)
         assert bool((lines[0] != lines[1:]).any()) == (name != "none")
-    assert dataset.candidates.is_vehicle[rows].tolist() == [True, True, False, False]
+    assert dataset.crops.is_vehicle[rows].tolist() == [True, True, False, False]
 
 
 def test_arrays_and_geometry_need_no_torch():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.candidates.augmentation import Augmentation, Change, Cover, draw_change
-from data.candidates.changes import Candidate, cover_side, crop_view, scale_depth, shift_lines
+from data.candidates.changes import CropSource, cover_side, crop_view, scale_depth, shift_lines
 from perception.detection.depthcn.crops import crop_windows
 from perception.maps.encoding import decode_depth, encode_depth
 
@@ -43,7 +43,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_the_box_goes_where_its_corners_go(name: str):
-    view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), CHANGES[name])
+    view = crop_view(painted(), CropSource(WINDOW, 20.0, BOX), CHANGES[name])
     # A pixel of the crop is 0.009 of its width and 0.015 of its height.
     np.testing.assert_allclose(extent_share(view.crop), view.box_share, atol=0.017)
 
@@ -52,7 +52,7 @@ def test_all_draws_together_keep_the_box_on_the_pixels():
     strengths = Augmentation(cover=0.0, line_shift_px=0.0)
     for seed in range(20):
         change = draw_change(strengths, np.random.default_rng(seed))
-        view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), change)
+        view = crop_view(painted(), CropSource(WINDOW, 20.0, BOX), change)
         np.testing.assert_allclose(extent_share(view.crop), view.box_share, atol=0.017)
 
 
@@ -68,7 +68,7 @@ def test_all_draws_together_keep_the_box_on_the_pixels():
     ],
 )
 def test_shares_by_hand(change: Change, expected: tuple[float, ...]):
-    view = crop_view(painted(), Candidate(WINDOW, 20.0, BOX), change)
+    view = crop_view(painted(), CropSource(WINDOW, 20.0, BOX), change)
     np.testing.assert_allclose(view.box_share, expected, atol=6e-4)
 
 
@@ -76,13 +76,13 @@ def test_unchanged_it_is_what_runs_see():
     image = np.random.default_rng(0).integers(0, 256, (240, 500, 3), np.uint8)
     smooth = np.cumsum(np.cumsum(image, axis=1), axis=0)
     image = (255 * smooth / smooth.max()).astype(np.uint8)
-    view = crop_view(image, Candidate(WINDOW, 20.0, BOX), Change())
+    view = crop_view(image, CropSource(WINDOW, 20.0, BOX), Change())
     at_run_time = crop_windows(image, WINDOW[None])[0].transpose(1, 2, 0)
     assert np.abs(view.crop.astype(int) - at_run_time).max() <= 1
 
 
 def test_what_is_no_vehicle_has_no_box():
-    view = crop_view(painted(), Candidate(WINDOW, 20.0, np.full(4, np.nan)), CHANGES["all"])
+    view = crop_view(painted(), CropSource(WINDOW, 20.0, np.full(4, np.nan)), CHANGES["all"])
     assert np.isnan(view.box_share).all()
 
 

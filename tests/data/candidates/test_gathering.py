@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
-from data.candidates.gathering import CandidateSet, CropSamplingConfig, gather
+from data.candidates.gathering import CropSamplingConfig, CropSet, collect_crops
 from data.candidates.labelled_frames import FrameConfig, LabelledFrames
 from data.open_drive import open_drive
 from perception.detection.depthcn.windows import WindowKind
@@ -21,7 +21,7 @@ def opened(folder: Path, store: ArrayStore) -> LabelledFrames:
 
 @pytest.mark.parametrize("kind", ["metric", "box"])
 def test_a_street_gives_its_car_and_its_pole(street: LabelledFrames, kind: WindowKind):
-    found = gather(street, CropSamplingConfig(window=kind, shaken=0))
+    found = collect_crops(street, CropSamplingConfig(window=kind, jittered_copies=0))
     of_frame = found[found.frames == 1]
     # The van is left out.
     assert sorted(of_frame.is_vehicle.tolist()) == [False, True]
@@ -33,34 +33,41 @@ def test_a_street_gives_its_car_and_its_pole(street: LabelledFrames, kind: Windo
 
 
 def test_the_window_is_of_the_kind_that_was_asked_for(street: LabelledFrames):
-    metric = gather(street, CropSamplingConfig(shaken=0)).windows_px
+    metric = collect_crops(street, CropSamplingConfig(jittered_copies=0)).windows_px
     width, height = (metric[:, 2:] - metric[:, :2]).T
     np.testing.assert_allclose(width / height, 112 / 66, rtol=1e-5)
-    box = gather(street, CropSamplingConfig(window="box", shaken=0)).windows_px
+    box = collect_crops(street, CropSamplingConfig(window="box", jittered_copies=0)).windows_px
     proposed = street.scene(0).boxes_px
     assert all((np.abs(proposed - window).max(axis=1) < 1e-3).any() for window in box)
 
 
 def test_shaken_labels_stay_on_their_vehicle(street: LabelledFrames):
-    found = gather(street, CropSamplingConfig(window="box", shaken=20, shake=0.1))
-    shaken = found[found.is_shaken]
-    assert len(shaken) == 3 * 20
-    assert shaken.is_vehicle.all()
-    overlap = iou_px(shaken.windows_px.astype(float), shaken.boxes_px[:1].astype(float))
+    found = collect_crops(
+        street, CropSamplingConfig(window="box", jittered_copies=20, max_jitter=0.1)
+    )
+    jittered_copies = found[found.is_jittered]
+    assert len(jittered_copies) == 3 * 20
+    assert jittered_copies.is_vehicle.all()
+    overlap = iou_px(
+        jittered_copies.windows_px.astype(float), jittered_copies.boxes_px[:1].astype(float)
+    )
     assert 0.6 < overlap.min() < 0.9
-    assert len(np.unique(shaken.windows_px, axis=0)) == 60
+    assert len(np.unique(jittered_copies.windows_px, axis=0)) == 60
 
 
 def test_the_same_seed_gathers_the_same(street: LabelledFrames):
-    first, second = gather(street, CropSamplingConfig()), gather(street, CropSamplingConfig())
+    first, second = (
+        collect_crops(street, CropSamplingConfig()),
+        collect_crops(street, CropSamplingConfig()),
+    )
     np.testing.assert_array_equal(first.windows_px, second.windows_px)
-    other = gather(street, CropSamplingConfig(seed=1))
+    other = collect_crops(street, CropSamplingConfig(seed=1))
     assert (first.windows_px != other.windows_px).any()
 
 
 def test_a_vehicle_with_few_returns_is_not_added(street: LabelledFrames):
-    found = gather(street, CropSamplingConfig(min_points=100_000))
-    assert not found.is_shaken.any()
+    found = collect_crops(street, CropSamplingConfig(min_points=100_000))
+    assert not found.is_jittered.any()
 
 
 def test_progress_goes_through_all_frames(street: LabelledFrames):
@@ -71,7 +78,7 @@ def test_progress_goes_through_all_frames(street: LabelledFrames):
             seen.append(number)
             yield number
 
-    gather(street, CropSamplingConfig(), progress)
+    collect_crops(street, CropSamplingConfig(), progress)
     assert seen == [0, 1, 2]
 
 
@@ -87,13 +94,13 @@ def test_a_set_without_a_car_is_refused(
 ):
     frames = opened(make_street(things=things), store)
     with pytest.raises(LabelError, match=f"labels of 3 frames: expected at least one Car, {found}"):
-        gather(frames, CropSamplingConfig())
+        collect_crops(frames, CropSamplingConfig())
 
 
 def test_a_frame_without_objects_is_no_fault(make_street: Callable[..., Path], store: ArrayStore):
     folder = make_street()
     (folder / "training/label_2/000001.txt").write_text("")
-    found = gather(opened(folder, store), CropSamplingConfig(shaken=0))
+    found = collect_crops(opened(folder, store), CropSamplingConfig(jittered_copies=0))
     # Nobody says that the car is one, nor that the van shall be left out.
     assert found.is_vehicle[found.frames == 1].tolist() == [False] * 3
 
@@ -104,7 +111,7 @@ def test_an_unreadable_label_stops_even_where_frames_are_skipped(
     folder = make_street()
     (folder / "training/label_2/000001.txt").write_text("Car nothing\n")
     with pytest.raises(LabelError, match=r"000001.txt row 1: expected 14 numbers"):
-        gather(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
+        collect_crops(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
 
 
 def test_a_damaged_scan_stops_or_is_skipped(
@@ -113,20 +120,20 @@ def test_a_damaged_scan_stops_or_is_skipped(
     folder = make_street()
     (folder / "training/velodyne/000001.bin").write_bytes(b"12345")
     with pytest.raises(ScanError, match=r"000001.bin"):
-        gather(opened(folder, store), CropSamplingConfig())
-    found = gather(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
+        collect_crops(opened(folder, store), CropSamplingConfig())
+    found = collect_crops(opened(folder, store), CropSamplingConfig(on_bad_frame="skip"))
     assert np.unique(found.frames).tolist() == [0, 2]
     assert "skipped frame 1" in caplog.text
 
 
 def test_no_frames_are_refused(store: ArrayStore):
     with pytest.raises(DriveError, match="expected labelled frames, found none"):
-        gather(LabelledFrames([], FrameConfig(), store), CropSamplingConfig())
+        collect_crops(LabelledFrames([], FrameConfig(), store), CropSamplingConfig())
 
 
 def test_rules_that_cannot_be_are_refused():
     with pytest.raises(UsageError, match="rules of gathering"):
-        CropSamplingConfig(shake=0.5)
+        CropSamplingConfig(max_jitter=0.5)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +146,7 @@ def test_rules_that_cannot_be_are_refused():
 )
 def test_one_class_alone_is_refused(is_vehicle: list[bool], lacking: str):
     count = len(is_vehicle)
-    one = CandidateSet(
+    one = CropSet(
         np.zeros(count, int), np.zeros((count, 4), np.float32), np.zeros(count, np.float32),
         np.array(is_vehicle, bool), np.zeros((count, 4), np.float32), np.zeros(count, bool),
     )  # fmt: skip

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from data.candidates.labelled_frames import Scene
+from data.candidates.labelled_frames import ProposalScene
 from data.candidates.matching import match_by_boxes, match_by_points
 
-SCENE = Scene(
+SCENE = ProposalScene(
     boxes_px=np.zeros((0, 4)),
     depths_m=np.zeros(0),
     shares=np.zeros((0, 3)),
