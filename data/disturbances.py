@@ -37,7 +37,7 @@ def darken(frame: Frame, stops: float, rng: np.random.Generator) -> Frame:
     return replace(frame, image=_image_of(electrons / np.float32(_WHITE_ELECTRONS)))
 
 
-def drop_rays(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
+def drop_points(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
     """Lose a share of the LiDAR's returns, each as likely; one is always left.
 
     Raises:
@@ -51,7 +51,7 @@ def drop_rays(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
     return replace(frame, points_velo=frame.points_velo[is_kept])
 
 
-def turn_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator) -> Frame:
+def rotate_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator) -> Frame:
     """Believe the LiDAR turned by an angle before the camera, about any axis through the camera.
 
     Raises:
@@ -61,7 +61,9 @@ def turn_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator) -
     turned_SE3_cam = np.eye(4)
     turned_SE3_cam[:3, :3] = Rotation.from_rotvec(np.deg2rad(angle_deg) * axis).as_matrix()
     known, _ = camera_of(frame)
-    return _believing(frame, replace(known, cam_SE3_velo=turned_SE3_cam @ known.cam_SE3_velo))
+    return _with_calibration(
+        frame, replace(known, cam_SE3_velo=turned_SE3_cam @ known.cam_SE3_velo)
+    )
 
 
 def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -> Frame:
@@ -73,10 +75,10 @@ def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -
     shifted_P_image = np.eye(3)
     shifted_P_image[:2, 2] = shift_px * _direction(rng, 2)
     known, _ = camera_of(frame)
-    return _believing(frame, replace(known, image_P_cam=shifted_P_image @ known.image_P_cam))
+    return _with_calibration(frame, replace(known, image_P_cam=shifted_P_image @ known.image_P_cam))
 
 
-def _believing(frame: Frame, calibration: Calibration) -> Frame:
+def _with_calibration(frame: Frame, calibration: Calibration) -> Frame:
     return replace(frame, calibration=calibration)
 
 

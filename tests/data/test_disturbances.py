@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.disturbances import darken, drop_rays, shift_calibration, turn_calibration
+from data.disturbances import darken, drop_points, rotate_calibration, shift_calibration
 from perception.errors import CalibrationError, UsageError
 from perception.geometry.camera import project
 from perception.types import Frame
@@ -52,12 +52,12 @@ def test_darkness_leaves_the_scan(frame):
 
 
 def test_rays_are_lost_by_their_share_and_more_of_them_with_more(frame):
-    some, most = (drop_rays(frame, share, rng()).points_velo for share in (0.3, 0.8))
+    some, most = (drop_points(frame, share, rng()).points_velo for share in (0.3, 0.8))
     assert len(some) == pytest.approx(700, abs=45)
     assert len(most) == pytest.approx(200, abs=40)
     assert {point.tobytes() for point in most} < {point.tobytes() for point in some}
-    assert len(drop_rays(frame, 0.99999, rng()).points_velo) == 1
-    assert len(drop_rays(frame, 0, rng()).points_velo) == 1000
+    assert len(drop_points(frame, 0.99999, rng()).points_velo) == 1
+    assert len(drop_points(frame, 0, rng()).points_velo) == 1000
 
 
 def test_a_shift_moves_every_point_alike(frame):
@@ -67,7 +67,7 @@ def test_a_shift_moves_every_point_alike(frame):
 
 
 def test_a_turn_is_by_its_angle_about_the_camera(frame):
-    turned = turn_calibration(frame, 2, rng()).calibration.cam_SE3_velo
+    turned = rotate_calibration(frame, 2, rng()).calibration.cam_SE3_velo
     turn = turned[:3, :3] @ CALIBRATION.cam_SE3_velo[:3, :3].T
     assert np.rad2deg(np.arccos((np.trace(turn) - 1) / 2)) == pytest.approx(2)
     camera_velo = np.linalg.inv(CALIBRATION.cam_SE3_velo)[:3, 3]
@@ -83,6 +83,6 @@ def test_what_cannot_be(frame):
     with pytest.raises(UsageError, match="expected 0 stops or more, found -1"):
         darken(frame, -1, rng())
     with pytest.raises(UsageError, match="share of rays lost: expected from 0 to below 1, found 1"):
-        drop_rays(frame, 1, rng())
+        drop_points(frame, 1, rng())
     with pytest.raises(CalibrationError, match="expected a camera's calibration, found none"):
-        turn_calibration(replace(frame, calibration=None), 1, rng())
+        rotate_calibration(replace(frame, calibration=None), 1, rng())

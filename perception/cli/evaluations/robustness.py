@@ -18,17 +18,17 @@ from perception.cli.evaluations.labelled_drives import (
 )
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.cli.evaluations.robustness_steps import (
-    UNDISTURBED,
-    Disturbance,
-    DisturbanceLevels,
-    DisturbedDetector,
+    CLEAN,
+    CorruptedDetector,
+    Corruption,
+    CorruptionLevels,
     robustness_rows,
 )
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.level_plots import LevelPanel, plot_levels
 
-_SHOWN_LEVEL = "moderate"
+_PLOT_DIFFICULTY = "moderate"
 _OWN_WORDS = {
     "darkness": (
         "half the light a stop, without any gain to make up for it, and the noise of so few electrons: "
@@ -49,7 +49,7 @@ def robustness(  # noqa: PLR0913 - flags of a command
     drive: Path,
     *,
     models: FusionFiles | None = None,
-    levels: DisturbanceLevels | None = None,
+    levels: CorruptionLevels | None = None,
     class_name: str = "Car",
     iou: float = 0.7,
     plot: Path | None = None,
@@ -72,14 +72,14 @@ def robustness(  # noqa: PLR0913 - flags of a command
     """
     evaluation_config = DetectionEvaluationConfig(iou=iou, **flags)
     reading, measuring = evaluation_config.reading, evaluation_config.measuring
-    chosen, files = levels or DisturbanceLevels(), models or FusionFiles()
+    chosen, files = levels or CorruptionLevels(), models or FusionFiles()
     name = " ".join(filter(None, (str(drive), reading.sequence)))
     source = DriveSource(name, drive, reading.sequence)
     opened = open_labelled(source, reading)
-    disturbances = chosen.disturbances(has_images=opened.has_images)
-    undisturbed = files.open_detectors()
-    fusion = files.open_fusions(undisturbed)["default"]
-    detector = DisturbedDetector(undisturbed, disturbances, evaluation_config.seed)
+    corruptions = chosen.corruptions(has_images=opened.has_images)
+    clean = files.open_detectors()
+    fusion = files.open_fusions(clean)["default"]
+    detector = CorruptedDetector(clean, corruptions, evaluation_config.seed)
     detected = detect_drive(source.name, opened, detector.detect, reading)
     of_class = kitti_class(class_name)
     measured = {
@@ -89,11 +89,11 @@ def robustness(  # noqa: PLR0913 - flags of a command
         }
         for key in detected.outputs[0]
     }
-    print(robustness_tables(detected.data, disturbances, measured))
+    print(robustness_tables(detected.data, corruptions, measured))
     if plot is not None:
-        panels = [_panel(one, measured, iou) for one in disturbances]
+        panels = [_panel(one, measured, iou) for one in corruptions]
         title = f"{detected.data.name} ({detected.data.kind}, {detected.data.frames_evaluated} frames), {class_name}"
-        value_name = f"AP R{measuring.recall_points} %, {_SHOWN_LEVEL}, IoU over {iou:g}"
+        value_name = f"AP R{measuring.recall_points} %, {_PLOT_DIFFICULTY}, IoU over {iou:g}"
         plot_levels(plot, title, value_name, panels)
     if json is not None:
         values = {
@@ -103,52 +103,52 @@ def robustness(  # noqa: PLR0913 - flags of a command
             **asdict(measuring),
         }
         words = {**PROTOCOL_WORDS, **_OWN_WORDS, "values": values}
-        metrics = Evaluation("robustness", words, robustness_results(disturbances, measured))
+        metrics = Evaluation("robustness", words, robustness_results(corruptions, measured))
         write_evaluation(json, detected.data, {"models": files}, metrics)
 
 
 def robustness_tables(
-    data: LabelledDrive, disturbances: Sequence[Disturbance], measured: Measured
+    data: LabelledDrive, corruptions: Sequence[Corruption], measured: Measured
 ) -> str:
     """Return a table for each disturbance: a row a level, a column for each detector and fusion."""
     tables = []
-    for one in disturbances:
+    for one in corruptions:
         rows: list[list[Cell]] = []
         for level, of_level in _of_levels(one, measured):
-            shown = [_shown(precision) for precision in of_level.values()]
+            shown = [_plotted_ap(precision) for precision in of_level.values()]
             rows.append([f"{level:g}", *(None if np.isnan(ap) else f"{ap:.2f}" for ap in shown)])
-        title = f"{data.name} ({data.kind}, {data.frames_evaluated} frames): {one.name}, AP % {_SHOWN_LEVEL}"
-        tables.append(format_table(title, ["", *measured[UNDISTURBED]], rows))
+        title = f"{data.name} ({data.kind}, {data.frames_evaluated} frames): {one.name}, AP % {_PLOT_DIFFICULTY}"
+        tables.append(format_table(title, ["", *measured[CLEAN]], rows))
     return "\n\n".join(tables)
 
 
-def robustness_results(disturbances: Sequence[Disturbance], measured: Measured) -> dict[str, Any]:
+def robustness_results(corruptions: Sequence[Corruption], measured: Measured) -> dict[str, Any]:
     """Return all figures by disturbance, level and row, at every difficulty."""
     return {
         one.name: {
             f"{level:g}": {name: precision.to_json() for name, precision in of_level.items()}
             for level, of_level in _of_levels(one, measured)
         }
-        for one in disturbances
+        for one in corruptions
     }
 
 
 def _of_levels(
-    one: Disturbance, measured: Measured
+    one: Corruption, measured: Measured
 ) -> list[tuple[float, Mapping[str, ClassPrecision]]]:
     """Return what rows are worth at each level, 0 the first."""
-    disturbed = [(level, measured[one.name, level]) for level in one.levels]
-    return [(0.0, measured[UNDISTURBED]), *disturbed]
+    corrupted = [(level, measured[one.name, level]) for level in one.levels]
+    return [(0.0, measured[CLEAN]), *corrupted]
 
 
-def _panel(one: Disturbance, measured: Measured, iou: float) -> LevelPanel:
+def _panel(one: Corruption, measured: Measured, iou: float) -> LevelPanel:
     of_levels = _of_levels(one, measured)
     values = {
-        name: [of_level[name].ap(iou, _SHOWN_LEVEL) for _, of_level in of_levels]
-        for name in measured[UNDISTURBED]
+        name: [of_level[name].ap(iou, _PLOT_DIFFICULTY) for _, of_level in of_levels]
+        for name in measured[CLEAN]
     }
     return LevelPanel(one.name, [level for level, _ in of_levels], values)
 
 
-def _shown(precision: ClassPrecision) -> float:
-    return precision.ap(next(iter(precision.reports)), _SHOWN_LEVEL)
+def _plotted_ap(precision: ClassPrecision) -> float:
+    return precision.ap(next(iter(precision.reports)), _PLOT_DIFFICULTY)

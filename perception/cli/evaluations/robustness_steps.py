@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.disturbances import darken, drop_rays, shift_calibration, turn_calibration
+from data.disturbances import darken, drop_points, rotate_calibration, shift_calibration
 from perception.cli.evaluations.fusion_steps import (
     MODALITY_NAMES,
     UNION_NAME,
@@ -24,7 +24,7 @@ _BY_LIDAR: tuple[Modality, ...] = ("dm", "rm")
 
 
 @dataclass(frozen=True)
-class Disturbance:
+class Corruption:
     """Something that goes wrong, more or less.
 
     Attributes:
@@ -35,7 +35,7 @@ class Disturbance:
     """
 
     name: str
-    disturb: Callable[[Frame, float, np.random.Generator], Frame]
+    corrupt: Callable[[Frame, float, np.random.Generator], Frame]
     modalities: tuple[Modality, ...]
     levels: tuple[float, ...]
 
@@ -47,7 +47,7 @@ class Disturbance:
 
 
 @dataclass(frozen=True)
-class DisturbanceLevels:
+class CorruptionLevels:
     """At which levels each disturbance is measured, besides 0; none leaves it out.
 
     Attributes:
@@ -62,7 +62,7 @@ class DisturbanceLevels:
     degrees: tuple[float, ...] = (0.25, 0.5, 1, 2)
     pixels: tuple[float, ...] = (2, 4, 8, 16)
 
-    def disturbances(self, *, has_images: bool) -> tuple[Disturbance, ...]:
+    def disturbances(self, *, has_images: bool) -> tuple[Corruption, ...]:
         """Return what is measured of a drive with images or without.
 
         Raises:
@@ -75,57 +75,57 @@ class DisturbanceLevels:
                 ("rgb",),
                 self.darkness if has_images else (),
             ),
-            ("LiDAR rays lost [share]", drop_rays, _BY_LIDAR, self.rays),
-            ("calibration turned [degrees]", turn_calibration, _BY_LIDAR, self.degrees),
+            ("LiDAR rays lost [share]", drop_points, _BY_LIDAR, self.rays),
+            ("calibration turned [degrees]", rotate_calibration, _BY_LIDAR, self.degrees),
             ("calibration shifted [pixels]", shift_calibration, _BY_LIDAR, self.pixels),
         )
-        found = tuple(Disturbance(*of_one) for of_one in known if of_one[-1])
+        found = tuple(Corruption(*of_one) for of_one in known if of_one[-1])
         if not found:
             raise UsageError("levels", expected="some of at least one disturbance", found="none")
         return found
 
 
 # The scene of a frame as it is, and by disturbance and level.
-DisturbedScenes = Mapping[tuple[str, float], DetectedScene]
-UNDISTURBED = ("", 0.0)
+CorruptedScenes = Mapping[tuple[str, float], DetectedScene]
+CLEAN = ("", 0.0)
 
 
-class DisturbedDetector:
+class CorruptedDetector:
     """Looks at a frame as it is and at every level; only detectors that see something else look again."""
 
     def __init__(
-        self, detector: MultimodalDetector, disturbances: Sequence[Disturbance], seed: int
+        self, detector: MultimodalDetector, disturbances: Sequence[Corruption], seed: int
     ) -> None:
         self._detector, self._seed = detector, seed
-        self._disturbances = disturbances
+        self._corruptions = disturbances
         known = detector.detectors
         self._affected = {
             one.name: MultimodalDetector({name: known[name] for name in one.modalities})
             for one in disturbances
         }
 
-    def detect(self, frame: Frame) -> DisturbedScenes:
+    def detect(self, frame: Frame) -> CorruptedScenes:
         """Return what the detectors see in a frame.
 
         Raises:
             PerceptionError: the frame has nothing to look at, or no camera.
         """
         camera, size_px = camera_of(frame)
-        plain = self._detector.detect(frame)
-        scenes = {UNDISTURBED: scene_of(plain.modality_detections, size_px, plain.dense, camera)}
-        for number, one in enumerate(self._disturbances):
+        clean = self._detector.detect(frame)
+        scenes = {CLEAN: scene_of(clean.modality_detections, size_px, clean.dense, camera)}
+        for number, one in enumerate(self._corruptions):
             for level in one.levels:
                 rng = np.random.default_rng((self._seed, frame.index, number))
-                disturbed = one.disturb(frame, level, rng)
-                output = self._affected[one.name].detect(disturbed)
-                dense = plain.dense if output.dense is None else output.dense
-                modality_detections = {**plain.modality_detections, **output.modality_detections}
+                corrupted = one.corrupt(frame, level, rng)
+                output = self._affected[one.name].detect(corrupted)
+                dense = clean.dense if output.dense is None else output.dense
+                modality_detections = {**clean.modality_detections, **output.modality_detections}
                 scenes[one.name, level] = scene_of(modality_detections, size_px, dense, camera)
         return scenes
 
 
 def robustness_rows(
-    detected: DetectedDrive[DisturbedScenes], key: tuple[str, float], fusion: Fusion
+    detected: DetectedDrive[CorruptedScenes], key: tuple[str, float], fusion: Fusion
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield each modality, all of them merged, and our fusion, at one level of a disturbance."""
     scenes = [scenes[key] for scenes in detected.outputs]
