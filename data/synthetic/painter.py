@@ -13,7 +13,7 @@ from data.synthetic.textures import is_marking, texture_at
 from perception.types import Float32, Int, UInt8
 
 
-class Painter:
+class ProceduralTextures:
     """Gives surfaces their patterns; one for each world, as road markings belong to a road."""
 
     def __init__(self, road: RoadShape) -> None:

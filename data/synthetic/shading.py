@@ -5,7 +5,7 @@ import numpy as np
 
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, column, rgb
-from data.synthetic.painter import Painter
+from data.synthetic.painter import ProceduralTextures
 from data.synthetic.rig import near_pixels
 from data.synthetic.scene import Rays, near_any
 from data.synthetic.sight import GBuffer, RenderState
@@ -30,7 +30,7 @@ class Shader:
 
     def __init__(self, world: World, daylight: Daylight) -> None:
         self._world, self._daylight = world, daylight
-        self._painter = Painter(world.config.road)
+        self._textures = ProceduralTextures(world.config.road)
         self._exposed = np.ones(len(Slot), np.float32)
         self._exposed[Slot.LEAVES] = _IN_CROWNS
 
@@ -43,7 +43,7 @@ class Shader:
             thing * len(Slot) + buffer.slots.astype(np.int64),
             axis=0,
         )[:, :3]
-        colours = self._painter.paint(tables, buffer.hits, buffer.seen, buffer.slots, colours)
+        colours = self._textures.paint(tables, buffer.hits, buffer.seen, buffer.slots, colours)
         open_sky = self._openness(buffer, state)
         facing = np.clip(buffer.normals @ daylight.sun.astype(np.float32), 0, 1)
         if daylight.is_sunny:

@@ -19,7 +19,7 @@ from perception.render.video import VideoFile
 from perception.types import Result
 
 # So many frames wait to be drawn, at most.
-_IN_LINE = 2
+_MAX_QUEUED = 2
 
 
 class RunVideo(AbstractContextManager["Pictures"], Protocol):
@@ -43,7 +43,7 @@ class NoRunVideo:
 
 
 @dataclass(frozen=True)
-class _Scene:
+class _DrawnFrame:
     """What is drawn of one frame: all of it, less what is drawn as followed, and that."""
 
     result: Result
@@ -67,8 +67,8 @@ class RunVideoWriter:
         self._middle, self._count = frames // 2, 0
         self._video = VideoFile(out / "video.mp4", drive.sensor.rate_hz)
         self._trails = Trails()
-        self._painter = ThreadWorker("pictures")
-        self._in_line: deque[Future[None]] = deque()
+        self._worker = ThreadWorker("pictures")
+        self._queue: deque[Future[None]] = deque()
 
     def __enter__(self) -> Self:
         return self
@@ -82,23 +82,27 @@ class RunVideoWriter:
         """Draw what is in line, and close the video; give it its name where nothing went wrong."""
         is_complete = False
         try:
-            while self._in_line:
-                self._in_line.popleft().result()
+            while self._queue:
+                self._queue.popleft().result()
             is_complete = error is None
         finally:
-            self._painter.close()
+            self._worker.close()
             self._video.close(is_complete=is_complete)
 
     def add(self, result: Result, object_tracking: ObjectTracking) -> None:
         """Let a frame be drawn; wait where too many are in line."""
-        while len(self._in_line) >= _IN_LINE:
-            self._in_line.popleft().result()
-        scene = _Scene(result, object_tracking.without_object(result), object_tracking.figure)
-        self._in_line.append(self._painter.submit(self._draw, scene))
+        while len(self._queue) >= _MAX_QUEUED:
+            self._queue.popleft().result()
+        drawn_frame = _DrawnFrame(
+            result, object_tracking.without_object(result), object_tracking.figure
+        )
+        self._queue.append(self._worker.submit(self._draw, drawn_frame))
 
-    def _draw(self, scene: _Scene) -> None:
-        self._trails.add(scene.result)
-        image = self._composition.draw(scene.without_object, self._trails, scene.tracked)
+    def _draw(self, drawn_frame: _DrawnFrame) -> None:
+        self._trails.add(drawn_frame.result)
+        image = self._composition.draw(
+            drawn_frame.without_object, self._trails, drawn_frame.tracked
+        )
         self._video.add(image)
         if self._count == self._middle:
             write_jpeg(self._out / "picture.jpg", image, quality=88)
