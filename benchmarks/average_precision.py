@@ -36,15 +36,15 @@ def compare_average_precision() -> Comparison:
         "ours": ours,
         "plain: every frame at every threshold": reference,
     }
-    said: dict[str, list[Float64]] = {name: [] for name in forms}
+    precisions: dict[str, list[Float64]] = {name: [] for name in forms}
     timings = time_interleaved(
         [Contender(*form) for form in forms.items()],
         _SETS,
-        observe=lambda name, i, output: said[name].append(output),
+        observe=lambda name, i, output: precisions[name].append(output),
     )
     difference: dict[str, Cell] = {
-        name: f"{np.abs(np.array(curves) - np.array(said['ours'])).max():.0e}"
-        for name, curves in said.items()
+        name: f"{np.abs(np.array(curves) - np.array(precisions['ours'])).max():.0e}"
+        for name, curves in precisions.items()
     }
     return Comparison(
         f"average precision, {_FRAMES} frames", timings, {"largest difference": difference}

@@ -78,10 +78,10 @@ def to_int8(
                 )
         finally:
             logger.setLevel(level)
-        return _noted(quantised, quantization)
+        return _with_metadata(quantised, quantization)
 
 
-def _noted(file: Path, quantization: QuantizationConfig) -> bytes:
+def _with_metadata(file: Path, quantization: QuantizationConfig) -> bytes:
     """Return a file that says of itself what it was made into."""
     made = onnx.load(file)
     metadata = {entry.key: entry.value for entry in made.metadata_props}

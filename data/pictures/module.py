@@ -174,11 +174,11 @@ class ImageDataModule(LightningDataModule):
     def _dataset(
         self, frames: LabelledImages, numbers: Int, augmentation: ImageAugmentationConfig | None
     ) -> ImageDataset:
-        readable = self._readable(frames, numbers.tolist(), is_told=True)
+        readable = self._readable(frames, numbers.tolist(), is_logged=True)
         return ImageDataset(frames, readable, augmentation, self.loading.seed)
 
     def _readable(
-        self, frames: LabelledImages, numbers: Iterable[int], *, is_told: bool = False
+        self, frames: LabelledImages, numbers: Iterable[int], *, is_logged: bool = False
     ) -> Int:
         """Return the numbers of frames of which there is a picture; make it where it is not kept yet."""
         readable = []
@@ -188,7 +188,7 @@ class ImageDataModule(LightningDataModule):
             except PerceptionError as error:
                 if self.loading.on_bad_frame == "stop":
                     raise
-                if is_told:
+                if is_logged:
                     log.warning("skipped frame %d: %s", number, error)
                 continue
             readable.append(number)

@@ -84,18 +84,18 @@ class TrajectoryRows:
 def trajectory_line(result: Result, tracked: TrackedObject) -> dict[str, Any]:
     """Return what one line says; positions are the middle of the box' bottom."""
     line = track_line(replace(result, tracks=as_tracks(tracked, 0)))
-    told = line["tracks"][0] if line["tracks"] else dict.fromkeys(_TOLD)
+    reported = line["tracks"][0] if line["tracks"] else dict.fromkeys(_REPORTED_FIELDS)
     box_px = tracked.box_px
     return {
         "frame": line["frame"],
         "stamp_s": line["stamp_s"],
         "state": str(tracked.state),
-        **{name: told[name] for name in _TOLD},
+        **{name: reported[name] for name in _REPORTED_FIELDS},
         "box_px": None if box_px is None else [round(float(x), 2) for x in box_px],
     }
 
 
-_TOLD = ("size_m", "speed_m_s", "velo", "world")
+_REPORTED_FIELDS = ("size_m", "speed_m_s", "velo", "world")
 
 
 def as_tracks(tracked: TrackedObject, object_id: int) -> Tracks:

@@ -142,11 +142,11 @@ class OnnxModel:
         Raises:
             ModelError: it is something else.
         """
-        said = self.metadata[name]
+        value = self.metadata[name]
         for one in known:
-            if one == said:
+            if one == value:
                 return one
-        raise ModelError(self.name, expected=f"{name} {' or '.join(map(str, known))}", found=said)
+        raise ModelError(self.name, expected=f"{name} {' or '.join(map(str, known))}", found=value)
 
     def _check_metadata(self, contract: ModelContract) -> None:
         for name in (*contract.metadata, *contract.required_keys):

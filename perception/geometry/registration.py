@@ -251,14 +251,14 @@ class LidarOdometry:
             align(target, source, initial_guess, reach_m, config.threads)
             for initial_guess in initial_guesses
         ]
-        believed = [
+        accepted = [
             alignment
             for initial_guess, alignment in zip(initial_guesses, alignments, strict=True)
-            if self._is_believed(initial_guess, alignment)
+            if self._is_accepted(initial_guess, alignment)
         ]
-        return min(believed, key=lambda alignment: alignment.cost, default=None)
+        return min(accepted, key=lambda alignment: alignment.cost, default=None)
 
-    def _is_believed(self, initial_guess: Float64, alignment: Alignment) -> bool:
+    def _is_accepted(self, initial_guess: Float64, alignment: Alignment) -> bool:
         correction = inverse(initial_guess) @ alignment.target_SE3_source
         return bool(
             alignment.is_converged

@@ -79,7 +79,7 @@ class Pipeline:
         kind = ThreadWorker if self.config.parallel else InlineWorker
         self._obstacle_worker: Worker = kind("obstacles")
         self._vehicle_worker: Worker = kind("vehicles")
-        self._has_told = False
+        self._has_warned = False
 
     def __enter__(self) -> Self:
         return self
@@ -174,7 +174,7 @@ class Pipeline:
         try:
             camera_of(frame)
         except CalibrationError as error:
-            self._tell_once("no vehicles are detected: %s", error)
+            self._warn_once("no vehicles are detected: %s", error)
             return EMPTY_DETECTION_RESULT
         return self._detection.detect(frame, clock)
 
@@ -195,7 +195,7 @@ class Pipeline:
             tracks=moved.tracks,
         )
 
-    def _tell_once(self, words: str, *values: object) -> None:
-        if not self._has_told:
-            log.warning(words, *values)
-        self._has_told = True
+    def _warn_once(self, message: str, *values: object) -> None:
+        if not self._has_warned:
+            log.warning(message, *values)
+        self._has_warned = True

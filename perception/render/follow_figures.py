@@ -70,12 +70,12 @@ class TrackedObjectFigure:
 def _label_text(tracked: TrackedObject, name: str) -> str:
     speed_m_s = float(np.hypot(*tracked.velocity_m_s))
     speed = f"{speed_m_s:.1f} m/s" if name else f"{KM_H * speed_m_s:.1f} km/h"
-    said = {
+    state_text = {
         TrackStatus.SEEN: speed,
         TrackStatus.PREDICTED: f"predicted {speed}",
         TrackStatus.LOST: "lost",
     }[tracked.state]
-    return f"{name}  {said}".strip()
+    return f"{name}  {state_text}".strip()
 
 
 def draw_tag(canvas: UInt8, text: str, outline_px: Float64, color: Color, text_px: int) -> None:

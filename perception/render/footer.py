@@ -36,13 +36,13 @@ def draw_footer(
         draw_worker_bars(bar, spans, turn_s, round(0.85 * text_px))
     else:
         draw_stage_bar(bar, result.timings_s, turn_s, round(0.85 * text_px))
-    for line, text in enumerate(_told(result)):
+    for line, text in enumerate(_footer_lines(result)):
         at = (width - 1.2 * text_px, height * (0.42 + 0.4 * line))
         color = palette.FAINT_TEXT if line else palette.TEXT
         draw_text(canvas, text, at, color=color, height_px=text_px, align=Align.RIGHT)
 
 
-def _told(result: Result) -> list[str]:
+def _footer_lines(result: Result) -> list[str]:
     """Return the time that the frame took, where it was taken, and which frame it is."""
     stops_s = [span.stop_s for span in since_begun(result.spans)]
     total_s = max(stops_s, default=sum(result.timings_s.values()))

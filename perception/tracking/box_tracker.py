@@ -17,7 +17,7 @@ from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
 from perception.tracking.sights import init_tracks, measure_boxes, update_tracks
-from perception.tracking.track_life import is_alive, is_confirmed, is_told, may_stand
+from perception.tracking.track_life import is_alive, is_confirmed, is_reported, may_stand
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import from_world
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
@@ -178,7 +178,7 @@ class BoxTracker:
 
     def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Report the tracks in the frame of the scan."""
-        tracks = self._tracks[is_told(self._tracks, stamp_s, self._config.life)]
+        tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.life)]
         sizes_m = likely_sizes_m(tracks, self._config.size)
         boxes_world = Boxes3D(
             np.column_stack([tracks.mean[:, :2], tracks.low_world_m]),

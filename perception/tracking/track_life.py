@@ -16,15 +16,15 @@ class TrackLifecycleConfig:
         min_hits: M, how often a plain thing must be seen moving before it is told of.
         min_hits_poorly_observed: the same of a thing of few points.
         min_points_well_observed: in all sights together, from which on a thing is plain.
-        confirming_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
+        max_unseen_unconfirmed_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
             second scan may miss it.
         min_travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
         min_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
             and there in a hedge gets nowhere.
-        coasting_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
-        telling_s: how long a track that was seen often is told of unseen.
+        max_unseen_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
+        max_unseen_reported_s: how long a track that was seen often is told of unseen.
         min_hits_reported_unseen: how often.
-        telling_standing_s: how long a track that lives on standing things is told of.
+        max_static_reported_s: how long a track that lives on standing things is told of.
         standing_s: how long such a track lives.
         stopping_s: how long after its last sight a track may be continued by a standing thing.
         stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
@@ -33,13 +33,13 @@ class TrackLifecycleConfig:
     min_hits: int = 2
     min_hits_poorly_observed: int = 5
     min_points_well_observed: int = 50
-    confirming_s: float = 0.25
+    max_unseen_unconfirmed_s: float = 0.25
     min_travel_m: float = 0.15
     min_speed_m_s: float = 0.5
-    coasting_s: float = 1.2
-    telling_s: float = 0.3
+    max_unseen_s: float = 1.2
+    max_unseen_reported_s: float = 0.3
     min_hits_reported_unseen: int = 5
-    telling_standing_s: float = 1.0
+    max_static_reported_s: float = 1.0
     standing_s: float = 3.0
     stopping_s: float = 0.35
     stopping_speed_m_s: float = 3.0
@@ -61,7 +61,7 @@ def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
 
 def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
-    limit_s = np.where(tracks.is_confirmed, config.coasting_s, config.confirming_s)
+    limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
     is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
     stands = stamp_s - tracks.last_moved_s > config.standing_s + _ROUNDING_S
     return np.asarray(~is_lost & ~stands)
@@ -74,11 +74,13 @@ def may_stand(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) 
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 
-def is_told(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
+def is_reported(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which tracks are worth reporting."""
-    limit_s = np.where(tracks.hits >= config.min_hits_reported_unseen, config.telling_s, 0.0)
+    limit_s = np.where(
+        tracks.hits >= config.min_hits_reported_unseen, config.max_unseen_reported_s, 0.0
+    )
     is_observed = stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
-    moves = stamp_s - tracks.last_moved_s <= config.telling_standing_s + _ROUNDING_S
+    moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + _ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_observed & moves)
 
 

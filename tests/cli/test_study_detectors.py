@@ -132,8 +132,8 @@ def test_losses_are_all_four():
 
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
-    told = [(one.images.training_fraction, one.epochs, one.images.augment) for one in variants]
-    assert told == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
+    reported = [(one.images.training_fraction, one.epochs, one.images.augment) for one in variants]
+    assert reported == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
     assert variants[-1].name == UNCHANGED
     with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):
         share_variants(BASE, (2.0,))

@@ -12,7 +12,7 @@ def bright_cells(
     size: tuple[int, int] = (64, 96),
     *,
     planes: int | None = None,
-    told_classes: int | None = None,
+    output_classes: int | None = None,
     divisor: float = 255.0,
     **changes: str,
 ) -> bytes:
@@ -22,7 +22,7 @@ def bright_cells(
     """
     height, width = size
     planes = planes or {"rgb": 3}.get(modality, 1)
-    told_classes = told_classes or len(classes.split(","))
+    output_classes = output_classes or len(classes.split(","))
     cells = [
         [x, y, x + CELL_PX, y + CELL_PX]
         for y in range(0, height, CELL_PX)
@@ -40,7 +40,7 @@ def bright_cells(
         ),
         helper.make_node("Reshape", ["means", "as_list"], ["listed"]),
         helper.make_node("Div", ["listed", "divisor"], ["sureness"]),
-        helper.make_node("Concat", ["sureness"] * told_classes, ["scores"], axis=2),
+        helper.make_node("Concat", ["sureness"] * output_classes, ["scores"], axis=2),
         helper.make_node("Mul", ["listed", "zero"], ["nothing"]),
         helper.make_node("Add", ["nothing", "cells"], ["boxes_px"]),
     ]
@@ -55,7 +55,7 @@ def bright_cells(
         [
             helper.make_tensor_value_info("boxes_px", TensorProto.FLOAT, ["rows", len(cells), 4]),
             helper.make_tensor_value_info(
-                "scores", TensorProto.FLOAT, ["rows", len(cells), told_classes]
+                "scores", TensorProto.FLOAT, ["rows", len(cells), output_classes]
             ),
         ],
         [

@@ -52,13 +52,13 @@ SCENES = {
 
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
-def test_a_lidar_that_stands_right_is_not_accused(sensor, scene):
+def test_a_lidar_mounted_right_passes(sensor, scene):
     check_mounting(street(sensor, **scene), sensor)
 
 
 @pytest.mark.parametrize("sensor", [HDL_64E, HDL_32E, VLP_16], ids=lambda sensor: sensor.name)
 @pytest.mark.parametrize("scene", ["street", "wide road"])
-def test_a_lidar_upside_down_is_told(sensor, scene):
+def test_a_lidar_upside_down_is_reported(sensor, scene):
     points_velo = transform_points(UPSIDE_DOWN, street(sensor, **SCENES[scene]))
     with pytest.raises(
         MountingError, match=r"0007\.bin: .*found it 1\.\d\d m above; .*upside down"
@@ -76,14 +76,14 @@ def test_a_lidar_upside_down_is_told(sensor, scene):
     ],
     ids=["y", "-y", "x", "-x"],
 )
-def test_swapped_axes_are_told(velo_SE3_true, up):
+def test_swapped_axes_are_reported(velo_SE3_true, up):
     points_velo = transform_points(velo_SE3_true, street(HDL_64E))
     with pytest.raises(MountingError, match=f"found {up} pointing up"):
         check_mounting(points_velo, HDL_64E)
 
 
 @pytest.mark.parametrize("change_m", [-0.9, 0.9])
-def test_another_height_is_told(change_m):
+def test_another_height_is_reported(change_m):
     points_velo = street(HDL_64E) - np.float32([0, 0, change_m, 0])
     found = f"found it {1.73 + change_m:.2f} m below; set height_m in a sensor .json"
     with pytest.raises(MountingError, match=found):

@@ -103,9 +103,9 @@ def test_a_thing_that_stays_where_it_is_is_no_track():
 
 def test_a_clear_thing_is_told_of_at_its_third_scan_at_the_latest():
     drive = Drive()
-    told = [len(drive.scan(sides(10 + 0.14 * step, 2, 0, WALKER))) for step in range(4)]
-    assert told[0] == 0
-    assert told[2:] == [1, 1]
+    reported = [len(drive.scan(sides(10 + 0.14 * step, 2, 0, WALKER))) for step in range(4)]
+    assert reported[0] == 0
+    assert reported[2:] == [1, 1]
 
 
 def test_a_second_behind_something_keeps_the_id():
@@ -135,18 +135,18 @@ def test_two_walkers_who_cross_keep_their_ids():
 
 
 def test_a_car_that_stops_keeps_its_id_and_is_slow():
-    drive, x, speed, told = Drive(), 20.0, 6.0, []
+    drive, x, speed, reported = Drive(), 20.0, 6.0, []
     for step in range(60):
         x -= 0.1 * speed
         speed = max(0.0, speed - 0.3)
         cloud = sides(x, 3.5, np.pi, CAR)
         tracks = drive.scan(standing=things(cloud)) if 26 <= step < 40 else drive.scan(cloud)
-        told.append(tracks.ids.tolist())
+        reported.append(tracks.ids.tolist())
         if step >= 40:  # it moves again, as far as the detector is concerned
             assert tracks.ids.tolist() == [0]
             assert np.hypot(*tracks.velocities_m_s[0]) < 0.3
-    assert told[26:34] == [[0]] * 8
-    assert told[37:40] == [[]] * 3  # standing for a second is no news
+    assert reported[26:34] == [[0]] * 8
+    assert reported[37:40] == [[]] * 3  # standing for a second is no news
 
 
 def test_a_post_that_stood_before_continues_no_track():

@@ -144,22 +144,25 @@ def test_a_crop_of_nothing_known_stays_finite():
 
 def saved(path, method, of_model="depthcn"):
     network = make_verifier(method)
-    noted = {"model": of_model, "method": method, "training_data": "two streets"}
+    hyper_parameters = {"model": of_model, "method": method, "training_data": "two streets"}
     weights = {f"network.{name}": w for name, w in network.state_dict().items()}
-    torch.save({"state_dict": weights, "hyper_parameters": noted, "epoch": 4}, path)
+    torch.save({"state_dict": weights, "hyper_parameters": hyper_parameters, "epoch": 4}, path)
     return network.eval()
 
 
 @pytest.mark.parametrize("method", ["default", "thesis"])
 def test_a_checkpoint_gives_the_network_back(tmp_path, method):
     written = saved(tmp_path / "best.ckpt", method)
-    network, notes = load_verifier(tmp_path / "best.ckpt")
+    network, hyper_parameters = load_verifier(tmp_path / "best.ckpt")
     crops = crops_of(2, len(VERIFIER_INPUTS[method].channels))
     assert torch.equal(network(crops, WINDOWS_PX)[0], written(crops, WINDOWS_PX)[0])
-    assert notes["method"] == method
-    assert notes["window"] == {"default": "metric", "thesis": "box"}[method]
-    assert notes["channels"] == {"default": "depth,height,reflectance", "thesis": "depth"}[method]
-    assert (notes["training_data"], notes["epochs"]) == ("two streets", "5")
+    assert hyper_parameters["method"] == method
+    assert hyper_parameters["window"] == {"default": "metric", "thesis": "box"}[method]
+    assert (
+        hyper_parameters["channels"]
+        == {"default": "depth,height,reflectance", "thesis": "depth"}[method]
+    )
+    assert (hyper_parameters["training_data"], hyper_parameters["epochs"]) == ("two streets", "5")
     assert not network.training
 
 

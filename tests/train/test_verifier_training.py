@@ -86,8 +86,8 @@ def test_the_best_epoch_and_the_last_are_kept(tmp_path):
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
     assert (last["epoch"], last["global_step"]) == (2, 12)
-    network, notes = load_verifier(tmp_path / "best.ckpt")
-    assert int(notes["epochs"]) in (1, 2, 3)
+    network, hyper_parameters = load_verifier(tmp_path / "best.ckpt")
+    assert int(hyper_parameters["epochs"]) in (1, 2, 3)
     assert network.heads(toy_batch(2, 3)["crops"])[0].isfinite().all()
 
 

@@ -102,8 +102,8 @@ def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
         ModelError: where the checkpoint is damaged, or of another kind of network.
     """
     content = read_checkpoint(checkpoint, MODEL)
-    noted = content["hyper_parameters"]
-    network_config = DetectorNetworkConfig.from_metadata(noted)
+    hyper_parameters = content["hyper_parameters"]
+    network_config = DetectorNetworkConfig.from_metadata(hyper_parameters)
     detector = make_detector(network_config)
     try:
         detector.load_state_dict(weights_of(content, "network"))
@@ -112,9 +112,9 @@ def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
         raise ModelError(
             checkpoint, expected=f"weights of {network_config.network}", found=found
         ) from error
-    told = {name: str(noted[name]) for name in ("training_data", "revision")}
+    provenance = {name: str(hyper_parameters[name]) for name in ("training_data", "revision")}
     anchors = {"anchors": anchor_words(detector), "epochs": str(content["epoch"] + 1)}
-    return detector.eval(), network_config.metadata | anchors | told
+    return detector.eval(), network_config.metadata | anchors | provenance
 
 
 def anchor_words(detector: YoloDetector) -> str:
@@ -131,9 +131,9 @@ def require_same_form(checkpoint: Path, network_config: DetectorNetworkConfig) -
     Raises:
         ModelError: where it is missing, damaged, of another kind, or differs.
     """
-    noted = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
+    hyper_parameters = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        expected, found = network_config.metadata[name], str(noted[name])
+        expected, found = network_config.metadata[name], str(hyper_parameters[name])
         if expected != found:
             raise ModelError(
                 checkpoint,

@@ -65,7 +65,7 @@ class DetectorTraining(LightningModule):
     def __init__(self, config: DetectorTrainingConfig, network: YoloDetector) -> None:
         """Take a network as it is."""
         super().__init__()
-        self.save_hyperparameters(_noted(config))
+        self.save_hyperparameters(_hyper_parameters(config))
         self.config = config
         # Measured on a CPU with bfloat16, half the time of rows of channels.
         self.network = network.to(memory_format=torch.channels_last)
@@ -181,7 +181,7 @@ def _labels(batch: Batch) -> BatchLabels:
     return BatchLabels(batch["boxes_px"], batch["classes"], batch["is_ignored"])
 
 
-def _noted(config: DetectorTrainingConfig) -> dict[str, Any]:
+def _hyper_parameters(config: DetectorTrainingConfig) -> dict[str, Any]:
     """Return what a checkpoint says of itself, in plain values."""
     parts = {name: asdict(getattr(config, name)) for name in ("descent", "loss")}
     others = {

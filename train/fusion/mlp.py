@@ -85,8 +85,8 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         ModelError: the checkpoint is damaged, or of another network.
     """
     content = read_checkpoint(checkpoint, MODEL)
-    notes = content["hyper_parameters"]
-    network_config = MlpConfig(notes["variant"], tuple(notes["hidden"]))
+    hyper_parameters = content["hyper_parameters"]
+    network_config = MlpConfig(hyper_parameters["variant"], tuple(hyper_parameters["hidden"]))
     network = RescoringMlp(network_config)
     try:
         network.load_state_dict(weights_of(content, "network"))
@@ -101,10 +101,10 @@ def load_fusion(checkpoint: Path) -> tuple[RescoringMlp, dict[str, str]]:
         "features": ",".join(FEATURES[network_config.variant]),
         "hidden": ",".join(map(str, network_config.hidden)),
         "calibration": content.get("calibration", str(FusionCalibration())),
-        "optimiser": str(notes["optimiser"]),
-        "training_data": str(notes["training_data"]),
-        "detectors": str(notes["detectors"]),
-        "revision": str(notes["revision"]),
+        "optimiser": str(hyper_parameters["optimiser"]),
+        "training_data": str(hyper_parameters["training_data"]),
+        "detectors": str(hyper_parameters["detectors"]),
+        "revision": str(hyper_parameters["revision"]),
         "epochs": str(content["epoch"] + 1),
     }
     return network.eval(), metadata

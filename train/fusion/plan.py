@@ -43,7 +43,7 @@ class FusionTrainingConfig:
     revision: str = "unknown"
 
     @property
-    def notes(self) -> dict[str, Any]:
+    def hyper_parameters(self) -> dict[str, Any]:
         """What a checkpoint says of it."""
         network_config = {
             "variant": self.network_config.variant,

@@ -28,7 +28,7 @@ class FusionTraining(LightningModule):
     def __init__(self, config: FusionTrainingConfig, network: RescoringMlp) -> None:
         """Take a network as it is."""
         super().__init__()
-        self.save_hyperparameters(config.notes)
+        self.save_hyperparameters(config.hyper_parameters)
         self.config, self.network = config, network
 
     def training_step(self, batch: list[Tensor], batch_idx: int) -> Tensor:

@@ -77,7 +77,7 @@ def fit_fusion(
     return FittedFusion(out / BEST, content["epoch"], training, validation)
 
 
-def note_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> None:
+def write_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> None:
     """Write into a checkpoint how scores become probabilities, for those who export it."""
     _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibrations)})
 
@@ -90,7 +90,7 @@ def _by_whole_steps(
     def content(parameters: Float64, step: int) -> dict[str, Any]:
         weights = problem.network_of(parameters).state_dict()
         state = {f"network.{name}": weight for name, weight in weights.items()}
-        return {"state_dict": state, "hyper_parameters": config.notes, "epoch": step}
+        return {"state_dict": state, "hyper_parameters": config.hyper_parameters, "epoch": step}
 
     def keep(descent: Descent, validation: float) -> None:
         last, best = descent.last, descent.best

@@ -205,21 +205,21 @@ def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
         ModelError: where the checkpoint is damaged, or of another network.
     """
     content = read_checkpoint(checkpoint, MODEL)
-    noted = content["hyper_parameters"]
-    network = make_verifier(noted["method"])
+    hyper_parameters = content["hyper_parameters"]
+    network = make_verifier(hyper_parameters["method"])
     try:
         network.load_state_dict(weights_of(content, "network"))
     except RuntimeError as error:
         found = "weights of other sizes"
         raise ModelError(checkpoint, expected=f"weights of {MODEL}", found=found) from error
-    return network.eval(), _notes(noted) | {"epochs": str(content["epoch"] + 1)}
+    return network.eval(), _metadata_of(hyper_parameters) | {"epochs": str(content["epoch"] + 1)}
 
 
-def _notes(noted: dict[str, object]) -> dict[str, str]:
-    method: Method = "thesis" if noted["method"] == "thesis" else "default"
+def _metadata_of(hyper_parameters: dict[str, object]) -> dict[str, str]:
+    method: Method = "thesis" if hyper_parameters["method"] == "thesis" else "default"
     input_config = VERIFIER_INPUTS[method]
     kept = {"training_data": "unknown", "revision": "unknown"}
-    kept |= {name: str(noted[name]) for name in kept if name in noted}
+    kept |= {name: str(hyper_parameters[name]) for name in kept if name in hyper_parameters}
     looks = {
         "method": method,
         "window": input_config.window,

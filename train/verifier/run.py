@@ -81,7 +81,7 @@ def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -
 
 
 def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
-    network, notes = load_verifier(checkpoint)
+    network, hyper_parameters = load_verifier(checkpoint)
     parts = {"training": data.training, "validation": data.validation}
     counts = {}
     for name, samples in parts.items():
@@ -89,7 +89,7 @@ def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
         counts[f"{name}_vehicles"] = int(samples.crops.is_vehicle.sum())
     return TrainedVerifier(
         checkpoint,
-        int(notes["epochs"]),
+        int(hyper_parameters["epochs"]),
         counts,
         **{
             name: evaluate(network, samples, data.loading.workers)

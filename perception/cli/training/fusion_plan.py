@@ -181,7 +181,7 @@ def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
     from perception.detection.fusion.calibration import FusionCalibration
     from perception.detection.fusion.rescoring import Fusion
     from train.fusion.calibration import fit_calibration
-    from train.fusion.training import note_calibrations
+    from train.fusion.training import write_calibrations
 
     frames = found.validation
     boxes = boxes_beside(frames, fuse_frames(frames.scenes, Fusion(file)))
@@ -193,5 +193,5 @@ def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
         joint=curves["fusion"], alone={name: curves[name] for name in MODALITIES if name in curves}
     )
     write_atomically(file, with_calibrations(file.read_bytes(), calibrations))
-    note_calibrations(checkpoint, calibrations)
+    write_calibrations(checkpoint, calibrations)
     return str(calibrations)

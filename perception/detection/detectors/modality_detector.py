@@ -127,10 +127,10 @@ class ModalityDetector:
             )
 
     def _check_classes(self) -> None:
-        told = self.model.output_shapes["scores"][-1]
-        if told != len(self.class_names):
+        class_count = self.model.output_shapes["scores"][-1]
+        if class_count != len(self.class_names):
             raise ModelError(
                 self.model.name,
                 expected=f"scores of {len(self.class_names)} classes: {', '.join(self.class_names)}",
-                found=f"scores of {told}",
+                found=f"scores of {class_count}",
             )

@@ -198,10 +198,10 @@ def _blended(others_px: Float64, is_own: Bool, is_observed: Bool, ious: Float64)
 
 def _variant(model: OnnxModel) -> Variant:
     """Return what the file says that it is told, if that is what we can tell it."""
-    said, taken = model.metadata["variant"], model.inputs["features"].shape[1]
+    value, taken = model.metadata["variant"], model.inputs["features"].shape[1]
     for variant, names in FEATURES.items():
         if (
-            variant == said
+            variant == value
             and ",".join(names) == model.metadata["features"]
             and taken == len(names)
         ):
@@ -209,7 +209,7 @@ def _variant(model: OnnxModel) -> Variant:
     raise ModelError(
         model.name,
         expected=f"a variant {', '.join(FEATURES)} with its features in their order",
-        found=f"{said} with {taken} inputs",
+        found=f"{value} with {taken} inputs",
         advice="train it anew with `trifuse train fusion`",
     )
 

@@ -135,7 +135,7 @@ def update_tracks(
     gain = config.image_speed_gain
     tracks = replace(
         tracks,
-        evidence=tracks.evidence + observations.scores,
+        score_sum=tracks.score_sum + observations.scores,
         last_seen_s=np.full(len(tracks), frame_geometry.stamp_s),
         boxes_px=observations.boxes_px,
         speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
@@ -275,5 +275,7 @@ def velocities_in_scan(
     """Return (T, 2) over the ground along x and y of the scan; NaN while they are hardly known."""
     turn_rad = np.arctan2(frame_geometry.world_SE3_velo[1, 0], frame_geometry.world_SE3_velo[0, 0])
     velocities_m_s = from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad))
-    is_known = tracks.is_located & (tracks.speed_deviations_m_s <= config.known_speed_m_s)
+    is_known = tracks.is_located & (
+        tracks.speed_deviations_m_s <= config.max_reported_speed_deviation_m_s
+    )
     return np.where(is_known[:, None], velocities_m_s, np.nan)

@@ -17,11 +17,11 @@ class VehicleTrackerConfig:
     Attributes:
         motion: how vehicles move over the ground.
         min_score: of a detection that may continue a track.
-        beginning_score: of one that may begin a track.
-        sure_score: of one that chooses its track before the others.
-        confirming_evidence: sum of scores from which on a track is believed; one sight is never enough.
-        confirming_s: how long a track lives unseen before it is believed.
-        coasting_s: how long afterwards.
+        new_track_score: of one that may begin a track.
+        high_score: of one that chooses its track before the others.
+        min_score_sum: sum of scores from which on a track is believed; one sight is never enough.
+        max_unseen_unconfirmed_s: how long a track lives unseen before it is believed.
+        max_unseen_s: how long afterwards.
         min_iou: in the image, of a detection and the track that it continues.
         side_deviation_share: standard deviation of the sides of a box in the image from where they are expected, as a
             share of its width and height.
@@ -37,17 +37,17 @@ class VehicleTrackerConfig:
         way_speed_m_s: faster, the velocity tells the heading, too.
         sign_speed_m_s: faster, it tells front from rear.
         max_size_samples: over so many, sizes are averaged.
-        known_speed_m_s: standard deviation of a velocity that is told.
+        max_reported_speed_deviation_m_s: standard deviation of a velocity that is told.
         image_speed_gain: share of the way to a new motion in the image of what is nowhere on the ground.
     """
 
     motion: MotionModelConfig = field(default_factory=MotionModelConfig)
     min_score: float = 0.1
-    beginning_score: float = 0.3
-    sure_score: float = 0.5
-    confirming_evidence: float = 1.2
-    confirming_s: float = 0.25
-    coasting_s: float = 1.5
+    new_track_score: float = 0.3
+    high_score: float = 0.5
+    min_score_sum: float = 1.2
+    max_unseen_unconfirmed_s: float = 0.25
+    max_unseen_s: float = 1.5
     min_iou: float = 0.1
     side_deviation_share: float = 0.12
     min_size_px: float = 4.0
@@ -60,7 +60,7 @@ class VehicleTrackerConfig:
     way_speed_m_s: float = 2.0
     sign_speed_m_s: float = 1.0
     max_size_samples: int = 12
-    known_speed_m_s: float = 2.0
+    max_reported_speed_deviation_m_s: float = 2.0
     image_speed_gain: float = 0.5
 
 
@@ -85,7 +85,7 @@ class VehicleTable(GroundPlaneTracks):
     """
 
     ids: Int
-    evidence: Float64
+    score_sum: Float64
     last_seen_s: Float64
     boxes_px: Float64
     speeds_px_s: Float64
@@ -110,7 +110,7 @@ class VehicleTable(GroundPlaneTracks):
         count = len(boxes_px)
         return cls(
             ids=np.full(count, -1),
-            evidence=scores,
+            score_sum=scores,
             last_seen_s=np.full(count, stamp_s),
             boxes_px=boxes_px,
             speeds_px_s=np.zeros((count, 4)),

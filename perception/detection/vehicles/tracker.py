@@ -91,14 +91,14 @@ class VehicleTracker:
         self._predict(frame_geometry)
         self._continue_and_begin(observations, frame_geometry)
         tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
-        return VehicleTrackerResult(self._told(vehicles, frame_geometry), tracks)
+        return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
         """Move what goes on to now; ends what nobody has seen for too long."""
         elapsed_s = 0.0 if self._stamp_s is None else frame_geometry.stamp_s - self._stamp_s
         self._stamp_s = frame_geometry.stamp_s
         tracks, config = self._tracks, self._config
-        limit_s = np.where(tracks.ids >= 0, config.coasting_s, config.confirming_s)
+        limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
         self._tracks = predict(tracks[goes_on], elapsed_s, config)
 
@@ -108,7 +108,7 @@ class VehicleTracker:
         """Let detections continue tracks, the surer ones first; the others begin new ones."""
         config = self._config
         self._row_of = np.full(len(observations), -1)
-        sure = observations.scores >= config.sure_score
+        sure = observations.scores >= config.high_score
         doubtful = ~sure & (observations.scores >= config.min_score)
         free = np.arange(len(self._tracks))
         for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
@@ -122,7 +122,7 @@ class VehicleTracker:
             self._tracks = self._tracks.replaced(rows, corrected)
             self._row_of[seen] = rows
             free = free[pairs.unmatched_tracks]
-        is_left = (self._row_of < 0) & (observations.scores >= config.beginning_score)
+        is_left = (self._row_of < 0) & (observations.scores >= config.new_track_score)
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
@@ -143,13 +143,13 @@ class VehicleTracker:
     def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""
         tracks = self._tracks
-        is_new = (tracks.ids < 0) & (tracks.evidence >= self._config.confirming_evidence)
+        is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
         boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
         ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
         self._tracks = replace(tracks, ids=ids)
         return moving
 
-    def _told(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
+    def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
         """Return the detections with what their tracks know of them."""
         seen = np.flatnonzero(self._row_of >= 0)
         tracks = self._tracks[self._row_of[seen]]

@@ -28,7 +28,7 @@ from perception.tracking.single_object.point_model import (
     to_tracked_object,
 )
 from perception.tracking.single_object.pose_search import (
-    PoseBelief,
+    PoseEstimate,
     PoseSearchConfig,
     Support,
     search,
@@ -142,8 +142,10 @@ class BoxFitTracker:
         found = self._find(before, expected, observation)
         if found is None:
             return expected.missed(observation)
-        belief, support = found
-        state = self._motion.correct_heading(expected.state.given(belief.pose, belief.covariance))
+        estimate, support = found
+        state = self._motion.correct_heading(
+            expected.state.with_pose(estimate.pose, estimate.covariance)
+        )
         return replace(expected, state=state).seen(observation, support)
 
     def _predicted(self, before: BoxTrack, stamp_s: float) -> BoxTrack:
@@ -178,31 +180,33 @@ class BoxFitTracker:
 
     def _find(
         self, before: BoxTrack, expected: BoxTrack, observation: ObjectObservation
-    ) -> tuple[PoseBelief, Support] | None:
+    ) -> tuple[PoseEstimate, Support] | None:
         """Return where the object is seen and what supports it, or None."""
         if len(observation) == 0:
             return None
         config, reference_reward = self._config, expected.reference_reward_in(observation)
         priors = self._priors(before, expected)
-        belief = search(expected.shape, observation, priors, reference_reward, config.search)
-        support = expected.support(observation, belief.pose)
+        estimate = search(expected.shape, observation, priors, reference_reward, config.search)
+        support = expected.support(observation, estimate.pose)
         share = config.reacquire_share if before.is_hidden else config.min_share
         least = max(
             config.min_reward, config.min_contrast * support.penalty, share * reference_reward
         )
         fits = (
             support.reward >= least
-            and min(squared_distance(belief, prior) for prior in priors) <= config.gate
+            and min(squared_distance(estimate, prior) for prior in priors) <= config.gate
             and (not before.is_hidden or self._is_as_high(expected, observation, support.top_m))
         )
-        return (belief, support) if fits else None
+        return (estimate, support) if fits else None
 
-    def _priors(self, before: BoxTrack, expected: BoxTrack) -> tuple[PoseBelief, ...]:
+    def _priors(self, before: BoxTrack, expected: BoxTrack) -> tuple[PoseEstimate, ...]:
         """Return where the object is expected: further on, or where it was if it may stand."""
         if not self._motion.may_stand(before.state):
-            return (expected.belief,)
-        was = before.belief
-        return expected.belief, PoseBelief(was.pose, was.covariance + np.eye(3) * _POSE_DRIFT**2)
+            return (expected.estimate,)
+        was = before.estimate
+        return expected.estimate, PoseEstimate(
+            was.pose, was.covariance + np.eye(3) * _POSE_DRIFT**2
+        )
 
     def _is_as_high(self, expected: BoxTrack, observation: ObjectObservation, top_m: float) -> bool:
         """Tell whether a top at some z may be the object's, as far as beams and their gaps tell."""

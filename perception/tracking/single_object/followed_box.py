@@ -8,7 +8,7 @@ from perception.tracking.single_object.ground_below import LocalGround
 from perception.tracking.single_object.object_motion import POSE, MotionState
 from perception.tracking.single_object.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.pose_search import (
-    PoseBelief,
+    PoseEstimate,
     Support,
     support_at,
 )
@@ -54,9 +54,9 @@ class BoxTrack:
         return np.append(self.state.mean[:2], self.ground.z_world_m)
 
     @property
-    def belief(self) -> PoseBelief:
+    def estimate(self) -> PoseEstimate:
         """What the state says of the pose."""
-        return PoseBelief(self.pose, self.state.covariance[POSE, POSE])
+        return PoseEstimate(self.pose, self.state.covariance[POSE, POSE])
 
     @property
     def is_hidden(self) -> bool:

@@ -33,7 +33,7 @@ class MotionState:
     mean: Float64
     covariance: Float64
 
-    def given(self, pose: Float64, pose_covariance: Float64) -> "MotionState":
+    def with_pose(self, pose: Float64, pose_covariance: Float64) -> "MotionState":
         """Replace what is believed of the pose; the rest follows as far as it hangs on it.
 
         Args:

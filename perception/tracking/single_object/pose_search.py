@@ -63,16 +63,16 @@ class PoseSearchConfig:
 
 
 @dataclass(frozen=True)
-class PoseBelief:
+class PoseEstimate:
     """Where the object is in the world: (3,) x, y, yaw, and their (3, 3) covariance."""
 
     pose: Float64
     covariance: Float64
 
 
-def squared_distance(belief: PoseBelief, prior: PoseBelief) -> float:
+def squared_distance(estimate: PoseEstimate, prior: PoseEstimate) -> float:
     """Return how far a belief's mean is from what was expected, in squared deviations."""
-    off = belief.pose - prior.pose
+    off = estimate.pose - prior.pose
     off[2] = wrap(off[2])
     return float(off @ np.linalg.solve(prior.covariance, off))
 
@@ -101,10 +101,10 @@ class _ScoredPoses:
 def search(
     shape: ObjectShape,
     observation: ObjectObservation,
-    priors: tuple[PoseBelief, ...],
+    priors: tuple[PoseEstimate, ...],
     reference_reward: float,
     config: PoseSearchConfig,
-) -> PoseBelief:
+) -> PoseEstimate:
     """Return what is believed after a scan.
 
     Args:
@@ -125,10 +125,10 @@ def search(
         score = _gains(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
         reference_reward = max(reference_reward, float(scored.rewards[best]))
-        belief = _moments(scored.poses, score, _around_best(score, best, config.score_margin))
+        estimate = _moments(scored.poses, score, _around_best(score, best, config.score_margin))
         if steps is not None:
-            lattice = _finer(lattice, belief, steps, config)
-    axes = _turn(belief.pose[2])
+            lattice = _finer(lattice, estimate, steps, config)
+    axes = _turn(estimate.pose[2])
     floor = (
         axes
         @ np.diag(
@@ -136,7 +136,7 @@ def search(
         )
         @ axes.T
     )
-    return PoseBelief(belief.pose, belief.covariance + floor)
+    return PoseEstimate(estimate.pose, estimate.covariance + floor)
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def support_at(shape: ObjectShape, observation: ObjectObservation, pose: Float64
     )
 
 
-def _first_lattice(prior: PoseBelief, shape: ObjectShape, config: PoseSearchConfig) -> _Lattice:
+def _first_lattice(prior: PoseEstimate, shape: ObjectShape, config: PoseSearchConfig) -> _Lattice:
     least = np.array([config.min_reach_m, config.min_reach_m, config.min_reach_rad])
     most = np.array([config.max_reach_m, config.max_reach_m, np.pi / 2])
     spread = _spread(prior.pose[2], prior.covariance)
@@ -181,12 +181,12 @@ def _first_lattice(prior: PoseBelief, shape: ObjectShape, config: PoseSearchConf
 
 
 def _finer(
-    lattice: _Lattice, belief: PoseBelief, steps: tuple[int, int, int], config: PoseSearchConfig
+    lattice: _Lattice, estimate: PoseEstimate, steps: tuple[int, int, int], config: PoseSearchConfig
 ) -> _Lattice:
-    spread = _spread(belief.pose[2], belief.covariance)
+    spread = _spread(estimate.pose[2], estimate.covariance)
     reach = np.minimum(np.maximum(2.5 * spread, 1.5 * lattice.spacing), lattice.reach)
     finest = np.array([config.finest_m, config.finest_m, config.finest_rad])
-    return _Lattice(belief.pose, np.maximum(reach, finest), steps)
+    return _Lattice(estimate.pose, np.maximum(reach, finest), steps)
 
 
 def _score_poses(
@@ -233,7 +233,7 @@ def _gains(rewards: Float64, reference_reward: float, config: PoseSearchConfig) 
     return np.asarray(share * np.minimum(rewards, reference) + beyond)
 
 
-def _log_prior(poses: Float64, priors: tuple[PoseBelief, ...]) -> Float64:
+def _log_prior(poses: Float64, priors: tuple[PoseEstimate, ...]) -> Float64:
     """Return (...) the log density of a mixture of beliefs in equal parts, but for a constant."""
     logs = []
     for prior in priors:
@@ -250,14 +250,14 @@ def _around_best(score: Float64, best: tuple[np.intp, ...], score_margin: float)
     return np.asarray(groups == groups[best])
 
 
-def _moments(poses: Float64, score: Float64, rows: Bool) -> PoseBelief:
+def _moments(poses: Float64, score: Float64, rows: Bool) -> PoseEstimate:
     """Return mean and covariance of some poses, each as likely as its score says."""
     chosen, score = poses[rows], score[rows]
     chances = np.exp(score - score.max())
     chances /= chances.sum()
     mean = chances @ chosen  # yaws of one lattice do not wrap
     off = chosen - mean
-    return PoseBelief(mean, (off * chances[:, None]).T @ off)
+    return PoseEstimate(mean, (off * chances[:, None]).T @ off)
 
 
 def _blurred(table: Float32, deviation_cells: float) -> Float32:

@@ -96,7 +96,7 @@ def test_answer_does_not_depend_on_threads(write):
             {"planes": 3},
             "expected pictures uint8 any x 1 x 64 x 96, as it says that it is of dm, found uint8 any x 3",
         ),
-        ({"told_classes": 2}, "expected scores of 1 classes: Car, found scores of 2"),
+        ({"output_classes": 2}, "expected scores of 1 classes: Car, found scores of 2"),
         ({"divisor": 0.0}, "expected finite numbers in output scores, found 6 that are NaN"),
     ],
 )

@@ -61,19 +61,19 @@ def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
 
 def test_parked_cars_keep_their_ids_and_stand_still():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (28.0, -4.0, 0.0), (36.0, 4.0, 0.0))
-    told = [drive.observe(world).vehicles for _ in range(20)]
-    assert told[0].ids.tolist() == [-1, -1, -1]
-    assert [one.ids.tolist() for one in told[1:]] == [[0, 1, 2]] * 19
-    np.testing.assert_allclose(told[-1].velocities_m_s, 0.0, atol=0.3)
-    assert np.isnan(told[0].velocities_m_s).all()
+    reported = [drive.observe(world).vehicles for _ in range(20)]
+    assert reported[0].ids.tolist() == [-1, -1, -1]
+    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1, 2]] * 19
+    np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=0.3)
+    assert np.isnan(reported[0].velocities_m_s).all()
 
 
 def test_a_car_that_drives_has_its_speed_and_points_its_way():
     drive, world = Drive(), cars((42.0, 3.0, 0.0))
     for step in range(20):
-        told = drive.observe(driven(world, -0.8 * step)).vehicles
-    np.testing.assert_allclose(told.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
-    assert np.cos(told.boxes.yaw_rad[0]) < -0.99
+        reported = drive.observe(driven(world, -0.8 * step)).vehicles
+    np.testing.assert_allclose(reported.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
+    assert np.cos(reported.boxes.yaw_rad[0]) < -0.99
 
 
 @pytest.mark.parametrize("blind", [False, True])
@@ -95,8 +95,8 @@ def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
         expected = drive.observe(world).vehicles.ids.tolist()
     assert expected == list(range(6))
     for missed in (1, 3, 2, 4, 0, 3):
-        told = drive.observe(world, missed=(missed,)).vehicles.ids.tolist()
-        assert told == [one for one in expected if one != missed]
+        reported = drive.observe(world, missed=(missed,)).vehicles.ids.tolist()
+        assert reported == [one for one in expected if one != missed]
     assert drive.observe(world).vehicles.ids.tolist() == expected
 
 
@@ -114,9 +114,9 @@ def test_what_was_not_located_goes_on_in_the_image():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         drive.observe(world)
-    told = [drive.observe(world, blind=True).vehicles for _ in range(4)]
-    assert [one.ids.tolist() for one in told] == [[0]] * 4
-    assert np.isnan(told[0].boxes.yaw_rad).all()
+    reported = [drive.observe(world, blind=True).vehicles for _ in range(4)]
+    assert [one.ids.tolist() for one in reported] == [[0]] * 4
+    assert np.isnan(reported[0].boxes.yaw_rad).all()
 
 
 def test_what_was_away_for_long_is_new():
@@ -131,10 +131,10 @@ def test_what_was_away_for_long_is_new():
 
 def test_without_returns_the_image_alone_is_followed():
     drive, world = Drive(), cars((30.0, 4.0, 0.0), (34.0, -4.0, 0.0))
-    told = [drive.observe(world, blind=True).vehicles for _ in range(10)]
-    assert [one.ids.tolist() for one in told[1:]] == [[0, 1]] * 9
-    assert np.isnan(told[-1].boxes.bottom_m).all()
-    assert np.isnan(told[-1].velocities_m_s).all()
+    reported = [drive.observe(world, blind=True).vehicles for _ in range(10)]
+    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1]] * 9
+    assert np.isnan(reported[-1].boxes.bottom_m).all()
+    assert np.isnan(reported[-1].velocities_m_s).all()
 
 
 def test_a_single_doubtful_sight_begins_nothing():
@@ -159,9 +159,9 @@ def test_a_car_that_overtakes_another_keeps_its_id():
 
 def test_nothing_detected_is_no_fault():
     drive = Drive()
-    told = drive.observe(Boxes3D.empty())
-    assert len(told.vehicles) == len(told.tracks) == 0
-    assert len(told.vehicles.fused) == len(FusedDetections.empty())
+    reported = drive.observe(Boxes3D.empty())
+    assert len(reported.vehicles) == len(reported.tracks) == 0
+    assert len(reported.vehicles.fused) == len(FusedDetections.empty())
 
 
 def test_time_that_does_not_go_on_begins_anew_with_other_ids():
@@ -182,19 +182,21 @@ def test_what_begins_to_move_takes_the_id_of_the_vehicle():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
     for _ in range(4):
         drive.observe(world)
-    told = [drive.observe(world, moving=moving_at(in_scan(drive, world)[[1]], 7)) for _ in range(4)]
-    assert [one.tracks.ids.tolist() for one in told] == [[1]] * 4
-    assert [one.vehicles.ids.tolist() for one in told] == [[0, 1]] * 4
+    reported = [
+        drive.observe(world, moving=moving_at(in_scan(drive, world)[[1]], 7)) for _ in range(4)
+    ]
+    assert [one.tracks.ids.tolist() for one in reported] == [[1]] * 4
+    assert [one.vehicles.ids.tolist() for one in reported] == [[0, 1]] * 4
 
 
 def test_a_vehicle_takes_the_id_of_what_moved_there_before():
     drive, world = Drive(), cars((30.0, -4.0, 0.0))
     for _ in range(4):
-        told = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
-        assert told.tracks.ids.tolist() == [0]
-    told = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
-    assert [one.vehicles.ids.tolist() for one in told] == [[-1], [0], [0], [0]]
-    assert [one.tracks.ids.tolist() for one in told] == [[0]] * 4
+        reported = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
+        assert reported.tracks.ids.tolist() == [0]
+    reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[-1], [0], [0], [0]]
+    assert [one.tracks.ids.tolist() for one in reported] == [[0]] * 4
 
 
 def test_two_that_turn_out_to_be_one_agree_on_the_id_of_the_vehicle_once():
@@ -202,10 +204,10 @@ def test_two_that_turn_out_to_be_one_agree_on_the_id_of_the_vehicle_once():
     for _ in range(3):
         beside = cars((30.0, 1.0, 0.0))
         drive.observe(world, moving=moving_at(in_scan(drive, beside), 7))
-    told = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(6)]
-    ids = [one.tracks.ids.tolist()[0] for one in told]
-    vehicle = told[0].vehicles.ids.tolist()[0]
-    assert [one.vehicles.ids.tolist() for one in told] == [[vehicle]] * 6
+    reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(6)]
+    ids = [one.tracks.ids.tolist()[0] for one in reported]
+    vehicle = reported[0].vehicles.ids.tolist()[0]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[vehicle]] * 6
     assert ids[:2] == [ids[0]] * 2 != [vehicle] * 2
     assert ids[2:] == [vehicle] * 4
 
@@ -214,13 +216,13 @@ def test_they_stay_one_when_they_are_apart_for_a_scan_and_are_two_after_some():
     drive, world, away = Drive(), cars((30.0, -4.0, 0.0)), cars((30.0, 6.0, 0.0))
     for _ in range(4):
         drive.observe(world, moving=moving_at(in_scan(drive, world), 7))
-    told = [
+    reported = [
         drive.observe(world, moving=moving_at(in_scan(drive, place), 7)).tracks.ids.tolist()[0]
         for place in (away, world, away, away, away, away)
     ]
     vehicle = drive.observe(world).vehicles.ids.tolist()[0]
-    assert told[:4] == [vehicle] * 4
-    assert told[4] == told[5] != vehicle
+    assert reported[:4] == [vehicle] * 4
+    assert reported[4] == reported[5] != vehicle
 
 
 def test_a_lost_vehicle_leaves_its_id_to_what_moves_and_gets_it_back():
@@ -228,10 +230,10 @@ def test_a_lost_vehicle_leaves_its_id_to_what_moves_and_gets_it_back():
     for _ in range(4):
         drive.observe(world, moving=moving_at(world, 7))
     for _ in range(25):
-        told = drive.observe(world, missed=(0,), moving=moving_at(world, 7))
-    assert told.tracks.ids.tolist() == [0]
-    told = [drive.observe(world, moving=moving_at(world, 7)) for _ in range(3)]
-    assert told[-1].vehicles.ids.tolist() == told[-1].tracks.ids.tolist() == [0]
+        reported = drive.observe(world, missed=(0,), moving=moving_at(world, 7))
+    assert reported.tracks.ids.tolist() == [0]
+    reported = [drive.observe(world, moving=moving_at(world, 7)) for _ in range(3)]
+    assert reported[-1].vehicles.ids.tolist() == reported[-1].tracks.ids.tolist() == [0]
 
 
 def test_no_id_is_there_twice_whatever_comes():
@@ -245,9 +247,9 @@ def test_no_id_is_there_twice_whatever_comes():
         shown = np.flatnonzero(rng.random(10) < 0.6)
         jitter = world.bottom_m[shown] + rng.normal(0, 1.0, (len(shown), 3))
         boxes = replace(world[shown], bottom_m=jitter)
-        told = drive.observe(
+        reported = drive.observe(
             world, missed=missed, moving=moving_at(boxes, *numbers[shown].tolist())
         )
-        ids = told.vehicles.ids[told.vehicles.ids >= 0]
+        ids = reported.vehicles.ids[reported.vehicles.ids >= 0]
         assert len(set(ids.tolist())) == len(ids)
-        assert (np.diff(told.tracks.ids) > 0).all()
+        assert (np.diff(reported.tracks.ids) > 0).all()

@@ -43,14 +43,14 @@ def test_places_tell_the_speed() -> None:
     state = CAR.begin(np.zeros(3), EXACT)
     for number in range(1, 6):
         state = CAR.predict(state, 0.1)
-        state = state.given(np.array([0.8 * number, 0.0, 0.0]), np.diag(EXACT**2))
+        state = state.with_pose(np.array([0.8 * number, 0.0, 0.0]), np.diag(EXACT**2))
     np.testing.assert_allclose(CAR.velocity_m_s(state), [8.0, 0.0], atol=0.2)
     assert not CAR.may_stand(state)
 
 
 def test_a_belief_that_says_nothing_new_changes_nothing() -> None:
     state = CAR.predict(_state(1, 2, 0.5, 4, 0.1), 0.1)
-    same = state.given(state.mean[:3], state.covariance[:3, :3])
+    same = state.with_pose(state.mean[:3], state.covariance[:3, :3])
     np.testing.assert_allclose(same.mean, state.mean)
     np.testing.assert_allclose(same.covariance, state.covariance, atol=1e-12)
 

@@ -9,7 +9,7 @@ from perception.tracking.single_object.object_shape import (
     into_frame,
 )
 from perception.tracking.single_object.pose_search import (
-    PoseBelief,
+    PoseEstimate,
     PoseSearchConfig,
     search,
     squared_distance,
@@ -44,21 +44,21 @@ def _observation(points_xy: Float64) -> ObjectObservation:
 
 def test_finds_a_car_by_two_sides() -> None:
     truth = np.array([10.0, 4.0, 0.1])
-    expected = PoseBelief(truth + np.array([0.35, -0.3, 0.12]), WIDE)
-    belief = search(
+    expected = PoseEstimate(truth + np.array([0.35, -0.3, 0.12]), WIDE)
+    estimate = search(
         SHAPE, _observation(_side_and_rear(truth)), (expected,), 40.0, PoseSearchConfig()
     )
-    np.testing.assert_allclose(belief.pose, truth, atol=0.08)
-    assert squared_distance(belief, expected) == pytest.approx(2.8, abs=1.0)
+    np.testing.assert_allclose(estimate.pose, truth, atol=0.08)
+    assert squared_distance(estimate, expected) == pytest.approx(2.8, abs=1.0)
 
 
 def test_a_wall_of_points_says_nothing_of_the_place_along_it() -> None:
     truth = np.array([0.0, 6.0, 0.0])
     middle = np.column_stack([np.arange(-0.8, 0.81, 0.1), np.full(17, 5.1)])
-    belief = search(
-        SHAPE, _observation(middle), (PoseBelief(truth, WIDE),), 17.0, PoseSearchConfig()
+    estimate = search(
+        SHAPE, _observation(middle), (PoseEstimate(truth, WIDE),), 17.0, PoseSearchConfig()
     )
-    along, across = np.sqrt(np.diag(belief.covariance))[:2]
+    along, across = np.sqrt(np.diag(estimate.covariance))[:2]
     assert along > 0.25  # of 0.4 before
     assert across < 0.1
 
@@ -67,22 +67,22 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     truth = np.array([10.0, 4.0, 0.0])
     own = _side_and_rear(truth)[::3]
     neighbour = _side_and_rear(truth + np.array([5.0, 0.0, 0.0]))
-    expected = PoseBelief(truth, np.diag([1.2, 0.2, 0.05]) ** 2)
+    expected = PoseEstimate(truth, np.diag([1.2, 0.2, 0.05]) ** 2)
     observation = _observation(np.concatenate([own, neighbour]))
     shape = SHAPE.with_observation(_observation(own), truth)
     reference = support_at(shape, _observation(own), truth).reward
-    belief = search(shape, observation, (expected,), reference, PoseSearchConfig())
-    np.testing.assert_allclose(belief.pose[:2], truth[:2], atol=0.15)
+    estimate = search(shape, observation, (expected,), reference, PoseSearchConfig())
+    np.testing.assert_allclose(estimate.pose[:2], truth[:2], atol=0.15)
 
 
 def test_of_two_expected_places_takes_the_one_that_holds_the_points() -> None:
     truth = np.array([10.0, 4.0, 0.0])
-    moved = PoseBelief(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
-    stood = PoseBelief(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
-    belief = search(
+    moved = PoseEstimate(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
+    stood = PoseEstimate(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
+    estimate = search(
         SHAPE, _observation(_side_and_rear(truth)), (moved, stood), 40.0, PoseSearchConfig()
     )
-    np.testing.assert_allclose(belief.pose, truth, atol=0.06)
+    np.testing.assert_allclose(estimate.pose, truth, atol=0.06)
 
 
 def test_a_shape_remembers_what_it_showed() -> None:

@@ -21,7 +21,7 @@ from train.fusion.mlp_squares import MlpSquares
 from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.small_steps import WATCHED, FusionTraining
 from train.fusion.sweep import hidden_sizes, sweep
-from train.fusion.training import fit_fusion, note_calibrations
+from train.fusion.training import fit_fusion, write_calibrations
 from train.fusion.whole_steps import lowest
 from train.trainer import TrainerConfig, checkpoint_to_resume
 
@@ -157,7 +157,7 @@ def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
     )
     file.write_bytes(with_calibrations(model, curves))
     assert Fusion(file).calibrations == curves
-    note_calibrations(checkpoint, curves)
+    write_calibrations(checkpoint, curves)
     assert load_fusion(checkpoint)[1]["calibration"] == "2.0,0.5,0.25 dm=1.0,0.0,-1.0"
 
 
