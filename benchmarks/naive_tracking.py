@@ -82,9 +82,9 @@ class ReferencePointTracker:
     def __init__(self, config: PointTrackerConfig = THESIS) -> None:
         self.config = config
         self._next_id = 0
-        self.end_all()
+        self.clear()
 
-    def end_all(self) -> None:
+    def clear(self) -> None:
         """End all tracks."""
         self._tracks: list[_ReferenceTrack] = []
         self._stamp_s: float | None = None

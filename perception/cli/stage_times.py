@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.pipeline.clock import since_begun
+from perception.pipeline.clock import relative_to_start
 from perception.types import Result, StageSpan
 
 STAGE_HEADER = ("stage", "median ms", "99 % ms", "share %")
@@ -59,7 +59,7 @@ class StageTimes:
         for stage in dict.fromkeys([*self.seconds, *result.timings_s]):
             of_stage = self.seconds.setdefault(stage, [np.nan] * before)
             of_stage.append(result.timings_s.get(stage, np.nan))
-        spans = since_begun(result.spans)
+        spans = relative_to_start(result.spans)
         self.frames_s.append(max((span.stop_s for span in spans), default=np.nan))
         self.spans.append(spans)
 

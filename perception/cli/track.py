@@ -199,17 +199,17 @@ class _TimedTracker:
 
     def __init__(self, tracker: SingleObjectTracker, start: TrackStart) -> None:
         self.tracker, self._start = tracker, start
-        self._has_begun = False
+        self._is_initialized = False
 
     def update(self, tracker_input: TrackerInput) -> _TimedObject:
         """Begin, or go on."""
         start_s = time.perf_counter()
         with limit_blas_threads():
-            if self._has_begun:
+            if self._is_initialized:
                 tracked = self.tracker.update(tracker_input)
             else:
                 tracked = self.tracker.start(tracker_input, self._start.box_velo)
-        self._has_begun = True
+        self._is_initialized = True
         return _TimedObject(tracked, time.perf_counter() - start_s, region_of_tracker(self.tracker))
 
 

@@ -35,7 +35,7 @@ class Datmo:
     def update(self, scan: SegmentedScan) -> Tracks:
         """Return every confirmed track at the moment of the scan."""
         if scan.is_reset:
-            self._tracker.end_all()
+            self._tracker.clear()
         found = self._detector.detect(scan)
         pose = scan.ins_world_SE3_velo if self._uses_ins_poses else scan.world_SE3_velo
         return self._tracker.update(scan.stamp_s, pose, found.moving, found.standing)

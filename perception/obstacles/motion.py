@@ -67,7 +67,7 @@ class FreeSpaceSegmenter:
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
         """Segment the newest scan; a window of one scan begins anew."""
         pose = window.newest.world_SE3_velo
-        grid, static_map = self._begin(window)
+        grid, static_map = self._init_drive(window)
         self._memory.push(window.newest.points_velo, pose)
         stands = split_by_ground(window.newest.points_velo, ground, self._area, self._clearance_m)
         voxels = group_keys(grid.keys(_to_world(stands, pose)))
@@ -89,7 +89,7 @@ class FreeSpaceSegmenter:
             moving=Voxels(places[moves], moving.counts, self._voxel_size_m),
         )
 
-    def _begin(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
+    def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
         """Return the grid and the map, new ones where the window begins anew."""
         if self._grid_world is None or self._static_map is None or len(window) == 1:
             self._memory.clear()

@@ -41,24 +41,24 @@ class StageClock:
 
         Those without a worker were run by this clock's own.
         """
-        begun_s = time.perf_counter() - self._arrival_s
+        offset_s = time.perf_counter() - self._arrival_s
         nested: list[StageSpan] = []
         yield nested
         self.spans += tuple(
             StageSpan(
                 part.stage,
                 part.worker or self._worker,
-                begun_s + part.start_s,
-                begun_s + part.stop_s,
+                offset_s + part.start_s,
+                offset_s + part.stop_s,
             )
             for part in nested
         )
 
 
-def since_begun(spans: Sequence[StageSpan]) -> tuple[StageSpan, ...]:
+def relative_to_start(spans: Sequence[StageSpan]) -> tuple[StageSpan, ...]:
     """Return the same with times since the first of the stages began, without what the frame waited before."""
-    begun_s = min((span.start_s for span in spans), default=0.0)
+    offset_s = min((span.start_s for span in spans), default=0.0)
     return tuple(
-        replace(span, start_s=span.start_s - begun_s, stop_s=span.stop_s - begun_s)
+        replace(span, start_s=span.start_s - offset_s, stop_s=span.stop_s - offset_s)
         for span in spans
     )

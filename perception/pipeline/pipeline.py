@@ -40,7 +40,7 @@ from perception.types import Frame, Result
 log = logging.getLogger(__name__)
 
 # One frame for each worker.
-_IN_WORK = 2
+_MAX_IN_FLIGHT = 2
 
 
 class Pipeline:
@@ -73,7 +73,7 @@ class Pipeline:
             self._detection = load_detectors(self.config.detection, sensor)
             self._obstacles.reset()  # a process answers when it is ready for the first frame
             on_error.pop_all()
-        self._forget_vehicles()
+        self._reset_vehicles()
         if self.config.parallel:
             limit_opencv_threads()
         kind = ThreadWorker if self.config.parallel else InlineWorker
@@ -95,7 +95,7 @@ class Pipeline:
 
     def reset(self) -> None:
         """Forget the drive so far, as between frames that do not follow each other."""
-        self._forget().result()
+        self._reset_stages().result()
 
     def step(self, frame: Frame) -> Result:
         """Say where the ground of this frame is, what stands on it, what moves, and which vehicles there are.
@@ -103,7 +103,7 @@ class Pipeline:
         Raises:
             PerceptionError: the LiDAR is mounted otherwise than its model says, or the INS jumps.
         """
-        return self._begin(frame, time.perf_counter()).result()
+        return self._submit(frame, time.perf_counter()).result()
 
     def stream(
         self, frames: Iterable[Frame], policy: FramePolicy = "every", *, is_sequence: bool = True
@@ -123,21 +123,21 @@ class Pipeline:
                 for result in results:
                     drive_by(result)
         """
-        begin = self._begin if is_sequence else self._begin_anew
-        return ResultStream(frames, begin, policy, _IN_WORK)
+        submit = self._submit if is_sequence else self._submit_independent
+        return ResultStream(frames, submit, policy, _MAX_IN_FLIGHT)
 
-    def _begin_anew(self, frame: Frame, arrival_s: float) -> "Future[Result]":
-        self._forget()
-        return self._begin(frame, arrival_s)
+    def _submit_independent(self, frame: Frame, arrival_s: float) -> "Future[Result]":
+        self._reset_stages()
+        return self._submit(frame, arrival_s)
 
-    def _forget(self) -> "Future[None]":
-        self._vehicle_worker.submit(self._forget_vehicles)
+    def _reset_stages(self) -> "Future[None]":
+        self._vehicle_worker.submit(self._reset_vehicles)
         return self._obstacle_worker.submit(self._obstacles.reset)
 
-    def _forget_vehicles(self) -> None:
+    def _reset_vehicles(self) -> None:
         self._vehicles = VehicleTracker()
 
-    def _begin(self, frame: Frame, arrival_s: float) -> "Future[Result]":
+    def _submit(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         """Give a frame's stages to the workers, each after those that it waits for."""
         lidar_clock = StageClock(self._obstacle_worker.name, arrival_s)
         camera_clock = StageClock(self._vehicle_worker.name, arrival_s)
@@ -157,7 +157,7 @@ class Pipeline:
         detected = self._detect(frame, camera_clock)
         lidar_result = lidar_future.result()
         if lidar_result.is_reset:
-            self._vehicles.end_all()
+            self._vehicles.clear()
         result = lidar_result.result(frame)
         if detected.multimodal is not None:
             result = self._add_vehicles(result, detected.multimodal, camera_clock)

@@ -17,16 +17,16 @@ from perception.types import Frame, Result
 
 # What becomes of frames that come faster than results are taken.
 FramePolicy = Literal["every", "latest"]
-Begin = Callable[[Frame, float], "Future[Result]"]
+Submit = Callable[[Frame, float], "Future[Result]"]
 # A source that gives no more frames is not waited for longer.
-_FAREWELL_S = 1.0
+_JOIN_TIMEOUT_S = 1.0
 
 
 class ResultStream:
     """An iterator over results; a context manager, which ends what was begun."""
 
     def __init__(
-        self, frames: Iterable[Frame], begin: Begin, policy: FramePolicy, in_work: int
+        self, frames: Iterable[Frame], submit: Submit, policy: FramePolicy, max_in_flight: int
     ) -> None:
         """Begin to read.
 
@@ -34,14 +34,14 @@ class ResultStream:
             frames: in order; read in a thread of their own.
             begin: starts the work on a frame, given when it arrived by `time.perf_counter`.
             policy: `every` frame, for which the source waits; or the `latest`, for a source that does not.
-            in_work: so many frames at most are begun and not yet taken.
+            max_in_flight: so many frames at most are begun and not yet taken.
         """
         self.dropped = 0
         """How many frames were passed over since a later one came before there was room."""
-        self._begin, self._policy, self._room = begin, policy, in_work
-        self._begun: deque[Future[Result]] = deque()
-        self._waiting: tuple[Frame, float] | None = None
-        self._is_over = self._is_closed = False
+        self._submit, self._policy, self._max_in_flight = submit, policy, max_in_flight
+        self._in_flight: deque[Future[Result]] = deque()
+        self._pending: tuple[Frame, float] | None = None
+        self._is_exhausted = self._is_closed = False
         self._source_error: Exception | None = None
         self._changed = threading.Condition()
         self._reader = threading.Thread(
@@ -65,30 +65,30 @@ class ResultStream:
             PerceptionError: this frame could not be read or used; the stream ends with it.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._begun or self._is_over or self._is_closed)
+            self._changed.wait_for(lambda: self._in_flight or self._is_exhausted or self._is_closed)
             if self._is_closed:
                 raise StopIteration
-            if not self._begun:
+            if not self._in_flight:
                 self._is_closed = True
                 raise self._source_error or StopIteration
-            oldest = self._begun[0]
+            oldest = self._in_flight[0]
         try:
             result = oldest.result()
         except BaseException:
             self.close()
             raise
-        self._make_room()
+        self._release()
         return result
 
     def close(self) -> None:
         """Read no more frames, and wait for those that were begun; their results are lost."""
         with self._changed:
             self._is_closed = True
-            self._waiting = None
+            self._pending = None
             self._changed.notify_all()
-        wait(self._begun)
-        self._begun.clear()
-        self._reader.join(_FAREWELL_S)
+        wait(self._in_flight)
+        self._in_flight.clear()
+        self._reader.join(_JOIN_TIMEOUT_S)
 
     def _read(self, frames: Iterable[Frame]) -> None:
         """Take frame after frame from the source, until it ends, fails, or nobody wants more."""
@@ -99,14 +99,14 @@ class ResultStream:
                     frame = next(source)
                 except StopIteration:
                     return
-                self._take(frame, time.perf_counter())
+                self._accept(frame, time.perf_counter())
         except Exception as error:  # for whoever takes the results, after the last of them
             self._source_error = error
         finally:
             # A generator is closed in the thread that ran it.
             del source, frames
             with self._changed:
-                self._is_over = True
+                self._is_exhausted = True
                 self._changed.notify_all()
 
     def _waits_for_more(self) -> bool:
@@ -116,24 +116,24 @@ class ResultStream:
                 self._changed.wait_for(lambda: self._has_room or self._is_closed)
             return not self._is_closed
 
-    def _take(self, frame: Frame, arrival_s: float) -> None:
+    def _accept(self, frame: Frame, arrival_s: float) -> None:
         with self._changed:
-            self.dropped += self._waiting is not None
-            self._waiting = (frame, arrival_s)
-            self._begin_waiting()
+            self.dropped += self._pending is not None
+            self._pending = (frame, arrival_s)
+            self._submit_pending()
 
-    def _make_room(self) -> None:
+    def _release(self) -> None:
         """Let a taken result make room for the frame that waits."""
         with self._changed:
-            self._begun.popleft()
-            self._begin_waiting()
+            self._in_flight.popleft()
+            self._submit_pending()
 
-    def _begin_waiting(self) -> None:
-        if self._waiting is not None and self._has_room and not self._is_closed:
-            self._begun.append(self._begin(*self._waiting))
-            self._waiting = None
+    def _submit_pending(self) -> None:
+        if self._pending is not None and self._has_room and not self._is_closed:
+            self._in_flight.append(self._submit(*self._pending))
+            self._pending = None
         self._changed.notify_all()
 
     @property
     def _has_room(self) -> bool:
-        return len(self._begun) < self._room
+        return len(self._in_flight) < self._max_in_flight

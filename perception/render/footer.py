@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from perception.pipeline.clock import since_begun
+from perception.pipeline.clock import relative_to_start
 from perception.render import palette
 from perception.render.panels import LegendEntry, draw_legend
 from perception.render.stage_bar import draw_stage_bar, draw_worker_bars
@@ -32,7 +32,7 @@ def draw_footer(
     ]
     start, stop = (round(share * width) for share in _BAR_SHARES)
     bar = canvas[:, max([start, *ends_px]) : stop]
-    if spans := since_begun(result.spans):
+    if spans := relative_to_start(result.spans):
         draw_worker_bars(bar, spans, turn_s, round(0.85 * text_px))
     else:
         draw_stage_bar(bar, result.timings_s, turn_s, round(0.85 * text_px))
@@ -44,7 +44,7 @@ def draw_footer(
 
 def _footer_lines(result: Result) -> list[str]:
     """Return the time that the frame took, where it was taken, and which frame it is."""
-    stops_s = [span.stop_s for span in since_begun(result.spans)]
+    stops_s = [span.stop_s for span in relative_to_start(result.spans)]
     total_s = max(stops_s, default=sum(result.timings_s.values()))
     which = f"frame {result.frame.index}   {result.frame.stamp_s:.1f} s"
     return [f"{total_s * 1e3:.0f} ms for the frame", which] if total_s > 0 else [which]

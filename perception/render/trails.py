@@ -28,7 +28,7 @@ class Trails:
 
     def add(self, result: Result) -> None:
         """Remember where the tracks of the next frame are."""
-        if self._newest is not None and _begins_anew(self._newest, result):
+        if self._newest is not None and _is_reset(self._newest, result):
             self._ways = {}
         self._newest = result
         now_s = result.frame.stamp_s
@@ -60,7 +60,7 @@ def _places(way: Iterable[tuple[float, Float64]]) -> Float64:
     return np.array([place for _, place in way]).reshape(-1, 3)
 
 
-def _begins_anew(before: Result, after: Result) -> bool:
+def _is_reset(before: Result, after: Result) -> bool:
     """Tell whether time runs backwards, or the vehicle has leapt."""
     passed_s = after.frame.stamp_s - before.frame.stamp_s
     way_m = float(np.linalg.norm((after.world_SE3_velo - before.world_SE3_velo)[:3, 3]))

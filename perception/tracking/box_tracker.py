@@ -38,9 +38,9 @@ class BoxTracker:
         self._area = area
         self._config = config or BoxTrackerConfig()
         self._next_id = 0
-        self.end_all()
+        self.clear()
 
-    def end_all(self) -> None:
+    def clear(self) -> None:
         """End all tracks; their ids are not used again."""
         self._tracks = TrackTable.empty()
         self._stood_m = np.zeros((0, 2))
@@ -57,8 +57,8 @@ class BoxTracker:
             sensor_m = world_SE3_velo[:2, 3]
             new = self._continue_moving(moving.moved(world_SE3_velo), sensor_m)
             self._continue_standing(standing.moved(world_SE3_velo), sensor_m)
-            self._begin(new, sensor_m)
-            self._end(world_SE3_velo)
+            self._init_tracks(new, sensor_m)
+            self._delete_tracks(world_SE3_velo)
         return self._report(self._stamp_s, world_SE3_velo)
 
     def _predict(self, elapsed_s: float) -> None:
@@ -147,7 +147,7 @@ class BoxTracker:
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.life))
         self._tracks = self._tracks.replaced(rows, tracks)
 
-    def _begin(self, things: Footprints, sensor_m: Float64) -> None:
+    def _init_tracks(self, things: Footprints, sensor_m: Float64) -> None:
         """Begin a track with each thing that continues none and is no part of what is tracked."""
         sure = self._tracks[self._tracks.is_confirmed]
         is_part = self._is_inside_boxes(sure, things.centroids_m).any(axis=0)
@@ -158,7 +158,7 @@ class BoxTracker:
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
         self._next_id += len(things)
 
-    def _end(self, world_SE3_velo: Float64) -> None:
+    def _delete_tracks(self, world_SE3_velo: Float64) -> None:
         """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
         tracks = self._tracks
         is_doubled = (

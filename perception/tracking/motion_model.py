@@ -58,7 +58,7 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Ga
     return kalman.predict(states, transition, model.velocity_noise_m_s**2 * noise)
 
 
-def begin(
+def init(
     positions_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
 ) -> Gaussians:
     """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise and (T, 2) sizes."""

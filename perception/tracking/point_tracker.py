@@ -132,11 +132,11 @@ class PointTracker:
     def __init__(self, config: PointTrackerConfig = THESIS) -> None:
         self.config = config
         self._next_id = 0
-        self.end_all()
+        self.clear()
 
-    def end_all(self) -> None:
+    def clear(self) -> None:
         """End all tracks, as where poses before and after no longer fit; ids are not used again."""
-        self._tracks = self._begin(Footprints.empty(), np.eye(4))
+        self._tracks = self._init_tracks(Footprints.empty(), np.eye(4))
         self._stamp_s: float | None = None
 
     def update(
@@ -158,7 +158,7 @@ class PointTracker:
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
         """Move all tracks to the next frame."""
-        before, new_tracks = self._tracks, self._begin(moving, world_SE3_velo)
+        before, new_tracks = self._tracks, self._init_tracks(moving, world_SE3_velo)
         measured_m = new_tracks.states.mean[:, :2]
 
         # Prediction, then gating and nearest neighbour.
@@ -178,7 +178,7 @@ class PointTracker:
         self._tracks = after.joined(replace(born, ids=self._next_id + np.arange(len(born))))
         self._next_id += len(born)
 
-    def _begin(self, moving: Footprints, world_SE3_velo: Float64) -> _PointTracks:
+    def _init_tracks(self, moving: Footprints, world_SE3_velo: Float64) -> _PointTracks:
         """Return each detection as the track that it would begin, still without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
         min_m, greatest_m = moving.extents_m(np.zeros(count))

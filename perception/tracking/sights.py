@@ -113,7 +113,7 @@ def init_tracks(
     )
     measured = _measure(tracks, seen, things.points[:, None], config)
     centers_m = measured.centers_m[:, 0]
-    states = motion_model.begin(centers_m, measured.noise[:, 0], sizes_m, config.motion)
+    states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m, config.motion)
     return replace(
         tracks, mean=states.mean, covariance=states.covariance, first_seen_world_m=centers_m
     )

@@ -22,6 +22,6 @@ class MultiObjectTracker(Protocol):
         """
         ...
 
-    def end_all(self) -> None:
+    def clear(self) -> None:
         """End all tracks, as where poses before and after no longer fit; ids are not used again."""
         ...

@@ -140,7 +140,7 @@ def test_a_repeated_scan_counts_once():
 @pytest.mark.parametrize(
     "fields", [{"is_reset": True}, {"stamp_s": 60.0}], ids=["reset", "a minute later"]
 )
-def test_a_reset_or_a_long_gap_begins_anew(fields):
+def test_a_reset_or_a_long_gap_clears_the_map(fields):
     detector = MotionGridDetector(HDL_64E, THESIS)
     for k in range(8):
         detector.detect(scan_of(k))

@@ -151,7 +151,7 @@ def test_motion_counts_in_the_vehicles_own_plane_whatever_the_worlds_axes():
         np.testing.assert_array_equal(tilted.update(grid, other_SE3_world @ place), expected_m)
 
 
-def test_a_cleared_map_begins_anew():
+def test_a_cleared_map_equals_a_new_one():
     config = ShortTermMapConfig(6, 6, 1)
     used, fresh = ShortTermMap(CELLS, config), ShortTermMap(CELLS, config)
     rng = np.random.default_rng(7)

@@ -148,7 +148,7 @@ def test_earlier_scans_fill_what_the_newest_does_not_see() -> None:
     assert abs(forgotten - (-1.73 + 0.2)) > 0.10
 
 
-def test_a_window_of_one_scan_begins_anew() -> None:
+def test_a_window_of_one_scan_resets() -> None:
     def high(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.full_like(x, -1.5)
 

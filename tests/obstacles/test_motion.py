@@ -178,7 +178,7 @@ def test_the_static_map_keeps_what_is_hidden_for_a_moment():
             assert (owner == 1).sum() == 0
 
 
-def test_a_window_that_begins_anew_forgets():
+def test_a_new_window_forgets():
     def scene(k):
         return [box(9.0, -3.0 + 0.15 * k)]
 

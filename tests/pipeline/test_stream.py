@@ -23,22 +23,22 @@ def frame(index: int) -> Frame:
 class Work:
     """Begins frames; each is done when the test says so, and its result is its number."""
 
-    begun: dict[int, Future] = field(default_factory=dict)
+    submitted: dict[int, Future] = field(default_factory=dict)
     arrived: threading.Condition = field(default_factory=threading.Condition)
 
-    def begin(self, frame: Frame, arrival_s: float) -> Future:
+    def submit(self, frame: Frame, arrival_s: float) -> Future:
         with self.arrived:
-            self.begun[frame.index] = Future()
+            self.submitted[frame.index] = Future()
             self.arrived.notify_all()
-        return self.begun[frame.index]
+        return self.submitted[frame.index]
 
     def wait_for(self, *indices: int) -> None:
         with self.arrived:
-            assert self.arrived.wait_for(lambda: set(indices) <= set(self.begun), PATIENCE_S)
+            assert self.arrived.wait_for(lambda: set(indices) <= set(self.submitted), PATIENCE_S)
 
     def finish(self, index: int) -> None:
         self.wait_for(index)
-        self.begun[index].set_result(index)
+        self.submitted[index].set_result(index)
 
 
 class Lidar:
@@ -47,7 +47,7 @@ class Lidar:
     def __init__(self) -> None:
         self._turns = threading.Semaphore(0)
         self._asked = threading.Semaphore(0)
-        self._is_over = False
+        self._is_exhausted = False
         self.count = 0
 
     def __iter__(self):
@@ -56,7 +56,7 @@ class Lidar:
     def __next__(self) -> Frame:
         self._asked.release()
         self._turns.acquire()
-        if self._is_over:
+        if self._is_exhausted:
             raise StopIteration
         self.count += 1
         return frame(self.count - 1)
@@ -73,13 +73,13 @@ class Lidar:
         self._asked.release()
 
     def stop(self) -> None:
-        self._is_over = True
+        self._is_exhausted = True
         self._turns.release()
 
 
 def test_results_come_in_the_order_of_frames_whatever_is_done_first():
     work = Work()
-    with ResultStream(map(frame, range(4)), work.begin, "every", in_work=2) as stream:
+    with ResultStream(map(frame, range(4)), work.submit, "every", max_in_flight=2) as stream:
         work.wait_for(0, 1)
         work.finish(1)
         work.finish(0)
@@ -97,13 +97,13 @@ def test_no_more_frames_are_begun_or_read_than_there_is_room_for():
             read.append(index)
             yield frame(index)
 
-    with ResultStream(source(), work.begin, "every", in_work=3) as stream:
+    with ResultStream(source(), work.submit, "every", max_in_flight=3) as stream:
         work.wait_for(0, 1, 2)
         for index in range(3):
             work.finish(index)
         # They are done, but nobody has taken them.
         time.sleep(0.02)
-        assert (sorted(work.begun), read) == ([0, 1, 2], [0, 1, 2])
+        assert (sorted(work.submitted), read) == ([0, 1, 2], [0, 1, 2])
         assert next(stream) == 0
         work.wait_for(3)
         assert read == [0, 1, 2, 3]
@@ -113,14 +113,14 @@ def test_no_more_frames_are_begun_or_read_than_there_is_room_for():
 
 def test_the_latest_frame_takes_the_place_of_those_that_wait():
     work, lidar = Work(), Lidar()
-    with ResultStream(lidar, work.begin, "latest", in_work=1) as stream:
+    with ResultStream(lidar, work.submit, "latest", max_in_flight=1) as stream:
         for _ in range(5):
             lidar.turn()
         work.finish(0)
         assert next(stream) == 0
         work.finish(4)
         assert next(stream) == 4
-        assert sorted(work.begun) == [0, 4]
+        assert sorted(work.submitted) == [0, 4]
         assert stream.dropped == 3
         lidar.stop()
         assert list(stream) == []
@@ -132,7 +132,7 @@ def test_a_source_that_is_slow_loses_nothing_under_either_policy():
         with (
             ThreadPoolExecutor(1) as executor,
             ResultStream(
-                lidar, lambda f, _: executor.submit(lambda: f.index), policy, in_work=1
+                lidar, lambda f, _: executor.submit(lambda: f.index), policy, max_in_flight=1
             ) as stream,
         ):
             for index in range(3):
@@ -145,9 +145,9 @@ def test_a_source_that_is_slow_loses_nothing_under_either_policy():
 
 def test_an_error_comes_in_its_turn_and_is_the_last():
     work = Work()
-    with ResultStream(map(frame, range(5)), work.begin, "every", in_work=3) as stream:
+    with ResultStream(map(frame, range(5)), work.submit, "every", max_in_flight=3) as stream:
         work.wait_for(0, 1, 2)
-        work.begun[1].set_exception(ScanError("frame 1", expected="points", found="none"))
+        work.submitted[1].set_exception(ScanError("frame 1", expected="points", found="none"))
         work.finish(2)
         work.finish(0)
         assert next(stream) == 0
@@ -156,7 +156,7 @@ def test_an_error_comes_in_its_turn_and_is_the_last():
         with pytest.raises(ScanError, match="frame 1"):
             next(stream)
         assert list(stream) == []
-    assert 4 not in work.begun
+    assert 4 not in work.submitted
 
 
 def test_an_error_of_the_source_comes_after_the_frames_before_it():
@@ -165,7 +165,7 @@ def test_an_error_of_the_source_comes_after_the_frames_before_it():
         raise ScanError("0001.bin", expected="a whole file", found="half of one")
 
     work = Work()
-    with ResultStream(source(), work.begin, "every", in_work=2) as stream:
+    with ResultStream(source(), work.submit, "every", max_in_flight=2) as stream:
         work.finish(0)
         assert next(stream) == 0
         with pytest.raises(ScanError, match=r"0001\.bin"):
@@ -183,7 +183,7 @@ def test_closing_waits_for_what_was_begun_and_ends_the_reader():
         finally:
             closed.append(threading.current_thread().name)
 
-    stream = ResultStream(source(), work.begin, "every", in_work=2)
+    stream = ResultStream(source(), work.submit, "every", max_in_flight=2)
     work.wait_for(0, 1)
     ender = threading.Thread(target=stream.close)
     ender.start()

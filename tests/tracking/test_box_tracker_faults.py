@@ -72,9 +72,9 @@ def test_a_long_gap_in_time_ends_tracks_and_ids_go_on():
 
 def test_ids_are_not_used_again_after_all_tracks_ended():
     tracker = tracked()
-    tracker.end_all()
+    tracker.clear()
     assert len(tracker.update(2.0, HERE, NOTHING, NOTHING)) == 0
-    tracker.end_all()
+    tracker.clear()
     for step in range(10):  # the clock may begin anew as well
         tracks = tracker.update(0.1 * step, HERE, walker(step), NOTHING)
     assert tracks.ids.tolist() == [1]

@@ -221,11 +221,11 @@ def test_ending_all_begins_anew_with_new_ids(config):
     drive = Drive(PointTracker(config))
     for _ in range(3):
         drive.scan((10, 0), (5, 5))
-    drive.tracker.end_all()
+    drive.tracker.clear()
     assert len(drive.scan((10, 0), (5, 5), after_s=-90.0)) == 0  # also on an earlier clock
     assert drive.scan((10, 0), (5, 5)).ids.tolist() == [2, 3]
-    drive.tracker.end_all()
-    drive.tracker.end_all()
+    drive.tracker.clear()
+    drive.tracker.clear()
     assert len(drive.scan()) == 0
 
 

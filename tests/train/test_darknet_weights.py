@@ -86,7 +86,7 @@ def test_the_first_layers_alone(tmp_path):
 def test_the_beginning_of_a_longer_file(tmp_path):
     network = two_layers()[:2]
     path = write(tmp_path / "whole.weights", OLD_HEADER, packed(NUMBERS))
-    load_darknet_weights(network, path, is_beginning=True)
+    load_darknet_weights(network, path, is_prefix=True)
     assert network[0].weight.flatten().tolist() == [11, 12, 13, 14]
 
 
@@ -142,7 +142,7 @@ def test_other_files_are_refused_and_change_nothing(tmp_path, content, sentence)
 def test_a_beginning_that_is_too_short_is_refused(tmp_path):
     path = write(tmp_path / "short.weights", OLD_HEADER, packed(NUMBERS[:5]))
     with pytest.raises(ModelError, match="expected at least 8 numbers for this network, found 5"):
-        load_darknet_weights(two_layers()[:2], path, is_beginning=True)
+        load_darknet_weights(two_layers()[:2], path, is_prefix=True)
 
 
 def test_a_missing_file_is_refused(tmp_path):

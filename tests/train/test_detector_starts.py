@@ -9,14 +9,14 @@ from torch import nn
 from torchvision import models
 
 from perception.errors import ModelError
-from train.detector.darknet_start import start_from_darknet
+from train.detector.darknet_start import init_from_darknet
 from train.detector.darknet_weights import save_darknet_weights
 from train.networks.grid_detector import YoloDetector
 from train.networks.grid_head import YoloHead
 from train.networks.torchvision_detector import (
     TorchvisionDetector,
     TorchvisionTrunk,
-    start_from_classifier,
+    init_from_classifier,
 )
 
 
@@ -55,14 +55,14 @@ BACKBONE, DEEP, HEAD = "trunk.backbone.0.weight", "trunk.deep.weight", "head.con
 def test_darknet_fills_what_fits(tmp_path, content, named, alike):
     source, detector = small_detector(), small_detector(seed=1)
     save_darknet_weights(content(source), tmp_path / "some.weights")
-    assert start_from_darknet(detector, tmp_path / "some.weights") == named
+    assert init_from_darknet(detector, tmp_path / "some.weights") == named
     assert parts_alike(detector, source) == alike
 
 
 def test_a_file_too_short_for_the_backbone_is_refused(tmp_path):
     save_darknet_weights(nn.Conv2d(1, 1, 1), tmp_path / "short.weights")
     with pytest.raises(ModelError, match="at least 124 numbers for this network, found 2"):
-        start_from_darknet(small_detector(), tmp_path / "short.weights")
+        init_from_darknet(small_detector(), tmp_path / "short.weights")
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def resnet_file(tmp_path_factory):
 
 
 def test_a_classifier_becomes_the_trunk(detector, resnet_file):
-    start_from_classifier(detector, "resnet18", resnet_file)
+    init_from_classifier(detector, "resnet18", resnet_file)
     first = torch.load(resnet_file, weights_only=True)["conv1.weight"]
     torch.testing.assert_close(detector.trunk.maps.conv1.weight.detach(), first)
     raw = detector(torch.zeros(2, 1, 64, 96))
@@ -117,15 +117,15 @@ def test_classifiers_without_such_maps_are_refused(name):
 def test_weights_of_another_classifier_are_refused(detector, tmp_path):
     torch.save({"conv1.weight": torch.zeros(64, 3, 7, 7)}, tmp_path / "other.pth")
     with pytest.raises(ModelError, match="weights of resnet18 that its maps need, found 1 of them"):
-        start_from_classifier(detector, "resnet18", tmp_path / "other.pth")
+        init_from_classifier(detector, "resnet18", tmp_path / "other.pth")
 
 
 def test_unreadable_weights_are_refused(detector, tmp_path):
     (tmp_path / "bad.pth").write_bytes(b"nothing")
     with pytest.raises(ModelError, match="found a file that cannot be read"):
-        start_from_classifier(detector, "resnet18", tmp_path / "bad.pth")
+        init_from_classifier(detector, "resnet18", tmp_path / "bad.pth")
     with pytest.raises(ModelError, match="found no such file"):
-        start_from_classifier(detector, "resnet18", tmp_path / "none.pth")
+        init_from_classifier(detector, "resnet18", tmp_path / "none.pth")
 
 
 def test_without_a_net_the_file_is_asked_for(detector, monkeypatch):
@@ -134,4 +134,4 @@ def test_without_a_net_the_file_is_asked_for(detector, monkeypatch):
 
     monkeypatch.setattr("torchvision.models._api.load_state_dict_from_url", unreachable)
     with pytest.raises(ModelError, match="fetch the file elsewhere and give its path"):
-        start_from_classifier(detector, "resnet18", "download")
+        init_from_classifier(detector, "resnet18", "download")

@@ -8,7 +8,7 @@ from train.detector.darknet_weights import load_darknet_weights
 from train.networks.yolov2 import YOLOv2
 
 
-def start_from_darknet(detector: YOLOv2, path: Path) -> str:
+def init_from_darknet(detector: YOLOv2, path: Path) -> str:
     """Fill as much of a detector as a weight file holds, and name it.
 
     Args:
@@ -23,8 +23,8 @@ def start_from_darknet(detector: YOLOv2, path: Path) -> str:
         load_darknet_weights(detector, path)
         return "detector"
     with suppress(ModelError):
-        load_darknet_weights(detector.trunk, path, is_beginning=True)
+        load_darknet_weights(detector.trunk, path, is_prefix=True)
         return "trunk"
     backbone = detector.trunk.get_submodule("backbone")
-    load_darknet_weights(backbone, path, is_beginning=True)
+    load_darknet_weights(backbone, path, is_prefix=True)
     return "backbone"

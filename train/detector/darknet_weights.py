@@ -56,7 +56,7 @@ class DarknetHeader:
 
 
 def load_darknet_weights(
-    network: nn.Module, path: Path, *, is_beginning: bool = False
+    network: nn.Module, path: Path, *, is_prefix: bool = False
 ) -> DarknetHeader:
     """Fill a network from a weight file and return the file's header.
 
@@ -65,7 +65,7 @@ def load_darknet_weights(
     Args:
         network: whose modules were created in the order of the cfg.
         path: of the file.
-        is_beginning: take the file's first numbers and leave the rest, for a backbone from a whole detector.
+        is_prefix: take the file's first numbers and leave the rest, for a backbone from a whole detector.
 
     Raises:
         ModelError: unreadable, not a weight file, of another network, or with numbers that are not finite.
@@ -74,7 +74,7 @@ def load_darknet_weights(
     header = _parse_header(content, path)
     slots = list(_slots(network))
     required = sum(slot.numel() for slot in slots)
-    numbers = _parse_numbers(content[header.size_bytes :], required, path, is_beginning)
+    numbers = _parse_numbers(content[header.size_bytes :], required, path, is_prefix)
     ends = np.cumsum([slot.numel() for slot in slots])
     with torch.no_grad():
         for slot, part in zip(slots, np.split(numbers, ends[:-1]), strict=True):
@@ -135,13 +135,13 @@ def _parse_header(content: bytes, path: Path) -> DarknetHeader:
     )
 
 
-def _parse_numbers(content: bytes, required: int, path: Path, is_beginning: bool) -> Float32:
+def _parse_numbers(content: bytes, required: int, path: Path, is_prefix: bool) -> Float32:
     found, rest = divmod(len(content), _NUMBER.itemsize)
-    fits = found >= required if is_beginning else (found, rest) == (required, 0)
+    fits = found >= required if is_prefix else (found, rest) == (required, 0)
     if not fits:
         raise ModelError(
             path,
-            expected=f"{'at least ' if is_beginning else ''}{required} numbers for this network",
+            expected=f"{'at least ' if is_prefix else ''}{required} numbers for this network",
             found=f"{found}" + (f" and {rest} bytes" if rest else ""),
             advice="check the class list, the anchors, and that the download is complete",
         )

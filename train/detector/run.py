@@ -13,12 +13,12 @@ from torch import Tensor
 from data.pictures.module import ImageDataModule
 from perception.errors import UsageError
 from train.checkpoints import read_checkpoint
-from train.detector.darknet_start import start_from_darknet
+from train.detector.darknet_start import init_from_darknet
 from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
 from train.detector.pictures import DetectorImages
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
 from train.networks.grid_detector import YoloDetector
-from train.networks.torchvision_detector import TorchvisionDetector, start_from_classifier
+from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
 from train.networks.yolov2 import YOLOv2
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
 
@@ -91,7 +91,7 @@ def train_detector(
         # What its numbers mean hangs on the anchors.
         config = replace(config, anchors="default")
     torch.manual_seed(trainer_config.seed)
-    module = DetectorTraining(config, first_network(config, first))
+    module = DetectorTraining(config, initial_network(config, first))
     trainer: Trainer = make_trainer(out, trainer_config, callbacks(config))
     fit(trainer, module, data, resume)
     if trainer_config.is_trial or not trainer.is_global_zero:
@@ -99,7 +99,7 @@ def train_detector(
     return _best(data, out / BEST)
 
 
-def first_network(config: DetectorTrainingConfig, first: InitialWeights) -> YoloDetector:
+def initial_network(config: DetectorTrainingConfig, first: InitialWeights) -> YoloDetector:
     """Return the network that a training starts with.
 
     Raises:
@@ -117,13 +117,13 @@ def first_network(config: DetectorTrainingConfig, first: InitialWeights) -> Yolo
             raise UsageError(
                 "Darknet weights", expected="network yolov2", found=network_config.network
             )
-        start_from_darknet(network, first.darknet)
+        init_from_darknet(network, first.darknet)
     if first.backbone is not None:
         if not isinstance(network, TorchvisionDetector):
             raise UsageError(
                 "backbone weights", expected="a trunk of torchvision", found=network_config.network
             )
-        start_from_classifier(network, network_config.network, first.backbone)
+        init_from_classifier(network, network_config.network, first.backbone)
     return network
 
 

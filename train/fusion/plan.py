@@ -52,7 +52,7 @@ class FusionTrainingConfig:
         kept = ("optimiser", "seed", "training_data", "detectors", "revision")
         return {"model": MODEL, **network_config, **{name: asdict(self)[name] for name in kept}}
 
-    def first_network(self, training: FusionRows) -> RescoringMlp:
+    def initial_network(self, training: FusionRows) -> RescoringMlp:
         """Return a network of random weights that knows the ranges of its inputs."""
         torch.manual_seed(self.seed)
         network = RescoringMlp(self.network_config)

@@ -64,7 +64,7 @@ def fit_fusion(
         ModelError: the checkpoint is damaged, or of another network or way to fit.
     """
     torch.manual_seed(config.seed)
-    module = FusionTraining(config, config.first_network(sets.training))
+    module = FusionTraining(config, config.initial_network(sets.training))
     if resume is not None:
         _require_same_fit(resume, module)
     if config.optimiser == "lm":
@@ -85,7 +85,7 @@ def write_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> Non
 def _by_whole_steps(
     sets: FusionSets, config: FusionTrainingConfig, out: Path, resume: Path | None
 ) -> FittedFusion:
-    problem = MlpSquares(config.first_network(sets.training), sets.training)
+    problem = MlpSquares(config.initial_network(sets.training), sets.training)
 
     def content(parameters: Float64, step: int) -> dict[str, Any]:
         weights = problem.network_of(parameters).state_dict()
@@ -108,13 +108,13 @@ def _by_whole_steps(
         bar.update(last.number - bar.n)
         bar.set_postfix(train=f"{last.mean_square:.5f}", validation=f"{validation:.5f}")
 
-    begun = None
+    resumed_state = None
     if resume is not None:
-        begun = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
-        _write(out / BEST, content(begun.best.parameters, begun.best.step))
-    first = 0 if begun is None else begun.last.number
+        resumed_state = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
+        _write(out / BEST, content(resumed_state.best.parameters, resumed_state.best.step))
+    first = 0 if resumed_state is None else resumed_state.last.number
     with SummaryWriter(str(out)) as writer, step_bar(config.damping.max_steps, first) as bar:
-        best = lowest(sets, config, keep, begun)
+        best = lowest(sets, config, keep, resumed_state)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
 

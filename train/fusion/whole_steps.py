@@ -52,7 +52,7 @@ def lowest(
     sets: FusionSets,
     config: FusionTrainingConfig,
     watch: Callable[[Descent, float], None] | None = None,
-    begun: Descent | None = None,
+    resumed_state: Descent | None = None,
 ) -> Lowest:
     """Go down by Levenberg-Marquardt until what was kept back says that it is enough.
 
@@ -62,13 +62,13 @@ def lowest(
         watch: is told of each step and of its error on what was kept back.
         begun: a descent to go on with, from its last step.
     """
-    network = config.first_network(sets.training)
+    network = config.initial_network(sets.training)
     problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
-    best = None if begun is None else begun.best
+    best = None if resumed_state is None else resumed_state.best
     start, damping, first = problem.start, config.damping, 0
-    if begun is not None:
-        start, first = begun.last.parameters, begun.last.number
-        damping = replace(damping, first=begun.last.damping)
+    if resumed_state is not None:
+        start, first = resumed_state.last.parameters, resumed_state.last.number
+        damping = replace(damping, first=resumed_state.last.damping)
     with limit_blas_threads():
         for step in descend(problem, start, damping, first):
             error = kept_back.mean_square(step.parameters)

@@ -104,7 +104,7 @@ def trunk_names() -> tuple[str, ...]:
     return tuple(models.list_models(module=models))
 
 
-def start_from_classifier(
+def init_from_classifier(
     detector: TorchvisionDetector, name: str, weights: Path | Literal["download"]
 ) -> None:
     """Fill the trunk from a classifier that was trained before.

@@ -47,7 +47,7 @@ def _run_in_processes(
 ) -> Iterator[tuple[Part, Done]]:
     # Processes that start afresh inherit no locks of threads that run here.
     pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), initializer=_begin_worker
+        workers, multiprocessing.get_context("spawn"), initializer=_init_worker
     )
     try:
         part_of = {pool.submit(work, part): part for part in parts}
@@ -64,7 +64,7 @@ def _run_in_processes(
         pool.shutdown(cancel_futures=True)
 
 
-def _begin_worker() -> None:
+def _init_worker() -> None:
     """Keep to one thread, leave Ctrl-C to the parent, and end with it however it ends."""
     os.environ.update(OMP_NUM_THREADS="1", NUMBA_NUM_THREADS="1")  # of libraries not loaded yet
     threadpool_limits(limits=1)

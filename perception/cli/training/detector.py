@@ -138,8 +138,8 @@ def detector(  # noqa: PLR0913 - flags of a command
         learning_rate,
         anchors,
     )
-    first = InitialWeightsConfig(start, darknet_weights, backbone_weights)
-    trained = run_training(images, model, first, config, out, resume)
+    initial = InitialWeightsConfig(start, darknet_weights, backbone_weights)
+    trained = run_training(images, model, initial, config, out, resume)
     if trained is None:
         return
     write_json(out / "figures.json", trained)

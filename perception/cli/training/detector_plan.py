@@ -106,7 +106,7 @@ class InitialWeightsConfig:
 def run_training(
     images: DetectorDataConfig,
     model: DetectorModelConfig,
-    first: InitialWeightsConfig,
+    initial: InitialWeightsConfig,
     trainer: "TrainerConfig",
     out: Path,
     resume: str | None = None,
@@ -117,7 +117,9 @@ def run_training(
 
     checkpoint = checkpoint_to_resume(out, resume)
     config = detector_training_config(model, images, trainer.seed)
-    weights = InitialWeights(first.start, first.darknet_weights, _backbone(first.backbone_weights))
+    weights = InitialWeights(
+        initial.start, initial.darknet_weights, _backbone(initial.backbone_weights)
+    )
     module = image_data(images, model, config, trainer.seed)
     write_training_configuration(
         out,

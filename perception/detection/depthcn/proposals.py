@@ -127,7 +127,7 @@ def cluster_points(
     long = np.flatnonzero(_is_long(standing.xy_m, labels))
     parts = cluster(xy_m[long], _SPLIT * radius_m, min_points)
     labels[long] = np.where(parts >= 0, parts + labels.max(initial=-1) + 1, -1)
-    return _numbered_anew(labels)
+    return _renumbered(labels)
 
 
 def fit_boxes(standing: Standing, labels: Int) -> Proposals:
@@ -180,7 +180,7 @@ def _is_long(xy_m: Float64, labels: Int) -> Bool:
     return np.asarray(is_long[labels])
 
 
-def _numbered_anew(labels: Int) -> Int:
+def _renumbered(labels: Int) -> Int:
     """Close the gaps in (K,) numbers of clusters; -1 stays."""
     is_used = np.zeros(labels.max(initial=-1) + 2, bool)
     is_used[labels] = True

@@ -122,7 +122,7 @@ class MultimodalDetector:
             ImageError: an image is wanted by the only detector, and there is none.
             ModelError: a network yields numbers that are not finite.
         """
-        begun_s = time.perf_counter()
+        frame_start_s = time.perf_counter()
         running: dict[Modality, Future[_Timed[_ModalOutput]]] = {}
         if self._uses_image(frame):
             running["rgb"] = self._start("rgb", lambda: camera_image(frame))
@@ -149,8 +149,8 @@ class MultimodalDetector:
             {name: seen[name].made.image[..., 0] for name in MAP_MODALITIES if name in seen},
             timings_s,
             (
-                *(one.span(f"{name} detector", begun_s) for name, one in seen.items()),
-                replace(fused.span("fusion", begun_s), worker=""),
+                *(one.span(f"{name} detector", frame_start_s) for name, one in seen.items()),
+                replace(fused.span("fusion", frame_start_s), worker=""),
             ),
         )
 
@@ -204,9 +204,11 @@ class _Timed(NamedTuple, Generic[Made]):
         """How long it took."""
         return self.stop_s - self.start_s
 
-    def span(self, stage: str, begun_s: float) -> StageSpan:
+    def span(self, stage: str, frame_start_s: float) -> StageSpan:
         """Return when it was made, since all began."""
-        return StageSpan(stage, self.worker, self.start_s - begun_s, self.stop_s - begun_s)
+        return StageSpan(
+            stage, self.worker, self.start_s - frame_start_s, self.stop_s - frame_start_s
+        )
 
 
 def _timed(make: Callable[[], Made]) -> _Timed[Made]:

@@ -38,9 +38,9 @@ class SharedIds:
     def __init__(self, config: SharedIdsConfig | None = None) -> None:
         self._config = config or SharedIdsConfig()
         self._next_id = 0
-        self.forget()
+        self.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Forget who has which id; none is given again."""
         # Of a moving object, by the number that its tracker gave; what is not told of may be again.
         self._id_of: dict[int, int] = {}
@@ -49,7 +49,7 @@ class SharedIds:
         ] = {}  # scans of a vehicle's id and a tracker's number
         self._apart: dict[int, int] = {}  # scans that a moving object has been off its vehicle
 
-    def agree(
+    def share(
         self, vehicle_ids: Int, is_new: Bool, boxes: Boxes3D, tracks: Tracks
     ) -> tuple[Int, Tracks]:
         """Return the ids of V vehicles, and the moving objects by their shared ids.
@@ -66,7 +66,7 @@ class SharedIds:
         ids = self._with_new(vehicle_ids, is_new, partners, numbers)
         self._bind_new(ids, partners, numbers)
         self._bind_lasting(ids, partners, numbers)
-        self._part(ids, overlap, numbers)
+        self._split(ids, overlap, numbers)
         shared = np.array([self._id_of[number] for number in numbers], np.int64)
         renamed = Tracks(shared, tracks.boxes, tracks.velocities_m_s, tracks.is_observed)
         return ids, renamed[np.argsort(shared)]
@@ -98,8 +98,8 @@ class SharedIds:
             if number in self._id_of:
                 continue
             vehicle_id = int(ids[rows[track]]) if track in rows else -1
-            is_free = vehicle_id >= 0 and vehicle_id not in self._held_by(numbers)
-            self._name(number, vehicle_id if is_free else self._take_next())
+            is_free = vehicle_id >= 0 and vehicle_id not in self._ids_in_use(numbers)
+            self._assign_id(number, vehicle_id if is_free else self._take_next())
 
     def _bind_lasting(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
         """Rename moving objects that have been with a vehicle of another id for some scans."""
@@ -110,12 +110,12 @@ class SharedIds:
                 continue
             pair = (vehicle, number)
             together[pair] = self._together.get(pair, 0) + 1
-            if together[pair] >= self._config.scans and vehicle not in self._held_by(numbers):
-                self._name(number, vehicle)
+            if together[pair] >= self._config.scans and vehicle not in self._ids_in_use(numbers):
+                self._assign_id(number, vehicle)
                 del together[pair]
         self._together = together
 
-    def _part(self, ids: Int, overlap: Float64, numbers: list[int]) -> None:
+    def _split(self, ids: Int, overlap: Float64, numbers: list[int]) -> None:
         """Give a new id to a moving object that has been off the vehicle of its id for some scans."""
         row_of = {vehicle: row for row, vehicle in enumerate(ids.tolist()) if vehicle >= 0}
         apart: dict[int, int] = {}
@@ -125,17 +125,17 @@ class SharedIds:
                 continue
             apart[number] = self._apart.get(number, 0) + 1
             if apart[number] >= self._config.scans:
-                self._name(number, self._take_next())
+                self._assign_id(number, self._take_next())
                 del apart[number]
         self._apart = apart
 
-    def _name(self, number: int, shared: int) -> None:
+    def _assign_id(self, number: int, shared: int) -> None:
         """Give an id to a moving object; one that is not told of now and had it loses it."""
         others = {key: value for key, value in self._id_of.items() if value != shared}
         latest = list(others.items())[-_REMEMBERED:]
         self._id_of = {**dict(latest), number: shared}
 
-    def _held_by(self, numbers: list[int]) -> set[int]:
+    def _ids_in_use(self, numbers: list[int]) -> set[int]:
         return {self._id_of[number] for number in numbers if number in self._id_of}
 
 

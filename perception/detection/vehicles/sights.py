@@ -113,7 +113,7 @@ def expected_boxes_px(tracks: VehicleTable, frame_geometry: FrameGeometry) -> Fl
     return np.where(tracks.is_located[:, None], on_ground, in_image)
 
 
-def begin(
+def init(
     observations: VehicleObservations, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
 ) -> VehicleTable:
     """Return the tracks that D detections begin."""
@@ -152,16 +152,20 @@ def _seen_on_ground(
     """Correct those that the LiDAR found where they were expected; place anew those that it found not."""
     distances = np.diagonal(position_distances(tracks, observations))
     is_expected = tracks.is_located & (distances <= config.motion.gate)
-    is_lost = frame_geometry.stamp_s - tracks.last_located_s > config.replacing_s
-    anew = np.flatnonzero(observations.is_located & ~is_expected & (is_lost | ~tracks.is_located))
-    if len(anew):
-        tracks = tracks.replaced(anew, _placed(tracks[anew], observations[anew], config))
+    is_lost = frame_geometry.stamp_s - tracks.last_located_s > config.relocate_after_s
+    relocated = np.flatnonzero(
+        observations.is_located & ~is_expected & (is_lost | ~tracks.is_located)
+    )
+    if len(relocated):
+        tracks = tracks.replaced(
+            relocated, _placed(tracks[relocated], observations[relocated], config)
+        )
     rows = np.flatnonzero(observations.is_located & is_expected)
     if len(rows):
         tracks = tracks.replaced(
             rows, _corrected(tracks[rows], observations[rows], frame_geometry, config)
         )
-    both = np.concatenate([anew, rows])
+    both = np.concatenate([relocated, rows])
     last_located_s = tracks.last_located_s.copy()
     last_located_s[both] = frame_geometry.stamp_s
     tracks = replace(tracks, last_located_s=last_located_s)
@@ -185,7 +189,7 @@ def _placed(
     tracks: VehicleTable, observations: VehicleObservations, config: VehicleTrackerConfig
 ) -> VehicleTable:
     boxes = observations.boxes_world
-    states = motion_model.begin(
+    states = motion_model.init(
         boxes.bottom_m[:, :2], observations.noise, boxes.size_m[:, :2], config.motion
     )
     return replace(

@@ -13,9 +13,9 @@ from perception.detection.vehicles.shared_ids import SharedIds, SharedIdsConfig
 from perception.detection.vehicles.sights import (
     FrameGeometry,
     VehicleObservations,
-    begin,
     boxes_in_scan,
     expected_boxes_px,
+    init,
     position_distances,
     predict,
     update_tracks,
@@ -57,13 +57,13 @@ class VehicleTracker:
         """
         self._config = config or VehicleTrackerConfig()
         self._shared_ids = SharedIds(sharing)
-        self.end_all()
+        self.clear()
 
-    def end_all(self) -> None:
+    def clear(self) -> None:
         """End all tracks; their ids are not used again."""
         self._tracks = VehicleTable.init_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
         self._stamp_s: float | None = None
-        self._shared_ids.forget()
+        self._shared_ids.clear()
 
     def update(
         self,
@@ -84,12 +84,12 @@ class VehicleTracker:
             CalibrationError: the frame has no camera, or nothing says how large its image is.
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
-            self.end_all()
+            self.clear()
         calibration, _ = camera_of(frame)
         frame_geometry = FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
         observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
         self._predict(frame_geometry)
-        self._continue_and_begin(observations, frame_geometry)
+        self._update_and_init(observations, frame_geometry)
         tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
         return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
 
@@ -102,7 +102,7 @@ class VehicleTracker:
         goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
         self._tracks = predict(tracks[goes_on], elapsed_s, config)
 
-    def _continue_and_begin(
+    def _update_and_init(
         self, observations: VehicleObservations, frame_geometry: FrameGeometry
     ) -> None:
         """Let detections continue tracks, the surer ones first; the others begin new ones."""
@@ -126,7 +126,7 @@ class VehicleTracker:
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
-            self._tracks = self._tracks.joined(begin(observations[new], frame_geometry, config))
+            self._tracks = self._tracks.joined(init(observations[new], frame_geometry, config))
 
     def _match(
         self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry

@@ -111,7 +111,7 @@ class BoxFitTracker:
         self._track = BoxTrack(
             stamp_s=tracker_input.stamp_s,
             last_seen_s=tracker_input.stamp_s,
-            state=self._motion.begin(pose, spread),
+            state=self._motion.init(pose, spread),
             ground=LocalGround.of_box(float(box_world.bottom_m[0, 2])),
             shape=ObjectShape.of_box(size_m, config.shape),
             background=BackgroundModel(),

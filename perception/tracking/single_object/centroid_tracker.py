@@ -37,7 +37,7 @@ class CentroidTrackerConfig:
         headroom_m: what is higher over the ground than the box by more is not the object.
         gate: length and width of the gate around the expected place, in those of the box.
         lost_after_s: an object unseen for longer is lost, and waited for where it was expected.
-        longest_gap_s: a scan that comes later, or before the last one, is not of the same drive.
+        max_gap_s: a scan that comes later, or before the last one, is not of the same drive.
     """
 
     ground: Literal["pitch", "stage"] = "pitch"
@@ -46,7 +46,7 @@ class CentroidTrackerConfig:
     headroom_m: float = 0.5  # ours; the author's local grid ends 2 m up, for all objects
     gate: float = 2.0  # author's code: the best gate of App. A reaches one box to each side
     lost_after_s: float = 1.0  # ours
-    longest_gap_s: float = 1.0  # ours
+    max_gap_s: float = 1.0  # ours
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class CentroidTracker:
         self._pitch = PitchFilter(self._sensor.height_m, self._config.pitch)
         self._stamp_s, self._unseen_s = tracker_input.stamp_s, 0.0
         self._model = point_model_of(box_velo, tracker_input.world_SE3_velo)
-        position = self._localizer.begin(self._localizer_input(tracker_input, self._model, 0.0))
+        position = self._localizer.init(self._localizer_input(tracker_input, self._model, 0.0))
         self._state = TrackStatus.PREDICTED if position is None else TrackStatus.SEEN
         self._motion = self._init_motion(self._model.position_m if position is None else position)
         return to_tracked_object(self._model, tracker_input, self._state)
@@ -167,7 +167,7 @@ class CentroidTracker:
     def _updated(
         self, last: PointModel, tracker_input: TrackerInput, elapsed_s: float
     ) -> PointModel:
-        if not 0 < elapsed_s <= self._config.longest_gap_s:
+        if not 0 < elapsed_s <= self._config.max_gap_s:
             return self._set_lost(last)
         noise = self._motion_config.noise if self._motion_config else NoiseLevels(0.0, 0.0)
         expected = self._motion.predicted(elapsed_s, noise)
@@ -194,7 +194,7 @@ class CentroidTracker:
         """Wait where the object was last expected."""
         self._motion, self._state = self._init_motion(last.position_m), TrackStatus.LOST
         self._unseen_s = np.inf
-        self._localizer.wait(last.position_m)
+        self._localizer.reset(last.position_m)
         return replace(last, velocity_m_s=np.zeros(3))
 
     def _move(self, last: PointModel, motion: PointMotion, elapsed_s: float) -> PointModel:

@@ -91,12 +91,12 @@ class AdaptiveColorModel:
         old, new = self._bins[goes_on], np.flatnonzero(is_new)
         expected = kalman.predict(self._states[goes_on], _TRANSITION, _PROCESS_NOISE)
         corrected = kalman.update(expected, ratios[old, None], _OBSERVE_VALUE, _MEASUREMENT_NOISE)
-        bins, states = np.concatenate([old, new]), corrected.joined(_begin(ratios[new]))
+        bins, states = np.concatenate([old, new]), corrected.joined(_init_filters(ratios[new]))
         is_kept = states.mean[:, 0] > 0
         self._bins, self._states = bins[is_kept], states[is_kept]
 
 
-def _begin(values: Float64) -> Gaussians:
+def _init_filters(values: Float64) -> Gaussians:
     """Return the states of bins that are seen for the first time, at rest."""
     mean = np.column_stack([values, np.zeros((len(values), 2))])
     return Gaussians(mean, np.tile(np.eye(3), (len(values), 1, 1)))

@@ -29,7 +29,7 @@ class ColoredPointsLocalizer(ObjectLocalizer):
         self._config = config
         self._counts: Float64 = np.zeros(BINS)
 
-    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
+    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Count the colours of the points in the first box.
 
         Raises:

@@ -64,12 +64,12 @@ class FusedLocalizer(ObjectLocalizer):
         self._point = EvenAcceleration.at_rest(np.zeros(3), config.noise)
         self.colors = ColorLocalizer()
 
-    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
+    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its first box."""
         self.colors = ColorLocalizer()
         seen = bounding_middle(localizer_input.obstacles.points_world, localizer_input.window)
         position = localizer_input.window.position_m if seen is None else seen
-        self.wait(position)
+        self.reset(position)
         self._learn(localizer_input, localizer_input.window, position)
         return seen
 
@@ -95,7 +95,7 @@ class FusedLocalizer(ObjectLocalizer):
         )
         return self._point.position
 
-    def wait(self, position_m: Float64) -> None:
+    def reset(self, position_m: Float64) -> None:
         """Let the fused point rest."""
         self._point = EvenAcceleration.at_rest(position_m, self._config.noise)
 

@@ -18,7 +18,7 @@ class BackProjectionFinder:
     rectangle by whole pixels; the size stays that of the first image.
     """
 
-    def begin(self, image: UInt8, box_px: Float64) -> None:
+    def init(self, image: UInt8, box_px: Float64) -> None:
         """Learn the object's colours from its rectangle."""
         self._window = _whole_window(box_px)
         rows, columns = _slices(self._window)
@@ -48,7 +48,7 @@ class CorrectedHistogramFinder:
     rectangle pulls with the root of (corrected share / share where the ellipse lies now).
     """
 
-    def begin(self, image: UInt8, box_px: Float64) -> None:
+    def init(self, image: UInt8, box_px: Float64) -> None:
         """Learn the object's colours and those around it, over three times the rectangle's area."""
         self._half_px = (box_px[2:] - box_px[:2]) / 2
         self._center_px = (box_px[:2] + box_px[2:]) / 2

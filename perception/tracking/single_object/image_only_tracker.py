@@ -14,7 +14,7 @@ from perception.types import Boxes3D, Float64, UInt8
 class ImageFinder(Protocol):
     """Remembers how an object looks, and finds it in the next image."""
 
-    def begin(self, image: UInt8, box_px: Float64) -> None:
+    def init(self, image: UInt8, box_px: Float64) -> None:
         """Learn the object from its (4,) rectangle, which lies within the image; forget any before."""
         ...
 
@@ -66,7 +66,7 @@ class ImageOnlyTracker:
                 expected="a first box in view of the camera",
                 found="one outside the image",
             )
-        self._finder.begin(tracker_input.image, box_px)
+        self._finder.init(tracker_input.image, box_px)
         self._box_px, self._missed = box_px, 0
         return self._report()
 

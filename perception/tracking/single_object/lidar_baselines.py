@@ -17,7 +17,7 @@ from perception.types import Float64
 class GateLocalizer(ObjectLocalizer):
     """3D-KF: the object is the mean of all points in the gate."""
 
-    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
+    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Take the mean of the points in the first box."""
         return mean_over(localizer_input.window, localizer_input)
 
@@ -32,7 +32,7 @@ class MeanShiftLocalizer(ObjectLocalizer):
     def __init__(self, config: MeanShiftConfig) -> None:
         self._config = config
 
-    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
+    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Take the mean of the points in the first box."""
         return mean_over(localizer_input.window, localizer_input)
 

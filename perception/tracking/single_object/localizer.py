@@ -31,7 +31,7 @@ class LocalizerInput:
 class ObjectLocalizer(Protocol):
     """Finds the point that stands for an object."""
 
-    def begin(self, localizer_input: LocalizerInput) -> Float64 | None:
+    def init(self, localizer_input: LocalizerInput) -> Float64 | None:
         """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
 
         Raises:
@@ -43,7 +43,7 @@ class ObjectLocalizer(Protocol):
         """Return (3,) the object's place in the world, or None where it is not found in the gate."""
         ...
 
-    def wait(self, position_m: Float64) -> None:
+    def reset(self, position_m: Float64) -> None:
         """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
 
         Of no concern to a localizer that keeps no motion.

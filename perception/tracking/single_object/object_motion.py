@@ -50,7 +50,7 @@ class MotionState:
 class ObjectMotionModel(Protocol):
     """How one kind of object moves."""
 
-    def begin(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> MotionState:
         """Return the state of an object of which one (3,) pose is known, with (3,) deviations."""
         ...
 
@@ -99,7 +99,7 @@ class ConstantTurnRateMotion:
     may_reverse: bool
     min_speed_m_s: float = 0.4
 
-    def begin(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> MotionState:
         """Begin with any speed."""
         spread = np.array([*deviations, self.initial_speed_m_s, self.initial_turn_rate_rad_s])
         return MotionState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
@@ -183,7 +183,7 @@ class ConstantVelocityMotion:
     way_rad: float = 0.3
     min_speed_m_s: float = 0.4
 
-    def begin(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> MotionState:
         """Begin with any velocity."""
         spread = np.array([*deviations, self.initial_speed_m_s, self.initial_speed_m_s])
         return MotionState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))

@@ -58,7 +58,7 @@ class OpenCvFinder:
         """Choose which, by the function that makes one."""
         self._maker = maker
 
-    def begin(self, image: UInt8, box_px: Float64) -> None:
+    def init(self, image: UInt8, box_px: Float64) -> None:
         """Start a new tracker on the rectangle, or on a window around it that OpenCV can work with."""
         window = _workable_window(box_px, image)
         self._share = (box_px.reshape(2, 2) - window[:2]) / window[2:]

@@ -77,7 +77,7 @@ class PitchFilter:
         config = self._config
         angles_rad = elevation_angles(points_velo, self._sensor_height_m, config)
         if self._angle_deg is None:
-            self._begin(dominant_angle(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
+            self._init_angle(dominant_angle(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
         else:
             self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise)
             expected_rad = float(np.radians(self._angle_deg.position[0]))
@@ -88,7 +88,7 @@ class PitchFilter:
         pitch_deg = self._angle_deg.position[0] if self._angle_deg else 0.0
         return PitchedPlane(float(np.radians(pitch_deg)), self._sensor_height_m)
 
-    def _begin(self, found_rad: float | None) -> None:
+    def _init_angle(self, found_rad: float | None) -> None:
         if found_rad is not None:
             self._angle_deg = EvenAcceleration.at_rest(np.degrees([found_rad]), self._config.noise)
 

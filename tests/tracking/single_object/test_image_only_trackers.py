@@ -172,12 +172,12 @@ def test_a_colour_shared_with_the_surroundings_is_corrected_away():
     image = np.full((200, 320, 3), 80, np.uint8)
     image[80:121, 140:161] = (220, 20, 20)
     finder = CorrectedHistogramFinder()
-    finder.begin(image, np.array([140.0, 80, 180, 120]))
+    finder.init(image, np.array([140.0, 80, 180, 120]))
     shares = np.sort(finder._shares)[::-1]
     # Grey is the only colour around, hence also the rarest there: nothing tells how common it may be.
     assert shares[0] == pytest.approx(shares[:2].sum() - shares[1])
     image[60:70] = (20, 220, 20)  # a rare colour around the object is the measure of the others
-    finder.begin(image, np.array([140.0, 80, 180, 120]))
+    finder.init(image, np.array([140.0, 80, 180, 120]))
     assert np.sort(finder._shares)[-1] > 0.8
 
 
@@ -218,7 +218,7 @@ def test_the_rectangle_grows_with_opencvs_window_and_stays_where_it_fails():
 
 def test_back_projection_moves_by_whole_pixels_and_keeps_the_size():
     finder = BackProjectionFinder()
-    finder.begin(image_with_square(160, 100), np.array([140.25, 80.25, 179.25, 119.25]))
+    finder.init(image_with_square(160, 100), np.array([140.25, 80.25, 179.25, 119.25]))
     found = finder.find(image_with_square(165, 97))
     np.testing.assert_allclose(found, [145.25, 77.25, 184.25, 116.25], atol=2)
     np.testing.assert_allclose(found[2:] - found[:2], 39)

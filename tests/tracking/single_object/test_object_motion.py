@@ -29,7 +29,7 @@ def test_wheels_roll_around_the_centre_of_their_curve() -> None:
 
 @pytest.mark.parametrize("motion", [CAR, CYCLIST, WALKER], ids=["car", "cyclist", "walker"])
 def test_one_long_step_is_as_sure_as_many_short_ones(motion: object) -> None:
-    start = CAR.begin(np.zeros(3), EXACT) if motion is CAR else WALKER.begin(np.zeros(3), EXACT)
+    start = CAR.init(np.zeros(3), EXACT) if motion is CAR else WALKER.init(np.zeros(3), EXACT)
     assert hasattr(motion, "predict")
     once = motion.predict(start, 1.2)
     often = start
@@ -40,7 +40,7 @@ def test_one_long_step_is_as_sure_as_many_short_ones(motion: object) -> None:
 
 
 def test_places_tell_the_speed() -> None:
-    state = CAR.begin(np.zeros(3), EXACT)
+    state = CAR.init(np.zeros(3), EXACT)
     for number in range(1, 6):
         state = CAR.predict(state, 0.1)
         state = state.with_pose(np.array([0.8 * number, 0.0, 0.0]), np.diag(EXACT**2))
