@@ -21,7 +21,7 @@ _KEPT = 160
 
 
 @dataclass(frozen=True)
-class Ways:
+class PipelineTiming:
     """What one way of giving frames to the pipeline took.
 
     Attributes:
@@ -45,41 +45,43 @@ class Ways:
     memory_end_mib: float
 
 
-def measure_pipeline(drive: Drive, frames: int, config: PipelineConfig) -> dict[str, Ways]:
+def measure_pipeline(
+    drive: Drive, frames: int, config: PipelineConfig
+) -> dict[str, PipelineTiming]:
     """Run everything over so many frames of a drive, in three ways."""
     kept = [drive[index] for index in range(min(len(drive), _KEPT))]
     turn_s = 1 / drive.sensor.rate_hz
-    ways: dict[str, Ways] = {}
+    timings: dict[str, PipelineTiming] = {}
     with Pipeline(drive.sensor, replace(config, parallel=False)) as pipeline:
         given = back_and_forth(kept, frames, turn_s)
-        ways["one stage after another"] = _measure(map(pipeline.step, given), frames)
+        timings["one stage after another"] = _measure(map(pipeline.step, given), frames)
     with Pipeline(drive.sensor, config) as pipeline:
         given = back_and_forth(kept, frames, turn_s)
-        ways["side by side"] = _measure(map(pipeline.step, given), frames)
+        timings["side by side"] = _measure(map(pipeline.step, given), frames)
         pipeline.reset()
         given = back_and_forth(kept, frames, turn_s)
         with pipeline.stream(_at_sensor_rate(given, turn_s), "latest") as results:
             name = f"as they come, {drive.sensor.rate_hz:.0f} a second, the latest"
-            ways[name] = replace(_measure(results, frames), dropped=results.dropped)
-    return ways
+            timings[name] = replace(_measure(results, frames), dropped=results.dropped)
+    return timings
 
 
-def pipeline_table(ways: Mapping[str, Ways]) -> str:
+def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
     """Return speed, latency and memory of each way, and when stages run one after another what each takes."""
     rows = [
         [
             name,
-            str(way.frames),
-            str(way.dropped),
-            f"{way.frames_per_s:.1f}",
-            f"{way.median_ms:.1f}",
-            f"{way.p99_ms:.1f}",
-            f"{way.memory_start_mib:.0f} to {way.memory_end_mib:.0f}",
+            str(timing.frames),
+            str(timing.dropped),
+            f"{timing.frames_per_s:.1f}",
+            f"{timing.median_ms:.1f}",
+            f"{timing.p99_ms:.1f}",
+            f"{timing.memory_start_mib:.0f} to {timing.memory_end_mib:.0f}",
         ]
-        for name, way in ways.items()
+        for name, timing in timings.items()
     ]
     header = ("", "frames", "dropped", "results/s", "median ms", "99 % ms", "MiB")
-    alone, beside = list(ways.values())[:2]
+    alone, beside = list(timings.values())[:2]
     stages = [
         [
             stage,
@@ -104,7 +106,7 @@ def _at_sensor_rate(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
         yield frame
 
 
-def _measure(results: Iterable[Result], frames: int) -> Ways:
+def _measure(results: Iterable[Result], frames: int) -> PipelineTiming:
     times, latencies_s, start_s = StageTimes(), [], time.perf_counter()
     memory_start = resident_mib()
     for number, result in enumerate(results):
@@ -113,7 +115,7 @@ def _measure(results: Iterable[Result], frames: int) -> Ways:
         if number == frames // 5:
             memory_start = resident_mib()
     elapsed_s = time.perf_counter() - start_s
-    return Ways(
+    return PipelineTiming(
         frames=frames,
         dropped=0,
         frames_per_s=len(times.spans) / elapsed_s,

@@ -200,15 +200,15 @@ def tube(
 ) -> Mesh:
     """Build a closed round bar between two points, tapered from one radius to the other."""
     start = np.asarray(start_m, np.float64)
-    way = np.asarray(end_m, np.float64) - start
-    along = way / np.linalg.norm(way)
+    axis_m = np.asarray(end_m, np.float64) - start
+    along = axis_m / np.linalg.norm(axis_m)
     helper = np.eye(3)[np.argmin(np.abs(along))]
     across = np.cross(along, helper)
     across /= np.linalg.norm(across)
     frame = np.stack([across, np.cross(along, across), along])
     end, circle, normals = _unit_tube(sides)
     radius = radii_m[0] + end * (radii_m[1] - radii_m[0])
-    vertices = start + end[:, None] * way + radius[:, None] * (circle @ frame[:2])
+    vertices = start + end[:, None] * axis_m + radius[:, None] * (circle @ frame[:2])
     return _shaded(vertices, _grid_triangles(4, sides + 1), slot, normals @ frame)
 
 

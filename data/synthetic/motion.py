@@ -38,8 +38,10 @@ class Path:
 
     def travelled_m(self, time_s: float) -> float:
         """Return the way covered since the first sample."""
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.s_m), np.diff(self.l_m)))])
-        return float(np.interp(time_s, self.times_s, way))
+        distance_m = np.concatenate(
+            [[0.0], np.cumsum(np.hypot(np.diff(self.s_m), np.diff(self.l_m)))]
+        )
+        return float(np.interp(time_s, self.times_s, distance_m))
 
 
 def vehicle_poses(road: Road, path: Path, times_s: Float64) -> Float64:

@@ -188,10 +188,10 @@ def cyclist(height_m: float, phase: int) -> Mesh:
 
 def _knee(hip_m: Float64, ankle_m: Float64, thigh_m: float, shin_m: float) -> Float64:
     """Return where a leg bends, forward, between hip and ankle."""
-    way = ankle_m - hip_m
-    reach = min(float(np.linalg.norm(way)), 0.999 * (thigh_m + shin_m))
+    leg_m = ankle_m - hip_m
+    reach = min(float(np.linalg.norm(leg_m)), 0.999 * (thigh_m + shin_m))
     along = (thigh_m**2 - shin_m**2 + reach**2) / (2 * reach)
     out = np.sqrt(max(thigh_m**2 - along**2, 0.0))
-    unit = way / np.linalg.norm(way)
+    unit = leg_m / np.linalg.norm(leg_m)
     forward = np.array([1.0, 0, 0]) - unit * unit[0]
     return np.asarray(hip_m + along * unit + out * forward / np.linalg.norm(forward))

@@ -167,8 +167,8 @@ def _build_world(scenario: Scenario, rng: np.random.Generator) -> World:
     style = TownConfig(houses=0.5, greenery=0.3, furniture=0.5, parking=0.0)
     config = WorldConfig(road=shape, town=style)
     times_s = np.arange(-_MARGIN_S, scenario.duration_s + _MARGIN_S, _STEP_S)
-    target = _object_way(scenario, times_s)
-    ego = _ego_way(scenario, target)
+    target = _object_path(scenario, times_s)
+    ego = _ego_path(scenario, target)
     stretch = (float(ego.s_m.min()) - 60, float(target.s_m.max()) + 80)
     road = Road(shape, start_m=stretch[0] - 60, end_m=stretch[1] + 60)
     body = _body(scenario.kind, rng)
@@ -193,7 +193,7 @@ def _vehicle(kind: Literal["Car", "Van"], style: BodyStyle, rng: np.random.Gener
     return Body(kind, design.size_m, (vehicles.build(design),))
 
 
-def _object_way(scenario: Scenario, times_s: Float64) -> Path:
+def _object_path(scenario: Scenario, times_s: Float64) -> Path:
     """Integrate the object's speed and heading."""
     share = times_s / scenario.duration_s
     speed_m_s = np.full_like(share, _PACE_M_S[scenario.kind])
@@ -209,7 +209,7 @@ def _object_way(scenario: Scenario, times_s: Float64) -> Path:
     return Path(times_s, s_m - s_m[start], _OBJECT_LANE_M + l_m - l_m[start])
 
 
-def _ego_way(scenario: Scenario, target: Path) -> Path:
+def _ego_path(scenario: Scenario, target: Path) -> Path:
     """Follow the object at an even pace."""
     evened_m = gaussian_filter1d(target.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
     gap_m = np.full_like(evened_m, _GAP_M)
@@ -224,6 +224,6 @@ def _occluder(scenario: Scenario, target: Path, ego: Path, rng: np.random.Genera
     gap_m = target.s_m - ego.s_m
     crossing_m = ego.s_m + gap_m * (_VAN_LANE_M - ego.l_m) / (target.l_m - ego.l_m)
     ahead_m = _OVERTAKES * gap_m * (target.times_s - 0.36 * scenario.duration_s)
-    way = Path(target.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
+    path = Path(target.times_s, crossing_m + ahead_m, np.full_like(gap_m, _VAN_LANE_M))
     van = _vehicle("Van", BodyStyle.PANEL_VAN, rng)
-    return Actor(_OCCLUDER_ID, van, actor_models.draw_appearance(van, rng), way)
+    return Actor(_OCCLUDER_ID, van, actor_models.draw_appearance(van, rng), path)

@@ -161,23 +161,25 @@ class TrafficGenerator:
                 self._rider(), self._ride(stretch_m, row, -side, self.rng.uniform(3.6, 5.5)), 0.8
             )
         for _ in range(int(self.config.pedestrians * length / 100)):
-            side, way = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
+            side, direction = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
             row = side * (
                 shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
             )
             stands = self.rng.random() < 0.15
             body = actor_models.draw_standing(self.rng) if stands else self._walker()
             pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
-            self._try_add(body, self._ride(stretch_m, row, way, pace), 0.4)
+            self._try_add(body, self._ride(stretch_m, row, direction, pace), 0.4)
 
-    def _ride(self, stretch_m: tuple[float, float], l_m: float, way: int, pace: float) -> Path:
+    def _ride(
+        self, stretch_m: tuple[float, float], l_m: float, direction: int, pace: float
+    ) -> Path:
         """Draw a steady way along the street."""
         middle = self.rng.uniform(stretch_m[0] + 15, stretch_m[1] - 15)
         breath = 1 + 0.12 * np.sin(self.times_s * 0.7 + self.rng.uniform(0, 6))
-        way_m = np.cumsum(pace * breath) * traffic.STEP_S
-        s_m = middle + way * (way_m - way_m[len(way_m) // 2])
+        travelled_m = np.cumsum(pace * breath) * traffic.STEP_S
+        s_m = middle + direction * (travelled_m - travelled_m[len(travelled_m) // 2])
         s_m = np.clip(s_m, self.road.start_m + 10, self.road.end_m - 10)
-        return Path(self.times_s, s_m, np.full_like(s_m, l_m), way)
+        return Path(self.times_s, s_m, np.full_like(s_m, l_m), direction)
 
     def park(self, stretch_m: tuple[float, float]) -> None:
         """Fill the parking lanes, leaving gaps and the crossings clear."""

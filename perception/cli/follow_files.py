@@ -20,7 +20,7 @@ from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Calibration, Result, Tracks
 
 # What a result row says of a place that is not known.
-_NO_ANGLE_RAD, _NO_PLACE_M, _UNKNOWN = -10.0, -1000.0, -1.0
+_NO_ANGLE_RAD, _NO_POSITION_M, _UNKNOWN = -10.0, -1000.0, -1.0
 
 
 class TrajectoryFile:
@@ -123,7 +123,7 @@ def _image_row(frame: int, tracked: TrackedObject, object_id: int) -> TrackingRo
         alphas_rad=np.full(1, _NO_ANGLE_RAD),
         boxes_px=tracked.box_px[None],
         sizes_hwl_m=np.full((1, 3), _UNKNOWN),
-        bottoms_cam_m=np.full((1, 3), _NO_PLACE_M),
+        bottoms_cam_m=np.full((1, 3), _NO_POSITION_M),
         headings_rad=np.full(1, _NO_ANGLE_RAD),
         scores=np.full(1, 1.0 if tracked.state is TrackStatus.SEEN else 0.5),
     )

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 STAGE = "one object"
 # Of the way, so many places are drawn: a few seconds, as of the other tracks.
-_DRAWN_PLACES = 40
+_MAX_DRAWN_POSITIONS = 40
 
 
 class ObjectTracking(AbstractContextManager["Following"], Protocol):
@@ -102,9 +102,9 @@ class HandoverTracking:
         if tracked is not None:
             self._file.write(result, tracked)
             self._trail.add(result, tracked)
-            way_velo = self._trail.way_velo(result)[-_DRAWN_PLACES:]
+            path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
             name = str(self._handover.track_id)
-            self.figure = TrackedObjectFigure.of(tracked, way_velo, name)
+            self.figure = TrackedObjectFigure.of(tracked, path_velo, name)
         return replace(result, timings_s={**result.timings_s, STAGE: seconds})
 
     def without_object(self, result: Result) -> Result:

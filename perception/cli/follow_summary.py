@@ -34,7 +34,7 @@ class TrackSummary:
         answers: one a frame.
         seconds: that each took.
         stamps_s: times of the frames.
-        places_world: (3,) middle of the box' bottom, of the frames with a box that is not lost.
+        positions_world: (3,) middle of the box' bottom, of the frames with a box that is not lost.
     """
 
     drive: str
@@ -46,7 +46,7 @@ class TrackSummary:
     tracked_objects: list[TrackedObject] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     stamps_s: list[float] = field(default_factory=list)
-    places_world: list[Float64] = field(default_factory=list)
+    positions_world: list[Float64] = field(default_factory=list)
 
     def add(self, result: Result, tracked: TrackedObject, seconds: float) -> None:
         """Count one frame."""
@@ -56,7 +56,7 @@ class TrackSummary:
         self.stamps_s.append(result.frame.stamp_s)
         if tracked.box_velo is not None and tracked.state is not TrackStatus.LOST:
             box_world = transform_boxes(result.world_SE3_velo, tracked.box_velo)
-            self.places_world.append(box_world.bottom_m[0])
+            self.positions_world.append(box_world.bottom_m[0])
 
     @property
     def counts(self) -> dict[TrackStatus, int]:
@@ -77,9 +77,9 @@ class TrackSummary:
         )
 
     @property
-    def way_m(self) -> float:
+    def travelled_m(self) -> float:
         """Length of the object's way over the ground."""
-        return way_length_m(np.array(self.places_world).reshape(-1, 3))
+        return path_length_m(np.array(self.positions_world).reshape(-1, 3))
 
     def scores(self, camera: Calibration | None) -> SingleObjectMetrics | None:
         """Compare with the labels; None where there are none."""
@@ -104,7 +104,7 @@ class TrackSummary:
             states,
             "",
             f"first box: {self.points_at_start} points of the scan in it",
-            *self._way_words(),
+            *self._path_lines(),
             f"tracker: {np.median(spent_ms):.1f} ms a frame, "
             f"{np.percentile(spent_ms, 99):.1f} ms at the 99th percentile",
             *_score_lines(self.scores(camera)),
@@ -112,12 +112,12 @@ class TrackSummary:
         ]
         return "\n".join(lines)
 
-    def _way_words(self) -> list[str]:
+    def _path_lines(self) -> list[str]:
         speeds = self.speeds_km_h
         if not len(speeds):
             return ["way: none, as this tracker answers in the image alone"]
         return [
-            f"way: {self.way_m:.1f} m in {self.stamps_s[-1] - self.stamps_s[0]:.1f} s; "
+            f"way: {self.travelled_m:.1f} m in {self.stamps_s[-1] - self.stamps_s[0]:.1f} s; "
             f"speed {speeds.mean():.1f} km/h on average, {speeds.max():.1f} km/h at most"
         ]
 
@@ -131,7 +131,7 @@ class TrackSummary:
             "frames": len(self.frames),
             "states": {str(state): count for state, count in self.counts.items()},
             "points_at_start": self.points_at_start,
-            "way_m": self.way_m,
+            "travelled_m": self.travelled_m,
             "mean_speed_km_h": float(speeds.mean()) if len(speeds) else None,
             "median_ms": float(np.median(spent_ms)) if len(spent_ms) else None,
             "p99_ms": float(np.percentile(spent_ms, 99)) if len(spent_ms) else None,
@@ -139,15 +139,15 @@ class TrackSummary:
         }
 
 
-def way_length_m(places_m: Float64) -> float:
+def path_length_m(positions_m: Float64) -> float:
     """Return the length of a way through (K, 3) places, without the trembling of who stands."""
     length_m, last = 0.0, None
-    for place in places_m[:, :2]:
+    for position in positions_m[:, :2]:
         if last is None:
-            last = place
-        step_m = float(np.linalg.norm(place - last))
+            last = position
+        step_m = float(np.linalg.norm(position - last))
         if step_m >= _STEP_M:
-            length_m, last = length_m + step_m, place
+            length_m, last = length_m + step_m, position
     return length_m
 
 

@@ -231,8 +231,8 @@ class _VideoRenderer:
         scene = TrackedObjectScene(
             result=result,
             tracked=timed.tracked,
-            way_velo=self._trail.way_velo(result),
-            ego_way_velo=self._trail.ego_way_velo(result),
+            path_velo=self._trail.path_velo(result),
+            ego_path_velo=self._trail.ego_path_velo(result),
             speeds_km_h=self._trail.speeds_km_h,
             states=self._trail.states,
             seconds=timed.seconds,

@@ -52,7 +52,7 @@ class FreeSpaceMemory:
         """
         self._projection = SphericalProjection(sensor, tolerance_m=margin_m / 2)
         self._period_s = 1 / sensor.rate_hz
-        self._travel_m = min_travel_m
+        self._max_travel_m = min_travel_m
         self._margin_m = margin_m
         self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
 
@@ -93,8 +93,14 @@ class FreeSpaceMemory:
     def _ages(self) -> list[int]:
         """Return the ages to ask, in scans, rising."""
         here = self._scans[-1].world_SE3_velo[:3, 3]
-        come_m = [float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans]
-        usable = [age for age, way in enumerate(reversed(come_m)) if way <= self._travel_m]
+        travelled_m = [
+            float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans
+        ]
+        usable = [
+            age
+            for age, distance_m in enumerate(reversed(travelled_m))
+            if distance_m <= self._max_travel_m
+        ]
         # At a speed that no limit foresaw, the scan before is still the best there is.
         oldest = min(max(usable[-1], 1), len(self._scans) - 1)
         return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})

@@ -126,8 +126,8 @@ def _draw_mean_shift(axes: "Axes", scene: ColorModelScene, part: tuple[slice, sl
     axes.plot(
         *centers_px.T, color=rgb(palette.TRACKED_OBJECT), marker="o", markersize=4, linewidth=1.2
     )
-    way_px = np.hypot(*(centers_px[-1] - centers_px[0]))
-    axes.set_title(f"{len(scene.regions) - 1} shifts, {way_px:.1f} px in all")
+    shift_px = np.hypot(*(centers_px[-1] - centers_px[0]))
+    axes.set_title(f"{len(scene.regions) - 1} shifts, {shift_px:.1f} px in all")
     return shown
 
 

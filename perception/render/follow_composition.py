@@ -72,7 +72,7 @@ class TrackedObjectComposition:
 def _legends(scene: TrackedObjectScene) -> list[list[LegendEntry]]:
     entries: list[LegendEntry] = [
         ("object and its way", (palette.TRACKED_OBJECT,)),
-        ("way of the vehicle", (palette.EGO_WAY,)),
+        ("way of the vehicle", (palette.EGO_PATH,)),
     ]
     further: list[LegendEntry] = []
     if scene.region is not None:

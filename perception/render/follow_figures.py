@@ -36,25 +36,25 @@ class TrackedObjectFigure:
     color: Color
 
     @classmethod
-    def of(cls, tracked: TrackedObject, way_velo: Float64 | None, name: str = "") -> Self | None:
+    def of(cls, tracked: TrackedObject, path_velo: Float64 | None, name: str = "") -> Self | None:
         """Make the figure of an object; None of one without a box.
 
         Args:
             followed: the object.
-            way_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
+            path_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
             name: what it is called among other tracks, whose labels its words are then like.
         """
         if tracked.box_velo is None:
             return None
         is_lost = tracked.state is TrackStatus.LOST
-        is_still = is_lost or way_velo is None
+        is_still = is_lost or path_velo is None
         track = Tracks(
             ids=np.zeros(1, np.int64),
             boxes=tracked.box_velo,
             velocities_m_s=np.zeros((1, 2)) if is_still else tracked.velocity_m_s[None],
             is_observed=np.array([tracked.state is TrackStatus.SEEN]),
         )
-        figures = track_figures(track, [np.zeros((0, 3)) if way_velo is None else way_velo])
+        figures = track_figures(track, [np.zeros((0, 3)) if path_velo is None else path_velo])
         return cls(
             figures,
             _label_text(tracked, name),
@@ -95,11 +95,11 @@ def draw_tag(canvas: UInt8, text: str, outline_px: Float64, color: Color, text_p
     draw_text(canvas, text, baseline, color=palette.TEXT, height_px=text_px)
 
 
-def draw_way(canvas: UInt8, image_P_velo: Float64, way_velo: Float64, color: Color) -> None:
+def draw_path(canvas: UInt8, image_P_velo: Float64, path_velo: Float64, color: Color) -> None:
     """Draw a (K, 3) way as a curve."""
-    if len(way_velo) < 2:
+    if len(path_velo) < 2:
         return
-    segments = np.stack([way_velo[:-1], way_velo[1:]], axis=1)
+    segments = np.stack([path_velo[:-1], path_velo[1:]], axis=1)
     strokes = project_strokes(image_P_velo, canvas, segments, np.zeros(len(segments), np.int64))
     draw_seam(canvas, strokes, palette.BACKGROUND, 4)
     draw_strokes(canvas, strokes, [color], np.array([2]))

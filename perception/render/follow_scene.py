@@ -20,8 +20,8 @@ class TrackedObjectScene:
     Attributes:
         result: pose and ground of the frame.
         followed: what the tracker says.
-        way_velo: (K, 3) where the object was, oldest first.
-        ego_way_velo: (E, 3) where the vehicle stood on the ground, oldest first.
+        path_velo: (K, 3) where the object was, oldest first.
+        ego_path_velo: (E, 3) where the vehicle stood on the ground, oldest first.
         speeds_km_h: (F,) of each frame up to this one; NaN where there was no box.
         states: (F,) of the same frames.
         seconds: that the tracker took.
@@ -31,8 +31,8 @@ class TrackedObjectScene:
 
     result: Result
     tracked: TrackedObject
-    way_velo: Float64
-    ego_way_velo: Float64
+    path_velo: Float64
+    ego_path_velo: Float64
     speeds_km_h: Sequence[float]
     states: Sequence[TrackStatus]
     seconds: float
@@ -51,29 +51,29 @@ class TrackedObjectTrail:
 
     speeds_km_h: list[float] = field(default_factory=list)
     states: list[TrackStatus] = field(default_factory=list)
-    _way_world: list[Float64] = field(default_factory=list)
-    _ego_way_world: list[Float64] = field(default_factory=list)
+    _path_world: list[Float64] = field(default_factory=list)
+    _ego_path_world: list[Float64] = field(default_factory=list)
 
     def add(self, result: Result, tracked: TrackedObject) -> None:
         """Remember one frame more."""
         world_SE3_velo = result.world_SE3_velo
         under = [0.0, 0.0, float(result.ground.height_m(np.zeros((1, 2)))[0])]
-        self._ego_way_world.append(_moved(world_SE3_velo, np.array([under]))[0])
+        self._ego_path_world.append(_moved(world_SE3_velo, np.array([under]))[0])
         self.states.append(tracked.state)
         box = tracked.box_velo
         has_place = box is not None and tracked.state is not TrackStatus.LOST
         speed_m_s = float(np.hypot(*tracked.velocity_m_s))
         self.speeds_km_h.append(KM_H * speed_m_s if has_place else float("nan"))
         if box is not None and has_place:
-            self._way_world.append(_moved(world_SE3_velo, box.bottom_m)[0])
+            self._path_world.append(_moved(world_SE3_velo, box.bottom_m)[0])
 
-    def way_velo(self, result: Result) -> Float64:
+    def path_velo(self, result: Result) -> Float64:
         """Return (K, 3) where the object was, in the LiDAR frame of a result."""
-        return _moved(se3.inverse(result.world_SE3_velo), np.array(self._way_world).reshape(-1, 3))
+        return _moved(se3.inverse(result.world_SE3_velo), np.array(self._path_world).reshape(-1, 3))
 
-    def ego_way_velo(self, result: Result) -> Float64:
+    def ego_path_velo(self, result: Result) -> Float64:
         """Return (E, 3) where the vehicle stood, in the LiDAR frame of a result."""
-        places = np.array(self._ego_way_world).reshape(-1, 3)
+        places = np.array(self._ego_path_world).reshape(-1, 3)
         return _moved(se3.inverse(result.world_SE3_velo), places)
 
 

@@ -8,7 +8,7 @@ from perception.geometry.segments import outlines_px, project_segments
 from perception.render import palette
 from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_vehicle
 from perception.render.canvas import blank_canvas
-from perception.render.follow_figures import TrackedObjectFigure, draw_region, draw_way
+from perception.render.follow_figures import TrackedObjectFigure, draw_path, draw_region
 from perception.render.follow_scene import TrackedObjectScene
 from perception.render.panels import FittedImage, Resizing
 from perception.render.perspective import chase_camera
@@ -38,7 +38,7 @@ class TrackedObjectViews:
             style: how large things are drawn.
         """
         self._scene, self._style = scene, style
-        self._figure = TrackedObjectFigure.of(scene.tracked, scene.way_velo)
+        self._figure = TrackedObjectFigure.of(scene.tracked, scene.path_velo)
         self._box = TrackedObjectFigure.of(scene.tracked, None)
         result, box = scene.result, scene.tracked.box_velo
         self._points = ScanPoints.of(result.frame.points_velo, result.ground, box)
@@ -103,7 +103,7 @@ class TrackedObjectViews:
         image_P_velo = chase_camera(size_px, self._bearing_rad(), _FIELD_OF_VIEW_RAD)
         canvas = blank_canvas(size_px, palette.PANEL)
         self._points.draw(canvas, image_P_velo)
-        self._draw_ways(canvas, image_P_velo)
+        self._draw_paths(canvas, image_P_velo)
         ground_m = float(self._scene.result.ground.height_m(np.zeros((1, 2)))[0])
         draw_solid_vehicle(canvas, image_P_velo, ground_m)
         return canvas
@@ -114,12 +114,12 @@ class TrackedObjectViews:
         canvas = blank_canvas(size_px, palette.PANEL)
         self._points.draw(canvas, view.image_P_velo)
         draw_rings(canvas, view)
-        self._draw_ways(canvas, view.image_P_velo)
+        self._draw_paths(canvas, view.image_P_velo)
         draw_vehicle(canvas, view)
         return canvas
 
-    def _draw_ways(self, canvas: UInt8, image_P_velo: Float64) -> None:
-        draw_way(canvas, image_P_velo, self._scene.ego_way_velo, palette.EGO_WAY)
+    def _draw_paths(self, canvas: UInt8, image_P_velo: Float64) -> None:
+        draw_path(canvas, image_P_velo, self._scene.ego_path_velo, palette.EGO_PATH)
         self._draw_truth(canvas, image_P_velo)
         if self._figure is not None:
             self._figure.draw(canvas, image_P_velo, self._style)

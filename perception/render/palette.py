@@ -24,7 +24,7 @@ TRACKS: tuple[Color, ...] = (
 TRACKED_OBJECT: Color = (255, 168, 36)
 INSIDE: Color = (60, 132, 255)
 RING: Color = (240, 62, 54)
-EGO_WAY: Color = (232, 84, 232)
+EGO_PATH: Color = (232, 84, 232)
 TRUTH: Color = (120, 235, 160)
 
 # Boxes of the detectors, by what they look at: the image, the depth map, the reflectance map.

@@ -21,9 +21,9 @@ _FRONT_SHARE = 0.22
 class TrackPart(IntEnum):
     """What a line belongs to, in the order in which they are drawn."""
 
-    OLD_WAY = 0
-    WAY = 1
-    NEW_WAY = 2
+    OLD_PATH = 0
+    PATH = 1
+    NEW_PATH = 2
     BOX = 3
     ARROW = 4
 
@@ -59,28 +59,28 @@ def track_figures(tracks: Tracks, paths_velo: Sequence[Float64]) -> TrackFigures
     """
     rows = np.argsort(-np.hypot(*tracks.boxes.bottom_m[:, :2].T), kind="stable")
     tracks, count = tracks[rows], len(tracks)
-    ways_m, way_numbers = _ways([paths_velo[row] for row in rows])
+    paths_m, path_numbers = _paths([paths_velo[row] for row in rows])
     arrows_m, arrow_rows = _arrows(tracks)
     boxes_m = edges(tracks.boxes)
     box_rows = np.repeat(np.arange(count), boxes_m.shape[1])
     numbers: Int = np.concatenate(
-        [way_numbers, TrackPart.BOX * count + box_rows, TrackPart.ARROW * count + arrow_rows]
+        [path_numbers, TrackPart.BOX * count + box_rows, TrackPart.ARROW * count + arrow_rows]
     ).astype(np.int64)
-    segments_m = np.concatenate([ways_m, boxes_m.reshape(-1, 2, 3), arrows_m])
+    segments_m = np.concatenate([paths_m, boxes_m.reshape(-1, 2, 3), arrows_m])
     return TrackFigures(tracks, segments_m, numbers, _fronts(tracks.boxes))
 
 
-def _ways(paths_velo: Sequence[Float64]) -> tuple[Float64, Int]:
+def _paths(paths_velo: Sequence[Float64]) -> tuple[Float64, Int]:
     """Return the pieces of all ways and their numbers: a third each of old, middle and new."""
     pieces = [np.stack([path[:-1], path[1:]], axis=1) for path in paths_velo]
     numbers = [
         np.arange(len(piece)) * 3 // max(len(piece), 1) * len(pieces) + row
         for row, piece in enumerate(pieces)
     ]
-    ways_m = np.concatenate([np.zeros((0, 2, 3)), *pieces])
+    paths_m = np.concatenate([np.zeros((0, 2, 3)), *pieces])
     # Where the vehicle stands now, it hides them.
-    is_free = ~_is_under_vehicle(ways_m).all(axis=1)
-    return ways_m[is_free], np.concatenate([np.zeros(0, np.int64), *numbers])[is_free]
+    is_free = ~_is_under_vehicle(paths_m).all(axis=1)
+    return paths_m[is_free], np.concatenate([np.zeros(0, np.int64), *numbers])[is_free]
 
 
 def _is_under_vehicle(points_velo: Float64) -> Bool:
@@ -111,8 +111,8 @@ def _inside_m(boxes: Boxes3D, along: Float64) -> Float64:
     """Return (M, 1) how far it is from each box' middle to its side, along a direction of its own."""
     turn_rad = np.arctan2(along[:, 1], along[:, 0]) - boxes.yaw_rad
     share = np.abs(np.column_stack([np.cos(turn_rad), np.sin(turn_rad)]))
-    ways_m = boxes.size_m[:, :2] / 2 / np.maximum(share, 1e-9)
-    return np.asarray(ways_m.min(axis=1, keepdims=True))
+    paths_m = boxes.size_m[:, :2] / 2 / np.maximum(share, 1e-9)
+    return np.asarray(paths_m.min(axis=1, keepdims=True))
 
 
 def _fronts(boxes: Boxes3D) -> Float64:

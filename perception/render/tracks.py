@@ -21,9 +21,9 @@ from perception.types import Bool, Float64, Int, UInt8
 _FRONT_OPACITY = 0.5
 # Brightness of each part: the way fades with its age.
 _LIGHT = {
-    TrackPart.OLD_WAY: 0.5,
-    TrackPart.WAY: 0.75,
-    TrackPart.NEW_WAY: 1.0,
+    TrackPart.OLD_PATH: 0.5,
+    TrackPart.PATH: 0.75,
+    TrackPart.NEW_PATH: 1.0,
     TrackPart.BOX: 1.0,
     TrackPart.ARROW: 1.0,
 }

@@ -24,23 +24,23 @@ class Trails:
     def __init__(self, duration_s: float = 4.0) -> None:
         self._duration_s = duration_s
         self._newest: Result | None = None
-        self._ways: dict[int, list[tuple[float, Float64]]] = {}
+        self._paths: dict[int, list[tuple[float, Float64]]] = {}
 
     def add(self, result: Result) -> None:
         """Remember where the tracks of the next frame are."""
         if self._newest is not None and _is_reset(self._newest, result):
-            self._ways = {}
+            self._paths = {}
         self._newest = result
         now_s = result.frame.stamp_s
         since_s = now_s - self._duration_s
         bottoms_world = _moved(result.world_SE3_velo, result.tracks.boxes.bottom_m)
-        ways = {}
+        paths = {}
         for track, bottom_world in zip(result.tracks.ids.tolist(), bottoms_world, strict=True):
-            way = [place for place in self._ways.get(track, []) if place[0] >= since_s]
-            if not way or np.linalg.norm(bottom_world - way[-1][1]) >= _STEP_M:
-                way.append((now_s, bottom_world))
-            ways[track] = way
-        self._ways = ways
+            path = [place for place in self._paths.get(track, []) if place[0] >= since_s]
+            if not path or np.linalg.norm(bottom_world - path[-1][1]) >= _STEP_M:
+                path.append((now_s, bottom_world))
+            paths[track] = path
+        self._paths = paths
 
     def paths_velo(self, result: Result) -> list[Float64]:
         """Return the (K, 3) path of each track, oldest place first, in the LiDAR frame of a result.
@@ -49,22 +49,22 @@ class Trails:
         """
         velo_SE3_world = se3.inverse(result.world_SE3_velo)
         return [
-            np.vstack([_moved(velo_SE3_world, _places(self._ways.get(track, []))), bottom_velo])
+            np.vstack([_moved(velo_SE3_world, _places(self._paths.get(track, []))), bottom_velo])
             for track, bottom_velo in zip(
                 result.tracks.ids.tolist(), result.tracks.boxes.bottom_m, strict=True
             )
         ]
 
 
-def _places(way: Iterable[tuple[float, Float64]]) -> Float64:
-    return np.array([place for _, place in way]).reshape(-1, 3)
+def _places(path: Iterable[tuple[float, Float64]]) -> Float64:
+    return np.array([place for _, place in path]).reshape(-1, 3)
 
 
 def _is_reset(before: Result, after: Result) -> bool:
     """Tell whether time runs backwards, or the vehicle has leapt."""
     passed_s = after.frame.stamp_s - before.frame.stamp_s
-    way_m = float(np.linalg.norm((after.world_SE3_velo - before.world_SE3_velo)[:3, 3]))
-    return passed_s < 0 or way_m > _LEAP_M + _FASTEST_M_S * passed_s
+    travelled_m = float(np.linalg.norm((after.world_SE3_velo - before.world_SE3_velo)[:3, 3]))
+    return passed_s < 0 or travelled_m > _LEAP_M + _FASTEST_M_S * passed_s
 
 
 def _moved(dst_SE3_src: Float64, points_src: Float64) -> Float64:

@@ -16,7 +16,7 @@ from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.follow_files import TrajectoryRows, trajectory_line
 from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start, parse_box
-from perception.cli.follow_summary import TrackSummary, way_length_m
+from perception.cli.follow_summary import TrackSummary, path_length_m
 from perception.cli.main import main
 from perception.cli.track import TrackConfig, track_object
 from perception.errors import PerceptionError, UsageError
@@ -131,7 +131,7 @@ def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
     states = [TrackStatus.SEEN, TrackStatus.PREDICTED, TrackStatus.LOST]
     summary = track_scripted(street, tmp_path, states)
     assert list(summary.counts.values()) == [1, 1, 1]
-    assert len(summary.places_world) == 2
+    assert len(summary.positions_world) == 2
     table = summary.table(None)
     assert "predicted       1  33.3 %" in table
     assert "speed 18.0 km/h on average" in table
@@ -233,7 +233,7 @@ def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path,
     start = find_start(open_drive(street), TrackStartConfig(track_id=labelled_id))
     bare = replace(open_drive(street, images=False), calibration=None)
     summary = track_object(bare, start, tmp_path, TrackConfig("default", 2))
-    assert len(summary.places_world) == 2
+    assert len(summary.positions_world) == 2
     assert (tmp_path / "video.mp4").is_file()
     assert not (tmp_path / "trajectory.txt").exists()
     assert not (tmp_path / "color-model.png").exists()
@@ -247,10 +247,10 @@ def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
 
 def test_who_stands_and_trembles_goes_nowhere():
     trembling = np.random.default_rng(0).normal(0, 0.05, (200, 3))
-    assert way_length_m(trembling) == 0
+    assert path_length_m(trembling) == 0
     steps = np.column_stack([np.arange(0, 10, 0.25), np.zeros(40), np.zeros(40)])
-    assert way_length_m(steps) == pytest.approx(9.5)
-    assert way_length_m(np.zeros((0, 3))) == 0
+    assert path_length_m(steps) == pytest.approx(9.5)
+    assert path_length_m(np.zeros((0, 3))) == 0
 
 
 def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.follow_composition import TrackedObjectComposition
-from perception.render.follow_figures import TrackedObjectFigure, draw_region, draw_tag, draw_way
+from perception.render.follow_figures import TrackedObjectFigure, draw_path, draw_region, draw_tag
 from perception.render.follow_scene import TrackedObjectScene, TrackedObjectTrail
 from perception.render.follow_views import TrackedObjectViews
 from perception.render.panels import FittedImage, Resizing
@@ -39,8 +39,8 @@ def follow_scene(scene) -> TrackedObjectScene:
     return TrackedObjectScene(
         result=scene,
         tracked=tracked_in(TrackStatus.SEEN),
-        way_velo=np.array([[8.0, 1, -1.73], [10, 1, -1.73], [12, 1, -1.73]]),
-        ego_way_velo=np.array([[-8.0, 0, -1.73], [-4, 0, -1.73], [0, 0, -1.73]]),
+        path_velo=np.array([[8.0, 1, -1.73], [10, 1, -1.73], [12, 1, -1.73]]),
+        ego_path_velo=np.array([[-8.0, 0, -1.73], [-4, 0, -1.73], [0, 0, -1.73]]),
         speeds_km_h=[17.0, 18.0],
         states=[TrackStatus.SEEN, TrackStatus.SEEN],
         seconds=0.004,
@@ -58,7 +58,7 @@ def test_the_picture_has_its_size_and_shows_object_ways_region_and_label(follow_
     assert canvas.shape == (720, 1280, 3)
     for color in (
         palette.TRACKED_OBJECT,
-        palette.EGO_WAY,
+        palette.EGO_PATH,
         palette.INSIDE,
         palette.RING,
         palette.TRUTH,
@@ -143,7 +143,7 @@ def test_a_tag_stands_over_its_box_or_under_it_and_never_beside_the_canvas():
 
 def test_a_way_of_one_place_is_no_line():
     canvas = blank_canvas((20, 20), palette.PANEL)
-    draw_way(canvas, np.eye(3, 4), np.zeros((1, 3)), palette.EGO_WAY)
+    draw_path(canvas, np.eye(3, 4), np.zeros((1, 3)), palette.EGO_PATH)
     assert (canvas == palette.PANEL).all()
 
 
@@ -194,9 +194,9 @@ def test_a_trail_keeps_places_in_the_world_and_forgets_where_the_object_was_lost
         result = replace(scene, world_SE3_velo=pose)
         trail.add(result, tracked_in(state))
     # Seen from the last pose, two metres on.
-    np.testing.assert_allclose(trail.way_velo(result)[:, 0], [10, 11])
+    np.testing.assert_allclose(trail.path_velo(result)[:, 0], [10, 11])
     np.testing.assert_allclose(
-        trail.ego_way_velo(result), [[-2, 0, -1.73], [-1, 0, -1.73], [0, 0, -1.73]]
+        trail.ego_path_velo(result), [[-2, 0, -1.73], [-1, 0, -1.73], [0, 0, -1.73]]
     )
     assert trail.speeds_km_h[:2] == [18.0, 18.0]
     assert np.isnan(trail.speeds_km_h[2])

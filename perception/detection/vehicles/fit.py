@@ -149,8 +149,8 @@ def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
 def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Extents:
     """Measure samples (F, P, 2) along directions (F, D)."""
     vehicles, count = samples.shape[:2]
-    ways = _ways(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
-    turned = (ways @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
+    axes = _axes(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
+    turned = (axes @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
     beyond = int(config.trim_share * count)
     # So few are sorted in a tenth of the time that it takes to find two of them (np.partition).
     ordered = np.sort(turned, axis=-1)
@@ -164,7 +164,7 @@ def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig
     return _Extents(yaw_rad, low_m, high_m, costs)
 
 
-def _ways(yaw_rad: Float32) -> Float32:
+def _axes(yaw_rad: Float32) -> Float32:
     """Return (F, D, 2, 2) x and y of the unit vectors along (F, D) directions and to the left of them."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     return np.stack([cos, sin, -sin, cos], axis=-1).reshape(*yaw_rad.shape, 2, 2)
@@ -184,15 +184,15 @@ def _best_rectangles(
     costs = costs.transpose(3, 4, 2, 0, 1)
     vehicles = np.arange(len(costs))
     best = costs.reshape(len(costs), -1).argmin(axis=1) if len(costs) else vehicles
-    way, size, along, left = np.unravel_index(best, costs.shape[1:])
-    direction = extents.yaw_rad[vehicles, way]
+    direction_row, size, along, left = np.unravel_index(best, costs.shape[1:])
+    direction = extents.yaw_rad[vehicles, direction_row]
     center = np.column_stack(
         [
-            centers_m[along, 0, size, vehicles, way],
-            centers_m[left, 1, size, vehicles, way],
+            centers_m[along, 0, size, vehicles, direction_row],
+            centers_m[left, 1, size, vehicles, direction_row],
         ]
     )
-    chosen_m = sizes_m[:, size, vehicles, way].T.astype(np.float64)
+    chosen_m = sizes_m[:, size, vehicles, direction_row].T.astype(np.float64)
     is_across = size >= len(config.lengths_m)
     cos, sin = np.cos(direction), np.sin(direction)
     rectangles = Rectangles(
@@ -249,7 +249,7 @@ def _span_costs(
     heights_m = spans.heights_m.astype(np.float32)
     # Column x depth and depth are linear in place: a corner's are the centre's and half a size
     # along each way.
-    per_m = np.einsum("ui,ftwi->uwft", rows[:, :2], _ways(yaw_rad), order="C")
+    per_m = np.einsum("ui,ftwi->uwft", rows[:, :2], _axes(yaw_rad), order="C")
     start = (rows[:, 2:3] * heights_m + rows[:, 3:])[:, None, None, None, :, None]
     along, left = np.moveaxis(per_m[:, None, :, None] * centers_m, 2, 0)  # (2, 3, O, F, T)
     middle = along[:, :, None] + left[:, None] + start  # (2, 3, 3, O, F, T)

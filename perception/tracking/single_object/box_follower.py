@@ -153,8 +153,10 @@ class BoxFitTracker:
             return replace(before, stamp_s=stamp_s)  # the last guess stays
         elapsed_s = min(stamp_s - before.stamp_s, 2 * self._config.lost_after_s)
         state = self._motion.predict(before.state, elapsed_s)
-        way_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
-        return replace(before, stamp_s=stamp_s, state=state, ground=before.ground.moved(way_m))
+        travelled_m = float(np.hypot(*self._motion.velocity_m_s(state))) * elapsed_s
+        return replace(
+            before, stamp_s=stamp_s, state=state, ground=before.ground.moved(travelled_m)
+        )
 
     def _observe(
         self, tracker_input: TrackerInput, expected: BoxTrack

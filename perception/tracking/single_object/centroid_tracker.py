@@ -199,9 +199,9 @@ class CentroidTracker:
 
     def _move(self, last: PointModel, motion: PointMotion, elapsed_s: float) -> PointModel:
         """Remember the point, and turn its box along the way from where it was remembered before."""
-        way_m = motion.position - self._motion.position
+        displacement_m = motion.position - self._motion.position
         config = heading_freeze_config_for(last.size_m)
-        yaw_rad = heading_of_way(way_m, elapsed_s, last.yaw_rad, config)
+        yaw_rad = heading_of_way(displacement_m, elapsed_s, last.yaw_rad, config)
         self._motion = motion
         return PointModel(motion.position, last.size_m, yaw_rad, motion.velocity)
 

@@ -36,9 +36,11 @@ class LocalGround:
         """Return the ground that the first box stands on."""
         return cls(bottom_m, _STAGE_M**2)
 
-    def moved(self, way_m: float) -> "LocalGround":
+    def moved(self, travelled_m: float) -> "LocalGround":
         """Return what is known after the object went some way."""
-        return LocalGround(self.z_world_m, self.variance + (_SLOPE * way_m) ** 2 + _DRIFT_M**2)
+        return LocalGround(
+            self.z_world_m, self.variance + (_SLOPE * travelled_m) ** 2 + _DRIFT_M**2
+        )
 
     def measured(self, z_world_m: float, deviation_m: float) -> "LocalGround":
         """Take in one more height; one that is far off counts less."""

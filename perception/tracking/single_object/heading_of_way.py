@@ -31,13 +31,13 @@ def heading_freeze_config_for(size_m: Float64) -> HeadingFreezeConfig:
 
 
 def heading_of_way(
-    way_m: Float64, elapsed_s: float, last_yaw_rad: float, config: HeadingFreezeConfig
+    displacement_m: Float64, elapsed_s: float, last_yaw_rad: float, config: HeadingFreezeConfig
 ) -> float:
     """Return the direction of (2+,) a way, or the last heading where the way is too short to tell."""
-    length_m = float(np.hypot(way_m[0], way_m[1]))
+    length_m = float(np.hypot(displacement_m[0], displacement_m[1]))
     if length_m == 0 or elapsed_s <= 0:
         return last_yaw_rad
-    yaw_rad = float(np.arctan2(way_m[1], way_m[0]))
+    yaw_rad = float(np.arctan2(displacement_m[1], displacement_m[0]))
     turn_rad = abs(np.angle(np.exp(1j * (yaw_rad - last_yaw_rad))))
     is_slow = length_m < config.slow_m_s * elapsed_s
     return last_yaw_rad if is_slow and turn_rad > config.max_turn_rad else yaw_rad

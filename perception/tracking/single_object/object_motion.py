@@ -117,9 +117,11 @@ class ConstantTurnRateMotion:
         middle_yaw = yaw + turn * elapsed_s / 2
         along = np.array([np.cos(middle_yaw), np.sin(middle_yaw)])
         across = np.array([-along[1], along[0]])
-        way = along * speed * elapsed_s + across * turn * elapsed_s * self.axle_m
-        mean = np.array([x + way[0], y + way[1], yaw + turn * elapsed_s, speed, turn * left])
-        by_yaw = np.array([-way[1], way[0]])
+        displacement = along * speed * elapsed_s + across * turn * elapsed_s * self.axle_m
+        mean = np.array(
+            [x + displacement[0], y + displacement[1], yaw + turn * elapsed_s, speed, turn * left]
+        )
+        by_yaw = np.array([-displacement[1], displacement[0]])
         transition = np.eye(5)
         transition[:2, 2] = by_yaw
         transition[:2, 3] = along * elapsed_s
@@ -172,7 +174,7 @@ class ConstantVelocityMotion:
         turn_rate_rad_s: of the heading that changes within a second, while the walker walks.
         standing_turn_rad_s: while it stands.
         initial_speed_m_s: along x and along y, of a walker of which one box is known.
-        way_rad: of the heading from the way.
+        course_deviation_rad: of the heading from the way.
         min_speed_m_s: slower, the way tells no heading.
     """
 
@@ -180,7 +182,7 @@ class ConstantVelocityMotion:
     turn_rate_rad_s: float = 0.6
     standing_turn_rad_s: float = 0.1
     initial_speed_m_s: float = 1.2
-    way_rad: float = 0.3
+    course_deviation_rad: float = 0.3
     min_speed_m_s: float = 0.4
 
     def init(self, pose: Float64, deviations: Float64) -> MotionState:
@@ -214,9 +216,9 @@ class ConstantVelocityMotion:
         across = np.array([-state.mean[4], state.mean[3]]) / speed_m_s
         spread = float(across @ state.covariance[3:, 3:] @ across) / speed_m_s**2
         off_rad = float(wrap(np.arctan2(state.mean[4], state.mean[3]) - state.mean[2]))
-        noise = self.way_rad**2 + spread
+        noise = self.course_deviation_rad**2 + spread
         gain = state.covariance[2, 2] / (state.covariance[2, 2] + noise)
-        if abs(off_rad) > np.pi / 2 and spread < self.way_rad**2:
+        if abs(off_rad) > np.pi / 2 and spread < self.course_deviation_rad**2:
             gain = 1.0  # it turned round
         mean, covariance = state.mean.copy(), state.covariance.copy()
         mean[2] += gain * off_rad

@@ -31,8 +31,10 @@ class _Thing:
     speed_m_s: float = 0.0
 
     def box(self, time_s: float) -> Boxes3D:
-        way_m = self.speed_m_s * time_s * np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad)])
-        x, y = np.array(self.start_m) + way_m
+        displacement_m = (
+            self.speed_m_s * time_s * np.array([np.cos(self.yaw_rad), np.sin(self.yaw_rad)])
+        )
+        x, y = np.array(self.start_m) + displacement_m
         return Boxes3D(
             np.array([[x, y, GROUND_M]]), np.array([self.size_m]), np.array([self.yaw_rad])
         )

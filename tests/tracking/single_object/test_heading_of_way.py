@@ -11,7 +11,7 @@ WALKER = heading_freeze_config_for(np.array([0.8, 0.6, 1.8]))
 
 
 @pytest.mark.parametrize(
-    ("rules", "way_m", "last_rad", "expected_rad"),
+    ("rules", "displacement_m", "last_rad", "expected_rad"),
     [
         pytest.param(CAR, (0.0, 0.5), 0.0, np.pi / 2, id="fast car turns"),
         pytest.param(CAR, (0.0, 0.3), 0.0, 0.0, id="slow car keeps its heading"),
@@ -23,8 +23,8 @@ WALKER = heading_freeze_config_for(np.array([0.8, 0.6, 1.8]))
         pytest.param(WALKER, (0.0, 0.0), 1.0, 1.0, id="no way at all"),
     ],
 )
-def test_heading(config, way_m, last_rad, expected_rad):
-    found = heading_of_way(np.array(way_m), 0.1, last_rad, config)
+def test_heading(config, displacement_m, last_rad, expected_rad):
+    found = heading_of_way(np.array(displacement_m), 0.1, last_rad, config)
     assert found == pytest.approx(expected_rad, abs=1e-3)
 
 
