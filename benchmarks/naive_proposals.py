@@ -23,8 +23,8 @@ def boxes_by_loop(
     means, deviations = np.mean(ahead, axis=0), np.std(ahead, axis=0)
     least = np.finfo(float).eps
     typical = [point for point in ahead if _density(point, means, deviations) > least]
-    standing = _in_varied_cells(typical, rules)
-    seen = [(point, _pixel(point, calibration)) for point in standing]
+    above_ground = _in_varied_cells(typical, rules)
+    seen = [(point, _pixel(point, calibration)) for point in above_ground]
     seen = [(point, pixel) for point, pixel in seen if _is_inside(pixel, size_px)]
     if not seen:
         return np.zeros((0, 4))

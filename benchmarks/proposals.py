@@ -12,7 +12,7 @@ from data.drive import Labels
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
 from perception.detection.depthcn.proposals import ProposalConfig, propose
-from perception.detection.depthcn.standing import find_standing
+from perception.detection.depthcn.standing import find_above_ground
 from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
@@ -29,7 +29,9 @@ def compare_clusters(prepared: PreparedDrive) -> Comparison:
     places_m = []
     for frame in prepared.frames:
         rules = _RULES.cell_m, _RULES.least_variance_m2
-        places_m.append(find_standing(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m)
+        places_m.append(
+            find_above_ground(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m
+        )
     reference = Contender("by definition", _clustering(cluster_by_definition, places_m))
     return _compare("clusters in view", places_m, [reference])
 
@@ -39,8 +41,8 @@ def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
     places_m = []
     for frame in prepared.frames:
         cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
-        standing = frame.points_velo[cells.varies(_RULES.least_variance_m2)]
-        places_m.append(standing[:, :2].astype(np.float64))
+        above_ground = frame.points_velo[cells.varies(_RULES.least_variance_m2)]
+        places_m.append(above_ground[:, :2].astype(np.float64))
     return _compare("clusters of a full turn", places_m, [])
 
 

@@ -222,10 +222,14 @@ def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelC
     """Apply the two thresholds: what moves goes on moving, before and after, while above the lower."""
     with np.errstate(invalid="ignore"):
         starts = (speeds_m_s >= limits.start_m_s) & (speeds_m_s * spans_s >= limits.min_travel_m)
-        goes_on = starts | (speeds_m_s >= limits.stop_m_s)
-        stands = (speeds_m_s < limits.stop_m_s) & (spans_s >= limits.min_duration_s - _TIME_SLACK_S)
-    moves = _runs_with_seed(goes_on, starts)
-    return np.select([moves, stands], [MotionState.MOVING, MotionState.STATIC], MotionState.UNKNOWN)
+        continues = starts | (speeds_m_s >= limits.stop_m_s)
+        is_static = (speeds_m_s < limits.stop_m_s) & (
+            spans_s >= limits.min_duration_s - _TIME_SLACK_S
+        )
+    moves = _runs_with_seed(continues, starts)
+    return np.select(
+        [moves, is_static], [MotionState.MOVING, MotionState.STATIC], MotionState.UNKNOWN
+    )
 
 
 def _runs_with_seed(runs: Bool, seeds: Bool) -> Bool:

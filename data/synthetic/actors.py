@@ -167,7 +167,7 @@ def _heights_m(rng: np.random.Generator, low: float, high: float, count: int) ->
     return [round(float(height) / 0.02) * 0.02 for height in rng.uniform(low, high, count)]
 
 
-def draw_standing(rng: np.random.Generator) -> Body:
+def draw_standing_pedestrian(rng: np.random.Generator) -> Body:
     """Draw someone who stands still."""
     height = _heights_m(rng, 1.55, 1.92, 1)[0]
     mesh = people.pedestrian(height, 0, is_walking=False)

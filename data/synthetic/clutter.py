@@ -139,7 +139,7 @@ class _Verge:
     def _grown(self, mesh: Mesh, place_m: Float64, size_m: Float64, appearance: Float32) -> Part:
         """Stretch a plant by a factor along each axis, and plant it at s and a distance from the centreline."""
         turn = float(self.rng.uniform(0, 2 * np.pi))
-        pose = street.standing(self.road, place_m[0], self.side * place_m[1], turn)
+        pose = street.upright_pose(self.road, place_m[0], self.side * place_m[1], turn)
         return Part(meshes.moved(meshes.stretched(mesh, size_m), pose), appearance)
 
     def conifer(self, s_m: float) -> list[Part]:
@@ -180,7 +180,7 @@ class _Verge:
         return [self._fronting(furniture.railing(_RAIL_M, height_m), s_m, edge_m, appearance)]
 
     def _fronting(self, mesh: Mesh, s_m: float, edge_m: float, appearance: Float32) -> Part:
-        pose = street.fronting(self.road, s_m, _RAIL_M, self.side * edge_m)
+        pose = street.facade_pose(self.road, s_m, _RAIL_M, self.side * edge_m)
         return Part(meshes.moved(mesh, pose), appearance)
 
     def box(self, s_m: float) -> list[Part]:
@@ -207,7 +207,7 @@ class _Verge:
         if self.rng.random() < 0.15:
             turn += np.pi / 2
         out_m = self.road.shape.outer_m + float(self.rng.uniform(-0.6, 0.3))
-        pose = street.standing(self.road, s_m, self.side * out_m, turn)
+        pose = street.upright_pose(self.road, s_m, self.side * out_m, turn)
         return Part(meshes.moved(mesh, pose), furniture.panel_palette(self.rng))
 
     def _bicycles(self, s_m: float) -> list[Part]:
@@ -216,7 +216,7 @@ class _Verge:
         parts = []
         for number in range(int(self.rng.integers(1, 7))):
             turn = np.pi / 2 + float(self.rng.normal(0, 0.12))
-            pose = street.standing(self.road, s_m + 0.55 * number, self.side * out_m, turn)
+            pose = street.upright_pose(self.road, s_m + 0.55 * number, self.side * out_m, turn)
             appearance = random_clothes(self.rng)
             parts.append(
                 Part(meshes.moved(people.bicycle(), pose), appearance, SemanticClass.OTHER_OBJECT)
@@ -235,5 +235,5 @@ class _Verge:
     def delineator(self, s_m: float) -> list[Part]:
         """Stand a white post at the road's edge."""
         l_m = self.side * (self.road.shape.half_width_m + 0.5)
-        pose = street.standing(self.road, s_m, l_m, np.pi if self.side > 0 else 0.0)
+        pose = street.upright_pose(self.road, s_m, l_m, np.pi if self.side > 0 else 0.0)
         return [Part(meshes.moved(furniture.delineator(), pose), palette())]

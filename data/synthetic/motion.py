@@ -56,8 +56,8 @@ def upright_poses(road: Road, path: Path, times_s: Float64) -> Float64:
     """Return (K, 4, 4) world_SE3_body of who stays upright and faces where they go, as people do."""
     s, side = path.at(times_s)
     (s0, l0), (s1, l1) = path.at(times_s - 0.05), path.at(times_s + 0.05)
-    stands = np.hypot(s1 - s0, l1 - l0) < 1e-3
-    turn = np.where(stands, np.arctan2(0.0, path.facing), np.arctan2(l1 - l0, s1 - s0))
+    is_static = np.hypot(s1 - s0, l1 - l0) < 1e-3
+    turn = np.where(is_static, np.arctan2(0.0, path.facing), np.arctan2(l1 - l0, s1 - s0))
     heading = road.heading_rad(s) + turn
     zero = np.zeros_like(heading)
     forward = np.stack([np.cos(heading), np.sin(heading), zero], axis=-1)

@@ -36,7 +36,9 @@ def draw_pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> P
     is_left = l_m > 0
     if reach_m == 0 and rng.random() < 0.4:
         is_left = not is_left
-    pose = street.standing(road, s_m, l_m, (np.pi if is_left else 0.0) + float(rng.normal(0, 0.15)))
+    pose = street.upright_pose(
+        road, s_m, l_m, (np.pi if is_left else 0.0) + float(rng.normal(0, 0.15))
+    )
     return Part(meshes.moved(mesh, pose), appearance)
 
 
@@ -53,7 +55,7 @@ def islands(
         length_m = float(rng.uniform(3, 8))
         if any(abs(s_m - c.s_m) < c.half_m + length_m for c in clearings):
             continue
-        pose = street.standing(road, s_m, 0.0)
+        pose = street.upright_pose(road, s_m, 0.0)
         parts.append(Part(meshes.moved(furniture.kerb_island(length_m, 0.7), pose), palette()))
         parts += [
             draw_pole(road, rng, s_m + float(rng.uniform(-0.4, 0.4)) * length_m, 0.0)

@@ -50,13 +50,13 @@ def ground(road: Road, start_m: float, end_m: float, appearance: Float32 | None 
     )
 
 
-def standing(road: Road, s_m: float, l_m: float, turn_rad: float = 0.0) -> Float64:
+def upright_pose(road: Road, s_m: float, l_m: float, turn_rad: float = 0.0) -> Float64:
     """Return world_SE3_thing of something upright on the ground, x along the road but for a turn."""
     place = road.place(np.array(s_m), np.array(l_m))
     return se3.from_euler(0.0, 0.0, float(road.heading_rad(np.array(s_m))) + turn_rad, place)
 
 
-def fronting(road: Road, s_m: float, length_m: float, l_m: float) -> Float64:
+def facade_pose(road: Road, s_m: float, length_m: float, l_m: float) -> Float64:
     """Return the pose of a straight front along the road: x along it, y away from the road."""
     # Straight fronts stand clear of the pavement where the road curves.
     clear = l_m + np.sign(l_m) * road.shape.curvature_1_m * length_m**2 / 8

@@ -130,7 +130,7 @@ class _Roadside:
         return [house, *self._border(s_m, length_m)] if front_garden_m > 0 else [house]
 
     def _along(self, s_m: float, length_m: float, edge_m: float) -> Float64:
-        return street.fronting(self.road, s_m, length_m, self.side * edge_m)
+        return street.facade_pose(self.road, s_m, length_m, self.side * edge_m)
 
     def _house(self, s_m: float, length_m: float, edge_m: float) -> Part:
         floors = int(self.rng.choice([2, 2, 3, 3, 4]))
@@ -173,7 +173,9 @@ class _Roadside:
         has_room = out_m - self._edge_m > vegetation.CROWN_REACH * height_m
         is_low = has_room and not self._lacks(self.config.low_crowns)
         mesh = vegetation.tree(height_m, self.rng, self.config.leaves, is_low=is_low)
-        pose = street.standing(self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28)))
+        pose = street.upright_pose(
+            self.road, s_m, self.side * out_m, float(self.rng.uniform(0, 6.28))
+        )
         return Part(meshes.moved(mesh, pose), vegetation.foliage_palette(self.rng))
 
     def kerbside(self, start_m: float, end_m: float, clearings: list[Clearing]) -> list[Part]:
@@ -198,7 +200,7 @@ class _Roadside:
     def _facing_traffic(self, mesh: Mesh, appearance: Float32, s_m: float, out_m: float) -> Part:
         """Stand something with its -x towards the traffic of this side, its y over the road."""
         turn = np.pi if self.side > 0 else 0.0
-        pose = street.standing(self.road, s_m, self.side * out_m, turn)
+        pose = street.upright_pose(self.road, s_m, self.side * out_m, turn)
         return Part(meshes.moved(mesh, pose), appearance)
 
     def _lamp(self) -> Mesh:

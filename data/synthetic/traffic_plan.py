@@ -166,7 +166,7 @@ class TrafficGenerator:
                 shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
             )
             stands = self.rng.random() < 0.15
-            body = actor_models.draw_standing(self.rng) if stands else self._walker()
+            body = actor_models.draw_standing_pedestrian(self.rng) if stands else self._walker()
             pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
             self._try_add(body, self._ride(stretch_m, row, direction, pace), 0.4)
 

@@ -40,7 +40,7 @@ class DetectedObjects:
     """
 
     moving: Footprints
-    standing: Footprints
+    static: Footprints
 
 
 class ObjectDetector(Protocol):

@@ -33,17 +33,17 @@ def motion_grid(
     width = padded_m.shape[1]
     nearby_m = padded_m.ravel()
     rows, columns = np.nonzero(height_m > 0)
-    standing_m = height_m[rows, columns]
+    above_ground_m = height_m[rows, columns]
     center = (rows + radius_cells) * width + columns + radius_cells
-    open_m, limit_m = standing_m, np.float32(alpha) * standing_m
-    unexplained = np.arange(len(standing_m))
+    open_m, limit_m = above_ground_m, np.float32(alpha) * above_ground_m
+    unexplained = np.arange(len(above_ground_m))
     for radius in range(radius_cells + 1):
         around = nearby_m.take(center[None] + _ring(radius, width)[:, None])
         stays = (np.abs(around - open_m) > limit_m).all(axis=0)
         center, open_m, limit_m = center[stays], open_m[stays], limit_m[stays]
         unexplained = unexplained[stays]
     motion_m = np.zeros_like(height_m)
-    motion_m[rows[unexplained], columns[unexplained]] = standing_m[unexplained]
+    motion_m[rows[unexplained], columns[unexplained]] = above_ground_m[unexplained]
     return motion_m
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from perception.datmo.cutting import ClusteringConfig, cut_moving
 from perception.datmo.detector import DetectedObjects, SegmentedScan
-from perception.datmo.standing_cells import StandingCells
+from perception.datmo.standing_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, GroundModel, Int, PointState
@@ -18,9 +18,9 @@ class PointDetectorConfig:
 
     Attributes:
         min_points: fewer are no thing.
-        standing_least_points: of a thing that stands, of which there are many and most do not matter.
-        standing_cell_m: edge of the cells in which standing points are joined.
-        standing_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
+        static_min_points: of a thing that stands, of which there are many and most do not matter.
+        static_cell_m: edge of the cells in which standing points are joined.
+        static_max_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
         max_attached_ratio: of a thing's points that may touch what stands. What moves keeps clear of it; what
             comes to light between two beams of a parked car or a hedge does not. In drives with truth
             one in twenty moving things, and three in four false ones, touch with more than a tenth.
@@ -29,9 +29,9 @@ class PointDetectorConfig:
     """
 
     min_points: int = 3
-    standing_least_points: int = 5
-    standing_cell_m: float = 0.2
-    standing_length_m: float = 12.0
+    static_min_points: int = 5
+    static_cell_m: float = 0.2
+    static_max_length_m: float = 12.0
     max_attached_ratio: float = 0.4
     min_beams_across: float = 12.0
 
@@ -53,19 +53,19 @@ class PointDetector:
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
         """Cut a scan into things; each begins at the ground under it."""
         moving = _points_of(scan, PointState.MOVING)
-        standing = _points_of(scan, PointState.STATIC)
+        static = _points_of(scan, PointState.STATIC)
         config = self._config
         thing_of = cut_moving(moving, self._sensor.elevation_step_rad, self._cutting)
-        stands = Footprints.empty()
-        if len(standing):
-            cells = StandingCells.under(standing, config.standing_cell_m)
+        static_clusters = Footprints.empty()
+        if len(static):
+            cells = StaticCells.under(static, config.static_cell_m)
             may_touch = self._beams_across(moving, thing_of) >= config.min_beams_across
             touches = cells.is_touching(moving) & ~may_touch[thing_of]
             thing_of = _without_attached(thing_of, touches, config.max_attached_ratio)
-            stands = cells.things(config.standing_least_points, config.standing_length_m)
+            static_clusters = cells.things(config.static_min_points, config.static_max_length_m)
         return DetectedObjects(
             moving=_on_ground(_outline(moving, thing_of, config.min_points), scan.ground),
-            standing=_on_ground(stands, scan.ground),
+            static=_on_ground(static_clusters, scan.ground),
         )
 
     def _beams_across(self, moving: Float32, thing_of: Int) -> Float64:

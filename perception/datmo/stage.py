@@ -38,7 +38,7 @@ class Datmo:
             self._tracker.clear()
         found = self._detector.detect(scan)
         pose = scan.ins_world_SE3_velo if self._uses_ins_poses else scan.world_SE3_velo
-        return self._tracker.update(scan.stamp_s, pose, found.moving, found.standing)
+        return self._tracker.update(scan.stamp_s, pose, found.moving, found.static)
 
 
 def datmo_stage(

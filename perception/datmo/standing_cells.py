@@ -10,7 +10,7 @@ from perception.types import Bool, Float, Float64, Int, UInt8
 
 
 @dataclass(frozen=True)
-class StandingCells:
+class StaticCells:
     """The C cells that hold standing points.
 
     Attributes:
@@ -30,7 +30,7 @@ class StandingCells:
     points: Int
 
     @classmethod
-    def under(cls, points_velo: Float, cell_m: float) -> "StandingCells":
+    def under(cls, points_velo: Float, cell_m: float) -> "StaticCells":
         """Gather (N, 3+) points, at least one."""
         x_m, y_m, z_m = np.ascontiguousarray(points_velo[:, :3].T)
         x, y = _cell_numbers(x_m, cell_m), _cell_numbers(y_m, cell_m)

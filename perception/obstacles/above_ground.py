@@ -46,6 +46,6 @@ def split_by_ground(
     rows = np.flatnonzero(area.contains_xy(points_velo))
     local = points_velo.take(rows, axis=0)[:, :3].astype(np.float32, copy=False)
     distance_m: Float32 = np.asarray(ground.distance_m(local), np.float32)
-    stands = (distance_m >= clearance_m) & (distance_m < area.height_m)
-    lies = distance_m < clearance_m
-    return AboveGround(local[stands], rows[stands], rows[lies], len(points_velo))
+    is_above = (distance_m >= clearance_m) & (distance_m < area.height_m)
+    is_ground = distance_m < clearance_m
+    return AboveGround(local[is_above], rows[is_above], rows[is_ground], len(points_velo))

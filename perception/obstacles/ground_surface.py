@@ -210,14 +210,14 @@ class GroundSurfaceEstimator:
         ground_m = self._stiff.bilinear(centers).interpolate(stiff_m).astype(np.float32)
         above_m = points.z - ground_m[points.cells]
         low_m, high_m = config.obstacle_band_m
-        stands = points.cells[(above_m > low_m) & (above_m < high_m)]
+        above_ground = points.cells[(above_m > low_m) & (above_m < high_m)]
         near = points[np.abs(above_m) < config.band_m]
         counts = np.bincount(near.cells, minlength=size)
         seen = np.flatnonzero(counts)
         sums = [np.bincount(near.cells, values, size)[seen] for values in (near.x, near.y, near.z)]
         means = np.column_stack(sums) / counts[seen, None]
         weights = np.minimum(counts[seen], config.full_count) / config.full_count
-        return HeightSamples(means, weights), np.bincount(stands, minlength=size)[seen] == 0
+        return HeightSamples(means, weights), np.bincount(above_ground, minlength=size)[seen] == 0
 
     def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
         """Return what is known before the newest scan, in its frame, inside the grid.

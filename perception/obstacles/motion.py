@@ -69,11 +69,13 @@ class FreeSpaceSegmenter:
         pose = window.newest.world_SE3_velo
         grid, static_map = self._init_drive(window)
         self._memory.push(window.newest.points_velo, pose)
-        stands = split_by_ground(window.newest.points_velo, ground, self._area, self._clearance_m)
-        voxels = group_keys(grid.keys(_to_world(stands, pose)))
+        above_ground = split_by_ground(
+            window.newest.points_velo, ground, self._area, self._clearance_m
+        )
+        voxels = group_keys(grid.keys(_to_world(above_ground, pose)))
 
         # One measured point stands for its voxel.
-        places = stands.points_velo[voxels.first]
+        places = above_ground.points_velo[voxels.first]
         before = se3.transform_points(
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
@@ -84,7 +86,7 @@ class FreeSpaceSegmenter:
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
         static = static_map.update(seen, moving.keys, pose, self._memory.is_free_in_newest)
         return Obstacles(
-            point_states=stands.point_states(moves[voxels.group_of]),
+            point_states=above_ground.point_states(moves[voxels.group_of]),
             static=static,
             moving=Voxels(places[moves], moving.counts, self._voxel_size_m),
         )
@@ -110,8 +112,8 @@ def motion_segmenter(
     return FreeSpaceSegmenter(sensor, area)
 
 
-def _to_world(stands: AboveGround, world_SE3_velo: Float64) -> Float64:
-    points = stands.points_velo.astype(np.float64)
+def _to_world(above_ground: AboveGround, world_SE3_velo: Float64) -> Float64:
+    points = above_ground.points_velo.astype(np.float64)
     return np.asarray(points @ world_SE3_velo[:3, :3].T + world_SE3_velo[:3, 3])
 
 

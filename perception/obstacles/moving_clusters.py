@@ -21,31 +21,31 @@ class MovingClusterConfig:
     Attributes:
         cell_m: edge of the columns that are joined over the ground plane; legs of one walker stay one.
         min_voxels: voxels that must have come; fewer may be glass that returns only now and then.
-        min_voxels_again: as many are enough next to what moved in the scan before.
-        again_reach_m: how near; 5 m/s at 10 Hz. What is faster shows more voxels.
-        min_share: of a thing's voxels that must have come; the rest was out of sight before.
-        stopped_share: of a thing's voxels in sight that were met already by the youngest scan asked,
+        min_voxels_near_moving: as many are enough next to what moved in the scan before.
+        near_moving_m: how near; 5 m/s at 10 Hz. What is faster shows more voxels.
+        min_appeared_ratio: of a thing's voxels that must have come; the rest was out of sight before.
+        stopped_ratio: of a thing's voxels in sight that were met already by the youngest scan asked,
             from which on it stands again.
         stop_age_s: a younger scan cannot tell standing from walking.
         clear_age_s: after which a walker at 1 m/s no longer overlaps where he was.
         departed_gap_m: how near a leaving thing must come, followed to now, to be this thing.
-        whole_share: of an object's voxels that must move for all of it to move.
+        whole_object_ratio: of an object's voxels that must move for all of it to move.
     """
 
     cell_m: float = 0.25
     min_voxels: int = 10
-    min_voxels_again: int = 4
-    again_reach_m: float = 0.5
-    min_share: float = 0.1
-    stopped_share: float = 0.95
+    min_voxels_near_moving: int = 4
+    near_moving_m: float = 0.5
+    min_appeared_ratio: float = 0.1
+    stopped_ratio: float = 0.95
     stop_age_s: float = 0.3
     clear_age_s: float = 0.5
     departed_gap_m: float = 1.0
-    whole_share: float = 0.5
+    whole_object_ratio: float = 0.5
 
 
 @dataclass(frozen=True)
-class Votes:
+class VoxelVotes:
     """What each of V voxels says; a voxel in none of the three was out of sight until now.
 
     Attributes:
@@ -54,21 +54,21 @@ class Votes:
         trails: (V,) its place was hidden, by something that has left since.
     """
 
-    came: Bool
-    stood: Bool
-    trails: Bool
+    appeared: Bool
+    persisted: Bool
+    uncovered: Bool
 
 
-def vote(history: VisibilityHistory) -> Votes:
+def vote(history: VisibilityHistory) -> VoxelVotes:
     """Let the older scans decide and, where none saw the place, the youngest."""
     older = slice(1, None) if len(history.ages_s) > 1 else slice(None)
     free = history.was_free[older].sum(axis=0)
     hit = history.was_hit[older].sum(axis=0)
     unseen = (free == 0) & (hit == 0)
-    came = (free > hit) | (unseen & history.was_free[0])
-    stood = ((hit >= free) & (hit > 0)) | (unseen & history.was_hit[0])
-    trails = history.was_behind_departed.any(axis=0) & ~came & ~stood
-    return Votes(came, stood, trails)
+    appeared = (free > hit) | (unseen & history.was_free[0])
+    persisted = ((hit >= free) & (hit > 0)) | (unseen & history.was_hit[0])
+    uncovered = history.was_behind_departed.any(axis=0) & ~appeared & ~persisted
+    return VoxelVotes(appeared, persisted, uncovered)
 
 
 def moving_voxels(
@@ -89,31 +89,37 @@ def moving_voxels(
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
-    votes, patience = vote(history), _patience(history, config)
-    columns = _Columns.over(centers_m, config.cell_m)
-    thing = _join_what_came(columns, votes.stood, gap_m, patience)
+    votes, static_weight = vote(history), _static_weight(history, config)
+    columns = _VoxelColumns.over(centers_m, config.cell_m)
+    thing = _cluster_appeared(columns, votes.persisted, gap_m, static_weight)
     things = int(thing.max()) + 1
 
-    def tally(voxels: Bool) -> Float64:
+    def count_by_cluster(voxels: Bool) -> Float64:
         return np.asarray(np.bincount(thing, voxels, things), np.float64)
 
-    leaves = tally(votes.trails) * _leads_here(thing, things, history, config.departed_gap_m)
-    came = tally(votes.came) + leaves
+    leaves = count_by_cluster(votes.uncovered) * _is_own_departure(
+        thing, things, history, config.departed_gap_m
+    )
+    appeared = count_by_cluster(votes.appeared) + leaves
     was_near = np.zeros(len(thing), bool)
-    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, config.again_reach_m)
-    goes_on = tally(was_near) > 0
-    least = np.where(goes_on, config.min_voxels_again, config.min_voxels * patience)
+    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, config.near_moving_m)
+    goes_on = count_by_cluster(was_near) > 0
+    required = np.where(goes_on, config.min_voxels_near_moving, config.min_voxels * static_weight)
     moves = (
-        (came >= least)
-        & (came > tally(votes.stood) * patience)
-        & (came >= config.min_share * tally(np.ones(len(thing), bool)))
+        (appeared >= required)
+        & (appeared > count_by_cluster(votes.persisted) * static_weight)
+        & (appeared >= config.min_appeared_ratio * count_by_cluster(np.ones(len(thing), bool)))
     )
     if history.ages_s[0] >= config.stop_age_s:
-        hit = tally(history.was_hit[0])
-        seen = hit + tally(history.was_free[0]) + tally(history.was_behind_departed[0])
-        moves &= hit < config.stopped_share * np.maximum(seen, 1)
+        hit = count_by_cluster(history.was_hit[0])
+        seen = (
+            hit
+            + count_by_cluster(history.was_free[0])
+            + count_by_cluster(history.was_behind_departed[0])
+        )
+        moves &= hit < config.stopped_ratio * np.maximum(seen, 1)
     moves[0] = False
-    return _complete(columns, np.asarray(moves[thing]), config.whole_share)
+    return _complete(columns, np.asarray(moves[thing]), config.whole_object_ratio)
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
@@ -125,7 +131,7 @@ def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
     return np.asarray(np.isfinite(away_m))
 
 
-def _patience(history: VisibilityHistory, config: MovingClusterConfig) -> float:
+def _static_weight(history: VisibilityHistory, config: MovingClusterConfig) -> float:
     """Return how many standing voxels one that came must outweigh.
 
     While the history is short a walker still overlaps where he was, and only his front has come.
@@ -134,7 +140,7 @@ def _patience(history: VisibilityHistory, config: MovingClusterConfig) -> float:
 
 
 @dataclass(frozen=True)
-class _Columns:
+class _VoxelColumns:
     """The upright bars over the ground plane in which V voxels stand; (5.3) gives each one state.
 
     Attributes:
@@ -171,21 +177,23 @@ class _Columns:
         return np.asarray(np.where(chosen, labels.ravel(), 0)[self.of])
 
 
-def _join_what_came(columns: _Columns, stood: Bool, gap_m: float, patience: float) -> Int:
+def _cluster_appeared(
+    columns: _VoxelColumns, persisted: Bool, gap_m: float, static_weight: float
+) -> Int:
     """Number the things, not joining through columns most of which stood."""
-    standing = columns.count(stood)
-    return columns.join(columns.count(~stood) > standing * patience, standing == 0, gap_m)
+    static = columns.count(persisted)
+    return columns.join(columns.count(~persisted) > static * static_weight, static == 0, gap_m)
 
 
-def _complete(columns: _Columns, moves: Bool, whole_share: float) -> Bool:
+def _complete(columns: _VoxelColumns, moves: Bool, whole_object_ratio: float) -> Bool:
     """Let all of an object move where most of it does: a slow car's side fills the place it filled."""
     occupied = columns.count(np.ones(len(moves), bool)) > 0
     whole = columns.join(occupied, ~occupied, gap_m=0.0)
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
-    return np.asarray(moves | (share[whole] >= whole_share))
+    return np.asarray(moves | (share[whole] >= whole_object_ratio))
 
 
-def _leads_here(thing: Int, things: int, history: VisibilityHistory, gap_m: float) -> Bool:
+def _is_own_departure(thing: Int, things: int, history: VisibilityHistory, gap_m: float) -> Bool:
     """Tell of which things the leaver before them is their own back, seen earlier.
 
     A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is

@@ -17,7 +17,7 @@ from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import update_from_course
 from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
 from perception.tracking.sights import init_tracks, measure_boxes, update_tracks
-from perception.tracking.track_life import is_alive, is_confirmed, is_reported, may_stand
+from perception.tracking.track_life import is_alive, is_confirmed, is_reported, may_be_static
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import from_world
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
@@ -43,11 +43,11 @@ class BoxTracker:
     def clear(self) -> None:
         """End all tracks; their ids are not used again."""
         self._tracks = TrackTable.empty()
-        self._stood_m = np.zeros((0, 2))
+        self._static_before_m = np.zeros((0, 2))
         self._stamp_s: float | None = None
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, standing: Footprints
+        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
         """Take in what one scan shows and say where everything is that is tracked."""
         if self._stamp_s is None or stamp_s > self._stamp_s:
@@ -55,8 +55,8 @@ class BoxTracker:
             self._stamp_s = stamp_s
             self._predict(elapsed_s)
             sensor_m = world_SE3_velo[:2, 3]
-            new = self._continue_moving(moving.moved(world_SE3_velo), sensor_m)
-            self._continue_standing(standing.moved(world_SE3_velo), sensor_m)
+            new = self._update_with_moving(moving.moved(world_SE3_velo), sensor_m)
+            self._update_with_static(static.moved(world_SE3_velo), sensor_m)
             self._init_tracks(new, sensor_m)
             self._delete_tracks(world_SE3_velo)
         return self._report(self._stamp_s, world_SE3_velo)
@@ -75,7 +75,7 @@ class BoxTracker:
             yaw_variance=headings.variance,
         )
 
-    def _continue_moving(self, things: Footprints, sensor_m: Float64) -> Footprints:
+    def _update_with_moving(self, things: Footprints, sensor_m: Float64) -> Footprints:
         """Let moving things continue tracks, the confirmed ones first; return those that continue none."""
         is_sure = self._tracks.is_confirmed
         things = join_fragments(
@@ -102,31 +102,31 @@ class BoxTracker:
         sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
         return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
-    def _continue_standing(self, things: Footprints, sensor_m: Float64) -> None:
+    def _update_with_static(self, things: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
-        is_new = self._stood_not(things)
-        rows = np.flatnonzero(may_stand(self._tracks, self._stamp, self._config.life))
+        is_new = self._is_newly_static(things)
+        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.life))
         if len(things) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
         measured = measure_boxes(tracks, things, sensor_m, self._config)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
-        room_m = likely_sizes_m(tracks, self._config.size) + self._config.standing_margin_m
-        min_m = self._config.standing_share * tracks.recent_sizes_m[:, 0]
+        room_m = likely_sizes_m(tracks, self._config.size) + self._config.static_margin_m
+        min_m = self._config.static_min_share * tracks.recent_sizes_m[:, 0]
         fits = (measured.sizes_m <= room_m[:, None]) & (measured.sizes_m >= min_m[:, None])
-        stood = tracks.last_moved_s < tracks.last_seen_s
-        may = fits.all(axis=2) & (stood[:, None] | is_new)
+        was_static = tracks.last_moved_s < tracks.last_seen_s
+        may = fits.all(axis=2) & (was_static[:, None] | is_new)
         pairs = assign_hungarian(costs, may & (costs <= self._config.motion.gate))
         self._update_matched(
             rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False
         )
 
-    def _stood_not(self, things: Footprints) -> Bool:
+    def _is_newly_static(self, things: Footprints) -> Bool:
         """Tell which standing things were not there in the scan before, and remember them."""
-        before, self._stood_m = self._stood_m, things.centroids_m
+        before, self._static_before_m = self._static_before_m, things.centroids_m
         if len(before) == 0 or len(things) == 0:
             return np.ones(len(things), bool)
-        reach_m = self._config.stood_reach_m
+        reach_m = self._config.static_reach_m
         away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
         return np.asarray(~np.isfinite(away_m))
 

@@ -140,7 +140,7 @@ class PointTracker:
         self._stamp_s: float | None = None
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, standing: Footprints
+        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
         """Take in what one scan shows; things that stand say nothing to this tracker.
 

@@ -25,9 +25,9 @@ class TrackLifecycleConfig:
         max_unseen_reported_s: how long a track that was seen often is told of unseen.
         min_hits_reported_unseen: how often.
         max_static_reported_s: how long a track that lives on standing things is told of.
-        standing_s: how long such a track lives.
-        stopping_s: how long after its last sight a track may be continued by a standing thing.
-        stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
+        max_static_s: how long such a track lives.
+        max_stopping_s: how long after its last sight a track may be continued by a standing thing.
+        max_stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
     """
 
     min_hits: int = 2
@@ -40,9 +40,9 @@ class TrackLifecycleConfig:
     max_unseen_reported_s: float = 0.3
     min_hits_reported_unseen: int = 5
     max_static_reported_s: float = 1.0
-    standing_s: float = 3.0
-    stopping_s: float = 0.35
-    stopping_speed_m_s: float = 3.0
+    max_static_s: float = 3.0
+    max_stopping_s: float = 0.35
+    max_stopping_speed_m_s: float = 3.0
 
 
 def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
@@ -63,14 +63,14 @@ def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -
     """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
     limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
     is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
-    stands = stamp_s - tracks.last_moved_s > config.standing_s + _ROUNDING_S
-    return np.asarray(~is_lost & ~stands)
+    is_static = stamp_s - tracks.last_moved_s > config.max_static_s + _ROUNDING_S
+    return np.asarray(~is_lost & ~is_static)
 
 
-def may_stand(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
+def may_be_static(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
     """Tell which confirmed tracks, unseen in this scan, may have come to a stand."""
-    is_fresh = stamp_s - tracks.last_seen_s <= config.stopping_s + _ROUNDING_S
-    is_slow = tracks.speeds_m_s <= config.stopping_speed_m_s
+    is_fresh = stamp_s - tracks.last_seen_s <= config.max_stopping_s + _ROUNDING_S
+    is_slow = tracks.speeds_m_s <= config.max_stopping_speed_m_s
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 

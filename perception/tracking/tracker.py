@@ -10,7 +10,7 @@ class MultiObjectTracker(Protocol):
     """Follows all objects of a drive, scan after scan."""
 
     def update(
-        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, standing: Footprints
+        self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
         """Take in what one scan shows and say where everything is that is tracked.
 

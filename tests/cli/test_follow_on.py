@@ -39,7 +39,7 @@ def result(street) -> Result:
     )
 
 
-class StandingTracker:
+class StaticTracker:
     """Answers with the first box, always."""
 
     def start(self, tracker_input, box_velo):
@@ -51,7 +51,7 @@ class StandingTracker:
 
 
 def hand_over_of(track_id: int) -> TrackHandover:
-    return TrackHandover(track_id, StandingTracker(), EgoVehicle())
+    return TrackHandover(track_id, StaticTracker(), EgoVehicle())
 
 
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):

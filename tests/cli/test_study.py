@@ -123,9 +123,11 @@ def test_dense_cloud(drive, tmp_path):
     plot_path = tmp_path / "cloud.png"
     windows = read_windows(drive, 6, 3)
     points = windows.frame.points_velo
-    stands = points[(points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)]
+    static_points = points[
+        (points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)
+    ]
     study = study_dense_cloud(
-        drive, plot_path, frame=6, previous_scans=3, place_m=stands[0, :2].astype(np.float64)
+        drive, plot_path, frame=6, previous_scans=3, place_m=static_points[0, :2].astype(np.float64)
     )
     assert is_plot(plot_path)
     assert set(study.numbers["disagreement_m"]) == {

@@ -72,7 +72,7 @@ def test_a_moving_car_is_found_where_it_is(config):
     for k in range(25):
         found = detector.detect(scan_of(k, [car(4 + 0.8 * k, 3.0)]))
     assert len(found.moving) == 1
-    assert len(found.standing) == 0
+    assert len(found.static) == 0
     low_m, high_m = found.moving.extents_m(np.zeros(1))
     # The front has come too far for the map to know it; the rear still is where it was a moment ago.
     x_m = 4 + 0.8 * 24
@@ -195,14 +195,14 @@ def test_heights_over_the_found_ground_follow_a_slope():
     points = scan.points_velo.copy()
     points[:, 2] += 0.05 * points[:, 0]
     scan = replace(scan, points_velo=points, ground=Slope())
-    stands = {}
+    static_clusters = {}
     for reference in ("level plane", "ground"):
         detector = MotionGridDetector(HDL_64E, replace(THESIS, height_reference=reference))
         detector.detect(scan)
-        stands[reference] = detector.grids.elevation.height_m > 0
+        static_clusters[reference] = detector.grids.elevation.height_m > 0
     on_road = (slice(160, 290), slice(50, 70))
-    assert stands["level plane"][on_road].sum() > 200
-    assert stands["ground"][on_road].sum() == 0
+    assert static_clusters["level plane"][on_road].sum() > 200
+    assert static_clusters["ground"][on_road].sum() == 0
 
 
 def test_a_work_area_that_does_not_hold_the_area_is_refused():

@@ -3,7 +3,7 @@ import pytest
 
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.point_detector import PointDetector
-from perception.datmo.standing_cells import StandingCells
+from perception.datmo.standing_cells import StaticCells
 from perception.sensor import HDL_64E, VLP_16, LidarModel
 from perception.types import Float, Float64, PointState
 
@@ -31,13 +31,13 @@ def wall(start: tuple[float, float], end: tuple[float, float], step_m: float = 0
 
 
 def detect(
-    moving: list[np.ndarray], standing: list[np.ndarray], sensor: LidarModel = HDL_64E
+    moving: list[np.ndarray], static: list[np.ndarray], sensor: LidarModel = HDL_64E
 ) -> DetectedObjects:
-    groups = [*moving, *standing, np.array([[5.0, 0.0, -1.65], [50.0, 0.0, 3.0]])]
+    groups = [*moving, *static, np.array([[5.0, 0.0, -1.65], [50.0, 0.0, 3.0]])]
     states = np.concatenate(
         [
             np.full(sum(map(len, moving)), PointState.MOVING),
-            np.full(sum(map(len, standing)), PointState.STATIC),
+            np.full(sum(map(len, static)), PointState.STATIC),
             [PointState.GROUND, PointState.OUTSIDE],
         ]
     )
@@ -79,8 +79,8 @@ def test_things_reach_down_to_the_ground_under_them():
     found = detect([wall((10, 0), (10, 0.5))], [wall((10, -5), (10, -4))])
     np.testing.assert_allclose(found.moving.low_m, [-1.6], atol=1e-6)
     np.testing.assert_allclose(found.moving.high_m, [-0.2], atol=1e-6)
-    np.testing.assert_allclose(found.standing.low_m, [-1.6], atol=1e-6)
-    np.testing.assert_allclose(found.standing.high_m, [-0.2], atol=1e-6)
+    np.testing.assert_allclose(found.static.low_m, [-1.6], atol=1e-6)
+    np.testing.assert_allclose(found.static.high_m, [-0.2], atol=1e-6)
     assert found.moving.points.tolist() == [18]
 
 
@@ -106,21 +106,21 @@ def test_a_walker_who_passes_a_post_moves():
 def test_walls_are_no_standing_things_but_cars_are():
     car, house = wall((10, -4), (14, -4)), wall((0, 8), (20, 8))
     found = detect([], [car, house])
-    assert len(found.standing) == 1
-    low_m, high_m = found.standing.extents_m(np.zeros(1))
+    assert len(found.static) == 1
+    low_m, high_m = found.static.extents_m(np.zeros(1))
     np.testing.assert_allclose([low_m[0, 0], high_m[0, 0]], [10, 14], atol=0.1)  # half a cell
-    assert found.standing.points.tolist() == [3 * 41]
+    assert found.static.points.tolist() == [3 * 41]
 
 
 def test_two_points_are_no_thing():
     found = detect([np.array([[10.0, 1.0, -1.0], [10.1, 1.0, -1.0]])], [wall((0, 5), (0.1, 5))])
     assert len(found.moving) == 0
-    assert len(found.standing) == 1
+    assert len(found.static) == 1
 
 
 def test_an_empty_scan_holds_nothing():
     found = detect([], [])
-    assert len(found.moving) == len(found.standing) == 0
+    assert len(found.moving) == len(found.static) == 0
 
 
 def test_the_order_of_the_points_does_not_matter():
@@ -135,7 +135,7 @@ def test_the_order_of_the_points_does_not_matter():
 
 def test_standing_cells_keep_mean_place_highest_point_and_count():
     points = np.array([[0.05, 0.05, 1.0], [0.15, 0.15, 3.0], [0.45, 0.05, 2.0]], np.float32)
-    cells = StandingCells.under(points, 0.2)
+    cells = StaticCells.under(points, 0.2)
     np.testing.assert_allclose(cells.places_m, [[0.1, 0.1, 3.0], [0.45, 0.05, 2.0]], atol=1e-6)
     assert cells.points.tolist() == [2, 1]
     places = np.array([[0.25, 0.1], [0.1, 0.65], [0.79, 0.0], [0.85, 0.0], [99.0, 99.0]])

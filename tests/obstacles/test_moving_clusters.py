@@ -23,9 +23,9 @@ def column(x, y, voxels):
 
 def test_older_scans_decide_and_the_youngest_where_they_are_blind():
     votes = vote(history("HFF", "FHH", "F--", "H--", "--L", "-FH", "---"))
-    assert votes.came.tolist() == [True, False, True, False, False, False, False]
-    assert votes.stood.tolist() == [False, True, False, True, False, True, False]
-    assert votes.trails.tolist() == [False, False, False, False, True, False, False]
+    assert votes.appeared.tolist() == [True, False, True, False, False, False, False]
+    assert votes.persisted.tolist() == [False, True, False, True, False, True, False]
+    assert votes.uncovered.tolist() == [False, False, False, False, True, False, False]
 
 
 def moves(states, voxels=12, before=NOWHERE, **options):
@@ -64,8 +64,8 @@ def test_a_leaving_thing_is_told_from_one_that_a_passer_by_hid(gaps_m, expected)
 
 def test_a_slow_car_s_side_moves_with_its_front():
     places = np.vstack([column(5.0 + 0.25 * k, 0.0, 6) for k in range(6)])
-    came = ["FFF"] * 24 + ["HHH"] * 12
-    assert moving_voxels(places, history(*came), NOWHERE, CONFIG, gap_m=0.2).all()
+    appeared = ["FFF"] * 24 + ["HHH"] * 12
+    assert moving_voxels(places, history(*appeared), NOWHERE, CONFIG, gap_m=0.2).all()
 
 
 def test_a_walker_does_not_make_the_wall_beside_him_move():

@@ -52,10 +52,10 @@ class Drive:
         self.tracker, self.stamp_s = BoxTracker(area), 100.0
 
     def scan(
-        self, *clouds: np.ndarray, standing: Footprints = NOTHING, after_s: float = 0.1
+        self, *clouds: np.ndarray, static: Footprints = NOTHING, after_s: float = 0.1
     ) -> Tracks:
         self.stamp_s += after_s
-        return self.tracker.update(self.stamp_s, HERE, things(*clouds), standing)
+        return self.tracker.update(self.stamp_s, HERE, things(*clouds), static)
 
 
 def test_a_car_that_passes_keeps_its_size_and_has_no_bias():
@@ -140,7 +140,7 @@ def test_a_car_that_stops_keeps_its_id_and_is_slow():
         x -= 0.1 * speed
         speed = max(0.0, speed - 0.3)
         cloud = sides(x, 3.5, np.pi, CAR)
-        tracks = drive.scan(standing=things(cloud)) if 26 <= step < 40 else drive.scan(cloud)
+        tracks = drive.scan(static=things(cloud)) if 26 <= step < 40 else drive.scan(cloud)
         reported.append(tracks.ids.tolist())
         if step >= 40:  # it moves again, as far as the detector is concerned
             assert tracks.ids.tolist() == [0]
@@ -152,10 +152,10 @@ def test_a_car_that_stops_keeps_its_id_and_is_slow():
 def test_a_post_that_stood_before_continues_no_track():
     drive, post = Drive(), sides(10.0, 1.6, 0, WALKER)
     for step in range(12):
-        drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), standing=things(post))
-    assert len(drive.scan(standing=things(post))) == 1  # going on as it went
+        drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), static=things(post))
+    assert len(drive.scan(static=things(post))) == 1  # going on as it went
     for _ in range(4):
-        tracks = drive.scan(standing=things(post))
+        tracks = drive.scan(static=things(post))
     assert len(tracks) == 0
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from data.drive import Drive, Labels
 from data.frames import OnBadFrame
 from perception.detection.depthcn.proposals import ProposalConfig, cluster_points, fit_boxes
-from perception.detection.depthcn.standing import find_standing
+from perception.detection.depthcn.standing import find_above_ground
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
@@ -100,7 +100,7 @@ def read_or_skip(drive: Drive, index: int, on_bad_frame: OnBadFrame) -> Frame | 
 def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[ProposalCount]:
     """Yield what each setting reaches; the ground, which all have in common, is removed once."""
     objects_px = labels.boxes_px[is_of_class(labels, part.of_class)]
-    standing = find_standing(
+    above_ground = find_above_ground(
         frame.points_velo,
         *camera_of(frame),
         part.rules[0].cell_m,
@@ -108,8 +108,10 @@ def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[Pro
         part.method,
     )
     for rules in part.rules:
-        labels_of_points = cluster_points(standing, rules.radius_m, rules.min_points, part.method)
-        found = fit_boxes(standing, labels_of_points)
+        labels_of_points = cluster_points(
+            above_ground, rules.radius_m, rules.min_points, part.method
+        )
+        found = fit_boxes(above_ground, labels_of_points)
         reached = count_recalled(objects_px, found.boxes_px, part.overlaps)
         yield ProposalCount(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
 

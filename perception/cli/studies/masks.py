@@ -24,9 +24,9 @@ def study_masks(
     segmenter = CounterSegmenter(area)
     counters = segmenter.counters(windows.refined, planes)
     states = segmenter.update(windows.refined, planes).point_states
-    stands = windows.frame.points_velo[states >= PointState.STATIC]
+    static_points = windows.frame.points_velo[states >= PointState.STATIC]
     title = f"From counters to masks, {drive.name} frame {windows.frame.index}"
-    plot_masks(plot_path, title, counters, stands)
+    plot_masks(plot_path, title, counters, static_points)
     counts = _counts(counters)
     rows: list[list[Cell]] = [[name, cells, points] for name, (cells, points) in counts.items()]
     return Study(

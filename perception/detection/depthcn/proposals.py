@@ -1,6 +1,6 @@
 """Candidates for vehicles: what stands on the ground, cut into clusters, boxed in the image (6.1.2).
 
-    scan -- find_standing --> points that stand -- cut --> their clusters -- box --> proposals
+    scan -- find_above_ground --> points that stand -- cut --> their clusters -- box --> proposals
 
 The three steps are apart, so that a search over the parameters of one need not repeat those before it.
 """
@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import cluster
-from perception.detection.depthcn.standing import Standing, find_standing
+from perception.detection.depthcn.standing import AboveGroundPoints, find_above_ground
 from perception.errors import UsageError
 from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 
@@ -102,14 +102,16 @@ def propose(
 ) -> Proposals:
     """Find the candidates of an (N, 4) scan in an image of (width, height), by the method's own rules or others."""
     config = config or PROPOSAL_CONFIGS[method]
-    standing = find_standing(
+    above_ground = find_above_ground(
         points_velo, calibration, size_px, config.cell_m, config.least_variance_m2, method
     )
-    return fit_boxes(standing, cluster_points(standing, config.radius_m, config.min_points, method))
+    return fit_boxes(
+        above_ground, cluster_points(above_ground, config.radius_m, config.min_points, method)
+    )
 
 
 def cluster_points(
-    standing: Standing, radius_m: float, min_points: int, method: Method = "default"
+    above_ground: AboveGroundPoints, radius_m: float, min_points: int, method: Method = "default"
 ) -> Int:
     """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
 
@@ -120,45 +122,45 @@ def cluster_points(
         method: default or thesis.
     """
     if method == "thesis":
-        return cluster(standing.xy_m, radius_m, min_points)
-    xy_m = _compress_range(standing.xy_m, radius_m)
+        return cluster(above_ground.xy_m, radius_m, min_points)
+    xy_m = _compress_range(above_ground.xy_m, radius_m)
     labels = cluster(xy_m, radius_m, min_points)
     # Clusters of a smaller radius lie within those of a larger one: one call splits all.
-    long = np.flatnonzero(_is_long(standing.xy_m, labels))
+    long = np.flatnonzero(_is_long(above_ground.xy_m, labels))
     parts = cluster(xy_m[long], _SPLIT * radius_m, min_points)
     labels[long] = np.where(parts >= 0, parts + labels.max(initial=-1) + 1, -1)
     return _renumbered(labels)
 
 
-def fit_boxes(standing: Standing, labels: Int) -> Proposals:
+def fit_boxes(above_ground: AboveGroundPoints, labels: Int) -> Proposals:
     """Box the clusters of the points that stand, in the image.
 
     Left and right are the outermost points; the bottom is the lowest, or the ground under one; the top
     has a margin.
     """
-    clusters = np.full(standing.scan_length, -1, np.int64)
-    clusters[standing.rows] = labels
+    clusters = np.full(above_ground.scan_length, -1, np.int64)
+    clusters[above_ground.rows] = labels
     clustered = np.flatnonzero(labels >= 0)
     if len(clustered) == 0:
         return Proposals(np.zeros((0, 4)), np.zeros(0), clusters)
-    depths_m = standing.depths_m[clustered]
+    depths_m = above_ground.depths_m[clustered]
     # By cluster, then by depth: the fraction of a number orders what has the same whole part.
     order = clustered[np.argsort(labels[clustered] + depths_m / (depths_m.max() + 1))]
     counts = np.bincount(labels[clustered])
     starts = counts.cumsum() - counts
-    column, row = standing.pixels[order].T
+    column, row = above_ground.pixels[order].T
     boxes_px = np.column_stack(
         [
             np.minimum.reduceat(column, starts),
             np.maximum(np.minimum.reduceat(row, starts) - _TOP_MARGIN_PX, 0),
             np.maximum.reduceat(column, starts),
             np.maximum.reduceat(
-                np.minimum(standing.feet_px[order], standing.size_px[1] - 1), starts
+                np.minimum(above_ground.ground_rows_px[order], above_ground.size_px[1] - 1), starts
             ),
         ]
     )
     near = starts + (_NEAR_SIDE * (counts - 1)).astype(np.int64)
-    return Proposals(boxes_px, standing.depths_m[order][near], clusters)
+    return Proposals(boxes_px, above_ground.depths_m[order][near], clusters)
 
 
 def _compress_range(xy_m: Float64, radius_m: float) -> Float64:

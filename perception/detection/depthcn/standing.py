@@ -26,14 +26,14 @@ _REACH_M = 1.5  # under a car, some ground is seen from one side or the other
 
 
 @dataclass(frozen=True)
-class Standing:
+class AboveGroundPoints:
     """K points of a scan that stand on the ground and that the camera sees.
 
     Attributes:
         rows: (K,) where they are in the scan.
         xy_m: (K, 2) in the LiDAR frame.
         pixels: (K, 2) the column and row of each.
-        feet_px: (K,) the image row of the ground under each; its own where that is not known.
+        ground_rows_px: (K,) the image row of the ground under each; its own where that is not known.
         depths_m: (K,) along the optical axis.
         size_px: (width, height) of the image.
         scan_length: N.
@@ -42,7 +42,7 @@ class Standing:
     rows: Int
     xy_m: Float64
     pixels: Float64
-    feet_px: Float64
+    ground_rows_px: Float64
     depths_m: Float64
     size_px: tuple[int, int]
     scan_length: int
@@ -53,21 +53,21 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class _Chosen:
+class _GroundRemoval:
     """Rows of a scan that stand on the ground, and the height of the ground under each."""
 
     rows: Int
     ground_m: Float64
 
 
-def find_standing(
+def find_above_ground(
     points_velo: Float32,
     calibration: Calibration,
     size_px: tuple[int, int],
     cell_m: float,
     least_variance_m2: float,
     method: Method = "default",
-) -> Standing:
+) -> AboveGroundPoints:
     """Find the points of an (N, 4) scan that can belong to a candidate.
 
     Args:
@@ -79,22 +79,22 @@ def find_standing(
         method: default or thesis.
     """
     image_P_velo = calibration.image_P_velo
-    candidates = _AREAS[method](points_velo, image_P_velo, size_px)
-    chosen = _CHOICES[method](points_velo[candidates], cell_m, least_variance_m2)
+    candidates = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
+    chosen = _GROUND_REMOVALS[method](points_velo[candidates], cell_m, least_variance_m2)
     points = points_velo[candidates[chosen.rows], :3]
     exact_px, depths_m = project(image_P_velo, points)
-    feet = np.column_stack([points[:, :2], chosen.ground_m])
-    feet_px = np.rint(project(image_P_velo, feet)[0][:, 1])
+    ground_points = np.column_stack([points[:, :2], chosen.ground_m])
+    ground_rows_px = np.rint(project(image_P_velo, ground_points)[0][:, 1])
     with np.errstate(invalid="ignore"):
         pixels = np.rint(exact_px)
         u, v = pixels.T
         is_observed = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     seen = np.flatnonzero(is_observed & (depths_m > _NEAREST_M))
-    return Standing(
+    return AboveGroundPoints(
         rows=candidates[chosen.rows[seen]],
         xy_m=points[seen, :2].astype(np.float64),
         pixels=pixels[seen],
-        feet_px=np.fmax(feet_px[seen], pixels[seen, 1]),
+        ground_rows_px=np.fmax(ground_rows_px[seen], pixels[seen, 1]),
         depths_m=depths_m[seen],
         size_px=size_px,
         scan_length=len(points_velo),
@@ -113,21 +113,23 @@ def _ahead(points_velo: Float32, _: Float64, __: tuple[int, int]) -> Int:
     return np.flatnonzero(is_ahead)
 
 
-def _over_the_lowest(points: Float32, cell_m: float, least_variance_m2: float) -> _Chosen:
+def _above_lowest(points: Float32, cell_m: float, least_variance_m2: float) -> _GroundRemoval:
     cells = HeightCells.of(points, cell_m)
     ground_m = cells.lowest_around_m(_REACH_M)
     over_m = cells.z_m - ground_m
     min_m = _DEVIATIONS * np.sqrt(least_variance_m2)
     rows = np.flatnonzero((over_m >= min_m) & (over_m <= _HIGHEST_M))
-    return _Chosen(rows, ground_m[rows])
+    return _GroundRemoval(rows, ground_m[rows])
 
 
-def _in_varied_cells(points: Float32, cell_m: float, least_variance_m2: float) -> _Chosen:
+def _in_cells_of_high_variance(
+    points: Float32, cell_m: float, least_variance_m2: float
+) -> _GroundRemoval:
     """Cut off outliers, then flat cells, as the author's code does."""
     typical = np.flatnonzero(_is_typical(points))
     has_variance = HeightCells.of(points[typical], cell_m).has_variance(least_variance_m2)
     rows = typical[has_variance]
-    return _Chosen(rows, points[rows, 2].astype(np.float64))
+    return _GroundRemoval(rows, points[rows, 2].astype(np.float64))
 
 
 def _is_typical(points: Float32) -> Bool:
@@ -143,11 +145,11 @@ def _is_typical(points: Float32) -> Bool:
     return np.asarray(log_density > np.log(_MIN_DENSITY))
 
 
-_AREAS: Mapping[Method, Callable[[Float32, Float64, tuple[int, int]], Int]] = {
+_AREA_FILTERS: Mapping[Method, Callable[[Float32, Float64, tuple[int, int]], Int]] = {
     "default": _near_in_view,
     "thesis": _ahead,
 }
-_CHOICES: Mapping[Method, Callable[[Float32, float, float], _Chosen]] = {
-    "default": _over_the_lowest,
-    "thesis": _in_varied_cells,
+_GROUND_REMOVALS: Mapping[Method, Callable[[Float32, float, float], _GroundRemoval]] = {
+    "default": _above_lowest,
+    "thesis": _in_cells_of_high_variance,
 }

@@ -171,9 +171,9 @@ class BoxFitTracker:
             expected.ground, expected.position_world, float(size_m[0]), tracker_input, around
         )
         above_m = around[:, 2] - ground.z_world_m
-        stands = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
+        is_above_ground = (above_m > config.clearance_m) & (above_m < size_m[2] + config.headroom_m)
         observation = observation_of(
-            around[stands], tracker_input.world_SE3_velo[:2, 3], config.cell_m
+            around[is_above_ground], tracker_input.world_SE3_velo[:2, 3], config.cell_m
         )
         known = expected.background.contains(observation.points_xy_m)
         return replace(expected, ground=ground), observation.downweighted(
@@ -203,7 +203,7 @@ class BoxFitTracker:
 
     def _priors(self, before: BoxTrack, expected: BoxTrack) -> tuple[PoseEstimate, ...]:
         """Return where the object is expected: further on, or where it was if it may stand."""
-        if not self._motion.may_stand(before.state):
+        if not self._motion.may_be_static(before.state):
             return (expected.estimate,)
         was = before.estimate
         return expected.estimate, PoseEstimate(

@@ -66,7 +66,7 @@ class ObjectMotionModel(Protocol):
         """Return (2,) over the ground, in the world."""
         ...
 
-    def may_stand(self, state: MotionState) -> bool:
+    def may_be_static(self, state: MotionState) -> bool:
         """Tell whether the object may stand, as far as is known."""
         ...
 
@@ -160,7 +160,7 @@ class ConstantTurnRateMotion:
         yaw, speed = state.mean[2:4]
         return np.array([speed * np.cos(yaw), speed * np.sin(yaw)])
 
-    def may_stand(self, state: MotionState) -> bool:
+    def may_be_static(self, state: MotionState) -> bool:
         """Stand without speed."""
         return bool(abs(state.mean[3]) <= 2 * np.sqrt(state.covariance[3, 3]))
 
@@ -172,7 +172,7 @@ class ConstantVelocityMotion:
     Attributes:
         acceleration_m_s2: along x and along y.
         turn_rate_rad_s: of the heading that changes within a second, while the walker walks.
-        standing_turn_rad_s: while it stands.
+        static_turn_rate_rad_s: while it stands.
         initial_speed_m_s: along x and along y, of a walker of which one box is known.
         course_deviation_rad: of the heading from the way.
         min_speed_m_s: slower, the way tells no heading.
@@ -180,7 +180,7 @@ class ConstantVelocityMotion:
 
     acceleration_m_s2: float = 1.5
     turn_rate_rad_s: float = 0.6
-    standing_turn_rad_s: float = 0.1
+    static_turn_rate_rad_s: float = 0.1
     initial_speed_m_s: float = 1.2
     course_deviation_rad: float = 0.3
     min_speed_m_s: float = 0.4
@@ -202,7 +202,7 @@ class ConstantVelocityMotion:
         )
         speed_m_s = float(np.hypot(*state.mean[3:]))
         is_walking = speed_m_s > self.min_speed_m_s
-        turn_rate_rad_s = self.turn_rate_rad_s if is_walking else self.standing_turn_rad_s
+        turn_rate_rad_s = self.turn_rate_rad_s if is_walking else self.static_turn_rate_rad_s
         noise[2, 2] = turn_rate_rad_s**2 * elapsed_s
         return MotionState(
             transition @ state.mean, transition @ state.covariance @ transition.T + noise
@@ -231,7 +231,7 @@ class ConstantVelocityMotion:
         """Go as the state says."""
         return state.mean[3:]
 
-    def may_stand(self, state: MotionState) -> bool:
+    def may_be_static(self, state: MotionState) -> bool:
         """Stand without velocity."""
         velocity, spread = state.mean[3:], state.covariance[3:, 3:]
         return bool(velocity @ np.linalg.solve(spread, velocity) <= 6.0)

@@ -37,12 +37,12 @@ class BackgroundModel:
     recent: int = 4
     kept: int = 10
     min_hidden: int = 6
-    staying: float = 0.7
+    static_share: float = 0.7
 
     def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "Surroundings":
         """Return the surroundings after one more scan."""
         scans = (_BackgroundScan(points_xy_m, is_hidden), *self.scans)[: self.kept]
-        return BackgroundModel(scans, self.recent, self.kept, self.min_hidden, self.staying)
+        return BackgroundModel(scans, self.recent, self.kept, self.min_hidden, self.static_share)
 
     def contains(self, points_xy_m: Float64) -> Bool:
         """Tell which (N, 2) points lie where something else stood."""
@@ -55,8 +55,8 @@ class BackgroundModel:
         contains = _count(beside, low_m, shape)[own[:, 0], own[:, 1]] > 0
         hidden = [scan for scan in self.scans if scan.is_hidden]
         if len(hidden) >= self.min_hidden:
-            stays = _count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
-            contains |= stays >= self.staying * len(hidden)
+            static_counts = _count(hidden, low_m, shape)[own[:, 0], own[:, 1]]
+            contains |= static_counts >= self.static_share * len(hidden)
         return np.asarray(contains)
 
 

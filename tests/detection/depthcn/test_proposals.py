@@ -12,7 +12,7 @@ from perception.detection.depthcn.proposals import (
     fit_boxes,
     propose,
 )
-from perception.detection.depthcn.standing import find_standing
+from perception.detection.depthcn.standing import find_above_ground
 from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
 from perception.sensor import VLP_16
@@ -120,11 +120,14 @@ def test_thesis_equals_loops_over_points():
 def test_steps_can_be_called_apart():
     scan, rules = scene(upright(10, (2, -1.5), (4, 0))), ProposalConfig()
     for method in METHODS:
-        standing = find_standing(
+        above_ground = find_above_ground(
             scan, CALIBRATION, SIZE, rules.cell_m, rules.least_variance_m2, method
         )
-        labels = cluster_points(standing, rules.radius_m, rules.min_points, method)
-        apart, whole = fit_boxes(standing, labels), propose(scan, CALIBRATION, SIZE, rules, method)
+        labels = cluster_points(above_ground, rules.radius_m, rules.min_points, method)
+        apart, whole = (
+            fit_boxes(above_ground, labels),
+            propose(scan, CALIBRATION, SIZE, rules, method),
+        )
         assert apart.boxes_px.tolist() == whole.boxes_px.tolist()
         assert apart.clusters.tolist() == whole.clusters.tolist()
 

@@ -45,7 +45,7 @@ def test_places_tell_the_speed() -> None:
         state = CAR.predict(state, 0.1)
         state = state.with_pose(np.array([0.8 * number, 0.0, 0.0]), np.diag(EXACT**2))
     np.testing.assert_allclose(CAR.velocity_m_s(state), [8.0, 0.0], atol=0.2)
-    assert not CAR.may_stand(state)
+    assert not CAR.may_be_static(state)
 
 
 def test_a_belief_that_says_nothing_new_changes_nothing() -> None:
@@ -75,4 +75,4 @@ def test_a_walker_faces_its_way_even_after_turning_round() -> None:
     assert abs(WALKER.correct_heading(state).mean[2]) == pytest.approx(np.pi)
     stands = MotionState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)
     assert WALKER.correct_heading(stands).mean[2] == 0.7
-    assert WALKER.may_stand(stands)
+    assert WALKER.may_be_static(stands)
