@@ -8,24 +8,24 @@ from perception.errors import UsageError
 
 
 @dataclass(frozen=True)
-class Strengths:
+class AugmentationConfig:
     """A number for each operation, 0 is off; subclasses name the operations.
 
     Attributes:
         MOST: the strongest that makes sense, 10 for those that are not named.
     """
 
-    MOST: ClassVar[Mapping[str, float]] = {}
+    MAX: ClassVar[Mapping[str, float]] = {}
 
     def __post_init__(self) -> None:
         """Refuse strengths below zero, and those that leave nothing of a sample."""
-        for name, strength in asdict(self).items():
-            most = self.MOST.get(name, 10.0)
-            if not 0 <= strength <= most:
+        for name, magnitude in asdict(self).items():
+            most = self.MAX.get(name, 10.0)
+            if not 0 <= magnitude <= most:
                 raise UsageError(
                     f"augmentation {name}",
                     expected=f"a strength from 0 to {most:g}",
-                    found=f"{strength:g}",
+                    found=f"{magnitude:g}",
                 )
 
     @classmethod

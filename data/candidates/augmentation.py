@@ -16,7 +16,7 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from data.strengths import Strengths
+from data.strengths import AugmentationConfig
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX
 from perception.types import Float64
 
@@ -28,14 +28,14 @@ Operation = Literal[
     "aspect",
     "cover",
     "rotation_rad",
-    "line_shift_px",
+    "row_shift_px",
     "reflectance",
 ]
 OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
 
 @dataclass(frozen=True)
-class Augmentation(Strengths):
+class CropAugmentationConfig(AugmentationConfig):
     """The strength of each operation; 0 is off.
 
     Attributes:
@@ -47,11 +47,11 @@ class Augmentation(Strengths):
             their ratio changes by a factor of up to 1 + this.
         cover: up to this share of the width of every second object is hidden by something nearer.
         rotation_rad: the content turns by up to this, either way.
-        line_shift_px: each row of the crop moves by up to this many pixels, either way.
+        row_shift_px: each row of the crop moves by up to this many pixels, either way.
         reflectance: returns are weaker by up to this share.
     """
 
-    MOST: ClassVar = {
+    MAX: ClassVar = {
         "flip": 1.0,
         "jitter": 0.5,
         "cover": 0.9,
@@ -64,14 +64,14 @@ class Augmentation(Strengths):
     flip: float = 0.5
     jitter: float = 0.06
     aspect: float = 0.12
-    cover: float = 0.4
+    occlusion: float = 0.4
     rotation_rad: float = 0.035
-    line_shift_px: float = 1.0
+    row_shift_px: float = 1.0
     reflectance: float = 0.9
 
 
 @dataclass(frozen=True)
-class Cover:
+class Occluder:
     """Something nearer that hides one side of an object.
 
     Attributes:
@@ -88,7 +88,7 @@ class Cover:
 
 
 @dataclass(frozen=True)
-class Change:
+class CropTransform:
     """What happens to one candidate at one look, drawn or set by hand.
 
     Attributes:
@@ -99,7 +99,7 @@ class Change:
         aspect: factor by which width over height changes.
         cover: what hides a part, or None.
         rotation_rad: clockwise as seen.
-        line_shifts_px: (66,) of each row of the crop to the right.
+        row_shifts_px: (66,) of each row of the crop to the right.
         reflectance: factor of reflectance.
     """
 
@@ -108,33 +108,33 @@ class Change:
     is_flipped: bool = False
     shift: tuple[float, float] = (0.0, 0.0)
     aspect: float = 1.0
-    cover: Cover | None = None
+    occlusion: Occluder | None = None
     rotation_rad: float = 0.0
-    line_shifts_px: Float64 | None = None
+    row_shifts_px: Float64 | None = None
     reflectance: float = 1.0
 
 
-def draw_change(strengths: Augmentation, rng: np.random.Generator) -> Change:
+def draw_transform(magnitudes: CropAugmentationConfig, rng: np.random.Generator) -> CropTransform:
     """Draw what happens to one candidate; the same numbers are drawn whatever is switched off."""
     # One call for all numbers: single ones would cost as much as the rest of the sample.
     scale, depth, x, y, aspect, turn, side, nearness, grey, share, flip, fade = rng.uniform(
         -1, 1, 12
     )
     rows = rng.uniform(-1, 1, CROP_HEIGHT_PX)
-    cover = Cover(
-        share=strengths.cover * share,
+    occlusion = Occluder(
+        share=magnitudes.occlusion * share,
         from_left=bool(side > 0),
         nearness=0.7 + 0.25 * nearness,
         reflectance=0.3 + 0.3 * grey,
     )
-    return Change(
-        scale=(1 + strengths.scale) ** scale,
-        depth=(1 + strengths.depth) ** depth,
-        is_flipped=bool(abs(flip) < strengths.flip),
-        shift=(strengths.jitter * x, strengths.jitter * y),
-        aspect=(1 + strengths.aspect) ** aspect,
-        cover=cover if cover.share > 0 else None,  # every second one is left open
-        rotation_rad=strengths.rotation_rad * turn,
-        line_shifts_px=strengths.line_shift_px * rows if strengths.line_shift_px else None,
-        reflectance=1 - strengths.reflectance * abs(fade),
+    return CropTransform(
+        scale=(1 + magnitudes.scale) ** scale,
+        depth=(1 + magnitudes.depth) ** depth,
+        is_flipped=bool(abs(flip) < magnitudes.flip),
+        shift=(magnitudes.jitter * x, magnitudes.jitter * y),
+        aspect=(1 + magnitudes.aspect) ** aspect,
+        occlusion=occlusion if occlusion.share > 0 else None,  # every second one is left open
+        rotation_rad=magnitudes.rotation_rad * turn,
+        row_shifts_px=magnitudes.row_shift_px * rows if magnitudes.row_shift_px else None,
+        reflectance=1 - magnitudes.reflectance * abs(fade),
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from data.candidates.augmentation import Change, Cover
+from data.candidates.augmentation import CropTransform, Occluder
 from perception.detection.depthcn.crops import MIN_EDGE_PX, warp, window_maps
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.maps.encoding import decode_depth, encode_depth
@@ -42,45 +42,45 @@ class CropView:
 
     Attributes:
         crop: (66, 112, C).
-        box_share: (4,) x1 y1 x2 y2 of the label as shares of the window, NaN of what is no vehicle.
+        normalized_box: (4,) x1 y1 x2 y2 of the label as shares of the window, NaN of what is no vehicle.
     """
 
     crop: UInt8
-    box_share: Float64
+    normalized_box: Float64
 
 
-def crop_view(image: UInt8, source: CropSource, change: Change) -> CropView:
+def crop_view(image: UInt8, source: CropSource, transform: CropTransform) -> CropView:
     """Cut a candidate out of an (H, W, 3) picture and change it."""
     window = np.asarray(source.window_px, np.float64)
-    changed_A_picture = place_map(change, window)
+    changed_A_picture = affine_matrix(transform, window)
     changed_A_crop = window_maps(window[None])[0]
     crop = warp(image, np.linalg.inv(changed_A_picture) @ changed_A_crop)
-    box_share = _shares(moved_box(source.box_px, changed_A_picture), window)
-    if change.cover is not None:
-        crop = cover_side(crop, change.cover, box_share, source.depth_m)
-    if change.depth != 1.0:
-        crop = scale_depth(crop, change.depth)
-    if change.line_shifts_px is not None:
-        crop = shift_lines(crop, change.line_shifts_px)
-    if change.reflectance != 1.0:
-        crop = scale_reflectance(crop, change.reflectance)
-    return CropView(crop, box_share)
+    normalized_box = _shares(transform_box(source.box_px, changed_A_picture), window)
+    if transform.occlusion is not None:
+        crop = occlude_side(crop, transform.occlusion, normalized_box, source.depth_m)
+    if transform.depth != 1.0:
+        crop = scale_depth(crop, transform.depth)
+    if transform.row_shifts_px is not None:
+        crop = shift_rows(crop, transform.row_shifts_px)
+    if transform.reflectance != 1.0:
+        crop = scale_reflectance(crop, transform.reflectance)
+    return CropView(crop, normalized_box)
 
 
-def place_map(change: Change, window_px: Float64) -> Float64:
+def affine_matrix(transform: CropTransform, window_px: Float64) -> Float64:
     """Return (3, 3) where the points of the picture go, about the centre of the window."""
     center, size = (window_px[:2] + window_px[2:]) / 2, window_px[2:] - window_px[:2]
-    stretch = np.sqrt(change.aspect)
+    stretch = np.sqrt(transform.aspect)
     return (
-        moving(*(center + change.shift * size))
-        @ turning(change.rotation_rad)
-        @ scaling(change.scale * stretch, change.scale / stretch)
-        @ scaling(-1.0 if change.is_flipped else 1.0, 1.0)
-        @ moving(*-center)
+        translation(*(center + transform.shift * size))
+        @ rotation(transform.rotation_rad)
+        @ scaling(transform.scale * stretch, transform.scale / stretch)
+        @ scaling(-1.0 if transform.is_flipped else 1.0, 1.0)
+        @ translation(*-center)
     )
 
 
-def moving(x: float, y: float) -> Float64:
+def translation(x: float, y: float) -> Float64:
     """Return the (3, 3) map that moves points right and down."""
     return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
 
@@ -90,44 +90,46 @@ def scaling(x: float, y: float) -> Float64:
     return np.array([[x, 0.0, 0], [0, y, 0], [0, 0, 1]])
 
 
-def turning(angle_rad: float) -> Float64:
+def rotation(angle_rad: float) -> Float64:
     """Return the (3, 3) map that turns about the origin, clockwise as y points down."""
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0], [0, 0, 1]])
 
 
-def moved_box(box_px: Float, map_px: Float64) -> Float64:
+def transform_box(box_px: Float, map_px: Float64) -> Float64:
     """Return (4,) the upright box around the corners of a box where a (3, 3) map takes them."""
     corners = np.asarray(box_px, np.float64)[[[0, 2, 2, 0], [1, 1, 3, 3]]]
     moved = map_px[:2, :2] @ corners + map_px[:2, 2:]
     return np.concatenate([moved.min(axis=1), moved.max(axis=1)])
 
 
-def cover_side(crop: UInt8, cover: Cover, box_share: Float64, depth_m: float) -> UInt8:
+def occlude_side(
+    crop: UInt8, occlusion: Occluder, normalized_box: Float64, depth_m: float
+) -> UInt8:
     """Hide one side of what a crop shows behind something nearer, as far beyond its edge as before.
 
     Args:
         crop: (66, 112, 3).
         cover: what hides it.
-        box_share: (4,) where the object is; NaN where that is not known, and the middle is taken.
+        normalized_box: (4,) where the object is; NaN where that is not known, and the middle is taken.
         depth_m: of the object.
     """
-    left, right = box_share[[0, 2]] if np.isfinite(box_share).all() else _MIDDLE
-    edge, hidden = (left if cover.from_left else right), cover.share * (right - left)
+    left, right = normalized_box[[0, 2]] if np.isfinite(normalized_box).all() else _MIDDLE
+    edge, hidden = (left if occlusion.from_left else right), occlusion.share * (right - left)
     first, end = np.rint(np.array([edge - hidden, edge + hidden]) * CROP_WIDTH_PX).astype(int)
-    covered = crop.copy()
-    part = covered[:, max(first, 0) : max(end, 0)]
-    pixel_m, cover_m = _ALL_DEPTHS_M[part[..., _DEPTH]], cover.nearness * depth_m
+    occluded = crop.copy()
+    part = occluded[:, max(first, 0) : max(end, 0)]
+    pixel_m, occluder_m = _ALL_DEPTHS_M[part[..., _DEPTH]], occlusion.nearness * depth_m
     # Above the highest beam nothing is known of the cover either.
-    is_hidden = (part[..., _HEIGHT] > 0) & (pixel_m > cover_m)
+    is_hidden = (part[..., _HEIGHT] > 0) & (pixel_m > occluder_m)
     # Along a ray from the eye, height over the eye shrinks with depth.
-    height = _EYE + (part[..., _HEIGHT].astype(np.float32) - _EYE) * (cover_m / pixel_m)
+    height = _EYE + (part[..., _HEIGHT].astype(np.float32) - _EYE) * (occluder_m / pixel_m)
     seen = np.empty((*is_hidden.shape, 3), np.uint8)
-    seen[..., _DEPTH] = encode_depth(np.array([cover_m], np.float32)).item()
+    seen[..., _DEPTH] = encode_depth(np.array([occluder_m], np.float32)).item()
     seen[..., _HEIGHT] = np.clip(np.rint(height), 1, 255)
-    seen[..., _REFLECTANCE] = round(255 * cover.reflectance)
+    seen[..., _REFLECTANCE] = round(255 * occlusion.reflectance)
     part[is_hidden] = seen[is_hidden]
-    return covered
+    return occluded
 
 
 def scale_depth(crop: UInt8, factor: float) -> UInt8:
@@ -146,7 +148,7 @@ def scale_reflectance(crop: UInt8, factor: float) -> UInt8:
     return scaled
 
 
-def shift_lines(crop: UInt8, shifts_px: Float64) -> UInt8:
+def shift_rows(crop: UInt8, shifts_px: Float64) -> UInt8:
     """Move each row of a (66, 112, C) crop to the right by its own rounded number of pixels."""
     columns = np.arange(CROP_WIDTH_PX) - np.rint(shifts_px)[:, None]
     rows = np.broadcast_to(np.arange(CROP_HEIGHT_PX)[:, None], columns.shape)

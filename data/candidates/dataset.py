@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from data.candidates.augmentation import Augmentation, Change, draw_change
+from data.candidates.augmentation import CropAugmentationConfig, CropTransform, draw_transform
 from data.candidates.changes import CropSource, crop_view
 from data.candidates.gathering import CropSet
 from data.candidates.labelled_frames import LabelledFrames
@@ -29,7 +29,7 @@ class CropDataset(Dataset[Sample]):
         crops        (C, 66, 112) uint8
         windows_px   (4,)         float32, x1 y1 x2 y2
         is_vehicle   ()           float32, 0 or 1
-        box_share    (4,)         float32, the label's box in shares of the window, NaN of what is no vehicle
+        normalized_box    (4,)         float32, the label's box in shares of the window, NaN of what is no vehicle
 
     Pictures are opened by the process that needs them, so that it goes to workers, forked or spawned.
     """
@@ -38,7 +38,7 @@ class CropDataset(Dataset[Sample]):
         self,
         frames: LabelledFrames,
         crops: CropSet,
-        augmentation: Augmentation | None = None,
+        augmentation: CropAugmentationConfig | None = None,
         channels: Sequence[str] = CHANNELS,
         seed: int = 0,
     ) -> None:
@@ -71,15 +71,15 @@ class CropDataset(Dataset[Sample]):
         Raises:
             PerceptionError: its frame is to be read again and cannot be.
         """
-        row, change = self._change(index)
+        row, transform = self._transform_of(index)
         source = self.source(row)
-        view = crop_view(self.image(row), source, change)
+        view = crop_view(self.image(row), source, transform)
         crop = np.ascontiguousarray(view.crop[..., self._channels].transpose(2, 0, 1))
         return {
             "crops": torch.from_numpy(crop),
             "windows_px": torch.from_numpy(self.crops.windows_px[row]),
             "is_vehicle": torch.tensor(float(self.crops.is_vehicle[row])),
-            "box_share": torch.from_numpy(view.box_share.astype(np.float32)),
+            "normalized_box": torch.from_numpy(view.normalized_box.astype(np.float32)),
         }
 
     def source(self, row: int) -> CropSource:
@@ -96,12 +96,12 @@ class CropDataset(Dataset[Sample]):
             self._images[number] = np.asarray(self.frames.image(number))
         return self._images[number]
 
-    def _change(self, index: SampleIndex | int) -> tuple[int, Change]:
+    def _transform_of(self, index: SampleIndex | int) -> tuple[int, CropTransform]:
         if not isinstance(index, SampleIndex):
-            return index, Change()
+            return index, CropTransform()
         if self.augmentation is None:
-            return index.row, Change()
-        return index.row, draw_change(
+            return index.row, CropTransform()
+        return index.row, draw_transform(
             self.augmentation, np.random.default_rng([self.seed, *index.view])
         )
 

@@ -11,7 +11,12 @@ from collections.abc import Mapping, Sequence
 import cv2
 import numpy as np
 
-from data.candidates.augmentation import OPERATIONS, Augmentation, Change, draw_change
+from data.candidates.augmentation import (
+    OPERATIONS,
+    CropAugmentationConfig,
+    CropTransform,
+    draw_transform,
+)
 from data.candidates.changes import crop_view
 from data.candidates.dataset import CropDataset
 from perception.maps.encoding import decode_depth
@@ -23,8 +28,8 @@ _TIMES = 2  # the crops' size
 _ROAD, _MAN_HIGH = 52, 90  # the road, and 1.8 m more, as the picture encodes heights
 
 
-def augmentation_grids(
-    dataset: CropDataset, strengths: Augmentation, rows: Sequence[int], draws: int = 6
+def augmentation_previews(
+    dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int], draws: int = 6
 ) -> Mapping[str, UInt8]:
     """Return an (H, W, 3) RGB picture for `none`, for each operation alone, and for `all`.
 
@@ -34,13 +39,13 @@ def augmentation_grids(
         rows: samples, a column each.
         draws: how many rows of changed samples lie below the unchanged.
     """
-    chosen = {"none": Augmentation.none()}
-    chosen |= {operation: strengths.only(operation) for operation in OPERATIONS}
-    chosen["all"] = strengths
+    chosen = {"none": CropAugmentationConfig.none()}
+    chosen |= {operation: magnitudes.only(operation) for operation in OPERATIONS}
+    chosen["all"] = magnitudes
     return {name: _grid(dataset, one, rows, draws) for name, one in chosen.items()}
 
 
-def grid_rows(dataset: CropDataset, count: int, seed: int = 0) -> list[int]:
+def preview_rows(dataset: CropDataset, count: int, seed: int = 0) -> list[int]:
     """Draw samples to be looked at, vehicles first, then as many others."""
     rng = np.random.default_rng(seed)
     is_vehicle = dataset.crops.is_vehicle
@@ -53,7 +58,7 @@ def grid_rows(dataset: CropDataset, count: int, seed: int = 0) -> list[int]:
     ]
 
 
-def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
+def render_crop(crop: UInt8, normalized_box: Float, depth_m: float) -> UInt8:
     """Return an RGB picture of a (66, 112, 3) crop, twice its size, with the box of a vehicle.
 
     What is as deep as the candidate is half bright, what is nearer darker; the road is blue, what stands
@@ -61,7 +66,7 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
 
     Args:
         crop: depth, height, reflectance.
-        box_share: (4,) of the label within it, NaN where there is none.
+        normalized_box: (4,) of the label within it, NaN where there is none.
         depth_m: of the candidate.
     """
     crop_m = np.maximum(decode_depth(crop[..., 0]), 1.0)
@@ -70,20 +75,22 @@ def shown(crop: UInt8, box_share: Float, depth_m: float) -> UInt8:
     warmth = np.clip((crop[..., 1].astype(np.float32) - _ROAD) / _MAN_HIGH, 0, 1)[..., None]
     rgb = light[..., None] * ((1 - warmth) * (0.35, 0.6, 1.0) + warmth * (1.0, 0.85, 0.2))
     image = np.repeat(np.repeat(rgb.astype(np.uint8), _TIMES, axis=0), _TIMES, axis=1)
-    if np.isfinite(box_share).all():
-        edges = np.asarray(box_share) * np.tile([image.shape[1], image.shape[0]], 2)
+    if np.isfinite(normalized_box).all():
+        edges = np.asarray(normalized_box) * np.tile([image.shape[1], image.shape[0]], 2)
         x1, y1, x2, y2 = np.rint(edges).astype(int).tolist()
         cv2.rectangle(image, (x1, y1), (x2, y2), _BOX_RGB, 1)
     return image
 
 
-def _grid(dataset: CropDataset, strengths: Augmentation, rows: Sequence[int], draws: int) -> UInt8:
-    lines = [[_render_view(dataset, row, Change()) for row in rows]]
+def _grid(
+    dataset: CropDataset, magnitudes: CropAugmentationConfig, rows: Sequence[int], draws: int
+) -> UInt8:
+    lines = [[_render_view(dataset, row, CropTransform()) for row in rows]]
     for draw in range(draws):
         lines.append(
             [
                 _render_view(
-                    dataset, row, draw_change(strengths, np.random.default_rng([draw, row]))
+                    dataset, row, draw_transform(magnitudes, np.random.default_rng([draw, row]))
                 )
                 for row in rows
             ]
@@ -91,10 +98,12 @@ def _grid(dataset: CropDataset, strengths: Augmentation, rows: Sequence[int], dr
     return np.concatenate([np.concatenate(line, axis=1) for line in lines], axis=0)
 
 
-def _render_view(dataset: CropDataset, row: int, change: Change) -> UInt8:
+def _render_view(dataset: CropDataset, row: int, transform: CropTransform) -> UInt8:
     source = dataset.source(row)
-    view = crop_view(dataset.image(row), source, change)
+    view = crop_view(dataset.image(row), source, transform)
     gap = ((0, _GAP_PX), (0, _GAP_PX), (0, 0))
     return np.pad(
-        shown(view.crop, view.box_share, source.depth_m * change.depth), gap, constant_values=255
+        render_crop(view.crop, view.normalized_box, source.depth_m * transform.depth),
+        gap,
+        constant_values=255,
     )

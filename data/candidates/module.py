@@ -9,7 +9,7 @@ from lightning.pytorch import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader
 
-from data.candidates.augmentation import Augmentation
+from data.candidates.augmentation import CropAugmentationConfig
 from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import CropDataset, Sample
 from data.candidates.gathering import CropSamplingConfig, CropSet, collect_crops
@@ -74,7 +74,7 @@ class CropDataModule(LightningDataModule):
         self,
         sources: TrainingDrives,
         config: CropConfig = CropConfig(),
-        augmentation: Augmentation | None = None,
+        augmentation: CropAugmentationConfig | None = None,
         loading: CropLoadingConfig = CropLoadingConfig(),
         progress: Progress = iter,
     ) -> None:
@@ -155,7 +155,7 @@ class CropDataModule(LightningDataModule):
         )
 
     def _dataset(
-        self, frames: LabelledFrames, found: CropSet, augmentation: Augmentation | None
+        self, frames: LabelledFrames, found: CropSet, augmentation: CropAugmentationConfig | None
     ) -> CropDataset:
         channels, seed = self.loading.channels, self.loading.seed
         return CropDataset(frames, found, augmentation, channels, seed)

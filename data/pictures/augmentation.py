@@ -9,10 +9,19 @@ from typing import Self
 
 import numpy as np
 
-from data.pictures.camera_changes import CameraStrengths, change_image
+from data.pictures.camera_changes import PhotometricConfig, transform_image
 from data.pictures.making import ImageConfig
-from data.pictures.map_changes import MapStrengths, change_depth_map, change_reflectance_map
-from data.pictures.placing import PlacingStrengths, draw_placement, place, transform_targets
+from data.pictures.map_changes import (
+    MapAugmentationConfig,
+    transform_depth_map,
+    transform_reflectance_map,
+)
+from data.pictures.placing import (
+    GeometricConfig,
+    draw_geometric_transform,
+    transform_targets,
+    warp_image,
+)
 from data.pictures.wanted import DetectionTargets
 from perception.types import UInt8
 
@@ -27,32 +36,36 @@ class ImageAugmentationConfig:
         camera: of images.
     """
 
-    placing: PlacingStrengths = field(default_factory=PlacingStrengths)
-    maps: MapStrengths = field(default_factory=MapStrengths)
-    camera: CameraStrengths = field(default_factory=CameraStrengths)
+    geometric: GeometricConfig = field(default_factory=GeometricConfig)
+    maps: MapAugmentationConfig = field(default_factory=MapAugmentationConfig)
+    camera: PhotometricConfig = field(default_factory=PhotometricConfig)
 
     @classmethod
     def none(cls) -> Self:
         """Change nothing."""
-        return cls(PlacingStrengths.none(), MapStrengths.none(), CameraStrengths.none())
+        return cls(GeometricConfig.none(), MapAugmentationConfig.none(), PhotometricConfig.none())
 
 
-def changed(
+def transformed(
     image: UInt8,
     labels: DetectionTargets,
     config: ImageConfig,
-    strengths: ImageAugmentationConfig,
+    magnitudes: ImageAugmentationConfig,
     rng: np.random.Generator,
 ) -> tuple[UInt8, DetectionTargets]:
     """Return an (h, w, C) picture and its labels as another look would show them."""
     modality, is_filled = config.modality, config.filling != "sparse"
     size_px = image.shape[1], image.shape[0]
-    placement = draw_placement(strengths.placing, size_px, rng)
-    placed = place(image, placement, modality, rng)
+    geometric_transform = draw_geometric_transform(magnitudes.geometric, size_px, rng)
+    warped_image = warp_image(image, geometric_transform, modality, rng)
     if modality == "rgb":
-        placed = change_image(placed, strengths.camera, rng)
+        warped_image = transform_image(warped_image, magnitudes.camera, rng)
     elif modality == "dm":
-        placed = change_depth_map(placed, placement.zoom, strengths.maps, rng, is_filled=is_filled)
+        warped_image = transform_depth_map(
+            warped_image, geometric_transform.zoom, magnitudes.maps, rng, is_filled=is_filled
+        )
     else:
-        placed = change_reflectance_map(placed, strengths.maps, rng, is_filled=is_filled)
-    return placed, transform_targets(labels, placement, size_px)
+        warped_image = transform_reflectance_map(
+            warped_image, magnitudes.maps, rng, is_filled=is_filled
+        )
+    return warped_image, transform_targets(labels, geometric_transform, size_px)

@@ -10,9 +10,9 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from data.pictures.making import through_jpeg
+from data.pictures.making import jpeg_compressed
 from data.pictures.noise_table import normal_noise
-from data.strengths import Strengths
+from data.strengths import AugmentationConfig
 from perception.types import UInt8
 
 _LUMA = np.array([0.299, 0.587, 0.114])
@@ -23,7 +23,7 @@ _LIGHT_CELLS = (3, 6)  # rows and columns of the lattice by which brightness cha
 
 
 @dataclass(frozen=True)
-class CameraStrengths(Strengths):
+class PhotometricConfig(AugmentationConfig):
     """How much images change.
 
     Attributes:
@@ -42,7 +42,7 @@ class CameraStrengths(Strengths):
         jpeg: probability of JPEG's traces.
     """
 
-    MOST: ClassVar = {
+    MAX: ClassVar = {
         "saturation": 1.0,
         "shadow": 1.0,
         "filtering": 0.5,
@@ -64,42 +64,42 @@ class CameraStrengths(Strengths):
     jpeg: float = 0.25
 
 
-def change_image(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def transform_image(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Return an (h, w, 3) image as another camera would take it, in another light."""
-    changed = _colored(image, strengths, rng)
-    changed = _lit(changed, strengths, rng)
-    changed = _toned(changed, strengths, rng)
-    changed = _filtered(changed, strengths, rng)
-    return _recorded(changed, strengths, rng)
+    transformed = _colored(image, magnitudes, rng)
+    transformed = _lit(transformed, magnitudes, rng)
+    transformed = _toned(transformed, magnitudes, rng)
+    transformed = _filtered(transformed, magnitudes, rng)
+    return _recorded(transformed, magnitudes, rng)
 
 
-def _colored(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def _colored(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Turn colours about the grey axis, and move them towards or away from grey."""
     turn, towards = rng.uniform(-1, 1, 2)
-    rotation, _ = cv2.Rodrigues(strengths.hue_rad * turn * _GREY_AXIS)
-    saturation = 1 + strengths.saturation * towards
+    rotation, _ = cv2.Rodrigues(magnitudes.hue_rad * turn * _GREY_AXIS)
+    saturation = 1 + magnitudes.saturation * towards
     towards_grey = saturation * np.eye(3) + (1 - saturation) * np.tile(_LUMA, (3, 1))
     return np.asarray(cv2.transform(image, towards_grey @ rotation), np.uint8)
 
 
-def _toned(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def _toned(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Change each value of each colour by a table."""
     bright, contrast, gamma, *balance = rng.uniform(-1, 1, 6)
-    of_colors = (1 + strengths.white_balance) ** np.array(balance)
-    gains = (1 + strengths.brightness) ** bright * of_colors
+    of_colors = (1 + magnitudes.white_balance) ** np.array(balance)
+    gains = (1 + magnitudes.brightness) ** bright * of_colors
     mean = np.mean(cv2.mean(image)[:3]) / 255
-    values = mean + (np.arange(256)[:, None] / 255 - mean) * (1 + strengths.contrast) ** contrast
-    powers = np.clip(values * gains, 0, 1) ** ((1 + strengths.gamma) ** gamma)
+    values = mean + (np.arange(256)[:, None] / 255 - mean) * (1 + magnitudes.contrast) ** contrast
+    powers = np.clip(values * gains, 0, 1) ** ((1 + magnitudes.gamma) ** gamma)
     return np.asarray(cv2.LUT(image, np.round(255 * powers).astype(np.uint8)[None]), np.uint8)
 
 
-def _lit(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def _lit(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Return an image with light that varies over it, and perhaps a shadow's edge."""
     height, width = image.shape[:2]
-    lattice = (1 + strengths.light) ** rng.uniform(-1, 1, _LIGHT_CELLS)
+    lattice = (1 + magnitudes.light) ** rng.uniform(-1, 1, _LIGHT_CELLS)
     corners, depth, lot = rng.uniform(-0.2, 1.2, (4, 2)), rng.uniform(0.3, 0.75), rng.random()
-    is_shadowed = lot < strengths.shadow
-    if strengths.light == 0 and not is_shadowed:
+    is_shadowed = lot < magnitudes.shadow
+    if magnitudes.light == 0 and not is_shadowed:
         return image
     light = cv2.resize(lattice.astype(np.float32), (width, height))
     if is_shadowed:
@@ -110,24 +110,24 @@ def _lit(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> 
     return np.asarray(cv2.multiply(image, cv2.merge([light] * 3), dtype=cv2.CV_8U), np.uint8)
 
 
-def _filtered(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def _filtered(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Return an image blurred, or drawn by a random filter that leaves an even area as it is."""
-    kernel = strengths.filtering * rng.standard_normal((3, 3))
+    kernel = magnitudes.filtering * rng.standard_normal((3, 3))
     kernel -= kernel.mean()
     kernel[1, 1] += 1
-    blur_px, lot = strengths.blur_px * rng.random(), rng.random()
-    if lot < 0.5 and strengths.filtering > 0:
+    blur_px, lot = magnitudes.blur_px * rng.random(), rng.random()
+    if lot < 0.5 and magnitudes.filtering > 0:
         return np.asarray(cv2.filter2D(image, -1, kernel), np.uint8)
     if lot >= 0.5 and blur_px > _MIN_BLUR_PX:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), blur_px), np.uint8)
     return image
 
 
-def _recorded(image: UInt8, strengths: CameraStrengths, rng: np.random.Generator) -> UInt8:
+def _recorded(image: UInt8, magnitudes: PhotometricConfig, rng: np.random.Generator) -> UInt8:
     """Add a sensor's noise, and perhaps the traces of JPEG."""
-    noise = strengths.noise * rng.random()
+    noise = magnitudes.noise * rng.random()
     quality, lot = int(rng.integers(_WORST_JPEG, _BEST_JPEG)), rng.random()
     if noise > 0:
         grain = np.float32(noise) * normal_noise(image.shape, rng)
         image = np.asarray(cv2.add(image, grain, dtype=cv2.CV_8U), np.uint8)
-    return through_jpeg(image, quality) if lot < strengths.jpeg else image
+    return jpeg_compressed(image, quality) if lot < magnitudes.jpeg else image

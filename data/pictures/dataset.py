@@ -10,7 +10,7 @@ from torch.nn.utils.rnn import pad_sequence
 from torch.utils.data import Dataset
 
 from data.looks import SampleIndex
-from data.pictures.augmentation import ImageAugmentationConfig, changed
+from data.pictures.augmentation import ImageAugmentationConfig, transformed
 from data.pictures.labelled_pictures import LabelledImages
 from data.pictures.wanted import DetectionTargets
 from data.true_boxes import true_boxes
@@ -85,7 +85,7 @@ class ImageDataset(Dataset[Sample]):
         if self.augmentation is None or not isinstance(index, SampleIndex):
             return image, labels
         rng = np.random.default_rng([self.seed, *index.view])
-        return changed(image, labels, self.frames.config, self.augmentation, rng)
+        return transformed(image, labels, self.frames.config, self.augmentation, rng)
 
     def image_size_px(self, row: int) -> tuple[int, int]:
         """Return the (width, height) that a picture had before it was stretched to the input."""

@@ -88,14 +88,14 @@ def make_images(frame: Frame, config: ImageConfig) -> Arrays:
         made = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
     height, width = next(iter(made.values())).shape[:2]
     if (quality := config.jpeg_quality) is not None:
-        made = {name: through_jpeg(image, quality) for name, image in made.items()}
+        made = {name: jpeg_compressed(image, quality) for name, image in made.items()}
     arrays: dict[str, UInt8 | Int] = {
         name: stretch(one, config.size, name) for name, one in made.items()
     }
     return {**arrays, "size_px": np.array([width, height])}
 
 
-def through_jpeg(image: UInt8, quality: int) -> UInt8:
+def jpeg_compressed(image: UInt8, quality: int) -> UInt8:
     """Return what JPEG of a quality, 1 to 100, leaves of an (H, W, C) picture."""
     # OpenCV takes BGR; the order matters, as JPEG keeps brightness better than colour.
     _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from data.pictures.noise_table import normal_noise
-from data.strengths import Strengths
+from data.strengths import AugmentationConfig
 from perception.maps.encoding import decode_depth, encode_depth
 from perception.types import Float32, Float64, UInt8
 
@@ -28,7 +28,7 @@ _NOISE_CELL_PX = 2  # filled maps repeat a return's value around it
 
 
 @dataclass(frozen=True)
-class MapStrengths(Strengths):
+class MapAugmentationConfig(AugmentationConfig):
     """How much worse maps become.
 
     How much of each operation a picture gets is drawn anew, little more often than much.
@@ -43,59 +43,63 @@ class MapStrengths(Strengths):
         speckle: standard deviation of a reflectance's factor, at most.
     """
 
-    MOST: ClassVar = {"lost": 0.9, "faded": 1.0, "beams": 0.9, "speckle": 1.0}
+    MAX: ClassVar = {"lost": 0.9, "faded": 1.0, "beams": 0.9, "speckle": 1.0}
 
-    lost: float = 0.15
-    faded: float = 0.5
-    beams: float = 0.4
+    dropout: float = 0.15
+    fading: float = 0.5
+    beam_dropout: float = 0.4
     range_noise_m: float = 0.25
     gain: float = 0.6
     gamma: float = 0.4
     speckle: float = 0.25
 
 
-def change_depth_map(
+def transform_depth_map(
     image: UInt8,
     zoom: float,
-    strengths: MapStrengths,
+    magnitudes: MapAugmentationConfig,
     rng: np.random.Generator,
     *,
     is_filled: bool = True,
 ) -> UInt8:
     """Return an (h, w, 1) depth map with depths divided by a zoom, errors, and losses."""
-    noise_m = np.float32(strengths.range_noise_m * rng.random() ** 2)
-    changed = image[..., 0]
+    noise_m = np.float32(magnitudes.range_noise_m * rng.random() ** 2)
+    transformed = image[..., 0]
     if zoom != 1 or noise_m > 0:
-        depth_m = np.take(_DEPTHS_M / np.float32(zoom), changed)
+        depth_m = np.take(_DEPTHS_M / np.float32(zoom), transformed)
         if noise_m > 0:
-            depth_m += noise_m * _cells_noise(changed.shape, rng)
+            depth_m += noise_m * _cells_noise(transformed.shape, rng)
         encoded = encode_depth(depth_m)
-        changed = np.asarray(cv2.copyTo(encoded, changed))  # where it is not 0
-    changed = _less_beams(changed, strengths, rng, is_filled)
-    return _with_losses(changed, _FAR, strengths, rng)[..., None]
+        transformed = np.asarray(cv2.copyTo(encoded, transformed))  # where it is not 0
+    transformed = _drop_beams(transformed, magnitudes, rng, is_filled)
+    return _drop_cells(transformed, _FAR, magnitudes, rng)[..., None]
 
 
-def change_reflectance_map(
-    image: UInt8, strengths: MapStrengths, rng: np.random.Generator, *, is_filled: bool = True
+def transform_reflectance_map(
+    image: UInt8,
+    magnitudes: MapAugmentationConfig,
+    rng: np.random.Generator,
+    *,
+    is_filled: bool = True,
 ) -> UInt8:
     """Return an (h, w, 1) reflectance map with other reflectances, errors, and losses."""
     gain, gamma = rng.uniform(-1, 1, 2)
-    speckle = np.float32(strengths.speckle * rng.random() ** 2)
-    power = (1 + strengths.gamma) ** gamma
-    table = (1 + strengths.gain) ** gain * 255 * (_ALL / 255.0) ** power
+    speckle = np.float32(magnitudes.speckle * rng.random() ** 2)
+    power = (1 + magnitudes.gamma) ** gamma
+    table = (1 + magnitudes.gain) ** gain * 255 * (_ALL / 255.0) ** power
     reflectance = np.take(table.astype(np.float32), image[..., 0])
     if speckle > 0:
         reflectance *= 1 + speckle * _cells_noise(reflectance.shape, rng)
-    changed = np.asarray(cv2.convertScaleAbs(np.maximum(reflectance, 0)), np.uint8)
-    changed = _less_beams(changed, strengths, rng, is_filled)
-    return _with_losses(changed, _WEAK, strengths, rng)[..., None]
+    transformed = np.asarray(cv2.convertScaleAbs(np.maximum(reflectance, 0)), np.uint8)
+    transformed = _drop_beams(transformed, magnitudes, rng, is_filled)
+    return _drop_cells(transformed, _WEAK, magnitudes, rng)[..., None]
 
 
-def _less_beams(
-    image: UInt8, strengths: MapStrengths, rng: np.random.Generator, is_filled: bool
+def _drop_beams(
+    image: UInt8, magnitudes: MapAugmentationConfig, rng: np.random.Generator, is_filled: bool
 ) -> UInt8:
     """Return an (h, w) map without some rows, or with the rows above in their place."""
-    share = strengths.beams * rng.random() ** 2
+    share = magnitudes.beam_dropout * rng.random() ** 2
     is_lost = rng.random(len(image)) < share
     if not is_filled:
         return np.asarray(np.where(is_lost[:, None], np.uint8(0), image))
@@ -103,8 +107,8 @@ def _less_beams(
     return image[np.maximum.accumulate(rows)]
 
 
-def _with_losses(
-    image: UInt8, weights: Float64, strengths: MapStrengths, rng: np.random.Generator
+def _drop_cells(
+    image: UInt8, weights: Float64, magnitudes: MapAugmentationConfig, rng: np.random.Generator
 ) -> UInt8:
     """Return an (h, w) map with cells set to 0.
 
@@ -114,12 +118,12 @@ def _with_losses(
         strengths: how much is lost at most.
         rng: draws.
     """
-    lost, faded = rng.random(2) ** 2 * (strengths.lost, strengths.faded)
+    dropout, fading = rng.random(2) ** 2 * (magnitudes.dropout, magnitudes.fading)
     height, width = image.shape
     cell = int(rng.choice(_CELLS_PX))
     lots = rng.integers(0, 255, (-(-height // cell), -(-width // cell)), np.uint8)
     cells = cv2.resize(lots, (width, height), interpolation=cv2.INTER_NEAREST)
-    losing = np.round(255 * (1 - (1 - lost) * (1 - faded * weights))).astype(np.uint8)
+    losing = np.round(255 * (1 - (1 - dropout) * (1 - fading * weights))).astype(np.uint8)
     is_kept = cv2.compare(cells, cv2.LUT(image, losing), cv2.CMP_GE)
     return np.asarray(cv2.bitwise_and(image, is_kept), np.uint8)
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from data.pictures.wanted import LEARNED, DetectionTargets, clipped, has_area
-from data.strengths import Strengths
+from data.strengths import AugmentationConfig
 from perception.geometry.box_overlap_px import area_px, intersection_over_area_px
 from perception.types import Float64, Modality, UInt8
 
@@ -22,7 +22,7 @@ _AROUND = (60, 190)  # values around an image that has become smaller
 
 
 @dataclass(frozen=True)
-class PlacingStrengths(Strengths):
+class GeometricConfig(AugmentationConfig):
     """How far things move.
 
     Attributes:
@@ -34,7 +34,7 @@ class PlacingStrengths(Strengths):
         cover: probability of something nearer that hides parts of the picture.
     """
 
-    MOST: ClassVar = {
+    MAX: ClassVar = {
         "flip": 1.0,
         "zoom": 3.0,
         "focal": 1.0,
@@ -48,11 +48,11 @@ class PlacingStrengths(Strengths):
     focal: float = 0.1
     aspect: float = 0.08
     shift: float = 0.04
-    cover: float = 0.4
+    occlusion: float = 0.4
 
 
 @dataclass(frozen=True)
-class Placement:
+class GeometricTransform:
     """What happens to the places of one picture at one look, drawn or set by hand.
 
     x' = scale * x + offset, in pixels from the upper left edge.
@@ -61,37 +61,40 @@ class Placement:
         scale: along x, negative where left and right change places, and along y.
         offset_px: along x and y.
         zoom: by which depths are divided.
-        patches_px: (P, 4) x1 y1 x2 y2 of what hides the picture, in whole pixels.
+        occluders_px: (P, 4) x1 y1 x2 y2 of what hides the picture, in whole pixels.
     """
 
     scale: tuple[float, float] = (1.0, 1.0)
     offset_px: tuple[float, float] = (0.0, 0.0)
     zoom: float = 1.0
-    patches_px: Float64 | None = None
+    occluders_px: Float64 | None = None
 
 
-def draw_placement(
-    strengths: PlacingStrengths, size_px: tuple[int, int], rng: np.random.Generator
-) -> Placement:
+def draw_geometric_transform(
+    magnitudes: GeometricConfig, size_px: tuple[int, int], rng: np.random.Generator
+) -> GeometricTransform:
     """Draw what happens to a picture of (width, height); as many numbers whatever is switched off."""
     zoom, focal, aspect, *drawn = rng.uniform(-1, 1, 8)
     free, shift, flip = np.array(drawn[:2]), np.array(drawn[2:4]), drawn[4]
-    zoom = (1 + strengths.zoom) ** zoom
-    larger = zoom * (1 + strengths.focal) ** focal
-    stretch = (1 + strengths.aspect) ** (aspect / 2)
+    zoom = (1 + magnitudes.zoom) ** zoom
+    larger = zoom * (1 + magnitudes.focal) ** focal
+    stretch = (1 + magnitudes.aspect) ** (aspect / 2)
     scale = np.array([larger * stretch, larger / stretch])
     # A larger picture is cut anywhere, a smaller one lies anywhere.
-    offset = np.array(size_px) * ((1 - scale) * (1 + free) / 2 + strengths.shift * shift)
-    if abs(flip) < strengths.flip:
+    offset = np.array(size_px) * ((1 - scale) * (1 + free) / 2 + magnitudes.shift * shift)
+    if abs(flip) < magnitudes.flip:
         scale[0], offset[0] = -scale[0], size_px[0] - offset[0]
-    patches_px = _draw_patches(size_px, rng) if rng.random() < strengths.cover else None
-    return Placement(
-        (float(scale[0]), float(scale[1])), (float(offset[0]), float(offset[1])), zoom, patches_px
+    occluders_px = _draw_occluders(size_px, rng) if rng.random() < magnitudes.occlusion else None
+    return GeometricTransform(
+        (float(scale[0]), float(scale[1])), (float(offset[0]), float(offset[1])), zoom, occluders_px
     )
 
 
-def place(
-    image: UInt8, placement: Placement, modality: Modality, rng: np.random.Generator
+def warp_image(
+    image: UInt8,
+    geometric_transform: GeometricTransform,
+    modality: Modality,
+    rng: np.random.Generator,
 ) -> UInt8:
     """Return an (h, w, C) picture with everything at its new place.
 
@@ -100,7 +103,7 @@ def place(
     """
     height, width = image.shape[:2]
     is_image = modality == "rgb"
-    scale, offset = np.array(placement.scale), np.array(placement.offset_px)
+    scale, offset = np.array(geometric_transform.scale), np.array(geometric_transform.offset_px)
     # OpenCV's places are of the centres of pixels.
     matrix = np.column_stack([np.diag(scale), offset + (scale - 1) / 2])
     warped = cv2.warpAffine(
@@ -111,39 +114,41 @@ def place(
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=rng.uniform(*_AROUND, 3).tolist() if is_image else 0,
     )
-    placed = np.asarray(warped, np.uint8).reshape(image.shape)
-    if placement.patches_px is not None:
-        for x1, y1, x2, y2 in placement.patches_px.astype(int).tolist():
-            patch = placed[y1:y2, x1:x2]
-            patch[:] = _covering(patch, modality, rng)
-    return placed
+    warped_image = np.asarray(warped, np.uint8).reshape(image.shape)
+    if geometric_transform.occluders_px is not None:
+        for x1, y1, x2, y2 in geometric_transform.occluders_px.astype(int).tolist():
+            patch = warped_image[y1:y2, x1:x2]
+            patch[:] = _occluder_values(patch, modality, rng)
+    return warped_image
 
 
 def transform_targets(
-    labels: DetectionTargets, placement: Placement, size_px: tuple[int, int]
+    labels: DetectionTargets, geometric_transform: GeometricTransform, size_px: tuple[int, int]
 ) -> DetectionTargets:
     """Return the labels of a placed picture of (width, height).
 
     What has left the picture is left out. What is hidden, or has left, by more than KITTI's hard level
     allows to be cut off, or has become too small, is ignored.
     """
-    moved = labels.boxes_px * np.tile(placement.scale, 2) + np.tile(placement.offset_px, 2)
-    if placement.scale[0] < 0:
+    moved = labels.boxes_px * np.tile(geometric_transform.scale, 2) + np.tile(
+        geometric_transform.offset_px, 2
+    )
+    if geometric_transform.scale[0] < 0:
         moved = moved[:, [2, 1, 0, 3]]
     within = clipped(moved, size_px)
     visible = area_px(within) / np.maximum(area_px(moved), 1e-9)
-    if placement.patches_px is not None:
-        hidden = intersection_over_area_px(within, placement.patches_px).sum(axis=1)
+    if geometric_transform.occluders_px is not None:
+        hidden = intersection_over_area_px(within, geometric_transform.occluders_px).sum(axis=1)
         visible *= 1 - np.minimum(hidden, 1)
     is_low = within[:, 3] - within[:, 1] < labels.min_height_px
     is_unseen = is_low | (visible < 1 - LEARNED.max_truncation)
-    placed = replace(
+    warped_image = replace(
         labels, boxes_px=within.astype(np.float32), is_ignored=labels.is_ignored | is_unseen
     )
-    return placed[has_area(placed.boxes_px)]
+    return warped_image[has_area(warped_image.boxes_px)]
 
 
-def _draw_patches(size_px: tuple[int, int], rng: np.random.Generator) -> Float64:
+def _draw_occluders(size_px: tuple[int, int], rng: np.random.Generator) -> Float64:
     count = int(rng.integers(1, _MAX_PATCHES + 1))
     height = size_px[1] * rng.uniform(*_PATCH_SHARES, count)
     sizes = np.column_stack([height * rng.uniform(0.3, 2.0, count), height])
@@ -151,7 +156,7 @@ def _draw_patches(size_px: tuple[int, int], rng: np.random.Generator) -> Float64
     return np.round(np.concatenate([first, first + sizes], axis=1))
 
 
-def _covering(patch: UInt8, modality: Modality, rng: np.random.Generator) -> UInt8:
+def _occluder_values(patch: UInt8, modality: Modality, rng: np.random.Generator) -> UInt8:
     """Return what hides an (h, w, C) part: colours, nothing known, or something nearer than all behind it."""
     if modality == "rgb":
         grey = rng.uniform(0, 255, 3) + _GREY_SPREAD * rng.standard_normal(patch.shape, np.float32)

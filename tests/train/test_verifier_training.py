@@ -55,7 +55,7 @@ def test_a_batch_is_learned_by_heart():
     logits, shares = module.network.heads(batch["crops"])
     is_vehicle = batch["is_vehicle"]
     assert binary_cross_entropy_with_logits(logits, is_vehicle.float()) < 0.02
-    assert paired_iou(shares[is_vehicle], batch["box_share"][is_vehicle]).mean() > 0.85
+    assert paired_iou(shares[is_vehicle], batch["normalized_box"][is_vehicle]).mean() > 0.85
 
 
 def weights_after(folder, epochs, killed_at=None):
@@ -250,7 +250,7 @@ def test_the_drawn_box_lies_where_it_is_said():
         logits=torch.tensor([3.0, -3.0]),
         shares=torch.tensor([[0.25, 0.5, 0.75, 0.9]] * 2),
         is_vehicle=batch["is_vehicle"],
-        box_share=torch.full((2, 4), float("nan")),
+        normalized_box=torch.full((2, 4), float("nan")),
     )
     image = draw_scored(scored)
     assert image.shape == (134, 452, 3)

@@ -25,7 +25,7 @@ def toy_batch(count: int, channels: int, seed: int = 0) -> dict[str, torch.Tenso
         "crops": torch.from_numpy(crops),
         "windows_px": torch.from_numpy(windows),
         "is_vehicle": torch.from_numpy(is_vehicle),
-        "box_share": torch.from_numpy(boxes),
+        "normalized_box": torch.from_numpy(boxes),
     }
 
 

@@ -14,18 +14,18 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.types import Modality
 
 # What may be lost where two views stay; of one alone there is nothing to learn.
-LOSSES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
+DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
 _MAX_STRETCH, _SHIFT = 0.15, 0.45
 
 
-def doubted(frames: DetectedFrames, seed: int) -> DetectedFrames:
+def jitter_scores(frames: DetectedFrames, seed: int) -> DetectedFrames:
     """Return the same boxes with scores that other detectors might have given them, in the same order."""
     rng = np.random.default_rng(seed)
-    return replace(frames, scenes=tuple(_doubted_scene(scene, rng) for scene in frames.scenes))
+    return replace(frames, scenes=tuple(_jitter_scene(scene, rng) for scene in frames.scenes))
 
 
-def _doubted_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
+def _jitter_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
     modality_detections = {}
     for name, found in scene.modality_detections.items():
         stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)

@@ -16,7 +16,7 @@ from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
 from perception.evaluation.rows import Rows
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float32, Float64
-from train.fusion.conditions import LOSSES, doubted
+from train.fusion.conditions import DROPPED_MODALITIES, jitter_scores
 
 _LIKE = 0.5  # overlap from which a box shows what is neither right nor wrong
 
@@ -63,7 +63,7 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     return BoxTargets(ious, (ious > _LIKE) | ((in_alike <= _LIKE) & (in_region <= _LIKE)))
 
 
-def fusion_rows(frames: DetectedFrames, variant: Variant, doubts: int = 0) -> FusionRows:
+def fusion_rows(frames: DetectedFrames, variant: Variant, score_jitters: int = 0) -> FusionRows:
     """Return all combinations of all frames with what is true of them.
 
     The default also sees every frame as it would be without any one of the detectors, and all of these again
@@ -82,10 +82,10 @@ def fusion_rows(frames: DetectedFrames, variant: Variant, doubts: int = 0) -> Fu
     if variant != "default":
         parts += _rows_of(frames, variant, 1.0)
     else:
-        for version in (frames, *(doubted(frames, seed) for seed in range(doubts))):
+        for version in (frames, *(jitter_scores(frames, seed) for seed in range(score_jitters))):
             parts += _rows_of(version, variant, 1.0)
-            for lost in LOSSES:
-                parts += _rows_of(version.without(*lost), variant, 1 / len(LOSSES))
+            for lost in DROPPED_MODALITIES:
+                parts += _rows_of(version.without(*lost), variant, 1 / len(DROPPED_MODALITIES))
     rows = FusionRows.concatenate(parts)
     if not len(rows):
         raise UsageError("fusion", expected="frames with detections", found="none")

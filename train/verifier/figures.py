@@ -34,21 +34,23 @@ class VerifierMetrics(Metric):
         for name in ("good_boxes", "boxes"):
             self.add_state(name, torch.zeros((), dtype=torch.long), dist_reduce_fx="sum")
 
-    def update(self, logits: Tensor, shares: Tensor, is_vehicle: Tensor, box_share: Tensor) -> None:
+    def update(
+        self, logits: Tensor, shares: Tensor, is_vehicle: Tensor, normalized_box: Tensor
+    ) -> None:
         """Count a batch of M candidates.
 
         Args:
             logits: (M,) of a vehicle.
             shares: (M, 4) of the boxes.
             is_vehicle: (M,) what they are.
-            box_share: (M, 4) of the labels, NaN where there is none.
+            normalized_box: (M, 4) of the labels, NaN where there is none.
         """
         truth = is_vehicle.long()
         is_right = (logits > 0).long() == truth
         self.is_right += torch.bincount(truth[is_right], minlength=2)
         self.is_wrong += torch.bincount(truth[~is_right], minlength=2)
-        has_box = is_vehicle.bool() & box_share.isfinite().all(1)
-        overlaps = paired_iou(shares[has_box].float(), box_share[has_box].float())
+        has_box = is_vehicle.bool() & normalized_box.isfinite().all(1)
+        overlaps = paired_iou(shares[has_box].float(), normalized_box[has_box].float())
         self.iou_sum += overlaps.sum()
         self.good_boxes += (overlaps > 0.7).sum()
         self.boxes += has_box.sum()

@@ -28,14 +28,14 @@ class ScoredCrops:
         logits: (M,) of a vehicle.
         shares: (M, 4) of its boxes in the crop.
         is_vehicle: (M,) what they are.
-        box_share: (M, 4) of the labels' boxes, NaN where there is none.
+        normalized_box: (M, 4) of the labels' boxes, NaN where there is none.
     """
 
     crops: Tensor
     logits: Tensor
     shares: Tensor
     is_vehicle: Tensor
-    box_share: Tensor
+    normalized_box: Tensor
 
     @property
     def losses(self) -> Tensor:
@@ -87,7 +87,7 @@ class VerifierImages(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Keep the worst so far, and the first vehicles."""
-        names = ("crops", "is_vehicle", "box_share")
+        names = ("crops", "is_vehicle", "normalized_box")
         known = {name: value.detach().cpu() for name, value in (batch | outputs).items()}
         scored = ScoredCrops(
             logits=known["logits"].float(),
@@ -117,7 +117,7 @@ def draw_scored(scored: ScoredCrops) -> UInt8:
             scores,
             scored.is_vehicle.tolist(),
             scored.shares.numpy(),
-            scored.box_share.numpy(),
+            scored.normalized_box.numpy(),
             strict=True,
         )
     ]

@@ -9,7 +9,7 @@ from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
 from data.candidates.dataset import CropDataset
-from data.candidates.grids import augmentation_grids, grid_rows
+from data.candidates.grids import augmentation_previews, preview_rows
 from data.candidates.module import CropDataModule
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
@@ -76,7 +76,7 @@ def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -
     with torch.inference_mode():
         for batch in loader:
             logits, shares = network.heads(batch["crops"])
-            metrics.update(logits, shares, batch["is_vehicle"], batch["box_share"])
+            metrics.update(logits, shares, batch["is_vehicle"], batch["normalized_box"])
     return {name: float(value) for name, value in metrics.compute().items()}
 
 
@@ -101,5 +101,5 @@ def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
 def _augmentations(data: CropDataModule) -> Mapping[str, UInt8]:
     if data.augmentation is None:
         return {}
-    rows = grid_rows(data.training, _SHOWN_SAMPLES)
-    return augmentation_grids(data.training, data.augmentation, rows)
+    rows = preview_rows(data.training, _SHOWN_SAMPLES)
+    return augmentation_previews(data.training, data.augmentation, rows)

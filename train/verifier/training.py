@@ -17,7 +17,7 @@ from train.schedules import stepped, warm_cosine
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
 
-Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, box_share
+Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, normalized_box
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ class VerifierTraining(LightningModule):
             "class_loss": functional.binary_cross_entropy_with_logits(logits, is_vehicle.float())
         }
         if self.config.box_weight:
-            has_box = is_vehicle.bool() & batch["box_share"].isfinite().all(1)
-            losses["box_loss"] = box_loss(shares[has_box], batch["box_share"][has_box])
+            has_box = is_vehicle.bool() & batch["normalized_box"].isfinite().all(1)
+            losses["box_loss"] = box_loss(shares[has_box], batch["normalized_box"][has_box])
         loss = losses["class_loss"] + self.config.box_weight * losses.get("box_loss", 0.0)
         named = {f"{stage}/{name}": value for name, value in {"loss": loss, **losses}.items()}
         self.log_dict(
@@ -122,7 +122,9 @@ class VerifierTraining(LightningModule):
     def _count(
         self, metrics: VerifierMetrics, batch: Batch, logits: Tensor, shares: Tensor
     ) -> None:
-        metrics.update(logits.detach(), shares.detach(), batch["is_vehicle"], batch["box_share"])
+        metrics.update(
+            logits.detach(), shares.detach(), batch["is_vehicle"], batch["normalized_box"]
+        )
 
     def _log_metrics(self, stage: str, metrics: VerifierMetrics) -> None:
         found = metrics.compute()  # over all processes already

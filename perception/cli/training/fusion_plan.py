@@ -41,7 +41,7 @@ class FusionModelConfig:
     sweep_two: tuple[int, ...] = ()
 
 
-_DOUBTS = 2  # of every frame, for the default
+_SCORE_JITTERS = 2  # of every frame, for the default
 # The thesis' own: 41 neurons on scores, 23 on all features, by Levenberg-Marquardt (7.2.2).
 _USUAL: Mapping[Variant, tuple[tuple[int, ...], Optimiser]] = {
     "scores": ((41,), "lm"),
@@ -112,7 +112,7 @@ def run_training(
     from train.fusion.training import fit_fusion
 
     sets = FusionSets(
-        fusion_rows(found.training, model.variant, doubts=_DOUBTS),
+        fusion_rows(found.training, model.variant, score_jitters=_SCORE_JITTERS),
         fusion_rows(found.validation, model.variant),
     )
     asked = replace(fusion_training_config(data, model, trainer.seed), detectors=found.detectors)

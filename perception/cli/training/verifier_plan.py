@@ -74,7 +74,7 @@ def run_training(
 
 def crop_data(data: VerifierDataConfig, method: Method, seed: int) -> "CropDataModule":
     """Return the batches of one of the networks."""
-    from data.candidates.augmentation import Augmentation
+    from data.candidates.augmentation import CropAugmentationConfig
     from data.candidates.gathering import CropSamplingConfig
     from data.candidates.labelled_frames import FrameConfig
     from data.candidates.module import CropConfig, CropDataModule, CropLoadingConfig
@@ -88,7 +88,7 @@ def crop_data(data: VerifierDataConfig, method: Method, seed: int) -> "CropDataM
     return CropDataModule(
         TrainingDrives(data.drives, data.validation, data.cache),
         CropConfig(FrameConfig(method), sampling),
-        Augmentation() if data.augment else None,
+        CropAugmentationConfig() if data.augment else None,
         CropLoadingConfig(input_config.channels, data.batch, data.workers, seed=seed),
         frame_progress_bar("candidates"),
     )

@@ -14,11 +14,11 @@ import torch
 from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
 
-from data.candidates.augmentation import OPERATIONS, Augmentation
+from data.candidates.augmentation import OPERATIONS, CropAugmentationConfig
 from data.candidates.balance import BalancedSampler
 from data.candidates.dataset import CropDataset
 from data.candidates.gathering import CropSamplingConfig, collect_crops
-from data.candidates.grids import augmentation_grids, grid_rows
+from data.candidates.grids import augmentation_previews, preview_rows
 from data.candidates.labelled_frames import LabelledFrames
 from data.candidates.module import CropConfig, CropDataModule, CropLoadingConfig
 from data.looks import SampleIndex
@@ -27,12 +27,14 @@ from data.training_drives import TrainingDrives
 from perception.detection.depthcn.crops import crop_windows
 from perception.errors import DriveError, LabelError, UsageError
 
-FIELDS = {"crops", "windows_px", "is_vehicle", "box_share"}
+FIELDS = {"crops", "windows_px", "is_vehicle", "normalized_box"}
 
 
 @pytest.fixture
 def dataset(street: LabelledFrames) -> CropDataset:
-    return CropDataset(street, collect_crops(street, CropSamplingConfig()), Augmentation(), seed=3)
+    return CropDataset(
+        street, collect_crops(street, CropSamplingConfig()), CropAugmentationConfig(), seed=3
+    )
 
 
 @pytest.fixture
@@ -44,7 +46,7 @@ def make_data(make_street: Callable[..., Path], tmp_path: Path) -> Callable[...,
         return CropDataModule(
             TrainingDrives(**named, cache=tmp_path / "cache"),
             CropConfig(sampling=CropSamplingConfig(jittered_copies=2)),
-            Augmentation(),
+            CropAugmentationConfig(),
             loading or CropLoadingConfig(batch_size=4),
         )
 
@@ -59,14 +61,14 @@ def test_a_plain_sample_is_the_crop_that_runs_see(dataset: CropDataset):
     assert np.abs(sample["crops"].numpy().astype(int) - expected).max() <= 2
     assert float(sample["is_vehicle"]) == 1.0
     x1, y1, x2, y2 = dataset.crops.windows_px[row]
-    box = sample["box_share"].numpy() * np.tile([x2 - x1, y2 - y1], 2) + [x1, y1, x1, y1]
+    box = sample["normalized_box"].numpy() * np.tile([x2 - x1, y2 - y1], 2) + [x1, y1, x1, y1]
     np.testing.assert_allclose(box, dataset.crops.boxes_px[row], atol=1e-3)
 
 
 def test_what_is_no_vehicle_says_so(dataset: CropDataset):
     sample = dataset[int(np.flatnonzero(~dataset.crops.is_vehicle)[0])]
     assert float(sample["is_vehicle"]) == 0.0
-    assert sample["box_share"].isnan().all()
+    assert sample["normalized_box"].isnan().all()
 
 
 def test_a_look_is_the_same_at_every_asking_and_another_is_not(dataset: CropDataset):
@@ -237,9 +239,9 @@ def test_loading_that_cannot_be_is_refused(loading: dict[str, int]):
 
 
 def test_grids_show_every_operation(dataset: CropDataset):
-    rows = grid_rows(dataset, 4)
+    rows = preview_rows(dataset, 4)
     draws = 6
-    grids = augmentation_grids(dataset, Augmentation(), rows, draws)
+    grids = augmentation_previews(dataset, CropAugmentationConfig(), rows, draws)
     assert list(grids) == ["none", *OPERATIONS, "all"]
     columns = 2 + min(2, int((~dataset.crops.is_vehicle).sum()))
     for name, grid in grids.items():

@@ -5,9 +5,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from data.pictures.camera_changes import CameraStrengths, change_image
+from data.pictures.camera_changes import PhotometricConfig, transform_image
 
-NONE = CameraStrengths.none()
+NONE = PhotometricConfig.none()
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -18,26 +18,26 @@ def even(color: tuple[int, int, int]) -> np.ndarray:
     return np.full((48, 64, 3), color, np.uint8)
 
 
-def changed_means(color: tuple[int, int, int], strengths: CameraStrengths) -> np.ndarray:
+def changed_means(color: tuple[int, int, int], magnitudes: PhotometricConfig) -> np.ndarray:
     """Return (60, 3) the mean colours of an even image at 60 looks."""
-    views = [change_image(even(color), strengths, rng(seed)) for seed in range(60)]
+    views = [transform_image(even(color), magnitudes, rng(seed)) for seed in range(60)]
     return np.array([view.mean(axis=(0, 1)) for view in views])
 
 
 def test_no_strength_changes_nothing():
     image = rng().integers(0, 256, (48, 64, 3), np.uint8)
-    np.testing.assert_array_equal(change_image(image, NONE, rng()), image)
+    np.testing.assert_array_equal(transform_image(image, NONE, rng()), image)
 
 
-@pytest.mark.parametrize("operation", [field.name for field in fields(CameraStrengths)])
+@pytest.mark.parametrize("operation", [field.name for field in fields(PhotometricConfig)])
 def test_every_operation_changes_something_the_same_way_again(operation: str):
     image = rng().integers(60, 200, (48, 64, 3), np.uint8)
-    strengths = CameraStrengths().only(operation)
-    views = [change_image(image, strengths, rng(seed)) for seed in range(12)]
+    magnitudes = PhotometricConfig().only(operation)
+    views = [transform_image(image, magnitudes, rng(seed)) for seed in range(12)]
     assert any((view != image).any() for view in views)
     for seed, view in enumerate(views):
         assert (view.shape, view.dtype) == (image.shape, np.uint8)
-        np.testing.assert_array_equal(change_image(image, strengths, rng(seed)), view)
+        np.testing.assert_array_equal(transform_image(image, magnitudes, rng(seed)), view)
 
 
 def test_brightness_is_a_factor():
@@ -71,24 +71,26 @@ def test_grey_has_no_colour_to_change(operation: str):
 
 
 def test_light_and_shadow_vary_over_the_image_and_shadows_only_darken():
-    views = [change_image(even((120,) * 3), replace(NONE, light=0.5), rng(s)) for s in range(10)]
+    views = [transform_image(even((120,) * 3), replace(NONE, light=0.5), rng(s)) for s in range(10)]
     for view in views:
         assert 79 <= view.min() < view.max() <= 181
-    shadows = [change_image(even((120,) * 3), replace(NONE, shadow=1.0), rng(s)) for s in range(10)]
+    shadows = [
+        transform_image(even((120,) * 3), replace(NONE, shadow=1.0), rng(s)) for s in range(10)
+    ]
     assert max(view.max() for view in shadows) == 120
     assert min(view.min() for view in shadows) >= 120 * 0.24
     assert np.mean([view.mean() < 118 for view in shadows]) > 0.5
 
 
 def test_filters_and_blur_leave_an_even_area_as_it_is():
-    for strengths in (replace(NONE, filtering=0.1), replace(NONE, blur_px=2.0)):
-        means = changed_means((100, 150, 200), strengths)
+    for magnitudes in (replace(NONE, filtering=0.1), replace(NONE, blur_px=2.0)):
+        means = changed_means((100, 150, 200), magnitudes)
         np.testing.assert_allclose(means, np.tile([100, 150, 200], (60, 1)), atol=1)
 
 
 def test_noise_has_the_spread_that_it_says():
     spreads = [
-        change_image(even((120,) * 3), replace(NONE, noise=20), rng(seed)).std()
+        transform_image(even((120,) * 3), replace(NONE, noise=20), rng(seed)).std()
         for seed in range(40)
     ]
     assert 17 < max(spreads) < 21

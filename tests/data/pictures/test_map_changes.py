@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.pictures.map_changes import MapStrengths, change_depth_map, change_reflectance_map
+from data.pictures.map_changes import (
+    MapAugmentationConfig,
+    transform_depth_map,
+    transform_reflectance_map,
+)
 from data.pictures.noise_table import normal_noise
 from perception.errors import UsageError
 from perception.maps.encoding import decode_depth, encode_depth
 
-NONE = MapStrengths.none()
+NONE = MapAugmentationConfig.none()
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -27,32 +31,32 @@ def plane(depth_m: float) -> np.ndarray:
 @pytest.mark.parametrize("depth_m", [12.0, 20.0, 40.0])
 @pytest.mark.parametrize("zoom", [0.5, 1.25, 2.0])
 def test_what_is_zoomed_is_as_much_nearer(depth_m: float, zoom: float):
-    changed = change_depth_map(plane(depth_m), zoom, NONE, rng())
-    assert not changed[:48].any()
-    (value,) = np.unique(changed[48:])
+    transformed = transform_depth_map(plane(depth_m), zoom, NONE, rng())
+    assert not transformed[:48].any()
+    (value,) = np.unique(transformed[48:])
     # The map's own steps, before and after: a step of 1 is d^2 / 1360 m.
     step_m = (depth_m / zoom) ** 2 / 1360 + depth_m**2 / 1360 / zoom
     assert decode_depth(value) == pytest.approx(depth_m / zoom, abs=step_m)
 
 
 def test_a_plane_at_20_m_zoomed_by_2_is_that_of_10_m():
-    changed = change_depth_map(plane(20), 2, NONE, rng())
-    assert abs(changed.astype(int) - plane(10)).max() <= 1
+    transformed = transform_depth_map(plane(20), 2, NONE, rng())
+    assert abs(transformed.astype(int) - plane(10)).max() <= 1
 
 
 def test_no_strength_changes_nothing():
     image = rng().integers(0, 256, (96, 160, 1), np.uint8)
-    np.testing.assert_array_equal(change_depth_map(image, 1, NONE, rng()), image)
-    np.testing.assert_array_equal(change_reflectance_map(image, NONE, rng()), image)
+    np.testing.assert_array_equal(transform_depth_map(image, 1, NONE, rng()), image)
+    np.testing.assert_array_equal(transform_reflectance_map(image, NONE, rng()), image)
 
 
 def test_errors_of_the_range_are_in_metres():
-    strengths = replace(NONE, range_noise_m=0.5)
+    magnitudes = replace(NONE, range_noise_m=0.5)
     spreads = []
     for seed in range(40):
-        changed = change_depth_map(plane(10), 1, strengths, rng(seed))
-        assert not changed[:48].any()
-        depth_m = decode_depth(changed[48:])
+        transformed = transform_depth_map(plane(10), 1, magnitudes, rng(seed))
+        assert not transformed[:48].any()
+        depth_m = decode_depth(transformed[48:])
         spreads.append(depth_m.std())
         assert depth_m.mean() == pytest.approx(10, abs=0.1)
     assert 0.4 < max(spreads) < 0.53
@@ -60,26 +64,26 @@ def test_errors_of_the_range_are_in_metres():
 
 
 def test_lost_cells_are_unknown_and_nothing_else_changes():
-    strengths = replace(NONE, lost=0.6)
+    magnitudes = replace(NONE, dropout=0.6)
     shares = []
     for seed in range(40):
-        changed = change_depth_map(plane(20), 1, strengths, rng(seed))
-        assert set(np.unique(changed)) <= {0, plane(20).max()}
-        shares.append((changed[48:] == 0).mean())
+        transformed = transform_depth_map(plane(20), 1, magnitudes, rng(seed))
+        assert set(np.unique(transformed)) <= {0, plane(20).max()}
+        shares.append((transformed[48:] == 0).mean())
     assert 0.4 < max(shares) < 0.66
     assert min(shares) < 0.02
 
 
 @pytest.mark.parametrize("is_depth", [True, False])
 def test_far_and_weak_returns_fade_first(is_depth: bool):
-    strengths = replace(NONE, faded=1.0)
+    magnitudes = replace(NONE, fading=1.0)
     image = np.tile(np.array([[20], [250]], np.uint8).repeat(48, axis=0), (1, 160))[..., None]
     kept = np.zeros(2)
     for seed in range(20):
         args = (image, 1.0) if is_depth else (image,)
-        change = change_depth_map if is_depth else change_reflectance_map
-        changed = change(*args, strengths, rng(seed))
-        kept += [(changed[:48] > 0).mean() / 20, (changed[48:] > 0).mean() / 20]
+        change = transform_depth_map if is_depth else transform_reflectance_map
+        transformed = change(*args, magnitudes, rng(seed))
+        kept += [(transformed[:48] > 0).mean() / 20, (transformed[48:] > 0).mean() / 20]
     fading, staying = kept[::-1] if is_depth else kept
     assert staying > 0.97
     assert fading < 0.85
@@ -87,10 +91,10 @@ def test_far_and_weak_returns_fade_first(is_depth: bool):
 
 def test_a_lost_beam_shows_the_row_above_where_maps_are_filled():
     rows = np.repeat(np.arange(1, 97, dtype=np.uint8), 160).reshape(96, 160, 1)
-    strengths = replace(NONE, beams=0.9)
+    magnitudes = replace(NONE, beam_dropout=0.9)
     for seed in range(5):
-        filled = change_reflectance_map(rows, strengths, rng(seed))[:, 0, 0].astype(int)
-        sparse = change_reflectance_map(rows, strengths, rng(seed), is_filled=False)[:, 0, 0]
+        filled = transform_reflectance_map(rows, magnitudes, rng(seed))[:, 0, 0].astype(int)
+        sparse = transform_reflectance_map(rows, magnitudes, rng(seed), is_filled=False)[:, 0, 0]
         is_lost = sparse == 0
         np.testing.assert_array_equal(sparse[~is_lost], np.arange(1, 97)[~is_lost])
         kept = np.where(is_lost, 1, np.arange(1, 97))
@@ -101,13 +105,13 @@ def test_other_lidars_change_reflectances_by_one_rising_curve():
     image = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
     curves = []
     for seed in range(50):
-        changed = change_reflectance_map(image, replace(NONE, gain=1.0), rng(seed)).ravel()
-        assert changed[0] == 0
-        assert (np.diff(changed.astype(int)) >= 0).all()
-        curves.append(changed[100] / 100)
+        transformed = transform_reflectance_map(image, replace(NONE, gain=1.0), rng(seed)).ravel()
+        assert transformed[0] == 0
+        assert (np.diff(transformed.astype(int)) >= 0).all()
+        curves.append(transformed[100] / 100)
     assert 0.49 < min(curves) < 0.6
     assert 1.7 < max(curves) < 2.01
-    gamma = change_reflectance_map(image, replace(NONE, gamma=1.0), rng(2)).ravel()
+    gamma = transform_reflectance_map(image, replace(NONE, gamma=1.0), rng(2)).ravel()
     assert (gamma[0], gamma[255]) == (0, 255)
     assert gamma[100] != 100
 
@@ -116,15 +120,15 @@ def test_speckle_leaves_the_mean_and_what_is_unknown():
     image = np.full((96, 160, 1), 120, np.uint8)
     image[:48] = 0
     for seed in range(10):
-        changed = change_reflectance_map(image, replace(NONE, speckle=0.3), rng(seed))
-        assert not changed[:48].any()
-        assert changed[48:].mean() == pytest.approx(120, abs=2)
-        assert changed[48:].std() < 40
+        transformed = transform_reflectance_map(image, replace(NONE, speckle=0.3), rng(seed))
+        assert not transformed[:48].any()
+        assert transformed[48:].mean() == pytest.approx(120, abs=2)
+        assert transformed[48:].std() < 40
 
 
 def test_changes_depend_on_the_generator_alone():
-    image, strengths = plane(15), MapStrengths()
-    first, again, other = (change_depth_map(image, 1.1, strengths, rng(s)) for s in (3, 3, 4))
+    image, magnitudes = plane(15), MapAugmentationConfig()
+    first, again, other = (transform_depth_map(image, 1.1, magnitudes, rng(s)) for s in (3, 3, 4))
     np.testing.assert_array_equal(first, again)
     assert (first != other).any()
 
@@ -138,6 +142,6 @@ def test_noise_is_normal_and_of_any_size():
 
 
 @pytest.mark.parametrize("strength", [{"lost": 1.0}, {"range_noise_m": -0.1}])
-def test_a_strength_that_cannot_be_is_refused(strength: dict[str, float]):
-    with pytest.raises(UsageError, match=f"augmentation {next(iter(strength))}: expected"):
-        MapStrengths(**strength)
+def test_a_strength_that_cannot_be_is_refused(magnitude: dict[str, float]):
+    with pytest.raises(UsageError, match=f"augmentation {next(iter(magnitude))}: expected"):
+        MapAugmentationConfig(**magnitude)

@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader
 from data.array_store import ArrayStore
 from data.looks import SampleIndex, ShuffledSampler
 from data.open_drive import open_drive
-from data.pictures.augmentation import ImageAugmentationConfig, changed
+from data.pictures.augmentation import ImageAugmentationConfig, transformed
 from data.pictures.dataset import ImageDataset, collate
 from data.pictures.labelled_pictures import LabelledImages
 from data.pictures.making import ImageConfig
@@ -88,7 +88,7 @@ def test_no_augmentation_and_that_of_no_strength_are_plain(
     frames = make_images(modality)
     none = ImageAugmentationConfig.none()
     rng = np.random.default_rng(0)
-    image, labels = changed(frames.image(0), frames.targets(0), frames.config, none, rng)
+    image, labels = transformed(frames.image(0), frames.targets(0), frames.config, none, rng)
     np.testing.assert_array_equal(image, frames.image(0))
     np.testing.assert_allclose(labels.boxes_px, frames.targets(0).boxes_px)
     plain = ImageDataset(frames, np.arange(5))

@@ -27,10 +27,10 @@ def test_the_fusion_beats_the_best_modality_at_every_difficulty(frames, fitted):
         assert curves["fusion"][difficulty].ap() > best + 1.05
 
 
-LOSSES = [lost for count in (1, 2) for lost in combinations(MODALITIES, count)]
+DROPPED_MODALITIES = [lost for count in (1, 2) for lost in combinations(MODALITIES, count)]
 
 
-@pytest.mark.parametrize("lost", LOSSES)
+@pytest.mark.parametrize("lost", DROPPED_MODALITIES)
 def test_a_loss_is_graceful(frames, fitted, lost):
     left = frames.without(*lost)
     found = fuse_frames(left.scenes, fitted)

@@ -8,7 +8,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
-from train.fusion.conditions import LOSSES, doubted
+from train.fusion.conditions import DROPPED_MODALITIES, jitter_scores
 from train.fusion.targets import box_targets, fusion_rows
 
 SIZE_PX = (1000, 300)
@@ -66,7 +66,7 @@ def test_the_default_asks_nothing_of_it_and_sees_every_loss():
     assert rows.targets[0].tolist() == [1, 0.5, 0]
     assert rows.weights[0].tolist() == [1, 1, 0]
     # rgb lost; dm; rm, where both others stay.
-    share = pytest.approx(1 / len(LOSSES))
+    share = pytest.approx(1 / len(DROPPED_MODALITIES))
     assert [tuple(row) for row in rows.weights[1:].tolist()] == [
         (0, share, 0),
         (share, 0, 0),
@@ -75,7 +75,10 @@ def test_the_default_asks_nothing_of_it_and_sees_every_loss():
 
 
 def test_the_default_sees_all_again_by_detectors_that_are_doubted():
-    once, thrice = fusion_rows(frames(), "default"), fusion_rows(frames(), "default", doubts=2)
+    once, thrice = (
+        fusion_rows(frames(), "default"),
+        fusion_rows(frames(), "default", score_jitters=2),
+    )
     assert len(thrice) == 3 * len(once)
     for first in (4, 8):
         again = slice(first, first + 4)
@@ -88,13 +91,15 @@ def test_the_default_sees_all_again_by_detectors_that_are_doubted():
 def test_a_doubted_detector_keeps_its_order():
     scene = DetectedScene({"rgb": detections([[0, 0, 20, 10]] * 5)}, SIZE_PX)
     one = DetectedFrames((scene,) * 40, truth_of()[[]], np.zeros(40, int))
-    scores = np.array([other.modality_detections["rgb"].scores for other in doubted(one, 3).scenes])
+    scores = np.array(
+        [other.modality_detections["rgb"].scores for other in jitter_scores(one, 3).scenes]
+    )
     assert (np.diff(scores, axis=1) < 0).all()
     # A logit of 0 is shifted only; one of ln 9 is stretched by up to 15 %, too.
     logits = np.log(scores / (1 - scores))
     assert np.std(logits[:, 2]) == pytest.approx(0.45, rel=0.3)
     assert (abs((logits[:, 0] - logits[:, 2]) / np.log(9) - 1) <= 0.15).all()
-    again = doubted(one, 3).scenes[7].modality_detections["rgb"].scores
+    again = jitter_scores(one, 3).scenes[7].modality_detections["rgb"].scores
     np.testing.assert_array_equal(again, scores[7])
 
 
