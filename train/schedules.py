@@ -3,12 +3,12 @@
 import math
 
 
-def stepped(step: int, steps_a_stage: int, factor: float = 0.1) -> float:
+def step_decay(step: int, steps_per_stage: int, factor: float = 0.1) -> float:
     """Return 1 in the first stage, and so much less in each that follows."""
-    return float(factor ** (step // max(steps_a_stage, 1)))
+    return float(factor ** (step // max(steps_per_stage, 1)))
 
 
-def warm_cosine(step: int, steps: int, warm: float = 0.1, last: float = 0.001) -> float:
+def warmup_cosine(step: int, steps: int, warm: float = 0.1, last: float = 0.001) -> float:
     """Return a share that rises over the first steps, then falls along half a cosine.
 
     Args:
@@ -24,7 +24,7 @@ def warm_cosine(step: int, steps: int, warm: float = 0.1, last: float = 0.001) -
     return 1 - (1 - last) * fallen
 
 
-def burnt_in_steps(step: int, steps: int) -> float:
+def burn_in_steps(step: int, steps: int) -> float:
     """Return a share that rises fast at first, and falls to a tenth at two places.
 
     `yolo-voc.cfg` has 80200 steps: the rate rises with the fourth power over 1000, and falls after

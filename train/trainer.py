@@ -43,7 +43,7 @@ class TrainerConfig:
         seed: of every choice.
         watched: the logged figure whose highest value marks the best epoch.
         patience: epochs without a better one after which training ends; None goes through all.
-        is_trial: one batch of each kind and nothing written, to see that everything fits.
+        fast_dev_run: one batch of each kind and nothing written, to see that everything fits.
     """
 
     epochs: int = 40
@@ -52,9 +52,9 @@ class TrainerConfig:
     nodes: int = 1
     precision: Precision = "32-true"
     seed: int = 0
-    watched: str = "validation/balanced"
+    monitor: str = "validation/balanced"
     patience: int | None = None
-    is_trial: bool = False
+    fast_dev_run: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -94,7 +94,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
     best = ModelCheckpoint(
         out,
         filename=Path(BEST).stem,
-        monitor=config.watched,
+        monitor=config.monitor,
         mode="max",
         save_on_train_epoch_end=True,
         enable_version_counter=False,
@@ -106,7 +106,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
         enable_version_counter=False,
     )
     patient = (
-        [EarlyStopping(config.watched, mode="max", patience=config.patience)]
+        [EarlyStopping(config.monitor, mode="max", patience=config.patience)]
         if config.patience
         else []
     )
@@ -131,7 +131,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
         ],
         plugins=[AtomicCheckpointIO()],
         deterministic="warn",
-        fast_dev_run=config.is_trial,
+        fast_dev_run=config.fast_dev_run,
         num_sanity_val_steps=0,
         log_every_n_steps=10,
         enable_model_summary=False,

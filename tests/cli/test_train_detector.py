@@ -87,7 +87,7 @@ def test_the_preset_of_the_thesis(drive, cache, tmp_path, monkeypatch):
     data, plan, trainer_config, *_ = taken[0]
     assert data.loading.batch_size == 64
     assert (data.rules.jpeg_quality, data.loading.test_fraction) == (75, 0.2)
-    assert (plan.descent.optimizer, plan.descent.learning_rate) == ("sgd", 0.001)
+    assert (plan.optimizer_config.optimizer, plan.optimizer_config.learning_rate) == ("sgd", 0.001)
     assert (plan.loss.box, plan.loss.objectness) == ("squared", "focal")
     assert tuple(plan.form.size) == (416, 416)
     assert trainer_config.watched == "validation/moderate"

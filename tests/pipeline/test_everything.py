@@ -53,11 +53,11 @@ def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_
     assert sum(len(found) for found in expected[-1].modality_detections.values()) > 0
     assert len(expected[-1].vehicles) > 0
     with Pipeline(config=all_stages) as pipeline:
-        stepped = [pipeline.step(frame) for frame in street_frames]
+        step_decay = [pipeline.step(frame) for frame in street_frames]
         pipeline.reset()
         with pipeline.stream(street_frames) as stream:
             streamed = list(stream)
-    for results in (stepped, streamed):
+    for results in (step_decay, streamed):
         for one, other in zip(results, expected, strict=True):
             assert_same(comparable(one), comparable(other))
 

@@ -19,7 +19,7 @@ from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.anchors import fit_anchors
-from train.detector.descent import PRESETS, Descent
+from train.detector.descent import PRESETS, OptimizerConfig
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
 from train.detector.pictures import draw_detections
 from train.detector.run import InitialWeights, callbacks, train_detector
@@ -28,7 +28,7 @@ from train.networks.depthcn import load_verifier
 from train.trainer import TrainerConfig, fastest_precision, fit, make_trainer
 from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
-QUICK = Descent(learning_rate=0.01, averaging=0.8)
+QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8)
 PLAN = DetectorTrainingConfig(
     DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE),
     QUICK,
@@ -45,7 +45,7 @@ def tiny(monkeypatch, one_torch_thread):
 
 
 def config_of(epochs, **other):
-    return TrainerConfig(epochs=epochs, accelerator="cpu", watched="validation/moderate", **other)
+    return TrainerConfig(epochs=epochs, accelerator="cpu", monitor="validation/moderate", **other)
 
 
 def train(out, epochs=1, config=PLAN, data=None, **other):
@@ -56,13 +56,13 @@ def train(out, epochs=1, config=PLAN, data=None, **other):
 def test_everything_fits_together(tmp_path, modality, channels):
     config = replace(PLAN, network_config=replace(PLAN.network_config, modality=modality))
     data = ToyImages(channels=channels)
-    trained = train_detector(data, config, config_of(1, is_trial=True), tmp_path)
+    trained = train_detector(data, config, config_of(1, fast_dev_run=True), tmp_path)
     assert trained is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_batch_is_learned_by_heart(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    config = replace(PLAN, scales=(1.0, 1.0), optimizer_config=replace(QUICK, learning_rate=0.02))
     trained = train(
         tmp_path, 3, config, ToyImages(11, repeats=40)
     )  # 44 labels: 41 points of recall
@@ -74,7 +74,7 @@ def test_a_batch_is_learned_by_heart(tmp_path):
 
 
 def test_half_precision_learns_as_well(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), descent=replace(QUICK, learning_rate=0.02))
+    config = replace(PLAN, scales=(1.0, 1.0), optimizer_config=replace(QUICK, learning_rate=0.02))
     trainer_config = replace(config_of(1), precision="bf16-mixed")
     trained = train_detector(ToyImages(11, repeats=40), config, trainer_config, tmp_path)
     assert trained.precision["Car 0.5"]["moderate"] > 90
@@ -147,7 +147,7 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
 
 def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
     train(tmp_path / "first", 3)
-    still = replace(PLAN, descent=replace(QUICK, learning_rate=1e-12))
+    still = replace(PLAN, optimizer_config=replace(QUICK, learning_rate=1e-12))
     start = InitialWeights(checkpoint=tmp_path / "first" / "best.ckpt")
     train(tmp_path / "second", 1, still, ToyImages(5), first=start)  # of other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
@@ -306,10 +306,10 @@ def test_other_names_are_refused(tmp_path):
 
 def test_the_thesis_trained_like_this():
     preset = PRESETS["thesis"]
-    way = preset.descent
+    way = preset.optimizer_config
     found = (way.optimizer, way.learning_rate, way.momentum, way.weight_decay, preset.batch_size)
     assert found == ("sgd", 0.001, 0.9, 0.0005, 64)
-    rate = way.rate_of_step(80_200)
+    rate = way.learning_rate_factor(80_200)
     shares = [rate(step) for step in (499, 999, 39_999, 40_000, 60_000, 80_199)]
     np.testing.assert_allclose(shares, [1 / 16, 1, 1, 0.1, 0.01, 0.01])
     assert (preset.loss.box, preset.loss.objectness) == ("squared", "squared")

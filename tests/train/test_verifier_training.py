@@ -14,7 +14,7 @@ from tests.train.toy_candidates import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
-from train.schedules import stepped, warm_cosine
+from train.schedules import step_decay, warmup_cosine
 from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
@@ -35,7 +35,7 @@ def module_of(method="default", seed=0):
 
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
 def test_everything_fits_together(tmp_path, method, channels):
-    trainer = make_trainer(tmp_path, config_of(1, is_trial=True))
+    trainer = make_trainer(tmp_path, config_of(1, fast_dev_run=True))
     fit(trainer, module_of(method), ToyCrops(8, channels))
     assert trainer.global_step == 1
     assert list(tmp_path.iterdir()) == []
@@ -45,12 +45,12 @@ def test_a_batch_is_learned_by_heart():
     module, batch = module_of(), toy_batch(8, 3)
     module.network.full[-1].p = 0.0  # dropout
     module.log_dict = lambda *args, **config: None
-    descent = torch.optim.SGD(module.parameters(), lr=0.02, momentum=0.9)
-    rate = torch.optim.lr_scheduler.LambdaLR(descent, partial(warm_cosine, steps=80))
+    optimizer = torch.optim.SGD(module.parameters(), lr=0.02, momentum=0.9)
+    rate = torch.optim.lr_scheduler.LambdaLR(optimizer, partial(warmup_cosine, steps=80))
     for _ in range(80):
-        descent.zero_grad()
+        optimizer.zero_grad()
         module.training_step(batch, 0).backward()
-        descent.step()
+        optimizer.step()
         rate.step()
     logits, shares = module.network.heads(batch["crops"])
     is_vehicle = batch["is_vehicle"]
@@ -155,12 +155,12 @@ def test_the_terminal_stays_tidy(tmp_path, capfd):
 
 
 def test_the_rate_of_the_thesis_falls_to_a_tenth_every_eight_epochs():
-    rates = [stepped(step, steps_a_stage=8 * 10) for step in (0, 79, 80, 160, 399)]
+    rates = [step_decay(step, steps_per_stage=8 * 10) for step in (0, 79, 80, 160, 399)]
     np.testing.assert_allclose(rates, [1, 1, 0.1, 0.01, 0.0001])
 
 
 def test_the_default_rate_rises_and_falls():
-    rates = [warm_cosine(step, 100) for step in range(100)]
+    rates = [warmup_cosine(step, 100) for step in range(100)]
     assert np.argmax(rates) == 9
     assert rates[9] == pytest.approx(1, abs=1e-3)
     assert rates[54] == pytest.approx((1 + 0.001) / 2, abs=1e-3)

@@ -9,13 +9,13 @@ from torch import nn
 from torch.optim import SGD, AdamW, Optimizer
 
 from train.detector.losses import DetectionLossConfig
-from train.schedules import burnt_in_steps, warm_cosine
+from train.schedules import burn_in_steps, warmup_cosine
 
 Preset = Literal["default", "thesis"]
 
 
 @dataclass(frozen=True)
-class Descent:
+class OptimizerConfig:
     """A way down.
 
     Attributes:
@@ -25,7 +25,7 @@ class Descent:
         weight_decay: of the weights of convolutions only.
         schedule: `cosine` a short rise and a long fall, `published` that of `yolo-voc.cfg`.
         averaging: share that the running mean of the weights keeps at every step; 0 takes the last ones.
-        longest_gradient: longer ones are cut to this length; 0 leaves them.
+        gradient_clip_norm: longer ones are cut to this length; 0 leaves them.
     """
 
     optimizer: Literal["sgd", "adamw"] = "adamw"
@@ -33,8 +33,8 @@ class Descent:
     momentum: float = 0.9
     weight_decay: float = 0.02
     schedule: Literal["cosine", "published"] = "cosine"
-    averaging: float = 0.998
-    longest_gradient: float = 20.0
+    ema_decay: float = 0.998
+    gradient_clip_norm: float = 20.0
 
     def make_optimizer(self, network: nn.Module) -> Optimizer:
         """Return the steps of a network's weights."""
@@ -47,9 +47,9 @@ class Descent:
             return SGD(groups, lr=self.learning_rate, momentum=self.momentum)
         return AdamW(groups, lr=self.learning_rate)
 
-    def rate_of_step(self, steps: int) -> Callable[[int], float]:
+    def learning_rate_factor(self, steps: int) -> Callable[[int], float]:
         """Return the function from the number of a step to its share of the highest rate."""
-        schedule = burnt_in_steps if self.schedule == "published" else warm_cosine
+        schedule = burn_in_steps if self.schedule == "published" else warmup_cosine
         return partial(schedule, steps=steps)
 
 
@@ -63,18 +63,18 @@ class TrainingPreset:
         batch_size: pictures a step.
     """
 
-    descent: Descent = field(default_factory=Descent)
+    optimizer_config: OptimizerConfig = field(default_factory=OptimizerConfig)
     loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
     batch_size: int = 16
 
 
 PRESETS: dict[Preset, TrainingPreset] = {
     "default": TrainingPreset(
-        Descent(), DetectionLossConfig(box="ciou", objectness="focal", box_weight=2.0)
+        OptimizerConfig(), DetectionLossConfig(box="ciou", objectness="focal", box_weight=2.0)
     ),
     # 7.2.2: 80200 iterations with these figures; they are those of yolo-voc.cfg, and so its schedule.
     "thesis": TrainingPreset(
-        Descent("sgd", 0.001, 0.9, 0.0005, "published", averaging=0, longest_gradient=0),
+        OptimizerConfig("sgd", 0.001, 0.9, 0.0005, "published", ema_decay=0, gradient_clip_norm=0),
         DetectionLossConfig(),
         batch_size=64,
     ),

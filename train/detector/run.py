@@ -22,7 +22,7 @@ from train.networks.torchvision_detector import TorchvisionDetector, init_from_c
 from train.networks.yolov2 import YOLOv2
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
 
-WATCHED = "validation/moderate"
+MONITOR = "validation/moderate"
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def train_detector(
     module = DetectorTraining(config, initial_network(config, first))
     trainer: Trainer = make_trainer(out, trainer_config, callbacks(config))
     fit(trainer, module, data, resume)
-    if trainer_config.is_trial or not trainer.is_global_zero:
+    if trainer_config.fast_dev_run or not trainer.is_global_zero:
         return None
     return _best(data, out / BEST)
 
@@ -129,8 +129,8 @@ def initial_network(config: DetectorTrainingConfig, first: InitialWeights) -> Yo
 
 def callbacks(config: DetectorTrainingConfig) -> list[Callback]:
     """Return what draws, and what averages the weights."""
-    averaging = config.descent.averaging
-    averages = [WeightAveraging(avg_fn=partial(_averaged, kept=averaging))] if averaging else []
+    ema_decay = config.optimizer_config.ema_decay
+    averages = [WeightAveraging(avg_fn=partial(_averaged, kept=ema_decay))] if ema_decay else []
     return [*averages, DetectorImages()]
 
 

@@ -17,7 +17,7 @@ from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections
 from train.detector.anchors import fit_anchors
-from train.detector.descent import Descent
+from train.detector.descent import OptimizerConfig
 from train.detector.figures import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.input_sizes import (
     Interpolation,
@@ -50,7 +50,7 @@ class DetectorTrainingConfig:
     """
 
     network_config: DetectorNetworkConfig
-    descent: Descent = field(default_factory=Descent)
+    optimizer_config: OptimizerConfig = field(default_factory=OptimizerConfig)
     loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
     anchors: Literal["auto", "default"] = "auto"
     scales: tuple[float, float] = (0.75, 1.25)
@@ -138,9 +138,9 @@ class DetectorTraining(LightningModule):
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
         """Return the descent and its rate, which changes with every step."""
-        optimizer = self.config.descent.make_optimizer(self.network)
+        optimizer = self.config.optimizer_config.make_optimizer(self.network)
         steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(optimizer, self.config.descent.rate_of_step(steps))
+        rate = LambdaLR(optimizer, self.config.optimizer_config.learning_rate_factor(steps))
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
 
     def configure_gradient_clipping(
@@ -150,7 +150,7 @@ class DetectorTraining(LightningModule):
         gradient_clip_algorithm: str | None = None,
     ) -> None:
         """Shorten what a few odd labels would make of a step."""
-        longest = self.config.descent.longest_gradient
+        longest = self.config.optimizer_config.gradient_clip_norm
         if longest:
             self.clip_gradients(optimizer, longest, "norm")
 

@@ -84,13 +84,13 @@ class _Block:
         self._sums.addmm_(across, pairs.T)
 
     @property
-    def curvature(self) -> Tensor:
+    def normal_matrix(self) -> Tensor:
         """(W V, W' V')."""
         spread = self._sums[self._neurons.number][:, :, self._values.number]  # (W, W', V, V')
         return spread.permute(0, 2, 1, 3).flatten(0, 1).flatten(1)
 
 
-class CurvatureSums:
+class GaussNewtonSums:
     """Sums over rows that come part by part.
 
     Parameters are in the order of torch: layer after layer, the weights neuron by neuron, then the biases.
@@ -128,11 +128,11 @@ class CurvatureSums:
         return found
 
     @property
-    def curvature(self) -> Float64:
+    def normal_matrix(self) -> Float64:
         """(P, P) JᵀJ."""
         found = np.empty((self._count, self._count))
         for (one, other), block in self._blocks.items():
-            between = block.curvature.numpy()
+            between = block.normal_matrix.numpy()
             found[np.ix_(self._places[one], self._places[other])] = between
             found[np.ix_(self._places[other], self._places[one])] = between.T
         return found

@@ -29,10 +29,10 @@ class NormalEquations:
 
     mean_square: float
     gradient: Float64
-    curvature: Float64
+    normal_matrix: Float64
 
 
-class LeastSquares(Protocol):
+class LeastSquaresProblem(Protocol):
     """Residuals that shall be small."""
 
     def mean_square(self, parameters: Float64) -> float:
@@ -66,7 +66,7 @@ class LevenbergMarquardtConfig:
 
 
 @dataclass(frozen=True)
-class Step:
+class LevenbergMarquardtStep:
     """A place that is lower than all before it.
 
     Attributes:
@@ -84,12 +84,12 @@ class Step:
     damping: float
 
 
-def descend(
-    problem: LeastSquares,
+def levenberg_marquardt_steps(
+    problem: LeastSquaresProblem,
     start: Float64,
     damping: LevenbergMarquardtConfig = LevenbergMarquardtConfig(),
     first: int = 0,
-) -> Iterator[Step]:
+) -> Iterator[LevenbergMarquardtStep]:
     """Yield the start and then ever lower places, until none is found; who looks on may stop earlier.
 
     From a step's parameters, damping and number it goes on as if it had not stopped.
@@ -104,7 +104,7 @@ def descend(
     for number in range(first, damping.max_steps + 1):
         here = problem.normal_equations(parameters)
         length = float(np.linalg.norm(here.gradient))
-        yield Step(number, parameters, here.mean_square, length, mu)
+        yield LevenbergMarquardtStep(number, parameters, here.mean_square, length, mu)
         if number == damping.max_steps or length < damping.min_gradient:
             return
         while mu <= damping.most:
@@ -121,7 +121,7 @@ def descend(
 
 def _tried(parameters: Float64, here: NormalEquations, mu: float) -> Float64 | None:
     """Return where the damped step leads, or None where its equations are not solvable."""
-    damped = here.curvature + mu * np.eye(len(parameters))
+    damped = here.normal_matrix + mu * np.eye(len(parameters))
     try:
         step = cho_solve(cho_factor(damped, check_finite=False), here.gradient, check_finite=False)
     except LinAlgError:

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn.utils import parameters_to_vector
 
 from perception.types import Float64
-from train.fusion.curvature_sums import CurvatureSums, LayerFactors
+from train.fusion.curvature_sums import GaussNewtonSums, LayerFactors
 from train.fusion.levenberg_marquardt import NormalEquations
 from train.fusion.mlp import RescoringMlp
 from train.fusion.targets import FusionRows
@@ -16,7 +16,7 @@ from train.fusion.targets import FusionRows
 _ROWS_AT_ONCE = 512  # so that what is made of them stays in the cache
 
 
-class MlpSquares:
+class MlpLeastSquares:
     """Weighted squares of what a network says less its targets, over its P parameters as one vector.
 
     In double precision: the curvature has eigenvalues of many magnitudes.
@@ -51,7 +51,7 @@ class MlpSquares:
 
     def normal_equations(self, parameters: Float64) -> NormalEquations:
         """Return the error with its derivatives, summed up over parts of the rows, without the Jacobian."""
-        sums = CurvatureSums([self._shapes[f"{name}.weight"] for name in self._layer_names()])
+        sums = GaussNewtonSums([self._shapes[f"{name}.weight"] for name in self._layer_names()])
         weights, square = self._named(parameters), 0.0
         for start in range(0, len(self._inputs), _ROWS_AT_ONCE):
             rows = slice(start, start + _ROWS_AT_ONCE)
@@ -60,7 +60,7 @@ class MlpSquares:
             square += float((residuals**2).sum())
             sums.add(residuals, self._factors(weights, inputs, says, self._roots[rows]))
         return NormalEquations(
-            square / self._total, sums.gradient / self._total, sums.curvature / self._total
+            square / self._total, sums.gradient / self._total, sums.normal_matrix / self._total
         )
 
     def _factors(

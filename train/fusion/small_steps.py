@@ -17,9 +17,9 @@ from perception.types import Int
 from train.fusion.mlp import RescoringMlp
 from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.targets import FusionRows
-from train.schedules import warm_cosine
+from train.schedules import warmup_cosine
 
-WATCHED = "validation/explained"
+MONITOR = "validation/explained"
 
 
 class FusionTraining(LightningModule):
@@ -46,7 +46,7 @@ class FusionTraining(LightningModule):
         error = (weights * (self.network(features) - targets) ** 2).sum() / total
         mean = (weights * targets).sum() / total
         variance = (weights * (targets - mean) ** 2).sum() / total
-        found = {"validation/mse": error, WATCHED: 1 - error / variance.clamp(min=1e-12)}
+        found = {"validation/mse": error, MONITOR: 1 - error / variance.clamp(min=1e-12)}
         self.log_dict(found, batch_size=len(features))
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
@@ -57,10 +57,10 @@ class FusionTraining(LightningModule):
             {"params": weights, "weight_decay": self.config.weight_decay},
             {"params": biases, "weight_decay": 0.0},
         ]
-        descent = AdamW(groups, lr=self.config.learning_rate)
+        optimizer = AdamW(groups, lr=self.config.learning_rate)
         steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(descent, partial(warm_cosine, steps=steps))
-        return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+        rate = LambdaLR(optimizer, partial(warmup_cosine, steps=steps))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
 
 
 class ShuffledRows(Sampler[Int]):

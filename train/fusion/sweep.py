@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from train.fusion.plan import FusionSets, FusionTrainingConfig
-from train.fusion.whole_steps import lowest
+from train.fusion.whole_steps import fit_levenberg_marquardt
 
 Hidden = tuple[int, ...]
 Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
@@ -41,6 +41,6 @@ def sweep(
     swept = []
     for hidden in progress(sizes):
         sized = replace(config, network_config=replace(config.network_config, hidden=hidden))
-        best = lowest(sets, sized)
+        best = fit_levenberg_marquardt(sets, sized)
         swept.append(SweptSize(hidden, best.training, best.validation))
     return swept

@@ -19,10 +19,10 @@ from perception.types import Float64
 from train.checkpoint_writer import require_same_network
 from train.checkpoints import read_checkpoint
 from train.fusion.mlp import MODEL
-from train.fusion.mlp_squares import MlpSquares
+from train.fusion.mlp_squares import MlpLeastSquares
 from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.small_steps import FusionBatches, FusionTraining
-from train.fusion.whole_steps import Descent, lowest
+from train.fusion.whole_steps import LevenbergMarquardtState, fit_levenberg_marquardt
 from train.progress import step_bar
 from train.trainer import BEST, LAST, TrainerConfig, fit, make_trainer
 
@@ -68,11 +68,11 @@ def fit_fusion(
     if resume is not None:
         _require_same_fit(resume, module)
     if config.optimiser == "lm":
-        return _by_whole_steps(sets, config, out, resume)
+        return _fit_by_levenberg_marquardt(sets, config, out, resume)
     fit(make_trainer(out, trainer, []), module, FusionBatches(sets, config), resume)
     content = read_checkpoint(out / BEST, MODEL)
     module.load_state_dict(content["state_dict"])
-    errors = [MlpSquares(module.network, rows) for rows in (sets.training, sets.validation)]
+    errors = [MlpLeastSquares(module.network, rows) for rows in (sets.training, sets.validation)]
     training, validation = (problem.mean_square(problem.start) for problem in errors)
     return FittedFusion(out / BEST, content["epoch"], training, validation)
 
@@ -82,18 +82,18 @@ def write_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> Non
     _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibrations)})
 
 
-def _by_whole_steps(
+def _fit_by_levenberg_marquardt(
     sets: FusionSets, config: FusionTrainingConfig, out: Path, resume: Path | None
 ) -> FittedFusion:
-    problem = MlpSquares(config.initial_network(sets.training), sets.training)
+    problem = MlpLeastSquares(config.initial_network(sets.training), sets.training)
 
     def content(parameters: Float64, step: int) -> dict[str, Any]:
         weights = problem.network_of(parameters).state_dict()
         state = {f"network.{name}": weight for name, weight in weights.items()}
         return {"state_dict": state, "hyper_parameters": config.hyper_parameters, "epoch": step}
 
-    def keep(descent: Descent, validation: float) -> None:
-        last, best = descent.last, descent.best
+    def keep(fit_state: LevenbergMarquardtState, validation: float) -> None:
+        last, best = fit_state.last, fit_state.best
         metrics = {
             "train/mse": last.mean_square,
             "validation/mse": validation,
@@ -104,17 +104,17 @@ def _by_whole_steps(
             writer.add_scalar(name, value, last.number)
         if best.step == last.number:
             _write(out / BEST, content(best.parameters, best.step))
-        _write(out / LAST, content(last.parameters, last.number) | {"descent": descent.state})
+        _write(out / LAST, content(last.parameters, last.number) | {"descent": fit_state.state})
         bar.update(last.number - bar.n)
         bar.set_postfix(train=f"{last.mean_square:.5f}", validation=f"{validation:.5f}")
 
     resumed_state = None
     if resume is not None:
-        resumed_state = Descent.of_state(read_checkpoint(resume, MODEL)["descent"])
+        resumed_state = LevenbergMarquardtState.from_dict(read_checkpoint(resume, MODEL)["descent"])
         _write(out / BEST, content(resumed_state.best.parameters, resumed_state.best.step))
     first = 0 if resumed_state is None else resumed_state.last.number
     with SummaryWriter(str(out)) as writer, step_bar(config.damping.max_steps, first) as bar:
-        best = lowest(sets, config, keep, resumed_state)
+        best = fit_levenberg_marquardt(sets, config, keep, resumed_state)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
 

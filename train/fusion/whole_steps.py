@@ -8,13 +8,13 @@ import torch
 
 from perception.geometry.threads import limit_blas_threads
 from perception.types import Float64
-from train.fusion.levenberg_marquardt import Step, descend
-from train.fusion.mlp_squares import MlpSquares
+from train.fusion.levenberg_marquardt import LevenbergMarquardtStep, levenberg_marquardt_steps
+from train.fusion.mlp_squares import MlpLeastSquares
 from train.fusion.plan import FusionSets, FusionTrainingConfig
 
 
 @dataclass(frozen=True)
-class Lowest:
+class BestFit:
     """Where the error on what was kept back was lowest."""
 
     step: int
@@ -24,11 +24,11 @@ class Lowest:
 
 
 @dataclass(frozen=True)
-class Descent:
+class LevenbergMarquardtState:
     """How far a descent is: all that it takes to go on."""
 
-    last: Step
-    best: Lowest
+    last: LevenbergMarquardtStep
+    best: BestFit
 
     @property
     def state(self) -> dict[str, dict[str, Any]]:
@@ -39,21 +39,21 @@ class Descent:
         }
 
     @classmethod
-    def of_state(cls, state: dict[str, dict[str, Any]]) -> Self:
+    def from_dict(cls, state: dict[str, dict[str, Any]]) -> Self:
         """Read what a checkpoint keeps."""
         last, best = (
             {**state[name], "parameters": state[name]["parameters"].numpy()}
             for name in ("last", "best")
         )
-        return cls(Step(**last), Lowest(**best))
+        return cls(LevenbergMarquardtStep(**last), BestFit(**best))
 
 
-def lowest(
+def fit_levenberg_marquardt(
     sets: FusionSets,
     config: FusionTrainingConfig,
-    watch: Callable[[Descent, float], None] | None = None,
-    resumed_state: Descent | None = None,
-) -> Lowest:
+    watch: Callable[[LevenbergMarquardtState, float], None] | None = None,
+    resumed_state: LevenbergMarquardtState | None = None,
+) -> BestFit:
     """Go down by Levenberg-Marquardt until what was kept back says that it is enough.
 
     Args:
@@ -63,19 +63,22 @@ def lowest(
         begun: a descent to go on with, from its last step.
     """
     network = config.initial_network(sets.training)
-    problem, kept_back = MlpSquares(network, sets.training), MlpSquares(network, sets.validation)
+    problem, validation_problem = (
+        MlpLeastSquares(network, sets.training),
+        MlpLeastSquares(network, sets.validation),
+    )
     best = None if resumed_state is None else resumed_state.best
     start, damping, first = problem.start, config.damping, 0
     if resumed_state is not None:
         start, first = resumed_state.last.parameters, resumed_state.last.number
         damping = replace(damping, first=resumed_state.last.damping)
     with limit_blas_threads():
-        for step in descend(problem, start, damping, first):
-            error = kept_back.mean_square(step.parameters)
+        for step in levenberg_marquardt_steps(problem, start, damping, first):
+            error = validation_problem.mean_square(step.parameters)
             if best is None or error < best.validation:
-                best = Lowest(step.number, step.parameters, step.mean_square, error)
+                best = BestFit(step.number, step.parameters, step.mean_square, error)
             if watch is not None:
-                watch(Descent(step, best), error)
+                watch(LevenbergMarquardtState(step, best), error)
             if step.number - best.step >= config.checks:
                 break
     assert best is not None  # the start is one

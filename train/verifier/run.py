@@ -64,7 +64,7 @@ def train_verifier(
     images = VerifierImages(lambda: _augmentations(data))
     trainer: Trainer = make_trainer(out, trainer_config, [images])
     fit(trainer, module, data, resume)
-    if trainer_config.is_trial or not trainer.is_global_zero:
+    if trainer_config.fast_dev_run or not trainer.is_global_zero:
         return None
     return _evaluate_best(data, out / BEST)
 

@@ -13,7 +13,7 @@ from torch.optim.lr_scheduler import LambdaLR
 
 from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
-from train.schedules import stepped, warm_cosine
+from train.schedules import step_decay, warmup_cosine
 from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
 
@@ -139,13 +139,13 @@ class VerifierTraining(LightningModule):
             {"params": kept, "weight_decay": self.config.weight_decay},
             {"params": free, "weight_decay": 0.0},
         ]
-        descent = SGD(groups, lr=self.config.learning_rate, momentum=self.config.momentum)
-        rate = LambdaLR(descent, self._rate())
-        return {"optimizer": descent, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+        optimizer = SGD(groups, lr=self.config.learning_rate, momentum=self.config.momentum)
+        rate = LambdaLR(optimizer, self._rate())
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
 
     def _rate(self) -> Callable[[int], float]:
         steps = int(self.trainer.estimated_stepping_batches)
         if self.config.schedule == "stepped":
             epochs = self.trainer.max_epochs or 1
-            return partial(stepped, steps_a_stage=_EPOCHS_A_STAGE * max(steps // epochs, 1))
-        return partial(warm_cosine, steps=steps)
+            return partial(step_decay, steps_per_stage=_EPOCHS_A_STAGE * max(steps // epochs, 1))
+        return partial(warmup_cosine, steps=steps)

@@ -168,7 +168,7 @@ def _train(
         accelerator=conditions.accelerator,
         precision="auto",
         seed=conditions.seed,
-        watched="validation/moderate",
+        monitor="validation/moderate",
     )
     is_begun = (folder / "last.ckpt").exists()
     trained = run_training(

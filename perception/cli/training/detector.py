@@ -109,7 +109,7 @@ def detector(  # noqa: PLR0913 - flags of a command
         nodes=nodes,
         precision=precision,
         seed=seed,
-        watched="validation/moderate",
+        monitor="validation/moderate",
         patience=patience,
     )
     images = DetectorDataConfig(

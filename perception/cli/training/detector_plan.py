@@ -153,8 +153,9 @@ def detector_training_config(
     )
     return DetectorTrainingConfig(
         network_config=network_config,
-        descent=replace(
-            preset.descent, learning_rate=model.learning_rate or preset.descent.learning_rate
+        optimizer_config=replace(
+            preset.optimizer_config,
+            learning_rate=model.learning_rate or preset.optimizer_config.learning_rate,
         ),
         loss=replace(
             preset.loss,

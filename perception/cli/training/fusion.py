@@ -82,7 +82,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         out: folder of the results.
     """
     trainer = trainer_config(
-        epochs=epochs, accelerator="cpu", seed=seed, watched="validation/explained"
+        epochs=epochs, accelerator="cpu", seed=seed, monitor="validation/explained"
     )
     place = TrainingFolder.of_flags(out, resume)
     data = FusionDataConfig(

@@ -17,12 +17,12 @@ from tests.train.fusion.test_mlp_squares import toy_rows
 from train.fusion.calibration import fit_calibration
 from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
 from train.fusion.mlp import MlpConfig, load_fusion
-from train.fusion.mlp_squares import MlpSquares
+from train.fusion.mlp_squares import MlpLeastSquares
 from train.fusion.plan import FusionSets, FusionTrainingConfig
-from train.fusion.small_steps import WATCHED, FusionTraining
+from train.fusion.small_steps import MONITOR, FusionTraining
 from train.fusion.sweep import hidden_sizes, sweep
 from train.fusion.training import fit_fusion, write_calibrations
-from train.fusion.whole_steps import lowest
+from train.fusion.whole_steps import fit_levenberg_marquardt
 from train.trainer import TrainerConfig, checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
@@ -35,8 +35,8 @@ def config_of(**changes) -> FusionTrainingConfig:
 @pytest.mark.parametrize("optimiser", ["lm", "adamw"])
 def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
     config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=8), batch=20)
-    fitted = fit_fusion(SETS, config, tmp_path, TrainerConfig(epochs=8, watched=WATCHED))
-    first = lowest(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=0)))
+    fitted = fit_fusion(SETS, config, tmp_path, TrainerConfig(epochs=8, monitor=MONITOR))
+    first = fit_levenberg_marquardt(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
     _, metadata = load_fusion(fitted.checkpoint)
     assert metadata["hidden"] == "4"
@@ -60,7 +60,7 @@ def killed(monkeypatch, config, at):
         return original(self, *asked)
 
     owner, name = {
-        "lm": (MlpSquares, "normal_equations"),
+        "lm": (MlpLeastSquares, "normal_equations"),
         "adamw": (FusionTraining, "training_step"),
     }[config.optimiser]
     original = getattr(owner, name)
@@ -71,7 +71,7 @@ def killed(monkeypatch, config, at):
 def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optimiser):
     # Of lm steps, and of adamw batches of which there are four an epoch.
     config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=9), batch=20)
-    trainer = TrainerConfig(epochs=3, watched=WATCHED)
+    trainer = TrainerConfig(epochs=3, monitor=MONITOR)
     whole = fit_fusion(SETS, config, tmp_path / "whole", trainer)
     out = tmp_path / "killed"
     with monkeypatch.context() as patch:
@@ -103,14 +103,17 @@ def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
 
 def test_it_ends_when_what_was_kept_back_gets_no_better():
     seen = []
-    best = lowest(SETS, config_of(checks=2), lambda descent, error: seen.append(error))
+    best = fit_levenberg_marquardt(
+        SETS, config_of(checks=2), lambda descent, error: seen.append(error)
+    )
     assert best.validation == min(seen)
     assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
 
 
 def test_the_same_seed_finds_the_same_place():
     first, second = (
-        lowest(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=5))) for _ in range(2)
+        fit_levenberg_marquardt(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=5)))
+        for _ in range(2)
     )
     np.testing.assert_array_equal(first.parameters, second.parameters)
 

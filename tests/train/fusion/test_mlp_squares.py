@@ -10,9 +10,9 @@ from scipy.optimize import approx_fprime, least_squares
 
 from perception.detection.fusion.features import FEATURES
 from perception.errors import UsageError
-from train.fusion.levenberg_marquardt import descend
+from train.fusion.levenberg_marquardt import levenberg_marquardt_steps
 from train.fusion.mlp import MlpConfig, RescoringMlp
-from train.fusion.mlp_squares import MlpSquares
+from train.fusion.mlp_squares import MlpLeastSquares
 from train.fusion.targets import FusionRows
 
 
@@ -25,12 +25,12 @@ def toy_rows(count=60, seed=0) -> FusionRows:
     return FusionRows(features, targets, weights)
 
 
-def toy_problem(hidden=(4,), rows=None, variant="scores") -> MlpSquares:
+def toy_problem(hidden=(4,), rows=None, variant="scores") -> MlpLeastSquares:
     rows = toy_rows() if rows is None else rows
     torch.manual_seed(0)
     network = RescoringMlp(MlpConfig(variant, hidden))
     network.fit_inputs(rows.features)
-    return MlpSquares(network, rows)
+    return MlpLeastSquares(network, rows)
 
 
 @pytest.mark.parametrize("hidden", [(4,), (4, 3)])
@@ -45,14 +45,14 @@ def test_the_error_and_its_gradient(hidden):
     assert here.mean_square == pytest.approx(problem.mean_square(start), rel=1e-12)
     numeric = approx_fprime(start, problem.mean_square, 1e-7)
     np.testing.assert_allclose(2 * here.gradient, numeric, atol=1e-5)
-    assert np.linalg.eigvalsh(here.curvature).min() > -1e-12
+    assert np.linalg.eigvalsh(here.normal_matrix).min() > -1e-12
 
 
 def test_the_curvature_is_that_of_all_rows_whatever_the_parts(monkeypatch):
     whole = toy_problem().normal_equations(toy_problem().start)
     monkeypatch.setattr("train.fusion.mlp_squares._ROWS_AT_ONCE", 7)
     parts = toy_problem().normal_equations(toy_problem().start)
-    np.testing.assert_allclose(parts.curvature, whole.curvature, atol=1e-12)
+    np.testing.assert_allclose(parts.normal_matrix, whole.normal_matrix, atol=1e-12)
     np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-12)
 
 
@@ -71,7 +71,7 @@ def test_the_sums_are_those_of_the_whole_jacobian(variant, hidden):
     here, plain = problem.normal_equations(problem.start), jacobian(problem, problem.start)
     total = rows.weights.sum()
     residuals = problem.residuals(problem.start)
-    np.testing.assert_allclose(here.curvature, plain.T @ plain / total, atol=1e-12)
+    np.testing.assert_allclose(here.normal_matrix, plain.T @ plain / total, atol=1e-12)
     np.testing.assert_allclose(here.gradient, plain.T @ residuals / total, atol=1e-12)
 
 
@@ -83,7 +83,7 @@ def test_levenberg_marquardt_gets_as_low_as_scipy():
     rows = replace(toy_rows(), targets=(says.detach().numpy() + noise).astype(np.float32))
     problem = toy_problem((2,), rows)
     start = teacher + 0.1 * np.random.default_rng(1).normal(size=len(teacher))
-    *_, last = descend(problem, start)
+    *_, last = levenberg_marquardt_steps(problem, start)
     theirs = least_squares(
         problem.residuals, start, partial(jacobian, problem), xtol=1e-12, ftol=1e-12, gtol=1e-12
     )
