@@ -123,10 +123,10 @@ class ReferencePointTracker:
     def _detections(self, world_SE3_velo: Float64, moving: Footprints) -> list[_ReferenceTrack]:
         found = []
         for number in range(len(moving)):
-            thing = moving[np.array([number])]
-            moved = thing.moved(world_SE3_velo)
-            extent_m = thing.vertices_m.max(axis=0) - thing.vertices_m.min(axis=0)
-            size_m = np.array([*extent_m, float(thing.high_m[0] - thing.low_m[0])])
+            footprint = moving[np.array([number])]
+            moved = footprint.moved(world_SE3_velo)
+            extent_m = footprint.vertices_m.max(axis=0) - footprint.vertices_m.min(axis=0)
+            size_m = np.array([*extent_m, float(footprint.high_m[0] - footprint.low_m[0])])
             mean = np.array([*moved.centroids_m[0], 0.0, 0.0])
             state = ReferenceKalmanFilter(mean, self.config.initial_variance * np.eye(4))
             found.append(_ReferenceTrack(-1, state, size_m, float(moved.low_m[0])))
@@ -189,13 +189,13 @@ def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
     start_m = rng.uniform([-8, -9], [20, 9], (count, 2))
     velocity_m_s = rng.uniform([-2, -1], [4, 1], (count, 2))
     square = np.array([[1, 1, 0.2], [1, -1, 0.2], [-1, -1, 1.5], [-1, 1, 1.5], [0, 0, 1]])
-    thing_of = np.repeat(np.arange(count), len(square))
+    object_of = np.repeat(np.arange(count), len(square))
     scans = []
     for frame in range(frames):
         center_m = start_m + 0.1 * frame * velocity_m_s + rng.normal(0, 0.1, (count, 2))
         points_m = np.tile(square, (count, 1))
         points_m[:, :2] += np.repeat(center_m, len(square), axis=0)
-        scans.append(footprints_of(points_m, thing_of, count))
+        scans.append(footprints_of(points_m, object_of, count))
     return scans
 
 

@@ -45,9 +45,9 @@ class Camera:
         pinhole = PinholeCamera(self._calibration, world_SE3_velo)
         _, moving = self._world.moving_at(time_s, _VIEW_M)
         casting = [
-            thing
-            for thing in moving
-            if np.linalg.norm(thing.world_SE3_thing[:3, 3] - pinhole.centre_m) < _SHADOWS_M
+            moving_object
+            for moving_object in moving
+            if np.linalg.norm(moving_object.world_SE3_object[:3, 3] - pinhole.centre_m) < _SHADOWS_M
         ]
         footprints = self._world.footprints(moving, pinhole.centre_m, _OPENNESS_M)
         rotation = world_SE3_velo[:3, :3].astype(np.float32)

@@ -160,7 +160,7 @@ _CUBOID_EDGES = _cuboid_edges()
 
 def _may_be_in_view(actor: Actor, state: MovingObject, camera: PinholeCamera) -> bool:
     """Tell whether the sphere around an object reaches into the camera's field of view."""
-    x, _, z = camera.camera_R_world @ (state.world_SE3_thing[:3, 3] - camera.centre_m)
+    x, _, z = camera.camera_R_world @ (state.world_SE3_object[:3, 3] - camera.centre_m)
     radius = float(np.linalg.norm(actor.body.size_m))
     # Both sides of the image lie within 45 degrees of its axis.
     return bool(z > -radius and abs(x) < z + 1.5 * radius)
@@ -169,7 +169,7 @@ def _may_be_in_view(actor: Actor, state: MovingObject, camera: PinholeCamera) ->
 def _object_in_image(
     actor: Actor, state: MovingObject, outline: Float, camera: PinholeCamera
 ) -> _ImageObject | None:
-    pose, width_height = state.world_SE3_thing, np.array(camera.size_px, float)
+    pose, width_height = state.world_SE3_object, np.array(camera.size_px, float)
     pixels, depth_m = camera.project(outline @ pose[:3, :3].T + pose[:3, 3])
     before = depth_m > 0.3
     if not before.any():
@@ -219,7 +219,7 @@ def _sample_visibility(
     before = camera.rays(pixels[index])
     _, moving = world.moving_at(time_s, 150.0)
     hits = world.scene.cast(before, moving)
-    instance = world.scene.tables.instances[hits.thing]
+    instance = world.scene.tables.instances[hits.object_row]
     own = np.array([image_object.actor.track_id + 1 for image_object in image_objects])[
         owner[index]
     ]
@@ -274,7 +274,7 @@ def _boxes_velo(
     if not actors:
         return Boxes3D.empty()
     velo_SE3_world = se3.inverse(world_SE3_velo)
-    poses = np.stack([velo_SE3_world @ state.world_SE3_thing for state in states])
+    poses = np.stack([velo_SE3_world @ state.world_SE3_object for state in states])
     return Boxes3D(
         poses[:, :3, 3],
         np.array([actor.body.size_m for actor in actors], float),

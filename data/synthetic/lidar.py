@@ -61,9 +61,11 @@ def scan(world: World, sensor: LidarModel, time_s: float, rng: np.random.Generat
     local = (points - world_SE3_velo[:3, 3].astype(np.float32)) @ rotation
     points_velo = np.concatenate([local, reflectance[order, None]], axis=1)
     moves = np.array([np.linalg.norm(m.velocity_m_s) > MOVING_M_S for m in moving] + [False])
-    tables, thing = world.scene.tables, hits.thing[order]
+    tables, object_row = world.scene.tables, hits.object_row[order]
     truth = PointTruth(
-        tables.classes(hits.row[order], thing), tables.instances[thing], moves[hits.moving[order]]
+        tables.classes(hits.row[order], object_row),
+        tables.instances[object_row],
+        moves[hits.moving[order]],
     )
     return LidarScan(np.ascontiguousarray(points_velo, np.float32), truth)
 
@@ -144,7 +146,7 @@ def _returns(
     slots = tables.slots[hits.row]
     normals = world.scene.face_normals(hits, moving)
     cosine = np.abs(np.einsum("ij,ij->i", normals, rays.directions))
-    albedo = tables.palettes[hits.thing, slots, 3]
+    albedo = tables.palettes[hits.object_row, slots, 3]
     albedo = marking_reflectance(world, hits, slots, albedo)
     shots = Shots(albedo, cosine, np.maximum(hits.distance_m, np.float32(1e-3)))
     kept = rng.random(len(slots), np.float32) < _ECHOES.kept_share(sensor, slots, shots)

@@ -25,13 +25,13 @@ class MovingObject:
     Attributes:
         shape: number of its shape in the scene.
         thing: number of its palette and class in the scene.
-        world_SE3_thing: (4, 4) pose.
+        world_SE3_object: (4, 4) pose.
         velocity_m_s: (3,) in world axes.
     """
 
     shape: int
-    thing: int
-    world_SE3_thing: Float64
+    object_row: int
+    world_SE3_object: Float64
     velocity_m_s: Float64
 
 
@@ -67,7 +67,7 @@ class Hits:
 
     distance_m: Float32
     row: Int
-    thing: Int
+    object_row: Int
     u: Float32
     v: Float32
     moving: Int
@@ -85,7 +85,7 @@ class RaycastingScene:
         self._still = _embree(still)
         self._meshes, self._starts = [still], [0]
         self._shapes: list[EmbreeScene] = []
-        self._thing_of_row = np.repeat(
+        self._object_of_row = np.repeat(
             np.arange(len(parts), dtype=np.int32), [len(part.mesh) for part in parts]
         )
         self._radii_m: list[float] = []
@@ -99,7 +99,7 @@ class RaycastingScene:
         self._radii_m.append(mesh.radius_m)
         return len(self._shapes) - 1
 
-    def add_thing(self, palette: Float32, semantic: int, instance: int) -> int:
+    def add_object(self, palette: Float32, semantic: int, instance: int) -> int:
         """Add a moving thing's looks; return its number."""
         self._palettes.append(palette)
         self._semantics.append(semantic)
@@ -130,39 +130,39 @@ class RaycastingScene:
         hits = Hits(
             np.where(is_hit, met["tfar"], np.float32(np.inf)),
             row,
-            np.where(is_hit, self._thing_of_row[row], -1),
+            np.where(is_hit, self._object_of_row[row], -1),
             met["u"],
             met["v"],
             np.full(len(row), -1, np.int32),
         )
-        for number, thing in enumerate(moving):
-            self._cast_at(rays, number, thing, hits)
+        for number, object_row in enumerate(moving):
+            self._cast_at(rays, number, object_row, hits)
         return hits
 
-    def _cast_at(self, rays: Rays, number: int, thing: MovingObject, hits: Hits) -> None:
+    def _cast_at(self, rays: Rays, number: int, object_row: MovingObject, hits: Hits) -> None:
         """Overwrite the hits of the rays that meet one moving thing first."""
-        centre = thing.world_SE3_thing[:3, 3]
-        slack = 0.06 * float(np.linalg.norm(thing.velocity_m_s))
-        index = rays.near(centre, self._radii_m[thing.shape] + slack)
+        centre = object_row.world_SE3_object[:3, 3]
+        slack = 0.06 * float(np.linalg.norm(object_row.velocity_m_s))
+        index = rays.near(centre, self._radii_m[object_row.shape] + slack)
         if len(index) == 0:
             return
-        origins, directions = to_local(rays, index, thing)
+        origins, directions = to_local(rays, index, object_row)
         reach = np.minimum(hits.distance_m[index], np.float32(1e6))
-        met = self._shapes[thing.shape].run(origins, directions, dists=reach, output=1)
+        met = self._shapes[object_row.shape].run(origins, directions, dists=reach, output=1)
         is_first = met["primID"] >= 0
         at = index[is_first]
         hits.distance_m[at] = met["tfar"][is_first]
-        hits.row[at] = met["primID"][is_first] + self._starts[thing.shape + 1]
+        hits.row[at] = met["primID"][is_first] + self._starts[object_row.shape + 1]
         hits.u[at], hits.v[at] = met["u"][is_first], met["v"][is_first]
-        hits.thing[at], hits.moving[at] = thing.thing, number
+        hits.object_row[at], hits.moving[at] = object_row.object_row, number
 
     def blocks(self, rays: Rays, moving: Sequence[MovingObject]) -> Bool:
         """Tell which rays meet anything at all; panes of glass cast shadows too."""
         blocked = self._still.run(rays.origins_m, rays.directions, query="INTERSECT") >= 0
-        for thing in moving:
-            index = rays.near(thing.world_SE3_thing[:3, 3], self._radii_m[thing.shape])
+        for object_row in moving:
+            index = rays.near(object_row.world_SE3_object[:3, 3], self._radii_m[object_row.shape])
             if len(index):
-                blocked[index] |= self.meets(thing.shape, *to_local(rays, index, thing))
+                blocked[index] |= self.meets(object_row.shape, *to_local(rays, index, object_row))
         return np.asarray(blocked)
 
     def meets(self, shape: int, origins_m: Float32, directions: Float32) -> Bool:
@@ -197,10 +197,10 @@ class SurfaceTables:
     semantics: Int
     instances: Int
 
-    def classes(self, row: Int, thing: Int) -> Int:
+    def classes(self, row: Int, object_row: Int) -> Int:
         """Return the class of points on given rows of given things."""
         own = _SEMANTIC_OF_SLOT[self.slots[row]]
-        whole = self.semantics[thing]
+        whole = self.semantics[object_row]
         return np.where(whole > 0, whole, own)
 
 
@@ -217,11 +217,11 @@ def _embree(mesh: Mesh) -> EmbreeScene:
     return scene
 
 
-def to_local(rays: Rays, index: Int, thing: MovingObject) -> tuple[Float32, Float32]:
+def to_local(rays: Rays, index: Int, object_row: MovingObject) -> tuple[Float32, Float32]:
     """Carry some rays into a moving thing's frame at the time each is fired."""
-    rotation = thing.world_SE3_thing[:3, :3].astype(np.float32)
-    origins = rays.origins_m[index] - thing.world_SE3_thing[:3, 3].astype(np.float32)
-    origins -= rays.delays_s[index, None] * thing.velocity_m_s.astype(np.float32)
+    rotation = object_row.world_SE3_object[:3, :3].astype(np.float32)
+    origins = rays.origins_m[index] - object_row.world_SE3_object[:3, 3].astype(np.float32)
+    origins -= rays.delays_s[index, None] * object_row.velocity_m_s.astype(np.float32)
     return origins @ rotation, rays.directions[index] @ rotation
 
 
@@ -230,7 +230,9 @@ def rotated(normals: Float32, hits: Hits, moving: Sequence[MovingObject]) -> Flo
     turned = normals.copy()
     at = np.flatnonzero(hits.moving >= 0)
     if len(at):
-        rotations = np.stack([thing.world_SE3_thing[:3, :3] for thing in moving]).astype(np.float32)
+        rotations = np.stack([object_row.world_SE3_object[:3, :3] for object_row in moving]).astype(
+            np.float32
+        )
         turned[at] = np.einsum("nij,nj->ni", rotations[hits.moving[at]], normals[at])
     return turned
 

@@ -37,10 +37,10 @@ class Shader:
     def shade(self, buffer: GBuffer, state: RenderState) -> Float32:
         """Return (K, 3) the light that reaches the camera from all that is seen."""
         tables, daylight = self._world.scene.tables, self._daylight
-        thing = buffer.hits.thing[buffer.seen]
+        object_row = buffer.hits.object_row[buffer.seen]
         colours = np.take(
             tables.palettes.reshape(-1, 4),
-            thing * len(Slot) + buffer.slots.astype(np.int64),
+            object_row * len(Slot) + buffer.slots.astype(np.int64),
             axis=0,
         )[:, :3]
         colours = self._textures.paint(tables, buffer.hits, buffer.seen, buffer.slots, colours)

@@ -51,7 +51,7 @@ def ground(road: Road, start_m: float, end_m: float, appearance: Float32 | None 
 
 
 def upright_pose(road: Road, s_m: float, l_m: float, turn_rad: float = 0.0) -> Float64:
-    """Return world_SE3_thing of something upright on the ground, x along the road but for a turn."""
+    """Return world_SE3_object of something upright on the ground, x along the road but for a turn."""
     place = road.place(np.array(s_m), np.array(l_m))
     return se3.from_euler(0.0, 0.0, float(road.heading_rad(np.array(s_m))) + turn_rad, place)
 

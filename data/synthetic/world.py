@@ -44,7 +44,7 @@ class World:
     sway_rad: Float64
     sun: Float64
     shapes: Sequence[tuple[int, ...]]
-    things: Sequence[int]
+    object_rows: Sequence[int]
     sensor_unit: int = 0
 
     def world_SE3_body(self, times_s: Float64) -> Float64:
@@ -88,10 +88,10 @@ class World:
         self, moving: Sequence[MovingObject], centre_m: Float64, within_m: float
     ) -> list[tuple[Float64, float, float]]:
         """Return pose, length and width of the vehicles around a place."""
-        by_thing = {state.thing: state.world_SE3_thing for state in moving}
+        by_object = {state.object_row: state.world_SE3_object for state in moving}
         found = []
-        for actor, thing in zip(self.actors, self.things, strict=True):
-            pose = actor.world_SE3_parked if actor.path is None else by_thing.get(thing)
+        for actor, object_row in zip(self.actors, self.object_rows, strict=True):
+            pose = actor.world_SE3_parked if actor.path is None else by_object.get(object_row)
             if pose is None or actor.body.is_person:
                 continue
             if np.linalg.norm(pose[:3, 3] - centre_m) < within_m:
@@ -102,7 +102,7 @@ class World:
         """Return where an actor is, and which shape it has there."""
         shape = self.shapes[actor.track_id][actor.phase(time_s)]
         pose, velocity = actor.pose(self.road, time_s), actor.velocity_m_s(self.road, time_s)
-        return MovingObject(shape, self.things[actor.track_id], pose, velocity)
+        return MovingObject(shape, self.object_rows[actor.track_id], pose, velocity)
 
 
 def build_world(config: WorldConfig, duration_s: float, rng: np.random.Generator) -> World:
@@ -145,8 +145,8 @@ def assemble(
         if id(actor.body) not in shapes_of:
             added = tuple(scene.add_shape(mesh) for mesh in actor.body.poses)
             shapes_of[id(actor.body)] = added
-    things = [
-        scene.add_thing(actor.appearance, actor.body.semantic, actor.track_id + 1)
+    object_rows = [
+        scene.add_object(actor.appearance, actor.body.semantic, actor.track_id + 1)
         for actor in actors
     ]
     scene.finish()
@@ -161,7 +161,7 @@ def assemble(
         sway_rad=rng.uniform(0, 2 * np.pi, (3, 2)),
         sun=np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)]),
         shapes=[shapes_of[id(actor.body)] for actor in actors],
-        things=things,
+        object_rows=object_rows,
         sensor_unit=int(rng.integers(1000)),
     )
 

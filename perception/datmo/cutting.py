@@ -21,21 +21,23 @@ class ClusteringConfig:
 
     Attributes:
         cell_m: points so close are one.
-        side_gap_m: across the line of sight: more than between a walker's legs, less than between two
+        lateral_gap_m: across the line of sight: more than between a walker's legs, less than between two
             walkers side by side.
-        depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
+        min_depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
         max_depth_gap_m: along the line of sight, at most: less than from one car to the next.
         rise: slope of the flattest surface that is bridged between two beams.
     """
 
     cell_m: float = 0.15
-    side_gap_m: float = 0.4
-    depth_gap_m: float = 0.6
+    lateral_gap_m: float = 0.4
+    min_depth_gap_m: float = 0.6
     max_depth_gap_m: float = 1.5
-    rise: float = 1 / 3
+    min_surface_slope: float = 1 / 3
 
 
-def cut_moving(points_velo: Float, elevation_step_rad: float, config: ClusteringConfig) -> Int:
+def cluster_moving_points(
+    points_velo: Float, elevation_step_rad: float, config: ClusteringConfig
+) -> Int:
     """Return (N,) the number of each point's thing, from 0.
 
     Args:
@@ -48,14 +50,16 @@ def cut_moving(points_velo: Float, elevation_step_rad: float, config: Clustering
     cell_of, places_m = _cells(points_velo, config.cell_m)
     ranges_m = np.hypot(*places_m.T)
     depth_gaps_m = np.clip(
-        ranges_m * elevation_step_rad / config.rise, config.depth_gap_m, config.max_depth_gap_m
+        ranges_m * elevation_step_rad / config.min_surface_slope,
+        config.min_depth_gap_m,
+        config.max_depth_gap_m,
     )
     reach_m = float(depth_gaps_m.max())
     pairs = cKDTree(places_m).query_pairs(reach_m, output_type="ndarray")
-    pairs = pairs[_is_one(places_m, depth_gaps_m, pairs, config.side_gap_m)]
+    pairs = pairs[_is_linked(places_m, depth_gaps_m, pairs, config.lateral_gap_m)]
     links = coo_matrix((np.ones(len(pairs)), pairs.T), (len(places_m), len(places_m)))
-    _, thing_of_cell = connected_components(links, directed=False)
-    return np.asarray(thing_of_cell[cell_of], np.int64)
+    _, cluster_of_cell = connected_components(links, directed=False)
+    return np.asarray(cluster_of_cell[cell_of], np.int64)
 
 
 def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:
@@ -68,7 +72,7 @@ def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:
     return np.asarray(cell_of, np.int64), np.column_stack(sums) / counts[:, None]
 
 
-def _is_one(places_m: Float64, depth_gaps_m: Float64, pairs: Int, side_gap_m: float) -> Bool:
+def _is_linked(places_m: Float64, depth_gaps_m: Float64, pairs: Int, lateral_gap_m: float) -> Bool:
     """Tell which (L, 2) pairs of cells lie within an ellipse along the line of sight."""
     first, second = places_m[pairs[:, 0]], places_m[pairs[:, 1]]
     sight = first + second
@@ -77,4 +81,4 @@ def _is_one(places_m: Float64, depth_gaps_m: Float64, pairs: Int, side_gap_m: fl
     along = (apart * sight).sum(axis=1)
     across = apart[:, 0] * sight[:, 1] - apart[:, 1] * sight[:, 0]
     depth_m = depth_gaps_m[pairs].mean(axis=1)
-    return np.asarray((along / depth_m) ** 2 + (across / side_gap_m) ** 2 <= 1)
+    return np.asarray((along / depth_m) ** 2 + (across / lateral_gap_m) ** 2 <= 1)

@@ -125,11 +125,11 @@ def _outline(grids: MotionGrids, ground: GroundModel) -> Footprints:
     """Fit what stands for each thing: its cells from above, from the ground to its highest motion."""
     found = grids.found
     rows, columns = np.nonzero(found.labels)
-    thing_of = found.labels[rows, columns] - 1
+    cluster_of = found.labels[rows, columns] - 1
     motion_m = grids.motion_m[rows, columns]
     centers_m = np.column_stack([grids.cells.centers_m(rows, columns), motion_m])
-    things = footprints_of(centers_m, thing_of, found.count)
-    low_m = np.asarray(ground.height_m(things.centroids_m), np.float64)
+    clusters = footprints_of(centers_m, cluster_of, found.count)
+    low_m = np.asarray(ground.height_m(clusters.centroids_m), np.float64)
     points = grids.elevation.points[grids.work_cells.part(grids.config.area)][rows, columns]
-    of_thing = np.bincount(thing_of, points * (motion_m > 0), found.count).astype(np.int64)
-    return replace(things, low_m=low_m, high_m=low_m + things.high_m, points=of_thing)
+    of_cluster = np.bincount(cluster_of, points * (motion_m > 0), found.count).astype(np.int64)
+    return replace(clusters, low_m=low_m, high_m=low_m + clusters.high_m, points=of_cluster)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.datmo.cutting import ClusteringConfig, cut_moving
+from perception.datmo.cutting import ClusteringConfig, cluster_moving_points
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.standing_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
@@ -42,12 +42,12 @@ class PointDetector:
     def __init__(
         self,
         sensor: LidarModel,
-        cutting: ClusteringConfig | None = None,
+        clustering: ClusteringConfig | None = None,
         config: PointDetectorConfig | None = None,
     ) -> None:
         """Take the sensor whose scans will come, and the rules."""
         self._sensor = sensor
-        self._cutting = cutting or ClusteringConfig()
+        self._clustering = clustering or ClusteringConfig()
         self._config = config or PointDetectorConfig()
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
@@ -55,37 +55,39 @@ class PointDetector:
         moving = _points_of(scan, PointState.MOVING)
         static = _points_of(scan, PointState.STATIC)
         config = self._config
-        thing_of = cut_moving(moving, self._sensor.elevation_step_rad, self._cutting)
+        cluster_of = cluster_moving_points(
+            moving, self._sensor.elevation_step_rad, self._clustering
+        )
         static_clusters = Footprints.empty()
         if len(static):
             cells = StaticCells.under(static, config.static_cell_m)
-            may_touch = self._beams_across(moving, thing_of) >= config.min_beams_across
-            touches = cells.is_touching(moving) & ~may_touch[thing_of]
-            thing_of = _without_attached(thing_of, touches, config.max_attached_ratio)
-            static_clusters = cells.things(config.static_min_points, config.static_max_length_m)
+            may_touch = self._beams_across(moving, cluster_of) >= config.min_beams_across
+            touches = cells.is_touching(moving) & ~may_touch[cluster_of]
+            cluster_of = _without_attached(cluster_of, touches, config.max_attached_ratio)
+            static_clusters = cells.clusters(config.static_min_points, config.static_max_length_m)
         return DetectedObjects(
-            moving=_on_ground(_outline(moving, thing_of, config.min_points), scan.ground),
+            moving=_on_ground(_outline(moving, cluster_of, config.min_points), scan.ground),
             static=_on_ground(static_clusters, scan.ground),
         )
 
-    def _beams_across(self, moving: Float32, thing_of: Int) -> Float64:
+    def _beams_across(self, moving: Float32, cluster_of: Int) -> Float64:
         """Return for each thing how many beams cross it, by its height and its distance."""
-        things = int(thing_of.max(initial=-1)) + 1
-        low_m, high_m = np.full(things, np.inf), np.full(things, -np.inf)
-        np.minimum.at(low_m, thing_of, moving[:, 2])
-        np.maximum.at(high_m, thing_of, moving[:, 2])
-        nearest_m = np.full(things, np.inf)
-        np.minimum.at(nearest_m, thing_of, np.hypot(moving[:, 0], moving[:, 1]))
+        clusters = int(cluster_of.max(initial=-1)) + 1
+        low_m, high_m = np.full(clusters, np.inf), np.full(clusters, -np.inf)
+        np.minimum.at(low_m, cluster_of, moving[:, 2])
+        np.maximum.at(high_m, cluster_of, moving[:, 2])
+        nearest_m = np.full(clusters, np.inf)
+        np.minimum.at(nearest_m, cluster_of, np.hypot(moving[:, 0], moving[:, 1]))
         gap_m = np.maximum(nearest_m, 1.0) * self._sensor.elevation_step_rad
         return np.asarray((high_m - low_m) / gap_m, np.float64)
 
 
-def _without_attached(thing_of: Int, touches: Bool, max_share: float) -> Int:
+def _without_attached(cluster_of: Int, touches: Bool, max_share: float) -> Int:
     """Return the things' numbers, -1 where more than a share of a thing touches what stands."""
-    if len(thing_of) == 0:
-        return thing_of
-    is_attached = np.bincount(thing_of, touches) > max_share * np.bincount(thing_of)
-    return np.where(is_attached[thing_of], -1, thing_of)
+    if len(cluster_of) == 0:
+        return cluster_of
+    is_attached = np.bincount(cluster_of, touches) > max_share * np.bincount(cluster_of)
+    return np.where(is_attached[cluster_of], -1, cluster_of)
 
 
 def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
@@ -93,23 +95,23 @@ def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
     return np.asarray(scan.points_velo.take(rows, axis=0)[:, :3])
 
 
-def _outline(points_velo: Float32, thing_of: Int, min_points: int) -> Footprints:
+def _outline(points_velo: Float32, cluster_of: Int, min_points: int) -> Footprints:
     """Outline the things of enough points; -1 is none."""
-    counts = np.bincount(thing_of + 1)[1:]
+    counts = np.bincount(cluster_of + 1)[1:]
     kept = counts >= min_points
-    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[thing_of]
+    number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[cluster_of]
     rows = np.flatnonzero(number >= 0)
     return footprints_of(points_velo[rows], number[rows], int(kept.sum()))
 
 
-def _on_ground(things: Footprints, ground: GroundModel) -> Footprints:
+def _on_ground(clusters: Footprints, ground: GroundModel) -> Footprints:
     """Let every thing reach down to the ground: its lowest points were taken for ground."""
-    low_m = np.minimum(ground.height_m(things.centroids_m), things.high_m)
+    low_m = np.minimum(ground.height_m(clusters.centroids_m), clusters.high_m)
     return Footprints(
-        things.vertices_m,
-        things.corners,
-        things.centroids_m,
+        clusters.vertices_m,
+        clusters.corners,
+        clusters.centroids_m,
         low_m,
-        things.high_m,
-        things.points,
+        clusters.high_m,
+        clusters.points,
     )

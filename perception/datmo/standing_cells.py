@@ -52,23 +52,23 @@ class StaticCells:
             points=counts[rows],
         )
 
-    def things(self, min_points: int, length_m: float) -> Footprints:
+    def clusters(self, min_points: int, length_m: float) -> Footprints:
         """Outline the things up to a length; cells with a common corner are one thing."""
         count, labels, stats, _ = cv2.connectedComponentsWithStats(self.occupancy, connectivity=8)
-        thing_of = np.asarray(labels.ravel()[self.rows], np.int64)
+        cluster_of = np.asarray(labels.ravel()[self.rows], np.int64)
         longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        points = np.bincount(thing_of, self.points, count)
+        points = np.bincount(cluster_of, self.points, count)
         kept = (longest * self.cell_m <= length_m) & (points >= min_points)
         kept[0] = False  # the space between
         number = np.cumsum(kept) - 1
-        chosen = np.flatnonzero(kept[thing_of])
-        things = footprints_of(self.places_m[chosen], number[thing_of[chosen]], int(kept.sum()))
+        chosen = np.flatnonzero(kept[cluster_of])
+        clusters = footprints_of(self.places_m[chosen], number[cluster_of[chosen]], int(kept.sum()))
         return Footprints(
-            things.vertices_m,
-            things.corners,
-            things.centroids_m,
-            things.low_m,
-            things.high_m,
+            clusters.vertices_m,
+            clusters.corners,
+            clusters.centroids_m,
+            clusters.low_m,
+            clusters.high_m,
             points[kept].astype(np.int64),
         )
 

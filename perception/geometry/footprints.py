@@ -107,19 +107,19 @@ class Footprints:
         )
 
 
-def footprints_of(points_m: Float, thing_of: Int, things: int) -> Footprints:
+def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints:
     """Outline every thing.
 
     Args:
         points_m: (N, 3+) points of all things, in any order.
-        thing_of: (N,) number of each point's thing, 0 to things - 1; every number occurs.
+        cluster_of: (N,) number of each point's thing, 0 to things - 1; every number occurs.
         things: how many there are.
     """
-    if things == 0:
+    if clusters == 0:
         return Footprints.empty()
-    order = np.argsort(thing_of, kind="stable")
+    order = np.argsort(cluster_of, kind="stable")
     points = np.asarray(points_m[order, :3], np.float64)
-    counts = np.bincount(thing_of, minlength=things)
+    counts = np.bincount(cluster_of, minlength=clusters)
     starts = _starts(counts)
     outlines = [_outline(part) for part in np.split(points[:, :2], starts[1:])]
     return Footprints(

@@ -91,24 +91,24 @@ def moving_voxels(
         return np.zeros(len(centers_m), bool)
     votes, static_weight = vote(history), _static_weight(history, config)
     columns = _VoxelColumns.over(centers_m, config.cell_m)
-    thing = _cluster_appeared(columns, votes.persisted, gap_m, static_weight)
-    things = int(thing.max()) + 1
+    cluster = _cluster_appeared(columns, votes.persisted, gap_m, static_weight)
+    clusters = int(cluster.max()) + 1
 
     def count_by_cluster(voxels: Bool) -> Float64:
-        return np.asarray(np.bincount(thing, voxels, things), np.float64)
+        return np.asarray(np.bincount(cluster, voxels, clusters), np.float64)
 
     leaves = count_by_cluster(votes.uncovered) * _is_own_departure(
-        thing, things, history, config.departed_gap_m
+        cluster, clusters, history, config.departed_gap_m
     )
     appeared = count_by_cluster(votes.appeared) + leaves
-    was_near = np.zeros(len(thing), bool)
-    was_near[thing > 0] = _are_near(centers_m[thing > 0], moved_before_m, config.near_moving_m)
+    was_near = np.zeros(len(cluster), bool)
+    was_near[cluster > 0] = _are_near(centers_m[cluster > 0], moved_before_m, config.near_moving_m)
     goes_on = count_by_cluster(was_near) > 0
     required = np.where(goes_on, config.min_voxels_near_moving, config.min_voxels * static_weight)
     moves = (
         (appeared >= required)
         & (appeared > count_by_cluster(votes.persisted) * static_weight)
-        & (appeared >= config.min_appeared_ratio * count_by_cluster(np.ones(len(thing), bool)))
+        & (appeared >= config.min_appeared_ratio * count_by_cluster(np.ones(len(cluster), bool)))
     )
     if history.ages_s[0] >= config.stop_age_s:
         hit = count_by_cluster(history.was_hit[0])
@@ -119,7 +119,7 @@ def moving_voxels(
         )
         moves &= hit < config.stopped_ratio * np.maximum(seen, 1)
     moves[0] = False
-    return _complete(columns, np.asarray(moves[thing]), config.whole_object_ratio)
+    return _complete(columns, np.asarray(moves[cluster]), config.whole_object_ratio)
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
@@ -193,20 +193,22 @@ def _complete(columns: _VoxelColumns, moves: Bool, whole_object_ratio: float) ->
     return np.asarray(moves | (share[whole] >= whole_object_ratio))
 
 
-def _is_own_departure(thing: Int, things: int, history: VisibilityHistory, gap_m: float) -> Bool:
+def _is_own_departure(
+    cluster: Int, clusters: int, history: VisibilityHistory, gap_m: float
+) -> Bool:
     """Tell of which things the leaver before them is their own back, seen earlier.
 
     A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is
     followed to now. A thing that comes to light behind a passer-by keeps its distance to it.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
-    behind, behind_twice = history.was_behind_departed[0], np.zeros(len(thing), bool)
+    behind, behind_twice = history.was_behind_departed[0], np.zeros(len(cluster), bool)
     gap_now_m = history.gaps_m[0]
     if old_s > young_s:
         behind_twice = behind & history.was_behind_departed[-1]
         followed_m = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
         gap_now_m = np.where(behind_twice, followed_m, gap_now_m)
     # Seen once, it can only say yes: it may still be coming nearer.
-    comes = np.bincount(thing, behind & (gap_now_m < gap_m), things)
-    keeps_away = np.bincount(thing, behind_twice & (gap_now_m >= gap_m), things)
+    comes = np.bincount(cluster, behind & (gap_now_m < gap_m), clusters)
+    keeps_away = np.bincount(cluster, behind_twice & (gap_now_m >= gap_m), clusters)
     return np.asarray((comes > 0) & (comes >= keeps_away))

@@ -75,41 +75,41 @@ class BoxTracker:
             yaw_variance=headings.variance,
         )
 
-    def _update_with_moving(self, things: Footprints, sensor_m: Float64) -> Footprints:
+    def _update_with_moving(self, clusters: Footprints, sensor_m: Float64) -> Footprints:
         """Let moving things continue tracks, the confirmed ones first; return those that continue none."""
         is_sure = self._tracks.is_confirmed
-        things = join_fragments(
-            things,
-            self._is_inside_boxes(self._tracks[is_sure], things.centroids_m),
+        clusters = join_fragments(
+            clusters,
+            self._is_inside_boxes(self._tracks[is_sure], clusters.centroids_m),
             self._config.fragment_share,
         )
         for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
-            if len(things) and len(rows):
+            if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
-                measured = measure_boxes(tracks, things, sensor_m, self._config)
+                measured = measure_boxes(tracks, clusters, sensor_m, self._config)
                 costs = motion_model.squared_distances(
                     tracks.states, measured.centers_m, measured.noise
                 )
                 pairs = assign_hungarian(costs, costs <= self._config.motion.gate)
                 self._update_matched(
-                    rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=True
+                    rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=True
                 )
-                things = things[pairs.unmatched_detections]
-        return things
+                clusters = clusters[pairs.unmatched_detections]
+        return clusters
 
     def _is_inside_boxes(self, tracks: TrackTable, positions_m: Float64) -> Bool:
         """Tell (T, F) which places lie within the boxes of which tracks, and a little around them."""
         sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
         return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
-    def _update_with_static(self, things: Footprints, sensor_m: Float64) -> None:
+    def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
-        is_new = self._is_newly_static(things)
+        is_new = self._is_newly_static(clusters)
         rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.life))
-        if len(things) == 0 or len(rows) == 0:
+        if len(clusters) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
-        measured = measure_boxes(tracks, things, sensor_m, self._config)
+        measured = measure_boxes(tracks, clusters, sensor_m, self._config)
         costs = motion_model.squared_distances(tracks.states, measured.centers_m, measured.noise)
         room_m = likely_sizes_m(tracks, self._config.size) + self._config.static_margin_m
         min_m = self._config.static_min_share * tracks.recent_sizes_m[:, 0]
@@ -118,25 +118,25 @@ class BoxTracker:
         may = fits.all(axis=2) & (was_static[:, None] | is_new)
         pairs = assign_hungarian(costs, may & (costs <= self._config.motion.gate))
         self._update_matched(
-            rows[pairs.tracks], things[pairs.detections], sensor_m, is_moving=False
+            rows[pairs.tracks], clusters[pairs.detections], sensor_m, is_moving=False
         )
 
-    def _is_newly_static(self, things: Footprints) -> Bool:
+    def _is_newly_static(self, clusters: Footprints) -> Bool:
         """Tell which standing things were not there in the scan before, and remember them."""
-        before, self._static_before_m = self._static_before_m, things.centroids_m
-        if len(before) == 0 or len(things) == 0:
-            return np.ones(len(things), bool)
+        before, self._static_before_m = self._static_before_m, clusters.centroids_m
+        if len(before) == 0 or len(clusters) == 0:
+            return np.ones(len(clusters), bool)
         reach_m = self._config.static_reach_m
-        away_m, _ = cKDTree(before).query(things.centroids_m, distance_upper_bound=reach_m)
+        away_m, _ = cKDTree(before).query(clusters.centroids_m, distance_upper_bound=reach_m)
         return np.asarray(~np.isfinite(away_m))
 
     def _update_matched(
-        self, rows: Int, things: Footprints, sensor_m: Float64, *, is_moving: bool
+        self, rows: Int, clusters: Footprints, sensor_m: Float64, *, is_moving: bool
     ) -> None:
         """Let each of some tracks be continued by one thing."""
         if len(rows) == 0:
             return
-        tracks = update_tracks(self._tracks[rows], things, sensor_m, self._config)
+        tracks = update_tracks(self._tracks[rows], clusters, sensor_m, self._config)
         stamps_s = np.full(len(rows), self._stamp)
         tracks = replace(
             tracks,
@@ -147,16 +147,16 @@ class BoxTracker:
         tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.life))
         self._tracks = self._tracks.replaced(rows, tracks)
 
-    def _init_tracks(self, things: Footprints, sensor_m: Float64) -> None:
+    def _init_tracks(self, clusters: Footprints, sensor_m: Float64) -> None:
         """Begin a track with each thing that continues none and is no part of what is tracked."""
         sure = self._tracks[self._tracks.is_confirmed]
-        is_part = self._is_inside_boxes(sure, things.centroids_m).any(axis=0)
-        things = things[np.flatnonzero(~is_part)]
-        if len(things) == 0:
+        is_part = self._is_inside_boxes(sure, clusters.centroids_m).any(axis=0)
+        clusters = clusters[np.flatnonzero(~is_part)]
+        if len(clusters) == 0:
             return
-        tracks = init_tracks(things, sensor_m, self._stamp, self._config)
+        tracks = init_tracks(clusters, sensor_m, self._stamp, self._config)
         self._tracks = self._tracks.joined(replace(tracks, ids=tracks.ids + self._next_id))
-        self._next_id += len(things)
+        self._next_id += len(clusters)
 
     def _delete_tracks(self, world_SE3_velo: Float64) -> None:
         """End the tracks that nobody has seen for too long, and those unseen beyond the area."""

@@ -26,7 +26,7 @@ def is_inside_boxes(
     return np.asarray((away_m <= sizes_m[:, None] / 2).all(axis=2))
 
 
-def join_fragments(things: Footprints, is_within: Bool, max_share: float) -> Footprints:
+def join_fragments(clusters: Footprints, is_within: Bool, max_share: float) -> Footprints:
     """Join the small things that lie within one box to the largest one there.
 
     Args:
@@ -34,29 +34,29 @@ def join_fragments(things: Footprints, is_within: Bool, max_share: float) -> Foo
         is_within: (T, F) which things lie within which boxes; the first box has them.
         max_share: of the points of the largest; what has more stays a thing of its own.
     """
-    if len(things) < 2 or not is_within.any():
-        return things
-    own = len(is_within) + np.arange(len(things))
+    if len(clusters) < 2 or not is_within.any():
+        return clusters
+    own = len(is_within) + np.arange(len(clusters))
     box_of = np.where(is_within.any(axis=0), is_within.argmax(axis=0), own)
     largest = np.zeros(int(box_of.max()) + 1, np.int64)
-    np.maximum.at(largest, box_of, things.points)
-    is_large = things.points > max_share * largest[box_of]
-    is_largest = things.points == largest[box_of]
+    np.maximum.at(largest, box_of, clusters.points)
+    is_large = clusters.points > max_share * largest[box_of]
+    is_largest = clusters.points == largest[box_of]
     _, whole_of = np.unique(np.where(is_large & ~is_largest, own, box_of), return_inverse=True)
-    return things if int(whole_of.max()) + 1 == len(things) else _joined(things, whole_of)
+    return clusters if int(whole_of.max()) + 1 == len(clusters) else _joined(clusters, whole_of)
 
 
-def _joined(things: Footprints, whole_of: Int) -> Footprints:
+def _joined(clusters: Footprints, whole_of: Int) -> Footprints:
     """Return W wholes from (F,) the number of each thing's whole; every number occurs."""
-    order = np.argsort(np.repeat(whole_of, things.corners), kind="stable")
-    points = np.bincount(whole_of, things.points)
-    sums = [np.bincount(whole_of, things.points * xy_m) for xy_m in things.centroids_m.T]
+    order = np.argsort(np.repeat(whole_of, clusters.corners), kind="stable")
+    points = np.bincount(whole_of, clusters.points)
+    sums = [np.bincount(whole_of, clusters.points * xy_m) for xy_m in clusters.centroids_m.T]
     low_m, high_m = np.full(len(points), np.inf), np.full(len(points), -np.inf)
-    np.minimum.at(low_m, whole_of, things.low_m)
-    np.maximum.at(high_m, whole_of, things.high_m)
+    np.minimum.at(low_m, whole_of, clusters.low_m)
+    np.maximum.at(high_m, whole_of, clusters.high_m)
     return Footprints(
-        vertices_m=things.vertices_m[order],
-        corners=np.bincount(whole_of, things.corners).astype(np.int64),
+        vertices_m=clusters.vertices_m[order],
+        corners=np.bincount(whole_of, clusters.corners).astype(np.int64),
         centroids_m=np.column_stack(sums) / points[:, None],
         low_m=low_m,
         high_m=high_m,

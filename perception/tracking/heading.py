@@ -57,28 +57,28 @@ class Headings:
     variance: Float64
 
 
-def yaws_of_shape(things: Footprints, steps: int = 45) -> Float64:
+def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
     """Return (F,) along which heading, 0 to pi, the longer side of each outline's smallest rectangle lies."""
-    if len(things) == 0:
+    if len(clusters) == 0:
         return np.zeros(0)
     yaws_rad = np.arange(steps) * np.pi / 2 / steps
     sizes_m = (
-        measure_extents(things, yaws_rad, np.zeros(2)).sizes_m + 0.02
+        measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m + 0.02
     )  # a line has an area, too
     best = np.argmin(sizes_m.prod(axis=2), axis=0)
-    length_m, width_m = sizes_m[best, np.arange(len(things))].T
+    length_m, width_m = sizes_m[best, np.arange(len(clusters))].T
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
 
 
-def first_yaws(things: Footprints, sensor_xy_m: Float64, config: HeadingConfig) -> Float64:
+def first_yaws(clusters: Footprints, sensor_xy_m: Float64, config: HeadingConfig) -> Float64:
     """Return (F,) the likely heading, but for its sign, of things that were never seen before.
 
     Along the longer side; but one that is as wide as a vehicle and faces the sensor is a front or a rear.
     """
-    yaw_rad = yaws_of_shape(things)
-    low_m, high_m = things.extents_m(yaw_rad)
+    yaw_rad = yaws_of_shape(clusters)
+    low_m, high_m = clusters.extents_m(yaw_rad)
     longer_m = (high_m - low_m)[:, 0]
-    line_of_sight_m = things.centroids_m - sensor_xy_m
+    line_of_sight_m = clusters.centroids_m - sensor_xy_m
     off_rad = wrap(np.arctan2(line_of_sight_m[:, 1], line_of_sight_m[:, 0]) - yaw_rad, np.pi)
     is_width = (longer_m >= config.face_width_m[0]) & (longer_m <= config.face_width_m[1])
     is_face = is_width & (np.abs(off_rad) > np.pi / 4)
@@ -124,14 +124,14 @@ def _may_reverse(tracks: TrackTable, config: HeadingConfig) -> Bool:
     return np.asarray(is_vehicle & is_slow & (tracks.yaw_variance <= config.unsettled_variance))
 
 
-def update_from_shape(tracks: TrackTable, things: Footprints, config: HeadingConfig) -> Headings:
+def update_from_shape(tracks: TrackTable, clusters: Footprints, config: HeadingConfig) -> Headings:
     """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
 
     A rectangle does not tell its front: its four headings are one, and none turns a track by more
     than an eighth of a turn.
     """
-    shape_rad = yaws_of_shape(things)
-    low_m, high_m = things.extents_m(shape_rad)
+    shape_rad = yaws_of_shape(clusters)
+    low_m, high_m = clusters.extents_m(shape_rad)
     has_shape = (high_m - low_m)[:, 0] >= config.shape_length_m
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
     # A heading that nothing has told yet is the last rectangle's, and as good as this one.

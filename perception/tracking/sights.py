@@ -40,11 +40,11 @@ class BoxMeasurements:
 
 
 def measure_boxes(
-    tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
+    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> BoxMeasurements:
     """Measure every track by every one of F things, at least one."""
-    seen = measure_extents(things, tracks.yaw_rad, sensor_m)
-    return _measure(tracks, seen, things.points[None], config)
+    seen = measure_extents(clusters, tracks.yaw_rad, sensor_m)
+    return _measure(tracks, seen, clusters.points[None], config)
 
 
 def _measure(
@@ -65,32 +65,32 @@ def _measure(
 
 
 def update_tracks(
-    tracks: TrackTable, things: Footprints, sensor_m: Float64, config: BoxTrackerConfig
+    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> TrackTable:
     """Correct each of T tracks by the thing that continues it."""
-    headings = update_from_shape(tracks, things, config.heading)
+    headings = update_from_shape(tracks, clusters, config.heading)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
-    seen = _own_extents(things, tracks.yaw_rad, sensor_m)
+    seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
     tracks = _grown(tracks, seen, config.size)
-    measured = _measure(tracks, seen, things.points[:, None], config)
+    measured = _measure(tracks, seen, clusters.points[:, None], config)
     states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
-    heights_m = things.high_m - things.low_m
+    heights_m = clusters.high_m - clusters.low_m
     return replace(
         tracks,
         mean=states.mean,
         covariance=states.covariance,
         heights_m=tracks.heights_m + config.height_gain * (heights_m - tracks.heights_m),
-        low_world_m=tracks.low_world_m + config.height_gain * (things.low_m - tracks.low_world_m),
-        points=tracks.points + things.points,
+        low_world_m=tracks.low_world_m + config.height_gain * (clusters.low_m - tracks.low_world_m),
+        points=tracks.points + clusters.points,
     )
 
 
 def init_tracks(
-    things: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
+    clusters: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
 ) -> TrackTable:
     """Return the tracks that F things begin; their ids are 0 to F - 1."""
-    count, yaw_rad = len(things), first_yaws(things, sensor_m, config.heading)
-    seen = _own_extents(things, yaw_rad, sensor_m)
+    count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m, config.heading)
+    seen = _own_extents(clusters, yaw_rad, sensor_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
     tracks = TrackTable(
         ids=np.arange(count),
@@ -101,17 +101,17 @@ def init_tracks(
         sizes_m=sizes_m,
         recent_sizes_m=np.repeat(sizes_m[:, None], 3, axis=1),
         complete_counts=np.zeros((count, 2), np.int64),
-        heights_m=things.high_m - things.low_m,
-        low_world_m=things.low_m,
+        heights_m=clusters.high_m - clusters.low_m,
+        low_world_m=clusters.low_m,
         first_seen_s=stamps_s,
         first_seen_world_m=np.zeros((count, 2)),
         last_seen_s=stamps_s,
         last_moved_s=stamps_s,
         hits=np.ones(count, np.int64),
-        points=things.points,
+        points=clusters.points,
         is_confirmed=np.zeros(count, bool),
     )
-    measured = _measure(tracks, seen, things.points[:, None], config)
+    measured = _measure(tracks, seen, clusters.points[:, None], config)
     centers_m = measured.centers_m[:, 0]
     states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m, config.motion)
     return replace(
@@ -119,9 +119,9 @@ def init_tracks(
     )
 
 
-def _own_extents(things: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Extents:
+def _own_extents(clusters: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Extents:
     """Measure each of F outlines along its own heading, as F tracks of one outline each."""
-    low_m, high_m = things.extents_m(yaw_rad)
+    low_m, high_m = clusters.extents_m(yaw_rad)
     return Extents(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
 
 

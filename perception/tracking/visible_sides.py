@@ -46,7 +46,7 @@ class Extents:
         return np.asarray(beside_m[..., ::-1] > np.tan(min_angle_rad) * far_m)
 
 
-def measure_extents(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Extents:
+def measure_extents(clusters: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) -> Extents:
     """Measure F outlines along T headings.
 
     Args:
@@ -55,9 +55,11 @@ def measure_extents(things: Footprints, yaw_rad: Float64, sensor_xy_m: Float64) 
         sensor_xy_m: (2,) place of the sensor in the frame of the things.
     """
     cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
-    x, y = things.vertices_m.T
+    x, y = clusters.vertices_m.T
     turned = np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
-    starts = np.asarray(np.cumsum(things.corners) - np.asarray(things.corners, np.int64), np.int64)
+    starts = np.asarray(
+        np.cumsum(clusters.corners) - np.asarray(clusters.corners, np.int64), np.int64
+    )
     return Extents(
         np.minimum.reduceat(turned, starts, axis=1),
         np.maximum.reduceat(turned, starts, axis=1),

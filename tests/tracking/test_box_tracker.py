@@ -38,7 +38,7 @@ def sides(x: float, y: float, yaw: float, size: tuple[float, float, float]) -> n
     return np.column_stack([np.tile(flat, (2, 1)), heights])
 
 
-def things(*clouds: np.ndarray) -> Footprints:
+def clusters(*clouds: np.ndarray) -> Footprints:
     if not clouds:
         return NOTHING
     numbers = np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds])
@@ -55,7 +55,7 @@ class Drive:
         self, *clouds: np.ndarray, static: Footprints = NOTHING, after_s: float = 0.1
     ) -> Tracks:
         self.stamp_s += after_s
-        return self.tracker.update(self.stamp_s, HERE, things(*clouds), static)
+        return self.tracker.update(self.stamp_s, HERE, clusters(*clouds), static)
 
 
 def test_a_car_that_passes_keeps_its_size_and_has_no_bias():
@@ -140,7 +140,7 @@ def test_a_car_that_stops_keeps_its_id_and_is_slow():
         x -= 0.1 * speed
         speed = max(0.0, speed - 0.3)
         cloud = sides(x, 3.5, np.pi, CAR)
-        tracks = drive.scan(static=things(cloud)) if 26 <= step < 40 else drive.scan(cloud)
+        tracks = drive.scan(static=clusters(cloud)) if 26 <= step < 40 else drive.scan(cloud)
         reported.append(tracks.ids.tolist())
         if step >= 40:  # it moves again, as far as the detector is concerned
             assert tracks.ids.tolist() == [0]
@@ -152,10 +152,10 @@ def test_a_car_that_stops_keeps_its_id_and_is_slow():
 def test_a_post_that_stood_before_continues_no_track():
     drive, post = Drive(), sides(10.0, 1.6, 0, WALKER)
     for step in range(12):
-        drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), static=things(post))
-    assert len(drive.scan(static=things(post))) == 1  # going on as it went
+        drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), static=clusters(post))
+    assert len(drive.scan(static=clusters(post))) == 1  # going on as it went
     for _ in range(4):
-        tracks = drive.scan(static=things(post))
+        tracks = drive.scan(static=clusters(post))
     assert len(tracks) == 0
 
 
@@ -199,7 +199,7 @@ def test_tracks_are_in_the_frame_of_their_scan():
         pose = np.eye(4)
         pose[:2, :2] = [[0, -1], [1, 0]]  # the vehicle drives along the world's y
         pose[1, 3] = 0.8 * step
-        tracks = tracker.update(0.1 * step, pose, things(sides(12.0, 0.0, 0.0, CAR)), NOTHING)
+        tracks = tracker.update(0.1 * step, pose, clusters(sides(12.0, 0.0, 0.0, CAR)), NOTHING)
     np.testing.assert_allclose(tracks.boxes.bottom_m[0, :2], [12.0, 0.0], atol=0.3)
     np.testing.assert_allclose(tracks.velocities_m_s[0], [8.0, 0.0], atol=0.3)
     assert tracks.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.05)

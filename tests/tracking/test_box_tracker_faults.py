@@ -108,8 +108,8 @@ def test_things_of_one_point_are_followed_without_a_nan():
     tracker = BoxTracker()
     for step in range(20):
         point = np.array([[10 + 0.14 * step, 2.0, -1.0]])
-        thing = footprints_of(point, np.zeros(1, np.int64), 1)
-        tracks = tracker.update(0.1 * step, HERE, thing, thing)
+        cluster = footprints_of(point, np.zeros(1, np.int64), 1)
+        tracks = tracker.update(0.1 * step, HERE, cluster, cluster)
         assert is_finite(tracks)
 
 

@@ -14,15 +14,15 @@ PRESETS = pytest.mark.parametrize("rules", [THESIS, AUTHOR], ids=["thesis", "aut
 HERE = np.eye(4)
 NOTHING = Footprints.empty()
 # Five points of a thing 2 m long, 1 m wide, from 1.5 m below the LiDAR to its height.
-THING = np.array([[1, 0.5, -1.5], [1, -0.5, 0], [-1, -0.5, 0], [-1, 0.5, -1.5], [0, 0, -0.75]])
+CLUSTER = np.array([[1, 0.5, -1.5], [1, -0.5, 0], [-1, -0.5, 0], [-1, 0.5, -1.5], [0, 0, -0.75]])
 
 
-def things(*positions_m: tuple[float, float]) -> Footprints:
+def clusters(*positions_m: tuple[float, float]) -> Footprints:
     if not positions_m:
         return NOTHING
-    points_m = np.concatenate([THING + np.array([x, y, 0.0]) for x, y in positions_m])
+    points_m = np.concatenate([CLUSTER + np.array([x, y, 0.0]) for x, y in positions_m])
     return footprints_of(
-        points_m, np.repeat(np.arange(len(positions_m)), len(THING)), len(positions_m)
+        points_m, np.repeat(np.arange(len(positions_m)), len(CLUSTER)), len(positions_m)
     )
 
 
@@ -34,7 +34,7 @@ class Drive:
 
     def scan(self, *positions_m: tuple[float, float], after_s: float = 0.1, pose=HERE) -> Tracks:
         self.stamp_s += after_s
-        return self.tracker.update(self.stamp_s, pose, things(*positions_m), NOTHING)
+        return self.tracker.update(self.stamp_s, pose, clusters(*positions_m), NOTHING)
 
 
 @PRESETS

@@ -59,19 +59,21 @@ def study_motion_grid(
     return Study(
         name="motion-grid",
         repeats="Fig. 5.10",
-        table=format_table(title, ("", "cells"), rows) + "\n\n" + _list(found.moving, boxes),
-        numbers={"cells": counts, "things": _things(found.moving, boxes)},
+        table=format_table(title, ("", "cells"), rows)
+        + "\n\n"
+        + _object_table(found.moving, boxes),
+        numbers={"cells": counts, "things": _objects(found.moving, boxes)},
         conditions={"drive": drive.name, "frame": newest, "preset": preset, "rules": config},
     )
 
 
-def axis_aligned_boxes(things: Footprints) -> Boxes3D:
+def axis_aligned_boxes(footprints: Footprints) -> Boxes3D:
     """Return the boxes around things, along the axes of their frame (thesis 5.2.2: no orientation)."""
-    low_m, high_m = things.extents_m(np.zeros(len(things)))
+    low_m, high_m = footprints.extents_m(np.zeros(len(footprints)))
     return Boxes3D(
-        np.column_stack([(low_m + high_m) / 2, things.low_m]),
-        np.column_stack([high_m - low_m, things.high_m - things.low_m]),
-        np.zeros(len(things)),
+        np.column_stack([(low_m + high_m) / 2, footprints.low_m]),
+        np.column_stack([high_m - low_m, footprints.high_m - footprints.low_m]),
+        np.zeros(len(footprints)),
     )
 
 
@@ -108,21 +110,21 @@ def _counts(grids: MotionGrids) -> dict[str, int]:
     return {name: int(np.count_nonzero(step)) for name, step in steps.items()}
 
 
-def _things(things: Footprints, boxes: Boxes3D) -> list[dict[str, Any]]:
+def _objects(footprints: Footprints, boxes: Boxes3D) -> list[dict[str, Any]]:
     return [
         {"centroid_m": centroid_m, "size_m": size_m, "points": points}
         for centroid_m, size_m, points in zip(
-            things.centroids_m, boxes.size_m, things.points, strict=True
+            footprints.centroids_m, boxes.size_m, footprints.points, strict=True
         )
     ]
 
 
-def _list(things: Footprints, boxes: Boxes3D) -> str:
+def _object_table(footprints: Footprints, boxes: Boxes3D) -> str:
     header = ("thing", "ahead", "left", "length", "width", "height", "points")
     rows: list[list[Cell]] = [
         [str(number), *map(float, (*centroid_m, *size_m)), int(points)]
         for number, (centroid_m, size_m, points) in enumerate(
-            zip(things.centroids_m, boxes.size_m, things.points, strict=True), start=1
+            zip(footprints.centroids_m, boxes.size_m, footprints.points, strict=True), start=1
         )
     ]
     return format_table("Things [m]", header, rows)

@@ -22,7 +22,7 @@ GROUND_M = -1.73
 
 
 @dataclass(frozen=True)
-class _Thing:
+class _MovingBox:
     """A box that goes straight on at a constant velocity."""
 
     size_m: tuple[float, float, float]
@@ -69,12 +69,12 @@ class _FlatGround:
         return np.asarray(points_velo[:, 2] - GROUND_M)
 
 
-def _tracker_input(time_s: float, *things: _Thing, ground: bool = True) -> TrackerInput:
+def _tracker_input(time_s: float, *targets: _MovingBox, ground: bool = True) -> TrackerInput:
     rng = np.random.default_rng(round(time_s * 1000))
     lattice = np.stack(np.meshgrid(np.arange(-40, 40, 0.8), np.arange(-20, 20, 0.8)), -1)
     flat = lattice.reshape(-1, 2) + rng.uniform(-0.2, 0.2, (lattice.size // 2, 2))
     clouds = [np.column_stack([flat, np.full(len(flat), GROUND_M)])]
-    clouds += [thing.points(time_s, rng) for thing in things]
+    clouds += [target.points(time_s, rng) for target in targets]
     points = np.concatenate(clouds)
     points_velo = np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
     return TrackerInput(time_s, points_velo, np.eye(4), _FlatGround() if ground else None)
@@ -84,20 +84,20 @@ def _times(frames: int) -> list[float]:
     return [round(0.1 * number, 3) for number in range(frames)]
 
 
-def _error_m(found: TrackedObject, thing: _Thing, time_s: float) -> float:
+def _error_m(found: TrackedObject, target: _MovingBox, time_s: float) -> float:
     assert found.box_velo is not None
-    return float(np.linalg.norm(found.box_velo.bottom_m[0] - thing.box(time_s).bottom_m[0]))
+    return float(np.linalg.norm(found.box_velo.bottom_m[0] - target.box(time_s).bottom_m[0]))
 
 
-def _yaw_error_rad(found: TrackedObject, thing: _Thing) -> float:
+def _yaw_error_rad(found: TrackedObject, target: _MovingBox) -> float:
     assert found.box_velo is not None
-    off = float(found.box_velo.yaw_rad[0]) - thing.yaw_rad
+    off = float(found.box_velo.yaw_rad[0]) - target.yaw_rad
     return abs((off + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _started(thing: _Thing, *others: _Thing) -> BoxFitTracker:
+def _started(target: _MovingBox, *others: _MovingBox) -> BoxFitTracker:
     tracker = BoxFitTracker(HDL_64E)
-    tracker.start(_tracker_input(0.0, thing, *others), thing.box(0.0))
+    tracker.start(_tracker_input(0.0, target, *others), target.box(0.0))
     return tracker
 
 
@@ -109,26 +109,26 @@ def test_is_the_default() -> None:
 @pytest.mark.parametrize(
     "thing",
     [
-        _Thing(CAR_M, (8.0, 6.0), 0.2, 8.0),
-        _Thing(CAR_M, (20.0, -4.0), 3.0, 6.0),
-        _Thing(CYCLIST_M, (8.0, 3.0), 0.4, 4.0),
-        _Thing(WALKER_M, (10.0, -3.0), 1.6, 1.3),
-        _Thing(CAR_M, (12.0, 5.0)),
+        _MovingBox(CAR_M, (8.0, 6.0), 0.2, 8.0),
+        _MovingBox(CAR_M, (20.0, -4.0), 3.0, 6.0),
+        _MovingBox(CYCLIST_M, (8.0, 3.0), 0.4, 4.0),
+        _MovingBox(WALKER_M, (10.0, -3.0), 1.6, 1.3),
+        _MovingBox(CAR_M, (12.0, 5.0)),
     ],
     ids=["L-shape", "oncoming", "cyclist", "walker", "parked"],
 )
-def test_follows_what_moves_straight_on(thing: _Thing, ground: bool) -> None:
-    tracker = _started(thing)
+def test_follows_what_moves_straight_on(target: _MovingBox, ground: bool) -> None:
+    tracker = _started(target)
     for time_s in _times(25)[1:]:
-        found = tracker.update(_tracker_input(time_s, thing, ground=ground))
+        found = tracker.update(_tracker_input(time_s, target, ground=ground))
         assert found.state is TrackStatus.SEEN
-        assert _error_m(found, thing, time_s) < 0.15
-    assert _yaw_error_rad(found, thing) < 0.1
-    assert np.hypot(*found.velocity_m_s) == pytest.approx(thing.speed_m_s, abs=0.35)
+        assert _error_m(found, target, time_s) < 0.15
+    assert _yaw_error_rad(found, target) < 0.1
+    assert np.hypot(*found.velocity_m_s) == pytest.approx(target.speed_m_s, abs=0.35)
 
 
 def test_bridges_a_full_occlusion_of_one_second() -> None:
-    car = _Thing(CAR_M, (10.0, 6.0), 0.1, 7.0)
+    car = _MovingBox(CAR_M, (10.0, 6.0), 0.1, 7.0)
     tracker = _started(car)
     states = {}
     for time_s in _times(40)[1:]:
@@ -142,7 +142,7 @@ def test_bridges_a_full_occlusion_of_one_second() -> None:
 
 
 def test_is_not_stolen_by_a_parked_car_while_hidden() -> None:
-    car, parked = _Thing(CAR_M, (10.0, 6.0), 0.0, 7.0), _Thing(CAR_M, (22.0, 8.6))
+    car, parked = _MovingBox(CAR_M, (10.0, 6.0), 0.0, 7.0), _MovingBox(CAR_M, (22.0, 8.6))
     tracker = _started(car, parked)
     for time_s in _times(40)[1:]:
         is_hidden = 1.2 < time_s <= 2.4
@@ -151,8 +151,8 @@ def test_is_not_stolen_by_a_parked_car_while_hidden() -> None:
 
 
 def test_is_not_stolen_by_a_walker_passing_a_cyclist() -> None:
-    cyclist = _Thing(CYCLIST_M, (8.0, 3.0), 0.0, 3.0)
-    walker = _Thing(WALKER_M, (14.0, 4.1), np.pi, 1.4)
+    cyclist = _MovingBox(CYCLIST_M, (8.0, 3.0), 0.0, 3.0)
+    walker = _MovingBox(WALKER_M, (14.0, 4.1), np.pi, 1.4)
     tracker = _started(cyclist, walker)
     for time_s in _times(30)[1:]:
         found = tracker.update(_tracker_input(time_s, cyclist, walker))
@@ -160,7 +160,7 @@ def test_is_not_stolen_by_a_walker_passing_a_cyclist() -> None:
 
 
 def test_leaves_a_row_of_parked_cars_alone() -> None:
-    cars = [_Thing(CAR_M, (10.0 + 5.3 * number, 5.0)) for number in range(4)]
+    cars = [_MovingBox(CAR_M, (10.0 + 5.3 * number, 5.0)) for number in range(4)]
     tracker = _started(cars[1], cars[0], *cars[2:])
     for time_s in _times(15)[1:]:
         found = tracker.update(_tracker_input(time_s, *cars))
@@ -168,18 +168,18 @@ def test_leaves_a_row_of_parked_cars_alone() -> None:
 
 
 def test_a_walker_who_stood_can_walk_off_sideways() -> None:
-    stands = _Thing(WALKER_M, (10.0, 2.0), 0.0)
-    walks = _Thing(WALKER_M, (10.0, 2.0 - 1.3 * 1.0), np.pi / 2, 1.3)
+    stands = _MovingBox(WALKER_M, (10.0, 2.0), 0.0)
+    walks = _MovingBox(WALKER_M, (10.0, 2.0 - 1.3 * 1.0), np.pi / 2, 1.3)
     tracker = _started(stands)
     for time_s in _times(35)[1:]:
-        thing = stands if time_s < 1.0 else walks
-        found = tracker.update(_tracker_input(time_s, thing))
-        assert _error_m(found, thing, time_s) < 0.3
+        target = stands if time_s < 1.0 else walks
+        found = tracker.update(_tracker_input(time_s, target))
+        assert _error_m(found, target, time_s) < 0.3
     assert _yaw_error_rad(found, walks) < 0.3
 
 
 def test_a_rough_start_box_is_put_right_by_motion() -> None:
-    car = _Thing(CAR_M, (9.0, 5.0), 0.1, 6.0)
+    car = _MovingBox(CAR_M, (9.0, 5.0), 0.1, 6.0)
     exact = car.box(0.0)
     rough = Boxes3D(
         exact.bottom_m + np.array([0.3, -0.3, 0.0]),
@@ -195,7 +195,7 @@ def test_a_rough_start_box_is_put_right_by_motion() -> None:
 
 
 def test_an_empty_start_box_is_predicted_then_lost() -> None:
-    car = _Thing(CAR_M, (10.0, 5.0))
+    car = _MovingBox(CAR_M, (10.0, 5.0))
     tracker = BoxFitTracker(HDL_64E)
     tracker.start(_tracker_input(0.0), car.box(0.0))
     states = [tracker.update(_tracker_input(time_s)).state for time_s in _times(40)[1:]]
@@ -204,7 +204,7 @@ def test_an_empty_start_box_is_predicted_then_lost() -> None:
 
 
 def test_what_disappears_is_predicted_then_lost_and_never_nan() -> None:
-    car = _Thing(CAR_M, (10.0, 5.0), 0.0, 5.0)
+    car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     states = []
     for time_s in _times(80)[1:]:
@@ -218,7 +218,7 @@ def test_what_disappears_is_predicted_then_lost_and_never_nan() -> None:
 
 
 def test_an_empty_scan_is_a_missed_one() -> None:
-    car = _Thing(CAR_M, (10.0, 5.0), 0.0, 5.0)
+    car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     for time_s in _times(10)[1:]:
         tracker.update(_tracker_input(time_s, car))
@@ -230,7 +230,7 @@ def test_an_empty_scan_is_a_missed_one() -> None:
 
 
 def test_a_scan_given_twice_says_nothing_new() -> None:
-    car = _Thing(CAR_M, (10.0, 5.0), 0.0, 5.0)
+    car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     first = tracker.update(_tracker_input(0.1, car))
     again = tracker.update(_tracker_input(0.1, car))
@@ -240,7 +240,7 @@ def test_a_scan_given_twice_says_nothing_new() -> None:
 
 
 def test_bridges_a_gap_in_time() -> None:
-    car = _Thing(CAR_M, (8.0, 6.0), 0.0, 8.0)
+    car = _MovingBox(CAR_M, (8.0, 6.0), 0.0, 8.0)
     tracker = _started(car)
     for time_s in (*_times(11)[1:], 2.0, 2.1):
         found = tracker.update(_tracker_input(time_s, car))
@@ -249,7 +249,7 @@ def test_bridges_a_gap_in_time() -> None:
 
 
 def test_answers_in_the_frame_of_a_sensor_that_moves() -> None:
-    car = _Thing(CAR_M, (12.0, 5.0))
+    car = _MovingBox(CAR_M, (12.0, 5.0))
     tracker = _started(car)
     for time_s in _times(15)[1:]:
         world_SE3_velo = se3.from_euler(0, 0, 0.2 * time_s, np.array([3 * time_s, 0.0, 0.0]))
@@ -286,8 +286,8 @@ def test_refuses_to_follow_what_was_never_given() -> None:
 def test_says_once_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture) -> None:
     box_follower._log_lidar_only.cache_clear()
     with caplog.at_level(logging.INFO):
-        _started(_Thing(CAR_M, (10.0, 5.0)))
-        _started(_Thing(CAR_M, (10.0, 5.0)))
+        _started(_MovingBox(CAR_M, (10.0, 5.0)))
+        _started(_MovingBox(CAR_M, (10.0, 5.0)))
     assert caplog.text.count("by LiDAR alone") == 1
 
 
