@@ -87,12 +87,12 @@ def _vehicle(result: Result, vehicles: Vehicles, row: int, points: int) -> dict[
         "type": str(fused.detections.types[row]),
         "score": _rounded(fused.detections.scores[row]),
         "box_px": _numbers(fused.detections.boxes_px[row]),
-        "carrier": MODALITIES[int(fused.carriers[row])],
+        "carrier": MODALITIES[int(fused.dominant_modality[row])],
         "scores": {
             modality: _rounded(result.modality_detections[modality].scores[part])
             if part >= 0
             else None
-            for modality, part in zip(MODALITIES, fused.parts[row].tolist(), strict=True)
+            for modality, part in zip(MODALITIES, fused.source_indices[row].tolist(), strict=True)
         },
         "points": points,
         "distance_m": _rounded(vehicles.distances_m[row]),

@@ -66,14 +66,14 @@ class FusedDetections:
     """
 
     detections: Detections
-    parts: Int
-    carriers: Int
+    source_indices: Int
+    dominant_modality: Int
 
     def __post_init__(self) -> None:
         """Refuse arrays of different lengths."""
         count = len(self.detections)
-        require_shape("FusedDetections.parts", self.parts, (count, len(MODALITIES)))
-        require_shape("FusedDetections.carriers", self.carriers, (count,))
+        require_shape("FusedDetections.parts", self.source_indices, (count, len(MODALITIES)))
+        require_shape("FusedDetections.carriers", self.dominant_modality, (count,))
 
     def __len__(self) -> int:
         """Return M."""
@@ -81,7 +81,9 @@ class FusedDetections:
 
     def __getitem__(self, rows: Bool | Int | slice) -> Self:
         """Return the detections of a mask, of indices, or of a slice."""
-        return type(self)(self.detections[rows], self.parts[rows], self.carriers[rows])
+        return type(self)(
+            self.detections[rows], self.source_indices[rows], self.dominant_modality[rows]
+        )
 
     @classmethod
     def empty(cls) -> Self:

@@ -26,8 +26,8 @@ def vehicles():
                 np.array([0.875, 0.25]),
                 np.array(["Car", "Car"]),
             ),
-            parts=np.array([[0, 0, -1], [1, -1, -1]]),
-            carriers=np.array([0, 0]),
+            source_indices=np.array([[0, 0, -1], [1, -1, -1]]),
+            dominant_modality=np.array([0, 0]),
         ),
         ids=np.array([7, -1]),
         boxes=Boxes3D(

@@ -45,9 +45,9 @@ class NmsFusion:
         )
         kept = suppress(together, MAX_IOU)
         best = together[kept]
-        parts = np.stack([_nearest_rows(best, found) for found in by_column], axis=1)
+        source_indices = np.stack([_nearest_rows(best, found) for found in by_column], axis=1)
         columns = np.repeat(np.arange(len(MODALITIES)), counts)
-        return FusedDetections(best, np.asarray(parts, np.int64), columns[kept])
+        return FusedDetections(best, np.asarray(source_indices, np.int64), columns[kept])
 
 
 def _nearest_rows(best: Detections, found: Detections) -> Int:

@@ -134,17 +134,19 @@ class Fusion:
         """Keep the best box of each neighbourhood, with what it was made of."""
         kept = suppress(rescored.detections, MAX_IOU)
         rows = rescored.best[kept]
-        parts = rescored.tri_boxes[rows]
+        source_indices = rescored.tri_boxes[rows]
         detections = rescored.detections[kept]
         boxes_px = detections.boxes_px
         if self.variant == "default":
-            places = scene.merged.places(parts)
+            places = scene.merged.places(source_indices)
             others_px = scene.merged.detections.boxes_px[places]
             is_own = places == kept[:, None]
             boxes_px = _blended(others_px, is_own, places >= 0, rescored.tri_scores[rows])
         scores = self.calibrations.of(scene.modality_detections).probabilities(detections.scores)
         return FusedDetections(
-            Detections(boxes_px, scores, detections.types), parts, scene.merged.columns[kept]
+            Detections(boxes_px, scores, detections.types),
+            source_indices,
+            scene.merged.columns[kept],
         )
 
     def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:

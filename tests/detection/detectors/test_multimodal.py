@@ -64,7 +64,7 @@ def test_answer_does_not_depend_on_who_works_at_once(detectors, frame, workers):
     expected = MultimodalDetector(detectors).detect(frame).fused
     fused = MultimodalDetector(detectors, workers=workers).detect(frame).fused
     assert_same(fused.detections, expected.detections)
-    np.testing.assert_array_equal(fused.parts, expected.parts)
+    np.testing.assert_array_equal(fused.source_indices, expected.source_indices)
 
 
 @pytest.mark.parametrize("names", [("rgb",), ("dm",), ("rgb", "rm"), ("dm", "rm")])
@@ -73,7 +73,7 @@ def test_any_of_the_modalities(detectors, frame, names):
     assert tuple(output.modality_detections) == names
     assert (output.dense is None) == (names == ("rgb",))
     columns = [MODALITIES.index(name) for name in names]
-    assert set(output.fused.carriers) <= set(columns)
+    assert set(output.fused.dominant_modality) <= set(columns)
 
 
 def test_frame_without_an_image(detectors, frame):
@@ -183,8 +183,8 @@ def test_union_keeps_the_best_of_each_place_and_says_who_else_saw_it():
     }
     fused = NmsFusion().fuse(modality_detections, (200, 100))
     np.testing.assert_array_equal(fused.detections.scores, [0.9, 0.7, 0.5])
-    np.testing.assert_array_equal(fused.parts, [[0, 0, 1], [-1, -1, 0], [1, -1, -1]])
-    np.testing.assert_array_equal(fused.carriers, [1, 2, 0])
+    np.testing.assert_array_equal(fused.source_indices, [[0, 0, 1], [-1, -1, 0], [1, -1, -1]])
+    np.testing.assert_array_equal(fused.dominant_modality, [1, 2, 0])
 
 
 def test_union_keeps_classes_apart():
@@ -194,7 +194,7 @@ def test_union_keeps_classes_apart():
     }
     fused = NmsFusion().fuse(modality_detections, (200, 100))
     assert fused.detections.types.tolist() == ["Car", "Van"]
-    np.testing.assert_array_equal(fused.parts, [[-1, -1, 0], [0, -1, -1]])
+    np.testing.assert_array_equal(fused.source_indices, [[-1, -1, 0], [0, -1, -1]])
 
 
 def test_union_of_nothing():

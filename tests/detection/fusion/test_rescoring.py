@@ -37,8 +37,8 @@ def test_one_detection_stays_of_each_neighbourhood(fusion_file):
     fused = Fusion(fusion_file()).fuse(modality_detections, SIZE_PX)
     np.testing.assert_allclose(fused.detections.scores, [0.9, 0.5, 0.3], atol=1e-6)
     assert fused.detections.boxes_px[:, 0].tolist() == [110, 900, 600]
-    assert fused.parts.tolist() == [[0, 0, -1], [-1, -1, 0], [1, -1, -1]]
-    assert fused.carriers.tolist() == [1, 2, 0]
+    assert fused.source_indices.tolist() == [[0, 0, -1], [-1, -1, 0], [1, -1, -1]]
+    assert fused.dominant_modality.tolist() == [1, 2, 0]
     assert fused.detections.types.tolist() == ["Car"] * 3
 
 
@@ -53,7 +53,7 @@ def test_the_default_blends_boxes_by_what_they_are_expected_to_overlap(fusion_fi
     left = (25 * 100 + 6.25 * 110) / 31.25
     np.testing.assert_allclose(fused.detections.boxes_px[0], [left, 100, left + 100, 200])
     assert fused.detections.boxes_px[1].tolist() == [155, 100, 255, 200]
-    assert fused.carriers.tolist() == [0, 2]
+    assert fused.dominant_modality.tolist() == [0, 2]
 
 
 def test_the_thesis_keeps_the_best_box_as_it_is(fusion_file):
@@ -110,9 +110,9 @@ def test_any_modality_may_be_missing(fusion_file, variant, lost):
     fused = Fusion(fusion_file(variant)).fuse_scene(scene)
     assert bool(len(fused)) == (len(lost) < 3)
     for column, name in enumerate(("rgb", "dm", "rm")):
-        assert name in scene.modality_detections or (fused.parts[:, column] == -1).all()
+        assert name in scene.modality_detections or (fused.source_indices[:, column] == -1).all()
     rows = np.arange(len(fused))
-    assert (fused.parts[rows, fused.carriers] >= 0).all()
+    assert (fused.source_indices[rows, fused.dominant_modality] >= 0).all()
 
 
 def test_detectors_that_see_nothing_make_nothing(fusion_file):
