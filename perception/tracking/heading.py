@@ -22,7 +22,7 @@ class HeadingConfig:
         min_speed_m_s: slower, the velocity's direction is mostly noise.
         sign_speed_m_s: faster, the velocity tells front from rear though it does not tell the heading.
         max_deviation_rad: of a velocity's direction that is still worth hearing.
-        way_deviation_rad: of a heading from the direction of a well-known velocity.
+        course_deviation_rad: of a heading from the direction of a well-known velocity.
         shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
         shape_length_m: the longer side of an outline that has a direction.
         face_width_m: of fronts and rears, from the smallest car to a van.
@@ -35,7 +35,7 @@ class HeadingConfig:
     min_speed_m_s: float = 0.7
     sign_speed_m_s: float = 0.3
     max_deviation_rad: float = 0.5
-    way_deviation_rad: float = 0.06
+    course_deviation_rad: float = 0.06
     shape_deviation_rad: float = 0.2
     shape_length_m: float = 1.5
     face_width_m: tuple[float, float] = (1.3, 2.2)
@@ -88,32 +88,32 @@ def first_yaws(clusters: Footprints, sensor_xy_m: Float64, config: HeadingConfig
 def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConfig) -> Headings:
     """Turn every heading towards the way that its track takes."""
     variance = tracks.yaw_variance + (config.turn_rate_rad_s * elapsed_s) ** 2
-    way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
-    way_variance = _way_variance(tracks, way_rad)
+    course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
+    course_variance = _course_variance(tracks, course_rad)
     is_heard = (tracks.speeds_m_s >= config.min_speed_m_s) & (
-        way_variance <= config.max_deviation_rad**2
+        course_variance <= config.max_deviation_rad**2
     )
-    off_rad = wrap(way_rad - tracks.yaw_rad)
+    off_rad = wrap(course_rad - tracks.yaw_rad)
     is_backwards = (np.abs(off_rad) > np.pi / 2) & _may_reverse(tracks, config)
     off_rad = np.where(is_backwards, wrap(off_rad + np.pi), off_rad)
     is_new = (tracks.yaw_variance > config.unsettled_variance) | (np.abs(off_rad) > np.pi / 2)
-    noise = way_variance + config.way_deviation_rad**2
+    noise = course_variance + config.course_deviation_rad**2
     gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_heard
     left = np.where(is_new & is_heard, noise, variance * (1 - gain))
-    yaw_rad = np.where(is_new & ~is_heard, _side_of_way(tracks, way_rad, config), tracks.yaw_rad)
+    yaw_rad = np.where(is_new & ~is_heard, _course_side(tracks, course_rad, config), tracks.yaw_rad)
     return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
 
 
-def _side_of_way(tracks: TrackTable, way_rad: Float64, config: HeadingConfig) -> Float64:
+def _course_side(tracks: TrackTable, course_rad: Float64, config: HeadingConfig) -> Float64:
     """Return (T,) of both headings along the shape the one nearer to a way that is not known well."""
-    is_ahead = np.abs(wrap(way_rad - tracks.yaw_rad)) <= np.pi / 2
+    is_ahead = np.abs(wrap(course_rad - tracks.yaw_rad)) <= np.pi / 2
     is_slow = tracks.speeds_m_s < config.sign_speed_m_s
     return np.where(is_ahead | is_slow, tracks.yaw_rad, tracks.yaw_rad + np.pi)
 
 
-def _way_variance(tracks: TrackTable, way_rad: Float64) -> Float64:
+def _course_variance(tracks: TrackTable, course_rad: Float64) -> Float64:
     """Return (T,) the variance of the direction of each velocity, to first order."""
-    across = np.stack([-np.sin(way_rad), np.cos(way_rad)], axis=-1)
+    across = np.stack([-np.sin(course_rad), np.cos(course_rad)], axis=-1)
     spread = np.einsum("ti,tij,tj->t", across, tracks.covariance[:, 2:, 2:], across)
     return np.asarray(spread / np.maximum(tracks.speeds_m_s, 1e-3) ** 2)
 

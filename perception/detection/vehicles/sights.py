@@ -215,7 +215,7 @@ def _corrected(
     size_samples = np.minimum(tracks.size_samples + 1, config.max_size_samples)
     share = 1.0 / size_samples
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
-    axis = config.axis_memory * tracks.axis + _doubled(boxes.yaw_rad)
+    axis = config.heading_memory * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
     shift_m = _hidden_shift_m(boxes, sizes_m, frame_geometry.world_SE3_velo[:2, 3])
     states = motion_model.correct(
@@ -231,17 +231,17 @@ def _corrected(
         size_samples=size_samples,
         low_world_m=tracks.low_world_m + share * (boxes.bottom_m[:, 2] - tracks.low_world_m),
     )
-    return _turned_to_way(tracks, config)
+    return _turned_to_course(tracks, config)
 
 
-def _turned_to_way(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
+def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
     """Let a velocity that is well known tell front from rear and, once fast, the heading."""
-    way_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
+    course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    tells = (excess_m_s >= config.way_speed_m_s)[:, None]
-    axis = tracks.axis + np.where(tells, _doubled(way_rad), 0.0)
+    tells = (excess_m_s >= config.course_speed_m_s)[:, None]
+    axis = tracks.axis + np.where(tells, _doubled(course_rad), 0.0)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
-    ahead_rad = np.where(excess_m_s >= config.sign_speed_m_s, way_rad, tracks.yaw_rad)
+    ahead_rad = np.where(excess_m_s >= config.sign_speed_m_s, course_rad, tracks.yaw_rad)
     return replace(tracks, axis=axis, yaw_rad=_nearer_end(yaw_rad, ahead_rad))
 
 

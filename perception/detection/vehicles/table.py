@@ -33,8 +33,8 @@ class VehicleTrackerConfig:
         position_noise_per_m: by which it grows with distance.
         sparse_noise_m: of the place of a box around one point; over the root of how many there are.
         replacing_s: how long a track may be seen elsewhere than expected before it is believed to be there.
-        axis_memory: share of what is known of a heading that is left after the next sight.
-        way_speed_m_s: faster, the velocity tells the heading, too.
+        heading_memory: share of what is known of a heading that is left after the next sight.
+        course_speed_m_s: faster, the velocity tells the heading, too.
         sign_speed_m_s: faster, it tells front from rear.
         max_size_samples: over so many, sizes are averaged.
         max_reported_speed_deviation_m_s: standard deviation of a velocity that is told.
@@ -56,8 +56,8 @@ class VehicleTrackerConfig:
     position_noise_per_m: float = 0.01
     sparse_noise_m: float = 1.2
     replacing_s: float = 0.35
-    axis_memory: float = 0.7
-    way_speed_m_s: float = 2.0
+    heading_memory: float = 0.7
+    course_speed_m_s: float = 2.0
     sign_speed_m_s: float = 1.0
     max_size_samples: int = 12
     max_reported_speed_deviation_m_s: float = 2.0

@@ -7,10 +7,10 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.sensor import LidarModel
-from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.even_acceleration import ConstantAcceleration, NoiseLevels
 from perception.tracking.single_object.heading_of_way import (
     heading_freeze_config_for,
-    heading_of_way,
+    heading_from_course,
 )
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
 from perception.tracking.single_object.near_obstacles import obstacles_near
@@ -201,14 +201,14 @@ class CentroidTracker:
         """Remember the point, and turn its box along the way from where it was remembered before."""
         displacement_m = motion.position - self._motion.position
         config = heading_freeze_config_for(last.size_m)
-        yaw_rad = heading_of_way(displacement_m, elapsed_s, last.yaw_rad, config)
+        yaw_rad = heading_from_course(displacement_m, elapsed_s, last.yaw_rad, config)
         self._motion = motion
         return PointModel(motion.position, last.size_m, yaw_rad, motion.velocity)
 
     def _init_motion(self, position_m: Float64) -> PointMotion:
         if self._motion_config is None:
             return LastPosition(position_m, np.zeros(3))
-        return EvenAcceleration.at_rest(position_m, self._motion_config.noise)
+        return ConstantAcceleration.at_rest(position_m, self._motion_config.noise)
 
     def _localizer_input(
         self, tracker_input: TrackerInput, model: PointModel, elapsed_s: float

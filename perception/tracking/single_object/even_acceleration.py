@@ -31,7 +31,7 @@ class NoiseLevels:
 
 
 @dataclass(frozen=True)
-class EvenAcceleration:
+class ConstantAcceleration:
     """Where a point is, how it moves, and how well that is known.
 
     Attributes:

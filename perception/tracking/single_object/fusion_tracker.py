@@ -12,7 +12,7 @@ from perception.tracking.single_object.centroid_tracker import (
     PointMotionConfig,
 )
 from perception.tracking.single_object.color_side import ColorLocalizer
-from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.even_acceleration import ConstantAcceleration, NoiseLevels
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
 from perception.tracking.single_object.mean_shift_3d import MeanShiftConfig, mean_shift_3d
 from perception.tracking.single_object.window import Window
@@ -61,7 +61,7 @@ class FusedLocalizer(ObjectLocalizer):
 
     def __init__(self, config: FusedLocalizerConfig) -> None:
         self._config = config
-        self._point = EvenAcceleration.at_rest(np.zeros(3), config.noise)
+        self._point = ConstantAcceleration.at_rest(np.zeros(3), config.noise)
         self.colors = ColorLocalizer()
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
@@ -97,7 +97,7 @@ class FusedLocalizer(ObjectLocalizer):
 
     def reset(self, position_m: Float64) -> None:
         """Let the fused point rest."""
-        self._point = EvenAcceleration.at_rest(position_m, self._config.noise)
+        self._point = ConstantAcceleration.at_rest(position_m, self._config.noise)
 
     def _in_scan(self, localizer_input: LocalizerInput) -> Float64 | None:
         shifted = mean_shift_3d(

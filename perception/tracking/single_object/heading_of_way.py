@@ -30,7 +30,7 @@ def heading_freeze_config_for(size_m: Float64) -> HeadingFreezeConfig:
     return _WALKERS_AND_CYCLISTS if size_m.prod() <= _VEHICLE_VOLUME_M3 else _VEHICLES
 
 
-def heading_of_way(
+def heading_from_course(
     displacement_m: Float64, elapsed_s: float, last_yaw_rad: float, config: HeadingFreezeConfig
 ) -> float:
     """Return the direction of (2+,) a way, or the last heading where the way is too short to tell."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
-from perception.tracking.single_object.even_acceleration import EvenAcceleration, NoiseLevels
+from perception.tracking.single_object.even_acceleration import ConstantAcceleration, NoiseLevels
 from perception.types import Float, Float64
 
 _BIN_RAD = np.radians(0.01)
@@ -69,7 +69,7 @@ class PitchFilter:
     def __init__(self, sensor_height_m: float, config: PitchFilterConfig | None = None) -> None:
         self._sensor_height_m = sensor_height_m
         self._config = config or PitchFilterConfig()
-        self._angle_deg: EvenAcceleration | None = None
+        self._angle_deg: ConstantAcceleration | None = None
         self._missed = 0
 
     def update(self, points_velo: Float, elapsed_s: float) -> PitchedPlane:
@@ -90,7 +90,9 @@ class PitchFilter:
 
     def _init_angle(self, found_rad: float | None) -> None:
         if found_rad is not None:
-            self._angle_deg = EvenAcceleration.at_rest(np.degrees([found_rad]), self._config.noise)
+            self._angle_deg = ConstantAcceleration.at_rest(
+                np.degrees([found_rad]), self._config.noise
+            )
 
     def _correct(self, found_rad: float | None) -> None:
         """Take in an angle; without one the prediction stands."""

@@ -3,7 +3,7 @@ import pytest
 
 from perception.tracking.single_object.heading_of_way import (
     heading_freeze_config_for,
-    heading_of_way,
+    heading_from_course,
 )
 
 CAR = heading_freeze_config_for(np.array([4.0, 1.8, 1.5]))
@@ -24,14 +24,14 @@ WALKER = heading_freeze_config_for(np.array([0.8, 0.6, 1.8]))
     ],
 )
 def test_heading(config, displacement_m, last_rad, expected_rad):
-    found = heading_of_way(np.array(displacement_m), 0.1, last_rad, config)
+    found = heading_from_course(np.array(displacement_m), 0.1, last_rad, config)
     assert found == pytest.approx(expected_rad, abs=1e-3)
 
 
 def test_slowness_is_a_speed_not_a_way():
-    assert heading_of_way(np.array([0.0, 0.5]), 0.2, 0.0, CAR) == 0.0
-    assert heading_of_way(np.array([0.0, 0.5]), 0.1, 0.0, CAR) == pytest.approx(np.pi / 2)
+    assert heading_from_course(np.array([0.0, 0.5]), 0.2, 0.0, CAR) == 0.0
+    assert heading_from_course(np.array([0.0, 0.5]), 0.1, 0.0, CAR) == pytest.approx(np.pi / 2)
 
 
 def test_no_time_keeps_the_heading():
-    assert heading_of_way(np.array([0.0, 5.0]), 0.0, 0.3, CAR) == 0.3
+    assert heading_from_course(np.array([0.0, 5.0]), 0.0, 0.3, CAR) == 0.3
