@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.measure import Contender, time_interleaved
-from benchmarks.naive_detection_ap import reference_curve
+from benchmarks.reference.detection_ap import reference_curve
 from benchmarks.stages import Comparison
 from perception.cli.table import Cell
 from perception.evaluation.detection.average_precision import kitti_average_precision

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.measure import resident_mib
-from data.drive import Drive
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Frame
+from perception.types.drive import Drive
 
 
 @dataclass(frozen=True)

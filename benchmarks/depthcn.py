@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measure import Contender, time_interleaved
-from benchmarks.naive_depthcn import detect_one_by_one
+from benchmarks.reference.depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from perception.cli.table import Cell
 from perception.cli.vehicle_detector import DepthCnConfig

@@ -14,8 +14,8 @@ from export.quantize import to_int8
 from perception.detection.detectors.input_size import InputSize, stretch
 from perception.types import Modality, UInt8
 from train.detector.networks import DetectorNetworkConfig, make_detector
-from train.networks.grid_detector import YoloDetector
-from train.networks.grid_head import OBJECTNESS
+from train.networks.yolo_detector import YoloDetector
+from train.networks.yolo_head import OBJECTNESS
 
 Precision = Literal["fp32", "int8"]
 _SHOWN = 8

@@ -4,12 +4,12 @@ from dataclasses import replace
 from itertools import cycle, islice
 
 from benchmarks.measure import Contender, time_interleaved
-from benchmarks.naive_datmo import ReferenceShortTermMap
-from benchmarks.naive_tracking import time_trackers
+from benchmarks.reference.datmo import ReferenceShortTermMap
+from benchmarks.reference.point_tracker import time_trackers
 from benchmarks.stages import Comparison, PreparedDrive
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import LevelPlane, elevation_grid
-from perception.datmo.grid_rules import THESIS
+from perception.datmo.grid_config import THESIS
 from perception.datmo.short_term_map import ShortTermMap
 from perception.datmo.stage import DatmoMethod, datmo_stage
 from perception.pipeline import PipelineConfig

@@ -5,19 +5,19 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.measure import Contender, time_interleaved
-from benchmarks.naive_dbscan import cluster_by_definition
-from benchmarks.naive_proposals import boxes_by_loop
+from benchmarks.reference.dbscan import cluster_by_definition
+from benchmarks.reference.proposals import boxes_by_loop
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
-from data.drive import Labels
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
+from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import ProposalConfig, propose
-from perception.detection.depthcn.standing import find_above_ground
 from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.types import Bool, Float64, Int, Method
+from perception.types.drive import Labels
 
 _RULES = ProposalConfig()
 _OURS, _PEER = "ours", "scikit-learn"

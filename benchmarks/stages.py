@@ -9,20 +9,20 @@ import numpy as np
 
 from benchmarks.ground_peers import PatchworkGround, RansacPlane
 from benchmarks.measure import Contender, Timing, time_interleaved, timing_table
-from benchmarks.naive_voxels import count_voxels_by_unique_rows
+from benchmarks.reference.voxels import count_voxels_by_unique_rows
 from benchmarks.registration_peers import open3d_point_to_plane, plain_small_gicp
-from data.drive import Drive
 from perception.cli.table import Cell
 from perception.errors import DriveError, MissingDependencyError, ModelError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
-from perception.geometry.registration import LidarOdometry
 from perception.geometry.se3 import inverse
+from perception.localization.registration import LidarOdometry
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
-from perception.obstacles.motion import motion_segmenter
+from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ground_estimator
 from perception.types import Frame, GroundModel
+from perception.types.drive import Drive
 
 log = logging.getLogger(__name__)
 

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
-from data.drive import Drive
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from perception.errors import PerceptionError
 from perception.types import Frame
+from perception.types.drive import Drive
 
 log = logging.getLogger(__name__)
 

@@ -27,7 +27,7 @@ from perception.errors import (
     PoseError,
     ScanError,
 )
-from perception.geometry.mounting import check_mounting
+from perception.localization.mounting import check_mounting
 from perception.types import Frame, Progress
 
 KittiDrive = KittiSequence | ObjectFrames

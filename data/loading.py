@@ -7,8 +7,8 @@ import cv2
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from data.looks import EpochSampler, SampleIndex
-from data.process_share import ContiguousDistributedSampler
+from data.distributed_sampler import ContiguousDistributedSampler
+from data.epoch_sampler import EpochSampler, SampleIndex
 from perception.errors import UsageError
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from data.array_store import ArrayStore
-from data.drive import Drive
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError
+from perception.types.drive import Drive
 
 
 @dataclass(frozen=True)

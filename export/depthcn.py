@@ -10,15 +10,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from export.exported import ChosenVariant, ExportConfig, ExportResult
-from export.forms import compare_variants
 from export.onnx import Exportable, to_onnx
 from export.quantize import to_int8
+from export.result import ChosenVariant, ExportConfig, ExportResult
+from export.variants import compare_variants
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.depthcn.picture import encode_channels
+from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.verifier import CONTRACT
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
-from perception.detection.session import OnnxModel
+from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame

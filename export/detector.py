@@ -11,18 +11,18 @@ import torch
 from torch import Tensor, nn
 
 from export.detector_precision import measure_variants
-from export.exported import ChosenVariant, ExportConfig, ExportResult
-from export.forms import ModelVariant, compare_variants
 from export.onnx import Exportable, to_onnx
 from export.parity import Arrays, torch_runner
 from export.quantize import QuantizationConfig, Scales, to_int8
+from export.result import ChosenVariant, ExportConfig, ExportResult
+from export.variants import ModelVariant, compare_variants
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.types import UInt8
 from train.detector.networks import load_detector
-from train.networks.grid_detector import YoloDetector
+from train.networks.yolo_detector import YoloDetector
 
 # Of probabilities, and of pixels, as boxes may be as large as the picture.
 TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}

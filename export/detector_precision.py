@@ -2,15 +2,15 @@
 
 from collections.abc import Mapping
 
-from data.drive import Labels
 from data.true_boxes import true_boxes
-from export.exported import ExportConfig
 from export.parity import Network
+from export.result import ExportConfig
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections
-from train.detector.figures import measure, precision_table
+from perception.types.drive import Labels
+from train.detector.metrics import measure, precision_table
 
 Precision = dict[str, dict[str, float]]
 

@@ -8,12 +8,12 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from export.exported import ChosenVariant, ExportConfig, ExportResult
-from export.forms import compare_variants
 from export.onnx import Exportable, to_onnx
-from perception.detection.fusion.calibration import FusionCalibration
+from export.result import ChosenVariant, ExportConfig, ExportResult
+from export.variants import compare_variants
 from perception.detection.fusion.rescoring import CONTRACT
-from perception.detection.session import OnnxModel
+from perception.detection.fusion.score_calibration import FusionCalibration
+from perception.detection.onnx_model import OnnxModel
 from perception.errors import UsageError
 from train.fusion.mlp import RescoringMlp, load_fusion
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Labels
 from data.kitti.calibration import DriveCalibration, format_benchmark_calibration
 from data.kitti.labels import format_object_labels
 from perception.geometry.camera import project
 from perception.types import Boxes3D, Calibration
+from perception.types.drive import Labels
 
 ROAD_M = -1.7
 SIZE_PX = (620, 190)

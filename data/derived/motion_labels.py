@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from data.drive import Labels
 from data.kitti.sequence import KittiSequence
 from perception.errors import PoseError, UsageError
 from perception.evaluation.objects import MotionState
 from perception.geometry.boxes import transform_boxes
 from perception.types import Bool, Float64, Int
+from perception.types.drive import Labels
 
 _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
 

@@ -15,7 +15,6 @@ from data.derived.motion_labels import (
     label_motion,
     posed_labels,
 )
-from data.drive import Drive
 from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
@@ -27,6 +26,7 @@ from perception.evaluation.multi_object.moving_scene import (
 )
 from perception.evaluation.objects import LabelledObjects
 from perception.types import Bool, Float64, Frame, Int
+from perception.types.drive import Drive
 
 EvaluationView = Literal["camera", "all"]
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from data.derived.moving_truth import MovingTruth, moving_truth
 from data.derived.single_object import ObjectSequence
-from data.drive import Labels
 from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D, Float64
+from perception.types.drive import Labels
 
 _UNLABELLED_OCCLUSION = (
     2  # occlusion of an object that is there by exact truth and not labelled in the image

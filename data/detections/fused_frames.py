@@ -10,7 +10,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve
+from perception.evaluation.detection.precision_curve import PrecisionCurve
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.evaluation.detection.reliability import Correctness, match_correctness
 from perception.types import MODALITIES, Detections, FusedDetections

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Labels
 from perception.errors import LabelError
 from perception.geometry.angles import wrap
 from perception.types import Boxes3D, Calibration, Float64
+from perception.types.drive import Labels
 
 DONT_CARE = "DontCare"
 _NUMBERS = 14  # after the type

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from data.drive import Labels, PointTruth
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_object_labels
 from data.kitti.sensor_files import (
@@ -24,6 +23,7 @@ from data.kitti.sensor_files import (
 from perception.errors import CalibrationError, DriveError, LabelError
 from perception.sensor import LidarModel
 from perception.types import Calibration, Frame, UInt8
+from perception.types.drive import Labels, PointTruth
 
 
 def is_object_folder(folder: Path) -> bool:

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from data.drive import PointTruth
 from perception.errors import ImageError, LabelError, ScanError
 from perception.types import Float32, UInt8
+from perception.types.drive import PointTruth
 
 SCAN_SUFFIXES = (".bin",)
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")

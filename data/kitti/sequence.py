@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from data.drive import Labels, PointTruth
 from data.kitti.calibration import DriveCalibration
 from data.kitti.labels import empty_labels, read_tracking_labels
 from data.kitti.oxts import InsPacket, Mercator
@@ -21,6 +20,7 @@ from perception.errors import CalibrationError, DriveError, ImageError, PoseErro
 from perception.geometry.se3 import inverse
 from perception.sensor import LidarModel
 from perception.types import Calibration, Float64, Frame, UInt8
+from perception.types.drive import Labels, PointTruth
 
 
 class InsSource(Protocol):

@@ -11,11 +11,11 @@ import numpy as np
 from data.synthetic import furniture, meshes, people, street, vegetation
 from data.synthetic.materials import SemanticClass, palette, random_clothes
 from data.synthetic.meshes import Mesh
+from data.synthetic.parking_lots import draw_places
 from data.synthetic.poles import draw_pole, islands
 from data.synthetic.road import Road
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing
-from data.synthetic.yards import draw_places
 from perception.types import Float32, Float64
 
 _RAIL_M = 10.0  # pieces that follow a curve

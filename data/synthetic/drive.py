@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Labels, PointTruth
 from data.kitti.calibration import DriveCalibration
 from data.kitti.oxts import InsPacket, Mercator
 from data.synthetic import ins, labelling, lidar
@@ -22,12 +21,13 @@ from perception.errors import DriveError, UsageError
 from perception.geometry import se3
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Calibration, Float64, Frame, UInt8
+from perception.types.drive import Labels, PointTruth
 
 _WORLD, _INS, _SCAN, _IMAGE = range(4)  # streams of random numbers
 
 
 class SyntheticDrive:
-    """Frames of a synthetic world, deterministic in seed and index; implements `data.drive.Drive`."""
+    """Frames of a synthetic world, deterministic in seed and index; implements `perception.types.drive.Drive`."""
 
     is_sequence = True
     has_poses = True

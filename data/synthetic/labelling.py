@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from data.drive import Labels
 from data.synthetic.actors import Actor
+from data.synthetic.raycasting import MovingObject, Rays, to_local
 from data.synthetic.rig import PinholeCamera
-from data.synthetic.scene import MovingObject, Rays, to_local
 from data.synthetic.world import World
 from perception.geometry import se3
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
+from perception.types.drive import Labels
 
 _SAMPLES = 26  # along each side of a box, at most, to tell what is visible
 _EDGE_SAMPLES = 80  # the same where the image cuts an object off, to find its outline

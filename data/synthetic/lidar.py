@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from data.drive import PointTruth
 from data.synthetic.actors import MOVING_M_S
 from data.synthetic.echoes import EchoModel, Shots
 from data.synthetic.materials import column
-from data.synthetic.scene import Hits, MovingObject, Rays, near_any
+from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
 from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
 from perception.geometry import se3
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int
+from perception.types.drive import PointTruth
 
 _ECHOES = EchoModel()
 _BEYOND_GLASS_M = 0.02

@@ -6,10 +6,10 @@ import numpy as np
 
 from data.synthetic import furniture, meshes, street
 from data.synthetic.materials import palette
+from data.synthetic.parking_lots import draw_places
 from data.synthetic.road import Road
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing
-from data.synthetic.yards import draw_places
 
 
 def draw_pole(road: Road, rng: np.random.Generator, s_m: float, l_m: float) -> Part:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from data.kitti.calibration import DriveCalibration
-from data.synthetic.scene import Rays, near_any
+from data.synthetic.raycasting import Rays, near_any
 from perception.geometry import camera, se3
 from perception.types import Calibration, Float64, Int
 

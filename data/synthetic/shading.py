@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 
+from data.synthetic.g_buffer import GBuffer, RenderState
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, column, rgb
-from data.synthetic.painter import ProceduralTextures
+from data.synthetic.procedural_textures import ProceduralTextures
+from data.synthetic.raycasting import Rays, near_any
 from data.synthetic.rig import near_pixels
-from data.synthetic.scene import Rays, near_any
-from data.synthetic.sight import GBuffer, RenderState
 from data.synthetic.world import World
 from perception.types import Float32
 

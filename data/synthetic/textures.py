@@ -3,8 +3,8 @@
 import numpy as np
 
 from data.synthetic.materials import Slot
+from data.synthetic.raycasting import Hits, SurfaceTables
 from data.synthetic.road import RoadShape
-from data.synthetic.scene import Hits, SurfaceTables
 from data.synthetic.world import World
 from perception.types import Bool, Float32, Int, UInt8
 

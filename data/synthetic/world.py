@@ -8,12 +8,12 @@ import numpy as np
 from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
+from data.synthetic.parking_lots import draw_parking_lots
+from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
-from data.synthetic.scene import MovingObject, RaycastingScene
 from data.synthetic.street import Part
-from data.synthetic.traffic_plan import TrafficGenerator
+from data.synthetic.traffic_generator import TrafficGenerator
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.yards import draw_parking_lots
 from perception.types import Float64
 
 _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego vehicle's way

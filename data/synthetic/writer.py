@@ -21,15 +21,15 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from data.drive import Labels, PointTruth
+from data.atomic_file import write_atomically
 from data.kitti.calibration import format_benchmark_calibration, format_raw_calibration
 from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
-from data.whole_file import write_atomically
 from perception.sensor import sensor_to_json
 from perception.types import Float64, UInt8
+from perception.types.drive import Labels, PointTruth
 
 Layout = Literal["raw", "tracking", "object"]
 DATE = "2025_06_01"

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 
 from tqdm import tqdm
 
-from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from perception.cli.documents import write_json
@@ -18,8 +17,9 @@ from perception.cli.table import format_table
 from perception.errors import ModelError, PerceptionError
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionConfig
+from perception.pipeline.detection_config import DetectionConfig
 from perception.sensor import HDL_64E, load_sensor
+from perception.types.drive import Drive
 
 if TYPE_CHECKING:
     from benchmarks.chain import ChainMetrics

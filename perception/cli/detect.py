@@ -6,15 +6,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from data.drive import Drive
+from data.atomic_file import write_atomically
 from data.frames import OnBadFrame, file_number, frame_count
 from data.kitti.detection_rows import format_result_rows
 from data.open_drive import open_drive
-from data.whole_file import write_atomically
 from perception.cli.detect_summary import DetectSummary
 from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
-from perception.cli.picture_file import write_jpeg
+from perception.cli.image_file import write_jpeg
 from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import (
     DepthCnConfig,
@@ -30,6 +29,7 @@ from perception.render.detection_composition import DetectionComposition, Detect
 from perception.render.detections import color_depth_map
 from perception.render.video import VideoSink, open_video
 from perception.types import Method
+from perception.types.drive import Drive
 
 log = logging.getLogger(__name__)
 

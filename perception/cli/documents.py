@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from data.drive import Drive
-from data.whole_file import write_atomically
+from data.atomic_file import write_atomically
 from perception import __version__
+from perception.types.drive import Drive
 
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes

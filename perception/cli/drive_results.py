@@ -2,11 +2,11 @@
 
 from collections.abc import Generator
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import progress_bar
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Result
+from perception.types.drive import Drive
 
 
 def drive_results(

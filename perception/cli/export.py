@@ -5,8 +5,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from data.atomic_file import write_atomically
 from data.open_drive import open_drive
-from data.whole_file import write_atomically
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.progress import progress_bar
@@ -15,7 +15,7 @@ from perception.detection.detectors.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
 
 if TYPE_CHECKING:
-    from export.exported import ExportResult
+    from export.result import ExportResult
 
 
 def export(  # noqa: PLR0913 - flags of a command

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import cv2
 
-from data.drive import Drive
 from data.frames import file_number, read_frames
 from data.open_drive import open_drive
 from perception.cli.progress import progress_bar
@@ -14,7 +13,8 @@ from perception.errors import DriveError, UsageError
 from perception.maps.densify import FILL_METHODS, DenseMaps, MapMethod, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import project_frame
-from perception.render.map_figures import plot_maps
+from perception.render.map_plots import plot_maps
+from perception.types.drive import Drive
 
 
 def maps(

@@ -6,23 +6,23 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.documents import write_config
 from perception.cli.drive_results import drive_results
 from perception.cli.flags import require_positive
-from perception.cli.follow_on import HandoverTracking, NoObjectTracking, ObjectTracking
 from perception.cli.results_folder import ResultsFolder, new_results_folder
-from perception.cli.run_pictures import NoRunVideo, RunVideo, RunVideoWriter
 from perception.cli.run_summary import RunSummary
+from perception.cli.run_video import NoRunVideo, RunVideo, RunVideoWriter
+from perception.cli.track_handover import HandoverTracking, NoObjectTracking, ObjectTracking
 from perception.errors import PerceptionError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_chain import enabled_modalities
 from perception.render.composition import Composition
 from perception.render.timeline import plot_timeline
-from perception.tracking.single_object.hand_over import TrackHandover
+from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
+from perception.types.drive import Drive
 
 log = logging.getLogger(__name__)
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import PointTruth
-from perception.cli.confusion_figures import confusion_metrics, confusion_table
+from perception.cli.confusion_table import confusion_metrics, confusion_table
 from perception.cli.stage_times import STAGE_HEADER, StageTimes
 from perception.cli.table import format_table
 from perception.evaluation.confusion import Confusion
@@ -14,6 +13,7 @@ from perception.evaluation.ground import LabelledScan, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
 from perception.types import PointState, Result
+from perception.types.drive import PointTruth
 
 # From this score on a vehicle is more likely there than not.
 _MIN_SCORE = 0.5

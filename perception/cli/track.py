@@ -9,30 +9,29 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
 from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
-from perception.cli.follow_files import TrajectoryFile, TrajectoryRows
-from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start
-from perception.cli.follow_summary import TrackSummary
 from perception.cli.progress import progress_bar
 from perception.cli.results_folder import new_results_folder
+from perception.cli.track_start import TrackStart, TrackStartConfig, find_start
+from perception.cli.track_summary import TrackSummary
+from perception.cli.trajectory_files import TrajectoryFile, TrajectoryRows
 from perception.evaluation.single_object.track import TrueTrack
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
-from perception.render.follow_composition import TrackedObjectComposition
-from perception.render.follow_scene import TrackedObjectScene, TrackedObjectTrail
+from perception.render.tracked_object_composition import TrackedObjectComposition
+from perception.render.tracked_object_scene import TrackedObjectScene, TrackedObjectTrail
 from perception.render.video import VideoSink, open_video
 from perception.sensor import LidarModel
 from perception.tracking.single_object.color_model import color_ratios
-from perception.tracking.single_object.fusion_tracker import FusionTracker
-from perception.tracking.single_object.hand_over import tracker_input_of
-from perception.tracking.single_object.image_region import ImageRegion
+from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
+from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.handover import tracker_input_of
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
     TrackedObject,
@@ -40,6 +39,7 @@ from perception.tracking.single_object.tracker import (
 )
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D, Result
+from perception.types.drive import Drive
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import progress_bar
 from perception.detection.depthcn.detector import DepthCn, NmsConfig
@@ -16,6 +15,7 @@ from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
 from perception.sensor import LidarModel
 from perception.types import Detections, Float64, Frame, Method
+from perception.types.drive import Drive
 
 Output = TypeVar("Look")
 

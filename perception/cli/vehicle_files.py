@@ -12,13 +12,13 @@ import math
 from pathlib import Path
 from typing import Any, TextIO
 
-from data.drive import Drive
+from data.atomic_file import write_atomically
 from data.frames import file_number
 from data.kitti.tracking_rows import format_result_rows
 from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
-from data.whole_file import write_atomically
 from perception.geometry.angles import wrap
 from perception.types import MODALITIES, Float64, Result, Vehicles
+from perception.types.drive import Drive
 
 
 class VehicleFiles:

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.datmo.cutting import ClusteringConfig, cluster_moving_points
+from perception.datmo.clustering import ClusteringConfig, cluster_moving_points
 from perception.datmo.detector import DetectedObjects, SegmentedScan
-from perception.datmo.standing_cells import StaticCells
+from perception.datmo.static_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, GroundModel, Int, PointState

@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from perception.datmo import grid_rules
+from perception.datmo import grid_config as grid_rules
 from perception.datmo.detector import ObjectDetector, SegmentedScan
 from perception.datmo.grid_detector import MotionGridDetector
 from perception.datmo.point_detector import PointDetector

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from perception.geometry.box_overlap_ground import paired_intersection_areas_m2
+from perception.geometry.box_overlap_bev import paired_intersection_areas_m2
 from perception.types import Boxes3D, Float64
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.alignment import align, preprocess_points
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import inverse, transform_points
+from perception.localization.alignment import align, preprocess_points
 from perception.types import Float32, Float64, UInt8
 
 

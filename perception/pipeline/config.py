@@ -6,8 +6,8 @@ from typing import Self
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
-from perception.geometry.registration import RegistrationConfig
-from perception.pipeline.detection_choice import NO_DETECTION, DetectionConfig
+from perception.localization.registration import RegistrationConfig
+from perception.pipeline.detection_config import NO_DETECTION, DetectionConfig
 from perception.types import Method
 
 

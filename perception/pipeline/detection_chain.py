@@ -9,11 +9,11 @@ from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.session import shipped_model
+from perception.detection.onnx_model import shipped_model
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.pipeline.clock import StageClock
-from perception.pipeline.detection_choice import DetectionConfig
+from perception.pipeline.detection_config import DetectionConfig
 from perception.sensor import LidarModel
 from perception.types import MODALITIES, Detections, Frame, Modality
 

@@ -8,13 +8,13 @@ import numpy as np
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
 from perception.geometry.grids import LocalArea
-from perception.geometry.mounting import check_mounting
-from perception.geometry.registration import LidarOdometry, PoseOrigin
 from perception.geometry.threads import limit_blas_threads
+from perception.localization.mounting import check_mounting
+from perception.localization.registration import LidarOdometry, PoseOrigin
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.obstacles.ground_surface import GroundSurfaceEstimator
-from perception.obstacles.motion import motion_segmenter
+from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
 from perception.sensor import LidarModel

@@ -17,8 +17,7 @@ from dataclasses import replace
 from typing import Self
 
 from perception.detection.detectors.multimodal import MultimodalOutput
-from perception.detection.vehicles.objects import locate
-from perception.detection.vehicles.tracker import VehicleTracker
+from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError
 from perception.geometry.threads import limit_opencv_threads
 from perception.maps.projection import camera_of
@@ -35,6 +34,7 @@ from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.pipeline.stream import FramePolicy, ResultStream
 from perception.pipeline.workers import InlineWorker, ThreadWorker, Worker
 from perception.sensor import HDL_64E, LidarModel
+from perception.tracking.vehicles.tracker import VehicleTracker
 from perception.types import Frame, Result
 
 log = logging.getLogger(__name__)

@@ -10,7 +10,7 @@ from perception.render import palette
 from perception.render.palette import Color
 from perception.render.plots import new_figure, rgb, save_figure
 from perception.tracking.single_object.color_model import bin_colors, color_bins
-from perception.tracking.single_object.image_region import ImageRegion
+from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.types import Float64, UInt8
 
 if TYPE_CHECKING:

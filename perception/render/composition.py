@@ -9,7 +9,6 @@ from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
-from perception.render.follow_figures import TrackedObjectFigure
 from perception.render.footer import draw_footer
 from perception.render.map_panels import map_panels
 from perception.render.overlay import draw_overlay
@@ -17,6 +16,7 @@ from perception.render.panels import FittedImage, LegendEntry, place_panel, titl
 from perception.render.perspective import chase_camera, draw_perspective
 from perception.render.surface import GroundMesh, sample_surface
 from perception.render.track_figures import TrackFigures, track_figures
+from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
 from perception.render.vehicles import VehicleFigures

@@ -6,9 +6,9 @@ import numpy as np
 from perception.maps.densify import DenseMaps
 from perception.maps.encoding import encode_depth
 from perception.render import palette
-from perception.render.follow_figures import draw_tag
 from perception.render.palette import Color
 from perception.render.strokes import fixed_point
+from perception.render.tracked_object_figure import draw_tag
 from perception.types import Detections, Float64, UInt8
 
 PROPOSED: Color = palette.STATIC

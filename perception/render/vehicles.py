@@ -7,10 +7,10 @@ import numpy as np
 
 from perception.render import palette
 from perception.render.detections import draw_boxes
-from perception.render.follow_figures import draw_tag
 from perception.render.palette import Color
 from perception.render.panels import Resizing
 from perception.render.track_figures import TrackFigures, track_figures
+from perception.render.tracked_object_figure import draw_tag
 from perception.render.tracks import TrackStyle, draw_track_figures
 from perception.types import Bool, Detections, Float64, Int, Result, Tracks, UInt8, Vehicles
 

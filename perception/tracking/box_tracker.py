@@ -12,13 +12,13 @@ from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
-from perception.tracking.box_rules import BoxTrackerConfig
+from perception.tracking.box_tracker_config import BoxTrackerConfig
 from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import update_from_course
-from perception.tracking.remembered_size import likely_sizes_m, with_sides_swapped
-from perception.tracking.sights import init_tracks, measure_boxes, update_tracks
-from perception.tracking.track_life import is_alive, is_confirmed, is_reported, may_be_static
+from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
+from perception.tracking.track_lifecycle import is_alive, is_confirmed, is_reported, may_be_static
 from perception.tracking.track_table import TrackTable
+from perception.tracking.track_update import init_tracks, measure_boxes, update_tracks
 from perception.tracking.visible_sides import from_world
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 

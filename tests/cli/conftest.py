@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.drive import Drive
 from data.open_drive import open_drive
 from perception.cli.vehicle_detector import DepthCnConfig, VehicleDetectorOutput
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Frame
+from perception.types.drive import Drive
 from tests.car_frames import write_car_frames
 
 

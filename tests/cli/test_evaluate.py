@@ -7,15 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data.drive import Drive, PointTruth
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from perception.cli import drive_results
 from perception.cli.documents import to_serializable
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
-from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
+from perception.cli.evaluations.obstacle_tables import obstacle_results, obstacle_tables
 from perception.cli.main import main
 from perception.errors import UsageError
 from perception.evaluation.objects import MotionState
@@ -23,6 +22,7 @@ from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
 from perception.types import Float, Float64, Frame, Obstacles, PointState, Result, UInt8, Voxels
+from perception.types.drive import Drive, PointTruth
 
 AREA = LocalArea()
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)

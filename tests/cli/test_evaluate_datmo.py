@@ -7,23 +7,23 @@ import numpy as np
 import pytest
 
 from data.derived.moving_truth import moving_truth
-from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
 from perception.cli.evaluations import datmo_steps
-from perception.cli.evaluations.datmo_figures import datmo_tables
 from perception.cli.evaluations.datmo_report import (
     DatmoPredictions,
     DatmoProtocol,
     compare_datmo,
     measure_datmo,
 )
+from perception.cli.evaluations.datmo_tables import datmo_tables
 from perception.cli.main import main
 from perception.datmo.detector import SegmentedScan
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Boxes3D, Frame, Obstacles, Result, Tracks, Voxels
+from perception.types.drive import Drive
 
 FRAMES = 6
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)

@@ -10,7 +10,7 @@ from perception.cli.evaluations import fusion
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import NmsFusion
+from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import ModelError
 from perception.types import MODALITIES, Detections

@@ -11,7 +11,7 @@ from data.open_drive import open_drive
 from perception.cli.evaluations.fusion_steps import FusionFiles
 from perception.cli.main import main
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import NmsFusion
+from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.types import Detections
 from tests.car_frames import SIZE_PX, write_car_frames
 

@@ -14,11 +14,11 @@ from data.derived.object_truth import DriveObjects
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
-from perception.cli.follow_files import TrajectoryRows, trajectory_line
-from perception.cli.follow_start import TrackStart, TrackStartConfig, find_start, parse_box
-from perception.cli.follow_summary import TrackSummary, path_length_m
 from perception.cli.main import main
 from perception.cli.track import TrackConfig, track_object
+from perception.cli.track_start import TrackStart, TrackStartConfig, find_start, parse_box
+from perception.cli.track_summary import TrackSummary, path_length_m
+from perception.cli.trajectory_files import TrajectoryRows, trajectory_line
 from perception.errors import PerceptionError, UsageError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain

@@ -16,8 +16,8 @@ from perception.cli.training.fusion_data import (
     FusionDataConfig,
     split_detections,
 )
+from perception.detection.fusion.detector_fingerprints import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
-from perception.detection.fusion.fitted_to import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import UsageError
 from tests.car_frames import SIZE_PX, write_car_frames

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
-from data.drive import Labels
 from data.kitti.calibration import (
     DriveCalibration,
     format_benchmark_calibration,
@@ -17,6 +16,7 @@ from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import Mercator, format_oxts_packet
 from perception.geometry.se3 import from_euler
 from perception.types import Boxes3D, Calibration
+from perception.types.drive import Labels
 
 FRAMES = 6
 SPEED_M_S = 10.0

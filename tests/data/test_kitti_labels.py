@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from data.drive import Labels
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import (
     empty_labels,
@@ -14,6 +13,7 @@ from data.kitti.labels import (
 )
 from perception.errors import LabelError
 from perception.types import Boxes3D, Calibration
+from perception.types.drive import Labels
 
 # Camera axes 8 cm over and 27 cm before the LiDAR.
 CALIBRATION = Calibration(

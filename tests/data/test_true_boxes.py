@@ -1,8 +1,8 @@
 import numpy as np
 
-from data.drive import Labels
 from data.true_boxes import true_boxes
 from perception.types import Boxes3D
+from perception.types.drive import Labels
 
 
 def labels(types: list[str], regions: int) -> Labels:

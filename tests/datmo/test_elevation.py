@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import elevation_by_loop
+from benchmarks.reference.datmo import elevation_by_loop
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import LevelPlane, elevation_grid
-from perception.datmo.grid_rules import AUTHOR, THESIS
+from perception.datmo.grid_config import AUTHOR, THESIS
 from perception.geometry.grids import LocalArea
 
 ROAD = LevelPlane(-1.7)

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import ReferenceShortTermMap
+from benchmarks.reference.datmo import ReferenceShortTermMap
 from data.open_drive import open_drive
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.elevation import LevelPlane
+from perception.datmo.grid_config import AUTHOR, THESIS
 from perception.datmo.grid_detector import MotionGridDetector, moving_in_area
-from perception.datmo.grid_rules import AUTHOR, THESIS
 from perception.errors import UsageError
 from perception.geometry.grids import EgoVehicle, LocalArea
 from perception.geometry.se3 import from_euler, inverse

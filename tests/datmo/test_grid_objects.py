@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from benchmarks.naive_datmo import fill_holes_by_flooding
+from benchmarks.reference.datmo import fill_holes_by_flooding
 from perception.datmo.grid_objects import GridObjectsConfig, fill_holes, find_objects, join_cells
 
 CONFIG = GridObjectsConfig()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import motion_by_windows
+from benchmarks.reference.datmo import motion_by_windows
 from perception.datmo.motion_grid import motion_grid
 
 

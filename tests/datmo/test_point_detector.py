@@ -3,7 +3,7 @@ import pytest
 
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.point_detector import PointDetector
-from perception.datmo.standing_cells import StaticCells
+from perception.datmo.static_cells import StaticCells
 from perception.sensor import HDL_64E, VLP_16, LidarModel
 from perception.types import Float, Float64, PointState
 

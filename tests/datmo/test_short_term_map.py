@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_datmo import ReferenceShortTermMap
+from benchmarks.reference.datmo import ReferenceShortTermMap
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.elevation import ElevationGrid
 from perception.datmo.short_term_map import ShortTermMap, ShortTermMapConfig

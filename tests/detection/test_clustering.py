@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_dbscan import cluster_by_definition
+from benchmarks.reference.dbscan import cluster_by_definition
 from perception.detection import clustering, point_cells
 from perception.detection.clustering import cluster
 from perception.errors import UsageError

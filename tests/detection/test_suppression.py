@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_depthcn import suppress_by_loop
+from benchmarks.reference.depthcn import suppress_by_loop
 from perception.detection.suppression import suppress
 from perception.types import Detections
 

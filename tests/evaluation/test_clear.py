@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from benchmarks import naive_tracking_measures as naive
+from benchmarks.reference import tracking_metrics as naive
 from perception.evaluation.multi_object.clear import Clear, clear
 
 

@@ -10,7 +10,7 @@ from perception.evaluation.detection.average_precision import (
 )
 from perception.evaluation.detection.bootstrap import resample_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, max_ap
+from perception.evaluation.detection.precision_curve import PrecisionCurve, max_ap
 from perception.evaluation.detection.protocol import KITTI_CLASSES, DetectionClass
 from perception.types import Detections
 

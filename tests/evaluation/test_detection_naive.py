@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_detection_ap import ReferenceCurve, reference_curve, reference_thresholds
+from benchmarks.reference.detection_ap import ReferenceCurve, reference_curve, reference_thresholds
 from perception.evaluation.detection import threshold_sweep
 from perception.evaluation.detection.average_precision import (
     kitti_average_precision,
     match_detections,
 )
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, threshold_ranks
+from perception.evaluation.detection.precision_curve import PrecisionCurve, threshold_ranks
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
 
 FRAMES = 12

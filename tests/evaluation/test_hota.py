@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchmarks import naive_tracking_measures as naive
+from benchmarks.reference import tracking_metrics as naive
 from perception.errors import PerceptionError
 from perception.evaluation.multi_object.hota import Hota, hota
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks import naive_tracking_measures as naive
+from benchmarks.reference import tracking_metrics as naive
 from perception.evaluation.multi_object.identity import Identity, identity
 
 

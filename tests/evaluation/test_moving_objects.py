@@ -9,14 +9,7 @@ from perception.evaluation.multi_object.false_tracks import (
     find_false_tracks,
     track_outcomes,
 )
-from perception.evaluation.multi_object.followed import (
-    NO_TRACK,
-    TargetErrors,
-    summarise_objects,
-    target_errors,
-    track_errors,
-)
-from perception.evaluation.multi_object.moving_objects import assign_tracks, similarity_frames
+from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingObjectConfig,
@@ -24,7 +17,14 @@ from perception.evaluation.multi_object.moving_scene import (
     is_target,
     points_above_bottom,
 )
-from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
+from perception.evaluation.multi_object.target_errors import (
+    NO_TRACK,
+    TargetErrors,
+    summarise_objects,
+    target_errors,
+    track_errors,
+)
+from perception.evaluation.multi_object.track_assignment import assign_tracks, similarity_frames
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.types import Boxes3D, Calibration, Tracks
 

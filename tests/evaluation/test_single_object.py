@@ -14,7 +14,7 @@ from perception.evaluation.single_object.curves import (
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
-from perception.evaluation.single_object.scores import single_object_metrics
+from perception.evaluation.single_object.metrics import single_object_metrics
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration

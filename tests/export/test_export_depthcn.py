@@ -86,7 +86,7 @@ def from_file(exported, monkeypatch):
     """Skip what is slow and tested above: torch's exporter, and the clock."""
     monkeypatch.setattr("export.depthcn.to_onnx", lambda exportable: exported.read_bytes())
     monkeypatch.setattr(
-        "export.forms.fastest_ms", lambda networks, batch: dict.fromkeys(networks, 1.0)
+        "export.variants.fastest_ms", lambda networks, batch: dict.fromkeys(networks, 1.0)
     )
 
 

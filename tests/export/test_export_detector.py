@@ -16,9 +16,9 @@ from export.detector import (
     random_images,
 )
 from export.detector_precision import measure_variants
-from export.exported import ExportConfig
-from export.forms import ModelVariant
 from export.parity import compare, torch_runner
+from export.result import ExportConfig
+from export.variants import ModelVariant
 from perception.cli.main import main
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.modality_detector import ModalityDetector

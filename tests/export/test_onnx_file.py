@@ -7,7 +7,7 @@ import torch
 
 from export.onnx import OPSET, Exportable, to_onnx
 from export.parity import Parity, compare, torch_runner
-from perception.detection.session import ModelContract, ModelInput, OnnxModel
+from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel
 from perception.errors import ModelError
 
 

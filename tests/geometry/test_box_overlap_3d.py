@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from perception.geometry.box_overlap_3d import paired_iou_3d
-from perception.geometry.box_overlap_ground import (
+from perception.geometry.box_overlap_bev import (
     intersection_areas_m2,
     paired_intersection_areas_m2,
 )

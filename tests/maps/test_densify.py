@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
-from benchmarks.naive_maps import (
+from benchmarks.reference.maps import (
     fill_columns_by_loop,
     fill_natural_by_discs,
     fill_nearest_by_search,

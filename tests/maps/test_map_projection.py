@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_maps import project_by_loop
+from benchmarks.reference.maps import project_by_loop
 from perception.errors import PerceptionError
 from perception.maps.densify import densify
 from perception.maps.projection import SparseMaps, project_scan

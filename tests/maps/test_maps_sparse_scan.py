@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.maps import held_out_errors
-from benchmarks.naive_maps import fill_columns_by_loop
+from benchmarks.reference.maps import fill_columns_by_loop
 from data.synthetic.drive import SyntheticDrive
 from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns

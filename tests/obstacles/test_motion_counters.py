@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from benchmarks.naive_voxels import (
+from benchmarks.reference.voxels import (
     count_columns_by_loop,
     log_ratio_by_loop,
     masks_by_loop,

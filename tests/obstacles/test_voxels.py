@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_voxels import count_voxels_by_loop, count_voxels_by_unique_rows
+from benchmarks.reference.voxels import count_voxels_by_loop, count_voxels_by_unique_rows
 from perception.errors import UsageError
 from perception.obstacles.voxels import VoxelGrid, count_keys, count_voxels
 

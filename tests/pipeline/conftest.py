@@ -8,7 +8,7 @@ import pytest
 
 from data.synthetic.drive import SyntheticDrive
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionConfig
+from perception.pipeline.detection_config import DetectionConfig
 from perception.types import MODALITIES
 from tests.detection.bright_cells import bright_cells
 

@@ -3,7 +3,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from benchmarks.naive_tracking import greedy_nearest_by_loop
+from benchmarks.reference.point_tracker import greedy_nearest_by_loop
 from perception.tracking.association import (
     Association,
     assign_greedily,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchmarks.naive_tracking import ReferenceKalmanFilter
+from benchmarks.reference.point_tracker import ReferenceKalmanFilter
 from perception.tracking.kalman import Gaussians, mahalanobis_squared, predict, update
 
 STEP_S = 0.1

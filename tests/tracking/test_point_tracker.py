@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.naive_tracking import ReferencePointTracker
+from benchmarks.reference.point_tracker import ReferencePointTracker
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import from_euler, inverse, transform_points

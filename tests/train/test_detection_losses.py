@@ -13,7 +13,7 @@ from train.box_overlap import (  # noqa: E402
 from train.detector.losses import DetectionLossConfig, detection_loss  # noqa: E402
 from train.detector.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
 from train.networks.compact import CompactDetector  # noqa: E402
-from train.networks.grid_head import YoloHead  # noqa: E402
+from train.networks.yolo_head import YoloHead  # noqa: E402
 
 LATER = 12_800
 HEAD = YoloHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])

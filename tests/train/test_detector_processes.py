@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from perception.detection.detectors.network_answers import postprocess_detections
+from perception.detection.detectors.postprocess import postprocess_detections
 from tests.train.together import train_together
-from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
+from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
-from train.detector.figures import ValidationBoxes, measure, precision_table
+from train.detector.metrics import ValidationBoxes, measure, precision_table
 from train.detector.networks import MODEL, load_detector
 
 SCRIPT = """
@@ -20,7 +20,7 @@ from pathlib import Path
 import torch
 from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.detector import networks
-from train.detector.descent import PRESETS, Descent
+from train.detector.optimizer_config import PRESETS, Descent
 from train.detector.networks import DetectorNetworkConfig
 from train.detector.run import train_detector
 from train.detector.training import DetectorTrainingConfig

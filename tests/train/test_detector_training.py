@@ -9,19 +9,19 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from perception.detection.detectors.network_answers import postprocess_detections
+from perception.detection.detectors.postprocess import postprocess_detections
 from perception.errors import ModelError, UsageError
 from perception.render import palette
 from perception.types import Detections
 from tests.train.interrupted import KilledAfter
-from tests.train.toy_candidates import ToyCrops
-from tests.train.toy_pictures import SIZE, ToyImages, tiny_network
+from tests.train.toy_crops import ToyCrops
+from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
 from train.detector import networks
 from train.detector.anchors import fit_anchors
-from train.detector.descent import PRESETS, OptimizerConfig
+from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.pictures import draw_detections
+from train.detector.optimizer_config import PRESETS, OptimizerConfig
 from train.detector.run import InitialWeights, callbacks, train_detector
 from train.detector.training import DetectorTrainingConfig
 from train.networks.depthcn import load_verifier

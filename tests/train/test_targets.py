@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 
 from perception.detection.detectors.input_size import InputSize  # noqa: E402
 from perception.errors import UsageError  # noqa: E402
-from train.detector.input_sizes import (  # noqa: E402
+from train.detector.multi_scale import (  # noqa: E402
     resize_images,
     resize_labels,
     scaled_sizes,

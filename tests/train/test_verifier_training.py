@@ -10,15 +10,15 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from perception.errors import ModelError, UsageError
 from tests.train.interrupted import KilledAfter
-from tests.train.toy_candidates import ToyCrops, toy_batch
+from tests.train.toy_crops import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
 from train.networks.depthcn import MODEL, load_verifier
 from train.schedules import step_decay, warmup_cosine
 from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
-from train.verifier.figures import VerifierMetrics
+from train.verifier.images import ScoredCrops, VerifierImages, draw_scored
 from train.verifier.loss import box_loss
-from train.verifier.pictures import ScoredCrops, VerifierImages, draw_scored
+from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
 
 pytestmark = pytest.mark.usefixtures("one_torch_thread")

@@ -5,7 +5,7 @@ from torch import nn  # noqa: E402
 
 from perception.errors import ModelError, UsageError  # noqa: E402
 from train.networks.darknet19 import Darknet19  # noqa: E402
-from train.networks.grid_head import YoloHead  # noqa: E402
+from train.networks.yolo_head import YoloHead  # noqa: E402
 from train.networks.yolov2 import (  # noqa: E402
     COCO_ANCHORS_CELLS,
     VOC_ANCHORS_CELLS,

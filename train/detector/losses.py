@@ -20,7 +20,7 @@ from train.detector.targets import (
     assign_targets,
     has_area,
 )
-from train.networks.grid_head import BOX, CLASSES, OBJECTNESS, YoloHead, box_corners
+from train.networks.yolo_head import BOX, CLASSES, OBJECTNESS, YoloHead, box_corners
 
 _MOSTLY = 0.5  # of a box that lies in an ignored area
 

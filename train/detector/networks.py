@@ -11,8 +11,8 @@ from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Modality
 from train.checkpoints import read_checkpoint, weights_of
 from train.networks.compact import CompactDetector
-from train.networks.grid_detector import YoloDetector
 from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
+from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
 
 MODEL = "detector"  # what the checkpoints say that they are of

@@ -10,15 +10,15 @@ from lightning.pytorch import Callback, Trainer
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
-from data.pictures.module import ImageDataModule
+from data.images.datamodule import ImageDataModule
 from perception.errors import UsageError
 from train.checkpoints import read_checkpoint
-from train.detector.darknet_start import init_from_darknet
+from train.detector.darknet_init import init_from_darknet
+from train.detector.images import DetectorImages
 from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
-from train.detector.pictures import DetectorImages
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
-from train.networks.grid_detector import YoloDetector
 from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
+from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
 

@@ -10,26 +10,26 @@ from torch import Tensor
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR
 
-from data.pictures.module import ImageDataModule
+from data.images.datamodule import ImageDataModule
 from perception.detection.detectors.input_size import InputSize
-from perception.detection.detectors.network_answers import postprocess_detections
+from perception.detection.detectors.postprocess import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections
 from train.detector.anchors import fit_anchors
-from train.detector.descent import OptimizerConfig
-from train.detector.figures import ValidationBoxes, mean_precision, measure, precision_table
-from train.detector.input_sizes import (
+from train.detector.losses import DetectionLoss, DetectionLossConfig, detection_loss
+from train.detector.metrics import ValidationBoxes, mean_precision, measure, precision_table
+from train.detector.multi_scale import (
     Interpolation,
     resize_images,
     resize_labels,
     scaled_sizes,
     size_of_batch,
 )
-from train.detector.losses import DetectionLoss, DetectionLossConfig, detection_loss
 from train.detector.networks import ANCHORS, MODEL, DetectorNetworkConfig
+from train.detector.optimizer_config import OptimizerConfig
 from train.detector.targets import BatchLabels
-from train.networks.grid_detector import YoloDetector
+from train.networks.yolo_detector import YoloDetector
 
 Batch = dict[str, Tensor]  # pictures, boxes_px, classes, is_ignored, numbers
 

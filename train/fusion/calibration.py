@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import minimize
 
-from perception.detection.fusion.calibration import BetaCalibration, score_logs
+from perception.detection.fusion.score_calibration import BetaCalibration, score_logs
 from perception.evaluation.detection.reliability import Correctness
 from perception.types import Float64
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from perception.detection.fusion.calibration import FusionCalibration
 from perception.detection.fusion.features import FEATURES, Variant
+from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Float32
 from train.checkpoints import read_checkpoint, weights_of

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from train.fusion.plan import FusionSets, FusionTrainingConfig
-from train.fusion.whole_steps import fit_levenberg_marquardt
+from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.fit_lm import fit_levenberg_marquardt
 
 Hidden = tuple[int, ...]
 Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]

@@ -16,7 +16,7 @@ from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
 from perception.evaluation.rows import Rows
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float32, Float64
-from train.fusion.conditions import DROPPED_MODALITIES, jitter_scores
+from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
 
 _LIKE = 0.5  # overlap from which a box shows what is neither right nor wrong
 

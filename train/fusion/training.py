@@ -12,17 +12,17 @@ from typing import Any
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from data.whole_file import write_atomically
-from perception.detection.fusion.calibration import FusionCalibration
+from data.atomic_file import write_atomically
+from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.errors import ModelError
 from perception.types import Float64
 from train.checkpoint_writer import require_same_network
 from train.checkpoints import read_checkpoint
+from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.fit_adamw import FusionBatches, FusionTraining
+from train.fusion.fit_lm import LevenbergMarquardtState, fit_levenberg_marquardt
 from train.fusion.mlp import MODEL
-from train.fusion.mlp_squares import MlpLeastSquares
-from train.fusion.plan import FusionSets, FusionTrainingConfig
-from train.fusion.small_steps import FusionBatches, FusionTraining
-from train.fusion.whole_steps import LevenbergMarquardtState, fit_levenberg_marquardt
+from train.fusion.mlp_least_squares import MlpLeastSquares
 from train.progress import step_bar
 from train.trainer import BEST, LAST, TrainerConfig, fit, make_trainer
 

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
-from train.networks.grid_detector import YoloDetector
-from train.networks.grid_head import YoloHead
+from train.networks.yolo_detector import YoloDetector
+from train.networks.yolo_head import YoloHead
 
 STRIDE_PX = 8
 # Of the 28742 cars in KITTI's 7481 labelled frames, at 192x640: a mean IoU of 0.697.

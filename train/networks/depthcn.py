@@ -1,6 +1,6 @@
 """The networks that say whether a window shows a vehicle: that of the thesis, and the default.
 
-Both take M crops of 66 x 112 pixels with values 0..255 as `perception.detection.depthcn.picture` makes them,
+Both take M crops of 66 x 112 pixels with values 0..255 as `perception.detection.depthcn.image` makes them,
 and the windows (M, 4) that they were cut from; both return M logits of a vehicle and M boxes in pixels.
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from perception.detection.depthcn.picture import CHANNELS
+from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.verifier import CONTRACT, KIND
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
 from perception.errors import ModelError

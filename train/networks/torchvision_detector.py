@@ -26,8 +26,8 @@ from torchvision.models.feature_extraction import (  # type: ignore[import-untyp
 
 from perception.errors import ModelError
 from train.networks.compact import KITTI_CAR_ANCHORS_PX, ReluUnit
-from train.networks.grid_detector import YoloDetector
-from train.networks.grid_head import YoloHead
+from train.networks.yolo_detector import YoloDetector
+from train.networks.yolo_head import YoloHead
 
 STRIDES_PX = (8, 16, 32)
 _WIDTH = 128  # channels where the three maps are added up

@@ -20,8 +20,8 @@ from train.networks.darknet19 import (
     Darknet19,
     units,
 )
-from train.networks.grid_detector import YoloDetector
-from train.networks.grid_head import YoloHead
+from train.networks.yolo_detector import YoloDetector
+from train.networks.yolo_head import YoloHead
 
 STRIDE_PX = 32
 _PASSED_CHANNELS = 64

@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from data.drive import Drive, Labels
 from data.frames import OnBadFrame
+from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import ProposalConfig, cluster_points, fit_boxes
-from perception.detection.depthcn.standing import find_above_ground
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
 from perception.types import Frame, Method
+from perception.types.drive import Drive, Labels
 from train.proposal_search.survey import FrameSet, is_of_class
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from data.drive import Labels
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
@@ -14,6 +13,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
 from perception.types import Detections, Frame, Method
+from perception.types.drive import Labels
 from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet

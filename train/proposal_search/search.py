@@ -14,7 +14,7 @@ from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS, requ
 from perception.types import Method
 from train.proposal_search.counting import ProposalCount, SearchTask, run_search_task
 from train.proposal_search.grid import SearchGrid
-from train.proposal_search.ledger import SearchLog
+from train.proposal_search.search_log import SearchLog
 from train.proposal_search.survey import Survey
 from train.proposal_search.workers import run_parts
 

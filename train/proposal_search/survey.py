@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Drive, Labels
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, LabelError, UsageError
 from perception.types import Bool, Progress
+from perception.types.drive import Drive, Labels
 
 
 @dataclass(frozen=True)

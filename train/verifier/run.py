@@ -8,14 +8,14 @@ import torch
 from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
-from data.candidates.dataset import CropDataset
-from data.candidates.grids import augmentation_previews, preview_rows
-from data.candidates.module import CropDataModule
+from data.crops.datamodule import CropDataModule
+from data.crops.dataset import CropDataset
+from data.crops.previews import augmentation_previews, preview_rows
 from perception.types import UInt8
 from train.networks.depthcn import VehicleVerifier, load_verifier
 from train.trainer import BEST, TrainerConfig, fit, make_trainer
-from train.verifier.figures import VerifierMetrics
-from train.verifier.pictures import VerifierImages
+from train.verifier.images import VerifierImages
+from train.verifier.metrics import VerifierMetrics
 from train.verifier.training import VerifierTraining, VerifierTrainingConfig
 
 _SHOWN_SAMPLES = 8

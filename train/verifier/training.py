@@ -14,8 +14,8 @@ from torch.optim.lr_scheduler import LambdaLR
 from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
 from train.schedules import step_decay, warmup_cosine
-from train.verifier.figures import VerifierMetrics
 from train.verifier.loss import box_loss
+from train.verifier.metrics import VerifierMetrics
 
 Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, normalized_box
 

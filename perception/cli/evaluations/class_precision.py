@@ -20,9 +20,9 @@ from perception.cli.evaluations.detection_figures import (
 )
 from perception.cli.table import Cell, percent
 from perception.evaluation.detection.bootstrap import Interval, percentile_interval
-from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints, max_ap
+from perception.evaluation.detection.evaluation_boxes import count_objects
+from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
-from perception.evaluation.detection.scene import count_objects
 from perception.render.precision_plots import PrecisionPanel
 from perception.types import Float64
 

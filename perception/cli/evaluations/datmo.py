@@ -5,9 +5,9 @@ from typing import cast, get_args
 
 from data.derived.moving_truth import EvaluationView
 from data.frames import OnBadFrame
-from perception.cli.evaluations.datmo_figures import datmo_results, datmo_tables
 from perception.cli.evaluations.datmo_report import PROTOCOL_WORDS, DatmoProtocol, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
+from perception.cli.evaluations.datmo_tables import datmo_results, datmo_tables
 from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
 from perception.datmo.stage import DatmoMethod

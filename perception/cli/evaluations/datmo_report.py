@@ -7,14 +7,15 @@ import numpy as np
 
 from data.derived.motion_labels import MotionLabelConfig
 from data.derived.moving_truth import EvaluationView, MovingTruth, moving_truth
-from data.drive import Drive
 from perception.evaluation.multi_object.false_tracks import (
     FalseTracks,
     TrackOutcomes,
     find_false_tracks,
     track_outcomes,
 )
-from perception.evaluation.multi_object.followed import (
+from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
+from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
+from perception.evaluation.multi_object.target_errors import (
     ObjectSummary,
     TargetErrors,
     TrackErrors,
@@ -22,14 +23,13 @@ from perception.evaluation.multi_object.followed import (
     target_errors,
     track_errors,
 )
-from perception.evaluation.multi_object.moving_objects import (
+from perception.evaluation.multi_object.track_assignment import (
     SimilarityFrames,
     assign_tracks,
     similarity_frames,
 )
-from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
-from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
 from perception.types import Float64, Frame, Result, Tracks
+from perception.types.drive import Drive
 
 PROTOCOL_WORDS = {
     "objects": (

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterator, Sequence
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.evaluations.datmo_report import DatmoPredictions
 from perception.cli.progress import progress_bar
@@ -13,6 +12,7 @@ from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Tracks
+from perception.types.drive import Drive
 
 
 def datmo_steps(

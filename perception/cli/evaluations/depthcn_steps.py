@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.drive import Drive
 from data.kitti.detection_rows import DetectionSet
 from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingConfig, detect_drive
 from perception.cli.vehicle_detector import VehicleDetector, VehicleDetectorOutput
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import Detections, Float64
+from perception.types.drive import Drive
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from perception.cli.progress import frame_progress_bar, progress_bar
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import match_detections
 from perception.evaluation.detection.bootstrap import PrecisionSamples, resample_precision
-from perception.evaluation.detection.curve import RecallPoints
+from perception.evaluation.detection.precision_curve import RecallPoints
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, DetectionClass
 from perception.render.precision_plots import plot_precision
 

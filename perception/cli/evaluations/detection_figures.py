@@ -7,7 +7,7 @@ from typing import Any
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.average_precision import ClassMetrics, DetectionMetrics
 from perception.evaluation.detection.bootstrap import PrecisionSamples
-from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
+from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints
 from perception.evaluation.detection.protocol import RECALL_STEPS
 from perception.render.precision_plots import PrecisionPanel
 

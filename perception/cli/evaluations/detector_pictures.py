@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Drive
 from perception.cli.evaluations.detector_steps import MeasuredDetector
-from perception.cli.picture_file import write_jpeg
+from perception.cli.image_file import write_jpeg
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
-from perception.evaluation.detection.mistakes import count_frame_errors
+from perception.evaluation.detection.evaluation_boxes import evaluation_mask, pair_boxes
+from perception.evaluation.detection.frame_errors import count_frame_errors
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
-from perception.evaluation.detection.scene import evaluation_mask, pair_boxes
-from perception.render.detection_mistakes import draw_detection_errors
+from perception.render.detection_errors import draw_detection_errors
 from perception.types import UInt8
+from perception.types.drive import Drive
 
 _DIFFICULTY = DIFFICULTIES[-1]  # where most objects count
 

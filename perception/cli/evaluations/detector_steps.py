@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Drive
 from perception.cli.evaluations.class_precision import ClassPrecision, MetricConfig
 from perception.cli.evaluations.labelled_drives import DetectedDrive, ReadingConfig, detect_drive
 from perception.detection.detectors.modality_detector import ModalityDetector
@@ -14,6 +13,7 @@ from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.types import Detections, Float64, Frame, Modality
+from perception.types.drive import Drive
 
 _THREADS = 2
 

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
 from perception.cli.drive_results import drive_results
@@ -13,6 +12,7 @@ from perception.cli.flags import require_positive
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
 from perception.types import Result
+from perception.types.drive import Drive
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from data.array_store import ArrayStore
-from data.detections.gathering import FingerprintedDetector, detected_scene
-from data.drive import Drive
+from data.detections.cached_detections import FingerprintedDetector, detected_scene
 from perception.cli.evaluations.class_precision import PROTOCOL_WORDS, MetricConfig
 from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.fusion_figures import fusion_panels, fusion_results, fusion_tables
@@ -20,6 +19,7 @@ from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
 from perception.types import Frame
+from perception.types.drive import Drive
 
 _OWN_WORDS = {
     "gain": (

@@ -10,7 +10,7 @@ from perception.cli.evaluations.detection_figures import CONFIDENCE
 from perception.cli.evaluations.fusion_measure import Gain, MeasuredFusion
 from perception.cli.evaluations.fusion_steps import MODALITY_NAMES, STEP_NAMES, VARIANT_NAMES
 from perception.cli.table import Cell, format_table
-from perception.evaluation.detection.curve import max_ap
+from perception.evaluation.detection.precision_curve import max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.render.precision_plots import PrecisionPanel
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from perception.cli.evaluations.labelled_drives import DetectedDrive
 from perception.cli.training.fusion_data import DetectorModelPaths
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import NmsFusion
+from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
 from perception.detection.fusion.features import Variant
-from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
-from perception.detection.session import shipped_model
+from perception.detection.onnx_model import shipped_model
 from perception.types import MODALITIES, Detections, Modality
 
 # As Table 7.10 names them.

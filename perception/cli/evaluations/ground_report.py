@@ -4,8 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from data.drive import Drive
-from perception.cli.confusion_figures import confusion_metrics, confusion_table
+from perception.cli.confusion_table import confusion_metrics, confusion_table
 from perception.cli.table import Cell, format_table
 from perception.evaluation.confusion import Confusion
 from perception.evaluation.ground import (
@@ -23,6 +22,7 @@ from perception.evaluation.ground import (
 from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
 from perception.types import Result
+from perception.types.drive import Drive
 
 PROTOCOL = {
     "mDE": (

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from data.drive import Drive, Labels
 from data.frames import OnBadFrame, file_number
 from data.kitti.detection_rows import DetectionSet
 from data.open_drive import open_drive, sequences_in
@@ -15,6 +14,7 @@ from perception.cli.vehicle_detector import outputs
 from perception.errors import DriveError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.types import Detections, Frame
+from perception.types.drive import Drive, Labels
 
 Output = TypeVar("Look")
 

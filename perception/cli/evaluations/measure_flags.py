@@ -8,7 +8,7 @@ from data.frames import OnBadFrame
 from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.evaluations.labelled_drives import ReadingConfig
-from perception.evaluation.detection.curve import RecallPoints
+from perception.evaluation.detection.precision_curve import RecallPoints
 
 RecallOption = Literal["11", "40"]
 _AVERAGED: Mapping[RecallOption, RecallPoints] = {"11": 11, "40": 40}

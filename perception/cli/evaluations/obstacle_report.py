@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from data.derived.motion_labels import MotionLabelConfig, MotionLabels, label_drive_motion
-from data.drive import Drive, Labels
 from data.kitti.sequence import KittiSequence
 from perception.evaluation.false_clusters import (
     ClusterConfig,
@@ -29,6 +28,7 @@ from perception.evaluation.obstacles import (
 from perception.evaluation.shadows import ShadowConfig, ShadowDetector, Shadows
 from perception.geometry.grids import LocalArea
 from perception.types import Frame, Result
+from perception.types.drive import Drive, Labels
 
 PROTOCOL_WORDS = {
     "objects": (

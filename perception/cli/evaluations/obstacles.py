@@ -5,12 +5,12 @@ from pathlib import Path
 from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
-from perception.cli.evaluations.obstacle_figures import obstacle_results, obstacle_tables
 from perception.cli.evaluations.obstacle_report import (
     PROTOCOL_WORDS,
     ObstacleProtocol,
     measure_obstacles,
 )
+from perception.cli.evaluations.obstacle_tables import obstacle_results, obstacle_tables
 from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.pipeline import PipelineConfig
 from perception.types import Method

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from data.frames import OnBadFrame
 from perception.cli.evaluations.document import Evaluation, write_evaluation
-from perception.cli.evaluations.otd_figures import absent_lines, otd_results, otd_tables
 from perception.cli.evaluations.otd_objects import (
     AvailableObjects,
     ObjectSet,
@@ -20,6 +19,7 @@ from perception.cli.evaluations.otd_report import (
     evaluate_object,
 )
 from perception.cli.evaluations.otd_steps import pipeline_config, track_objects
+from perception.cli.evaluations.otd_tables import absent_lines, otd_results, otd_tables
 from perception.errors import UsageError
 from perception.tracking.single_object.trackers import TRACKERS
 

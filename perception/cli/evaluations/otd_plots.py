@@ -15,7 +15,7 @@ from perception.evaluation.single_object.curves import (
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors
-from perception.evaluation.single_object.scores import SingleObjectMetrics
+from perception.evaluation.single_object.metrics import SingleObjectMetrics
 from perception.render.success_plots import SuccessPanel, plot_success
 from perception.types import Bool, Float64
 

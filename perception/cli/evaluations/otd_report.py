@@ -14,8 +14,8 @@ from data.derived.single_object import ObjectSequence
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun
 from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
-from perception.evaluation.single_object.scores import PROTOCOL_WORDS as METRIC_WORDS
-from perception.evaluation.single_object.scores import SingleObjectMetrics, single_object_metrics
+from perception.evaluation.single_object.metrics import PROTOCOL_WORDS as METRIC_WORDS
+from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
 from perception.types import Calibration
 
 PROTOCOL_WORDS = {

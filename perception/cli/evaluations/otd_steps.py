@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from data.derived.single_object import ObjectSequence
-from data.drive import Drive
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import progress_bar
 from perception.errors import PerceptionError
@@ -14,13 +13,14 @@ from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.sensor import LidarModel
-from perception.tracking.single_object.hand_over import tracker_input_of
+from perception.tracking.single_object.handover import tracker_input_of
 from perception.tracking.single_object.tracker import (
     SingleObjectTracker,
     TrackedObject,
     TrackerInput,
 )
 from perception.tracking.single_object.trackers import single_object_tracker
+from perception.types.drive import Drive
 
 TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
 

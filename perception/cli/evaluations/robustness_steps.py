@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from data.disturbances import darken, drop_points, rotate_calibration, shift_calibration
+from data.corruptions import darken, drop_points, rotate_calibration, shift_calibration
 from perception.cli.evaluations.fusion_steps import (
     MODALITY_NAMES,
     UNION_NAME,

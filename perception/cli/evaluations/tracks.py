@@ -12,7 +12,7 @@ from data.kitti.tracker_files import (
     sequences_in,
 )
 from perception.cli.evaluations.document import Evaluation, write_evaluation
-from perception.cli.evaluations.tracking_figures import mot_results, mot_table
+from perception.cli.evaluations.mot_results import mot_results, mot_table
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
 from perception.evaluation.multi_object.hota import ALPHAS
@@ -22,7 +22,7 @@ from perception.evaluation.multi_object.kitti_protocol import (
     KittiTrackingConfig,
     kitti_frames,
 )
-from perception.evaluation.multi_object.tracking_scores import MotMetrics, evaluate_tracks
+from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 
 _COMBINED = "COMBINED"
 _SPLIT = "the sequences named under data; what the tracker was trained on is not known here"

@@ -6,15 +6,15 @@ from typing import Literal
 
 import numpy as np
 
-from data.drive import Drive
 from data.frames import OnBadFrame
 from perception.cli.drive_results import drive_results
 from perception.detection.depthcn.detector import DepthCn
-from perception.detection.vehicles.objects import locate
-from perception.detection.vehicles.tracker import VehicleTracker, VehicleTrackerResult
+from perception.detection.vehicles.locate import locate
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_choice import DetectionConfig
+from perception.pipeline.detection_config import DetectionConfig
+from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import MODALITIES, Detections, Frame, FusedDetections, Result
+from perception.types.drive import Drive
 
 VehicleSource = Literal["fused", "depthcn", "labels"]
 # Of what labels call so, detectors of cars find most.

@@ -5,30 +5,30 @@ from pathlib import Path
 
 import numpy as np
 
-from data.drive import Drive
 from data.frames import OnBadFrame
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking_rows import TrackingRows, read_label_rows
 from data.kitti.vehicle_results import to_vehicle_rows
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.drive_run import open_labelled_drive
-from perception.cli.evaluations.vehicle_figures import (
-    VehiclesReport,
-    vehicle_results,
-    vehicle_tables,
-)
 from perception.cli.evaluations.vehicle_runs import (
     LabelNoise,
     VehicleFrame,
     VehicleSource,
     vehicle_frames,
 )
+from perception.cli.evaluations.vehicle_tables import (
+    VehiclesReport,
+    vehicle_results,
+    vehicle_tables,
+)
 from perception.errors import DriveError
-from perception.evaluation.located_vehicles import LocationErrors, location_errors
 from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
-from perception.evaluation.multi_object.tracking_scores import evaluate_tracks
-from perception.geometry.box_overlap_ground import iou_bev
+from perception.evaluation.multi_object.mot_metrics import evaluate_tracks
+from perception.evaluation.vehicle_location import LocationErrors, location_errors
+from perception.geometry.box_overlap_bev import iou_bev
 from perception.maps.projection import camera_of
+from perception.types.drive import Drive
 
 # KITTI's moderate: visible or partly hidden, hardly cut off.
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3

@@ -14,7 +14,7 @@ from perception.detection.detectors.modalities import MapFilling
 from perception.types import Modality
 
 if TYPE_CHECKING:
-    from data.pictures.module import ImageDataModule
+    from data.images.datamodule import ImageDataModule
     from train.detector.run import TrainedDetector
     from train.detector.training import DetectorTrainingConfig
     from train.trainer import TrainerConfig
@@ -138,8 +138,8 @@ def detector_training_config(
     model: DetectorModelConfig, images: DetectorDataConfig, seed: int
 ) -> "DetectorTrainingConfig":
     """Return which network, and how it descends."""
-    from train.detector.descent import PRESETS
     from train.detector.networks import DetectorNetworkConfig
+    from train.detector.optimizer_config import PRESETS
     from train.detector.training import DetectorTrainingConfig
     from train.revision import program_revision
 
@@ -176,11 +176,11 @@ def image_data(
     seed: int,
 ) -> "ImageDataModule":
     """Return the batches of a detector."""
-    from data.pictures.augmentation import ImageAugmentationConfig
-    from data.pictures.making import ImageConfig
-    from data.pictures.module import ImageDataModule, ImageLoadingConfig
+    from data.images.augmentation import ImageAugmentationConfig
+    from data.images.datamodule import ImageDataModule, ImageLoadingConfig
+    from data.images.input_images import ImageConfig
     from data.training_drives import TrainingDrives
-    from train.detector.descent import PRESETS
+    from train.detector.optimizer_config import PRESETS
 
     network_config = config.network_config
     loading = ImageLoadingConfig(

@@ -14,22 +14,22 @@ from perception.cli.training.fusion_data import (
     FusionDataConfig,
     split_detections,
 )
-from perception.cli.training.fusion_pictures import (
-    draw_reliability,
-    draw_rescoring,
-    draw_sizes,
-    draw_steps,
-)
 from perception.cli.training.fusion_plan import (
     FusionModelConfig,
     TrainedFusion,
     TrainingFolder,
     run_training,
 )
+from perception.cli.training.fusion_plots import (
+    draw_reliability,
+    draw_rescoring,
+    draw_sizes,
+    draw_steps,
+)
 from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
 from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
-from perception.evaluation.detection.curve import PrecisionCurve
+from perception.evaluation.detection.precision_curve import PrecisionCurve
 from perception.evaluation.detection.protocol import DIFFICULTIES
 
 _SHIPPED = DetectorModelPaths()

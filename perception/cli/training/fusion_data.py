@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from data.detections.detected_frames import DetectedFrames
-from data.detections.gathering import (
+from data.detections.cached_detections import (
     FingerprintedDetector,
     detect_drives,
     models_fingerprint,
     require_no_training_drives,
 )
+from data.detections.detected_frames import DetectedFrames
 from data.frames import OnBadFrame
 from data.splitting import SplitBy, validation_frames
 from data.training_drives import TrainingDrives, open_drives
@@ -19,8 +19,8 @@ from perception.cli.flags import require_drives
 from perception.cli.progress import frame_progress_bar
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.fusion.fitted_to import detector_fingerprints
-from perception.detection.session import shipped_model
+from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.detection.onnx_model import shipped_model
 from perception.errors import UsageError
 from perception.types import MODALITIES, Modality
 

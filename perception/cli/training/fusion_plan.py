@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from data.whole_file import write_atomically
+from data.atomic_file import write_atomically
 from perception.cli.progress import progress_bar
 from perception.cli.training.fusion_data import FusionDataConfig, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
@@ -14,7 +14,7 @@ from perception.detection.fusion.features import Variant
 from perception.types import MODALITIES
 
 if TYPE_CHECKING:
-    from train.fusion.plan import FusionSets, FusionTrainingConfig
+    from train.fusion.config import FusionSets, FusionTrainingConfig
     from train.fusion.sweep import SweptSize
     from train.fusion.training import FittedFusion
     from train.trainer import TrainerConfig
@@ -105,9 +105,9 @@ def run_training(
     Raises:
         ModelError: a checkpoint to go on from is damaged, or of another training.
     """
-    from export.exported import ExportConfig
     from export.fusion import export_fusion
-    from train.fusion.plan import FusionSets
+    from export.result import ExportConfig
+    from train.fusion.config import FusionSets
     from train.fusion.targets import fusion_rows
     from train.fusion.training import fit_fusion
 
@@ -142,8 +142,8 @@ def fusion_training_config(
     data: FusionDataConfig, model: FusionModelConfig, seed: int
 ) -> "FusionTrainingConfig":
     """Return which network, and how it is fitted."""
+    from train.fusion.config import FusionTrainingConfig
     from train.fusion.mlp import MlpConfig
-    from train.fusion.plan import FusionTrainingConfig
     from train.revision import program_revision
 
     hidden, optimiser = _USUAL[model.variant]
@@ -178,8 +178,8 @@ def _calibrate(file: Path, checkpoint: Path, found: SplitDetections) -> str:
     """Write the curves from scores to probabilities into a model file and its checkpoint, and return them."""
     from data.detections.fused_frames import boxes_beside, fuse_frames, judged
     from export.fusion import with_calibrations
-    from perception.detection.fusion.calibration import FusionCalibration
     from perception.detection.fusion.rescoring import Fusion
+    from perception.detection.fusion.score_calibration import FusionCalibration
     from train.fusion.calibration import fit_calibration
     from train.fusion.training import write_calibrations
 

@@ -10,7 +10,7 @@ from perception import __version__
 from perception.cli.documents import write_json, write_yaml
 from perception.cli.machine import usable_cores
 from perception.cli.progress import frame_progress_bar, progress_bar
-from perception.cli.training.proposal_figures import (
+from perception.cli.training.proposal_tables import (
     best_table,
     recall_document,
     recall_table,

@@ -11,7 +11,7 @@ from perception.cli.training.trainer_choice import write_training_configuration
 from perception.types import Method
 
 if TYPE_CHECKING:
-    from data.candidates.module import CropDataModule
+    from data.crops.datamodule import CropDataModule
     from train.trainer import TrainerConfig
     from train.verifier.run import TrainedVerifier
 
@@ -74,10 +74,10 @@ def run_training(
 
 def crop_data(data: VerifierDataConfig, method: Method, seed: int) -> "CropDataModule":
     """Return the batches of one of the networks."""
-    from data.candidates.augmentation import CropAugmentationConfig
-    from data.candidates.gathering import CropSamplingConfig
-    from data.candidates.labelled_frames import FrameConfig
-    from data.candidates.module import CropConfig, CropDataModule, CropLoadingConfig
+    from data.crops.augmentation import CropAugmentationConfig
+    from data.crops.datamodule import CropConfig, CropDataModule, CropLoadingConfig
+    from data.crops.labelled_frames import FrameConfig
+    from data.crops.sampling import CropSamplingConfig
     from data.training_drives import TrainingDrives
     from train.networks.depthcn import VERIFIER_INPUTS
 

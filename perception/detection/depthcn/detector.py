@@ -9,7 +9,7 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.depthcn.picture import encode_channels
+from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import ProposalConfig, Proposals, propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from perception.detection.clustering import cluster
-from perception.detection.depthcn.standing import AboveGroundPoints, find_above_ground
+from perception.detection.depthcn.above_ground import AboveGroundPoints, find_above_ground
 from perception.errors import UsageError
 from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 

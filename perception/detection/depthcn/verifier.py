@@ -8,9 +8,15 @@ import cv2
 import numpy as np
 
 from perception.detection.depthcn.crops import crop_windows
-from perception.detection.depthcn.picture import CHANNELS
+from perception.detection.depthcn.image import CHANNELS
 from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX, WindowKind
-from perception.detection.session import Array, ModelContract, ModelInput, OnnxModel, shipped_model
+from perception.detection.onnx_model import (
+    Array,
+    ModelContract,
+    ModelInput,
+    OnnxModel,
+    shipped_model,
+)
 from perception.errors import ModelError
 from perception.types import Float64, Method, UInt8
 

@@ -12,8 +12,14 @@ import numpy as np
 
 from perception.detection.detectors.input_size import InputSize, boxes_in_image, stretch
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
-from perception.detection.detectors.network_answers import postprocess_detections
-from perception.detection.session import Array, ModelContract, ModelInput, OnnxModel, shipped_model
+from perception.detection.detectors.postprocess import postprocess_detections
+from perception.detection.onnx_model import (
+    Array,
+    ModelContract,
+    ModelInput,
+    OnnxModel,
+    shipped_model,
+)
 from perception.errors import ImageError, ModelError
 from perception.maps.densify import FILL_METHODS
 from perception.types import MODALITIES, Detections, Modality, UInt8

@@ -23,8 +23,8 @@ from perception.detection.detectors.modalities import (
     map_image,
 )
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.union import NmsFusion
-from perception.detection.fusion.fitted_to import warn_of_detector_mismatch
+from perception.detection.detectors.nms_fusion import NmsFusion
+from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import ModelError, UsageError
 from perception.maps.densify import DenseMaps

@@ -10,11 +10,11 @@ from importlib.abc import Traversable
 
 import numpy as np
 
-from perception.detection.fusion.calibration import FusionCalibration
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
+from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
-from perception.detection.session import ModelContract, ModelInput, OnnxModel, shipped_model
+from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
 from perception.geometry.box_overlap_px import paired_iou_px

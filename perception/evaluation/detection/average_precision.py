@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.curve import PrecisionCurve, compute_curve
+from perception.evaluation.detection.evaluation_boxes import pair_boxes
+from perception.evaluation.detection.match_statistics import MatchStatistics, match_statistics
+from perception.evaluation.detection.precision_curve import PrecisionCurve, compute_curve
 from perception.evaluation.detection.protocol import (
     DIFFICULTIES,
     KITTI_CLASSES,
     DetectionClass,
     Difficulty,
 )
-from perception.evaluation.detection.scene import pair_boxes
-from perception.evaluation.detection.tally import MatchStatistics, match_statistics
 from perception.types import Int
 
 

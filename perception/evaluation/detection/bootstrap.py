@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import DetectionStatistics
-from perception.evaluation.detection.curve import PrecisionCurve, RecallPoints
+from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints
 from perception.types import Float64, Progress
 
 

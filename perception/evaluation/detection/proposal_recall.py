@@ -11,9 +11,13 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import (
+    EvaluationBoxes,
+    evaluation_mask,
+    pair_boxes,
+)
 from perception.evaluation.detection.grouping import ranks_in_groups
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
-from perception.evaluation.detection.scene import EvaluationBoxes, evaluation_mask, pair_boxes
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Float64, Int
 

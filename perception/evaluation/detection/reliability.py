@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
+from perception.evaluation.detection.evaluation_boxes import EvaluationBoxes, pair_boxes
 from perception.evaluation.detection.protocol import DetectionClass
-from perception.evaluation.detection.scene import EvaluationBoxes, pair_boxes
 from perception.types import Bool, Float64, Int
 
 

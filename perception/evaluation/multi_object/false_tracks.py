@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.multi_object.moving_objects import FrameAssignment
+from perception.evaluation.multi_object.track_assignment import FrameAssignment
 from perception.evaluation.rows import Rows
 from perception.types import Bool, Int, Tracks
 

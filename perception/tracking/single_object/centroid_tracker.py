@@ -7,8 +7,11 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.sensor import LidarModel
-from perception.tracking.single_object.even_acceleration import ConstantAcceleration, NoiseLevels
-from perception.tracking.single_object.heading_of_way import (
+from perception.tracking.single_object.constant_acceleration import (
+    ConstantAcceleration,
+    NoiseLevels,
+)
+from perception.tracking.single_object.course import (
     heading_freeze_config_for,
     heading_from_course,
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.tracking import kalman
 from perception.tracking.kalman import Gaussians
-from perception.tracking.single_object.image_region import ImageRegion
+from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.types import Float64, Int, UInt8
 
 BINS_PER_CHANNEL = 8  # b of Table 7.5

@@ -6,7 +6,10 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
-from perception.tracking.single_object.even_acceleration import ConstantAcceleration, NoiseLevels
+from perception.tracking.single_object.constant_acceleration import (
+    ConstantAcceleration,
+    NoiseLevels,
+)
 from perception.types import Float, Float64
 
 _BIN_RAD = np.radians(0.01)

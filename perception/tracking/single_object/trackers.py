@@ -4,19 +4,22 @@ from collections.abc import Callable
 
 from perception.errors import UsageError
 from perception.sensor import LidarModel
-from perception.tracking.single_object.box_follower import BoxFitTracker
-from perception.tracking.single_object.colored_points import colored_points_tracker
-from perception.tracking.single_object.fusion_tracker import FusionTracker
-from perception.tracking.single_object.histogram_finders import (
+from perception.tracking.single_object.baselines.colored_points import colored_points_tracker
+from perception.tracking.single_object.baselines.histogram_finders import (
     BackProjectionFinder,
     CorrectedHistogramFinder,
 )
-from perception.tracking.single_object.image_only_tracker import ImageOnlyTracker
-from perception.tracking.single_object.lidar_baselines import kalman_tracker, mean_shift_tracker
-from perception.tracking.single_object.opencv_trackers import (
+from perception.tracking.single_object.baselines.image_only_tracker import ImageOnlyTracker
+from perception.tracking.single_object.baselines.lidar_baselines import (
+    kalman_tracker,
+    mean_shift_tracker,
+)
+from perception.tracking.single_object.baselines.opencv_trackers import (
     missing_opencv_trackers,
     opencv_tracker,
 )
+from perception.tracking.single_object.box.box_fit_tracker import BoxFitTracker
+from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import SingleObjectTracker
 
 # Best first. A tracker is made anew for every object that is followed.

@@ -8,7 +8,6 @@ from data.derived.motion_labels import (
     gather_tracks,
     label_motion,
 )
-from data.drive import Labels
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_tracking_labels
 from data.kitti.oxts import Mercator, parse_oxts_packet
@@ -16,6 +15,7 @@ from perception.errors import UsageError
 from perception.evaluation.objects import MotionState
 from perception.geometry.se3 import from_euler, inverse
 from perception.types import Boxes3D
+from perception.types.drive import Labels
 
 SCAN_S = 0.1
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from data.derived.moving_truth import MovingTruth, moving_truth
-from data.drive import Drive
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
@@ -14,6 +13,7 @@ from perception.errors import DriveError, PoseError
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
+from perception.types.drive import Drive
 
 FRAMES = 8
 

@@ -9,12 +9,12 @@ from data.synthetic import actors, clutter, world_kinds
 from data.synthetic.clutter import ClutterConfig
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
+from data.synthetic.parking_lots import ParkingLot
 from data.synthetic.road import Road, RoadShape
-from data.synthetic.traffic_plan import _apart
+from data.synthetic.traffic_generator import _apart
 from data.synthetic.world_config import WorldConfig
-from data.synthetic.yards import ParkingLot
 from perception.errors import UsageError
-from perception.geometry.box_overlap_ground import iou_bev
+from perception.geometry.box_overlap_bev import iou_bev
 
 KINDS = [
     world_kinds.town_street,

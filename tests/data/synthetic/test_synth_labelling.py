@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from data.drive import Labels
 from data.synthetic import labelling, meshes
 from data.synthetic.lidar import velo_poses
 from data.synthetic.materials import Slot, palette
@@ -13,6 +12,7 @@ from data.synthetic.world import World
 from perception.geometry.boxes import corners, points_inside, transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
+from perception.types.drive import Labels
 
 
 def label(world: World, *, is_tracking: bool = False) -> Labels:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
+from benchmarks.reference.depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
 from data.open_drive import open_drive
 from perception.detection.depthcn.detector import DepthCn, NmsConfig
-from perception.detection.depthcn.picture import encode_channels
+from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals
 from perception.detection.depthcn.windows import windows_px
 from perception.errors import CalibrationError, ModelError, PerceptionError, UsageError

@@ -3,8 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.naive_proposals import boxes_by_loop
+from benchmarks.reference.proposals import boxes_by_loop
 from data.open_drive import open_drive
+from perception.detection.depthcn.above_ground import find_above_ground
 from perception.detection.depthcn.proposals import (
     ProposalConfig,
     Proposals,
@@ -12,7 +13,6 @@ from perception.detection.depthcn.proposals import (
     fit_boxes,
     propose,
 )
-from perception.detection.depthcn.standing import find_above_ground
 from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
 from perception.sensor import VLP_16

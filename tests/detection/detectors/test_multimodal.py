@@ -8,8 +8,8 @@ import pytest
 from perception.detection.detectors.modalities import fill_maps, map_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
-from perception.detection.detectors.union import NmsFusion
-from perception.detection.fusion.fitted_to import detector_fingerprints
+from perception.detection.detectors.nms_fusion import NmsFusion
+from perception.detection.fusion.detector_fingerprints import detector_fingerprints
 from perception.detection.fusion.rescoring import Fusion
 from perception.errors import CalibrationError, ImageError, ModelError, UsageError
 from perception.maps.densify import densify

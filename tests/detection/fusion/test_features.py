@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.naive_fusion import reference_features
+from benchmarks.reference.fusion import reference_features
 from perception.detection.fusion.detected_scene import DetectedScene, box_depths_m, scene_of
 from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.tri_boxes import tri_boxes

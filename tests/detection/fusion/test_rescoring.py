@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.detection.fusion.calibration import BetaCalibration, FusionCalibration
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
+from perception.detection.fusion.score_calibration import BetaCalibration, FusionCalibration
 from perception.detection.suppression import suppress
 from perception.errors import ModelError
 from perception.types import MODALITIES

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_fusion import reference_tri_boxes
+from benchmarks.reference.fusion import reference_tri_boxes
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
 from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes

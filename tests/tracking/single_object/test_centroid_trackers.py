@@ -11,9 +11,12 @@ from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
+from perception.tracking.single_object.baselines.lidar_baselines import kalman_tracker
 from perception.tracking.single_object.centroid_tracker import CentroidTrackerConfig
-from perception.tracking.single_object.fusion_tracker import FusionTracker, FusionTrackerConfig
-from perception.tracking.single_object.lidar_baselines import kalman_tracker
+from perception.tracking.single_object.fusion.fusion_tracker import (
+    FusionTracker,
+    FusionTrackerConfig,
+)
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.naive_pitch import reference_most_frequent
+from benchmarks.reference.pitch import reference_most_frequent
 from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
     PitchFilter,

@@ -2,13 +2,13 @@
 
 import pytest
 
-from export.exported import ExportConfig
 from export.fusion import export_fusion
+from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
+from train.fusion.config import FusionSets, FusionTrainingConfig
 from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
 from train.fusion.mlp import MlpConfig
-from train.fusion.plan import FusionSets, FusionTrainingConfig
 from train.fusion.targets import fusion_rows
 from train.fusion.training import fit_fusion
 from train.trainer import TrainerConfig

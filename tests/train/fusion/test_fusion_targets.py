@@ -8,7 +8,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from tests.detection.fusion.scenes import detections
-from train.fusion.conditions import DROPPED_MODALITIES, jitter_scores
+from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
 from train.fusion.targets import box_targets, fusion_rows
 
 SIZE_PX = (1000, 300)

@@ -7,22 +7,22 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from export.exported import ExportConfig
 from export.fusion import export_fusion, with_calibrations
-from perception.detection.fusion.calibration import BetaCalibration, FusionCalibration
+from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
+from perception.detection.fusion.score_calibration import BetaCalibration, FusionCalibration
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
-from tests.train.fusion.test_mlp_squares import toy_rows
+from tests.train.fusion.test_mlp_least_squares import toy_rows
 from train.fusion.calibration import fit_calibration
+from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.fit_adamw import MONITOR, FusionTraining
+from train.fusion.fit_lm import fit_levenberg_marquardt
 from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
 from train.fusion.mlp import MlpConfig, load_fusion
-from train.fusion.mlp_squares import MlpLeastSquares
-from train.fusion.plan import FusionSets, FusionTrainingConfig
-from train.fusion.small_steps import MONITOR, FusionTraining
+from train.fusion.mlp_least_squares import MlpLeastSquares
 from train.fusion.sweep import hidden_sizes, sweep
 from train.fusion.training import fit_fusion, write_calibrations
-from train.fusion.whole_steps import fit_levenberg_marquardt
 from train.trainer import TrainerConfig, checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))

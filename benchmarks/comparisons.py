@@ -1,0 +1,63 @@
+"""What `trifuse bench` compares, stage by stage: ours beside plain forms, the thesis' form and libraries."""
+
+from collections.abc import Callable, Mapping
+
+from benchmarks.average_precision import compare_average_precision
+from benchmarks.depthcn import compare_depthcn
+from benchmarks.maps import compare_maps
+from benchmarks.moving_objects import (
+    compare_filters,
+    compare_moving_objects,
+    compare_short_term_maps,
+)
+from benchmarks.proposals import compare_clusters, compare_clusters_full_scan, compare_proposals
+from benchmarks.single_object import compare_color_filters, compare_single_object_trackers
+from benchmarks.stages import (
+    Comparison,
+    PreparedDrive,
+    compare_ground,
+    compare_motion,
+    compare_registration,
+    compare_voxels,
+)
+from perception.errors import MissingDependencyError
+
+COMPARISONS: Mapping[str, Callable[[PreparedDrive], Comparison]] = {
+    "registration": compare_registration,
+    "ground": compare_ground,
+    "voxels": compare_voxels,
+    "motion": compare_motion,
+    "objects": compare_moving_objects,
+    "map": compare_short_term_maps,
+    "filters": compare_filters,
+    "following": compare_single_object_trackers,
+    "colors": compare_color_filters,
+    "maps": compare_maps,
+    "clusters": compare_clusters,
+    "turns": compare_clusters_full_scan,
+    "proposals": compare_proposals,
+    "depthcn": compare_depthcn,
+    "average-precision": lambda _: compare_average_precision(),
+}
+
+
+def _compare_detectors(prepared: PreparedDrive) -> Comparison:
+    """Compare what needs torch, to make networks of.
+
+    Raises:
+        MissingDependencyError: it is not there.
+    """
+    try:
+        from benchmarks.detectors import compare_detectors
+    except ImportError as error:
+        raise MissingDependencyError(
+            "torch, onnx and onnxscript",
+            needed_for="the benchmark of detectors",
+            extra="train",
+            reason=error,
+        ) from error
+    return compare_detectors(prepared)
+
+
+# Only where asked for by name: the networks take a minute to make.
+ON_REQUEST: Mapping[str, Callable[[PreparedDrive], Comparison]] = {"detectors": _compare_detectors}

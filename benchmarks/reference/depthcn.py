@@ -1,0 +1,55 @@
+"""Verification one candidate at a time, and suppression by loop: the oracle of the tests."""
+
+import numpy as np
+
+from perception.detection.depthcn.image import encode_channels
+from perception.detection.depthcn.proposals import propose
+from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
+from perception.detection.depthcn.windows import windows_px
+from perception.maps.densify import densify
+from perception.maps.projection import camera_of, project_frame
+from perception.sensor import HDL_64E, LidarModel
+from perception.types import Detections, Float64, Frame, UInt8
+
+
+def detect_one_by_one(
+    verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, max_iou: float = 0.5
+) -> Detections:
+    """Detect as `DepthCn` does, with a call of the network for each candidate."""
+    calibration, size_px = camera_of(frame)
+    proposals = propose(frame.points_velo, calibration, size_px)
+    image = encode_channels(
+        densify(project_frame(frame)), calibration.image_P_velo, sensor.height_m
+    )
+    focal_px = float(calibration.image_P_cam[0, 0])
+    windows = windows_px(verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
+    verified = verify_one_by_one(verifier, image, windows)
+    right, bottom = size_px[0] - 1, size_px[1] - 1
+    boxes_px = np.clip(verified.boxes_px, 0, [right, bottom, right, bottom])
+    kept = suppress_by_loop(boxes_px, verified.scores, max_iou)
+    return Detections(boxes_px[kept], verified.scores[kept], np.full(len(kept), VEHICLE))
+
+
+def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> VerifierPrediction:
+    """Judge (M, 4) windows of a picture with a call of the network for each."""
+    verified = [verifier.predict(image, window[None]) for window in windows]
+    return VerifierPrediction(
+        np.concatenate([np.zeros(0), *(one.scores for one in verified)]),
+        np.concatenate([np.zeros((0, 4)), *(one.boxes_px for one in verified)]),
+    )
+
+
+def suppress_by_loop(boxes_px: Float64, scores: Float64, max_iou: float) -> list[int]:
+    """Return the rows that stay, best first, comparing each with each that stays."""
+    kept: list[int] = []
+    for row in sorted(range(len(scores)), key=lambda row: -scores[row]):
+        if all(_iou(boxes_px[row], boxes_px[other]) <= max_iou for other in kept):
+            kept.append(row)
+    return kept
+
+
+def _iou(a: Float64, b: Float64) -> float:
+    width = max(0.0, min(a[2], b[2]) - max(a[0], b[0]))
+    height = max(0.0, min(a[3], b[3]) - max(a[1], b[1]))
+    union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - width * height
+    return float(width * height / union) if union > 0 else 0.0

@@ -1,0 +1,115 @@
+"""Accuracy of DepthCN's network without and with augmentation of what it learns from (Table 7.8)."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.studies.report import Study
+from perception.cli.table import Cell, format_table
+from perception.cli.training.trainer_choice import trainer_config
+from perception.cli.training.verifier_plan import VerifierDataConfig, run_training
+from perception.render.training_plots import plot_accuracies
+from perception.types import Method
+
+if TYPE_CHECKING:
+    from train.verifier.run import TrainedVerifier
+
+# By whether the training set was augmented: accuracy on it and on the validation set.
+THESIS_PERCENT = {False: (92.83, 86.69), True: (96.45, 91.93)}
+_NAMES = {False: "without augmentation", True: "with augmentation"}
+_FOLDERS = {False: "without", True: "with"}
+_LOGGED = ("train/accuracy", "validation/accuracy")
+
+
+@dataclass(frozen=True)
+class AugmentationStudyConfig:
+    """What is trained twice.
+
+    Attributes:
+        method: which network.
+        epochs: of each training.
+        seed: of both.
+        resume: whether to go on where an earlier study of the same folder ended.
+    """
+
+    method: Method = "thesis"
+    epochs: int = 40
+    seed: int = 0
+    resume: bool = False
+
+
+def study_augmentation(
+    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig
+) -> Study:
+    """Train without and with augmentation in two folders beside the picture, and compare."""
+    trained = {
+        is_augmented: _train(data, plot_path, config, is_augmented)
+        for is_augmented in (False, True)
+    }
+    _plot(plot_path, config, trained)
+    return Study(
+        name="augmentation",
+        repeats="Table 7.8",
+        table=_table(config, trained),
+        numbers={_FOLDERS[key]: asdict(one) for key, one in trained.items()},
+        conditions={"data": data, "plan": config, "thesis_percent": _by_folder(THESIS_PERCENT)},
+    )
+
+
+def _train(
+    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig, is_augmented: bool
+) -> "TrainedVerifier":
+    out = plot_path.with_suffix("") / _FOLDERS[is_augmented]
+    is_begun = config.resume and (out / "last.ckpt").exists()
+    trained = run_training(
+        replace(data, augment=is_augmented),
+        config.method,
+        trainer_config(epochs=config.epochs, seed=config.seed),
+        out,
+        "last" if is_begun else None,
+    )
+    assert trained is not None  # one process, and no trial
+    return trained
+
+
+def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]") -> str:
+    rows: list[list[Cell]] = []
+    for is_augmented, one in trained.items():
+        ours = [100 * metrics["accuracy"] for metrics in (one.training, one.validation)]
+        balanced = 100 * one.validation["balanced"]
+        cells = [*ours, balanced, *THESIS_PERCENT[is_augmented]]
+        rows.append([_NAMES[is_augmented], one.epoch, *(f"{cell:.2f}" for cell in cells)])
+    counts = next(iter(trained.values())).counts
+    title = (
+        f"Accuracy in %, {config.method} network: {counts['training_candidates']} candidates to learn from, "
+        f"{counts['validation_candidates']} to judge by"
+    )
+    header = (
+        "",
+        "best epoch",
+        "training",
+        "validation",
+        "of both classes",
+        "thesis training",
+        "thesis validation",
+    )
+    return format_table(title, header, rows)
+
+
+def _plot(
+    plot_path: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
+) -> None:
+    from train.tensorboard_scalars import read_scalars
+
+    accuracies = {}
+    for is_augmented, one in trained.items():
+        found = read_scalars(one.checkpoint.parent, _LOGGED)
+        accuracies[_NAMES[is_augmented]] = (found[_LOGGED[0]], found[_LOGGED[1]])
+    title = (
+        f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"
+    )
+    plot_accuracies(plot_path, title, accuracies)
+
+
+def _by_folder(percent: dict[bool, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    return {_FOLDERS[key]: value for key, value in percent.items()}

@@ -1,0 +1,157 @@
+"""Seconds by stage: the thesis' chain as printed, and the default pipeline, on the same frames."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.frames import read_frames
+from perception.errors import DriveError, UsageError
+from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import inverse, transform_points
+from perception.obstacles.above_ground import split_by_ground
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
+from perception.obstacles.ground_planes import PiecewisePlanesEstimator
+from perception.obstacles.motion_counters import (
+    classify_columns,
+    column_counter,
+    log_ratio,
+    subtract,
+)
+from perception.obstacles.voxels import VoxelGrid
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.sensor import LidarModel
+from perception.types import Float32, Frame, GroundModel
+from perception.types.drive import Drive
+
+# The four steps of Table 7.3.
+DENSE_CLOUD = "dense cloud"
+GROUND = "ground"
+VOXELS = "separation and voxels"
+MOTION = "static and moving"
+
+_CLEARANCE_M, _STATIC_POINTS, _MOVING_POINTS = 0.2, 50, 5  # Table 7.1
+_AREA = LocalArea()
+
+Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
+Times = dict[str, float]
+
+
+@contextmanager
+def _timed(times: Times, stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    times[stage] = times.get(stage, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class ThesisCase:
+    """One setting of the thesis' chain.
+
+    Attributes:
+        previous_scans: m.
+        voxel_size_m: υ.
+    """
+
+    previous_scans: int = 6
+    voxel_size_m: float = 0.1
+
+
+def time_thesis(
+    drive: Drive, cases: Sequence[ThesisCase], frames: int, progress: Progress
+) -> dict[ThesisCase, list[Times]]:
+    """Return for each case the seconds by stage of each measured frame.
+
+    The first scans only fill the longest window, so that every case is measured on the same frames.
+    """
+    longest = max(case.previous_scans for case in cases)
+    _require_frames(drive, frames, longest)
+    recent = ScanWindow(longest)
+    measured: dict[ThesisCase, list[Times]] = {case: [] for case in cases}
+    for frame in progress(read_frames(drive, limit=longest + frames)):
+        if frame.world_SE3_velo is None:
+            raise DriveError(drive.root, expected="INS poses to begin the ICP with", found="none")
+        recent.push(PosedScan(frame.points_velo, frame.world_SE3_velo))
+        if len(recent) <= longest:
+            continue
+        for m in dict.fromkeys(case.previous_scans for case in cases):
+            sizes = [case.voxel_size_m for case in cases if case.previous_scans == m]
+            for size_m, times in _time_frame(recent, m, sizes, drive.sensor).items():
+                measured[ThesisCase(m, size_m)].append(times)
+    return measured
+
+
+def _time_frame(
+    recent: ScanWindow, previous_scans: int, sizes_m: Sequence[float], sensor: LidarModel
+) -> dict[float, Times]:
+    """Run the chain on one frame; what does not depend on the voxel's size runs once."""
+    window = ScanWindow(previous_scans)
+    for scan in recent:
+        window.push(scan)
+    shared: Times = {}
+    with _timed(shared, DENSE_CLOUD):
+        registered = register_window(window)
+        points_velo = merge(registered, _AREA).points_velo
+    with _timed(shared, GROUND):
+        planes = PiecewisePlanesEstimator(sensor, _AREA).estimate(
+            points_velo, np.random.default_rng(0)
+        )
+    with _timed(shared, VOXELS):
+        obstacles = _obstacle_points(registered, planes)
+    by_size: dict[float, Times] = {}
+    for size_m in sizes_m:
+        by_size[size_m] = dict(shared)
+        _time_segmentation(obstacles, size_m, by_size[size_m])
+    return by_size
+
+
+def _obstacle_points(window: ScanWindow, ground: GroundModel) -> list[Float32]:
+    newest_SE3_world = inverse(window.newest.world_SE3_velo)
+    moved = [
+        transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
+        for scan in window
+    ]
+    return [split_by_ground(p, ground, _AREA, _CLEARANCE_M).points_velo for p in moved]
+
+
+def _time_segmentation(obstacles: list[Float32], size_m: float, times: Times) -> None:
+    with _timed(times, VOXELS):
+        grid = VoxelGrid.covering(np.concatenate(obstacles), size_m)
+        keys = [grid.keys(points) for points in obstacles]
+    with _timed(times, MOTION):
+        voxels = subtract(keys)
+        static, moving = column_counter(grid, voxels.static), column_counter(grid, voxels.moving)
+        log_ratio(moving, static)
+        classify_columns(static, moving, _STATIC_POINTS, _MOVING_POINTS)
+
+
+def time_default(
+    drive: Drive, previous_scans: int, warm_up: int, frames: int, progress: Progress
+) -> list[Times]:
+    """Return the seconds by stage of each measured frame of the default pipeline."""
+    _require_frames(drive, frames, warm_up)
+    pipeline = Pipeline(drive.sensor, PipelineConfig.for_obstacles(previous_scans=previous_scans))
+    results = (pipeline.step(f) for f in progress(read_frames(drive, limit=warm_up + frames)))
+    return [result.timings_s for result in results][warm_up:]
+
+
+def _require_frames(drive: Drive, frames: int, before: int) -> None:
+    if len(drive) < frames + before:
+        raise UsageError(
+            f"--frames {frames}",
+            expected=f"at most {len(drive) - before}, as {drive.name} has {len(drive)} frames "
+            f"and the first {before} fill the window",
+            found=str(frames),
+        )
+
+
+def mean_times_s(times: Sequence[Times]) -> Times:
+    """Average each stage over the frames."""
+    return {stage: float(np.mean([frame[stage] for frame in times])) for stage in times[0]}
+
+
+def frames_per_s(times: Sequence[Times]) -> float:
+    """Return how many frames a second the stages allow, one after another."""
+    return float(1 / np.mean([sum(frame.values()) for frame in times]))

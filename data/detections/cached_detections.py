@@ -1,0 +1,200 @@
+"""Detectors run over labelled drives once; what they saw is kept in an `ArrayStore`.
+
+An entry is of one frame: the boxes, scores and types of each modality, and how far the boxes are. Its key is
+all that makes it: the frame's files, the model files, and the code.
+"""
+
+import hashlib
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+import perception.detection
+import perception.detection.detectors
+import perception.detection.fusion
+import perception.maps
+from data.array_store import Arrays, ArrayStore, entry_key
+from data.detections.detected_frames import DetectedFrames
+from data.frame_fingerprint import code_fingerprint, frame_fingerprint
+from data.frames import OnBadFrame
+from data.true_boxes import true_boxes
+from perception.detection.detectors.modality_detector import ModalityDetector
+from perception.detection.fusion.detected_scene import DetectedScene, scene_of
+from perception.errors import DriveError, PerceptionError, UsageError
+from perception.maps.densify import DenseMaps
+from perception.types import MODALITIES, Detections, Frame, Modality, ModalityDetections, Progress
+from perception.types.drive import Drive, Labels
+
+log = logging.getLogger(__name__)
+
+
+class DetectorOutput(Protocol):
+    """What detectors make of one frame."""
+
+    @property
+    def modality_detections(self) -> ModalityDetections:
+        """What each of them saw."""
+        ...
+
+    @property
+    def dense(self) -> DenseMaps | None:
+        """The maps that were looked at."""
+        ...
+
+
+class FrameDetector(Protocol):
+    """Detectors of one or more modalities."""
+
+    def detect(self, frame: Frame) -> DetectorOutput:
+        """Detect in one frame."""
+        ...
+
+
+@dataclass(frozen=True)
+class FingerprintedDetector:
+    """Detectors, and by what they are told from others.
+
+    Attributes:
+        looker: detects.
+        mark: hash of the model files.
+    """
+
+    detector: FrameDetector
+    fingerprint: str
+
+
+def models_fingerprint(models: Mapping[Modality, bytes]) -> str:
+    """Return a hash of model files."""
+    hashes = {name: hashlib.blake2b(data).hexdigest() for name, data in sorted(models.items())}
+    return entry_key(models=hashes)
+
+
+def detect_drives(
+    drives: Sequence[Drive],
+    detectors: FingerprintedDetector,
+    store: ArrayStore,
+    on_bad_frame: OnBadFrame = "stop",
+    progress: Progress = iter,
+) -> DetectedFrames:
+    """Return what detectors see in the frames of labelled drives.
+
+    Args:
+        drives: with labels.
+        detectors: look at each frame, where the store does not know what they see in it.
+        store: where that is kept.
+        on_bad_frame: stop at a damaged frame, or leave it out and say so.
+        progress: goes through the numbers of the frames, and may show how far it is.
+
+    Raises:
+        DriveError: there is no frame.
+        PerceptionError: a frame cannot be read or used, and `on_bad_frame` is "stop".
+    """
+    places = [(number, index) for number, d in enumerate(drives) for index in range(len(d))]
+    scenes: list[DetectedScene] = []
+    labels: list[Labels] = []
+    numbers: list[int] = []
+    for place in progress(range(len(places))):
+        number, index = places[place]
+        try:
+            of_frame = drives[number].labels(index)
+            scene = detected_scene(drives[number], index, detectors, store)
+        except PerceptionError as error:
+            if on_bad_frame == "stop":
+                raise
+            log.warning("skipped frame %d of %s: %s", index, drives[number].name, error)
+            continue
+        scenes.append(scene)
+        labels.append(of_frame)
+        numbers.append(number)
+    if not scenes:
+        raise DriveError("detections", expected="labelled frames", found="none")
+    return DetectedFrames(tuple(scenes), true_boxes(labels), np.array(numbers, np.int64))
+
+
+def detected_scene(
+    drive: Drive, index: int, detectors: FingerprintedDetector, store: ArrayStore
+) -> DetectedScene:
+    """Return what detectors see in one frame, from the store if it knows.
+
+    Raises:
+        PerceptionError: the frame cannot be read or used.
+    """
+    code = code_fingerprint(
+        perception.detection,
+        perception.detection.detectors,
+        perception.detection.fusion,
+        perception.maps,
+        Path(__file__),
+    )
+    key = entry_key(
+        what="detections",
+        models=detectors.fingerprint,
+        code=code,
+        **frame_fingerprint(drive, index),
+    )
+    return _to_scene(store.get(key, lambda: _detect(drive[index], detectors.detector)))
+
+
+def require_no_training_drives(
+    drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]
+) -> None:
+    """Refuse drives that a detector was trained on: it is surer there than it will ever be again.
+
+    Raises:
+        UsageError: a model file says that it learned from one of them.
+    """
+    for modality, detector in detectors.items():
+        learned = [
+            Path(name.strip()).resolve()
+            for name in detector.metadata.get("training_data", "").split(",")
+            if name.strip()
+        ]
+        for drive in drives:
+            root = drive.root.resolve()
+            if any(root == path or path in root.parents for path in learned):
+                raise UsageError(
+                    drive.root,
+                    expected="frames that no detector learned from",
+                    found=f"training data of {modality} ({detector.model.name})",
+                    advice="keep drives apart for the fusion",
+                )
+
+
+def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
+    output = detector.detect(frame)
+    size_px = _size_px(frame, output.dense)
+    scene = scene_of(output.modality_detections, size_px, output.dense, frame.calibration)
+    arrays: dict[str, np.ndarray] = {"size_px": np.array(size_px)}
+    for name, found in scene.modality_detections.items():
+        arrays[f"{name}_boxes_px"] = found.boxes_px
+        arrays[f"{name}_scores"] = found.scores
+        arrays[f"{name}_types"] = found.types.astype(np.str_)
+    for name, depths_m in scene.depths_m.items():
+        arrays[f"{name}_depths_m"] = depths_m
+    if scene.known_focal_px is not None:
+        arrays["focal_px"] = np.array(scene.known_focal_px)
+    return arrays
+
+
+def _size_px(frame: Frame, dense: DenseMaps | None) -> tuple[int, int]:
+    """Return (width, height) of the pictures that were looked at."""
+    height, width = (frame.image if dense is None else dense.depth_m).shape[:2]  # type: ignore[union-attr]
+    return width, height
+
+
+def _to_scene(arrays: Arrays) -> DetectedScene:
+    modality_detections: dict[Modality, Detections] = {}
+    depths_m: dict[Modality, np.ndarray] = {}
+    for name in MODALITIES:
+        if f"{name}_boxes_px" in arrays:
+            columns = [arrays[f"{name}_{part}"] for part in ("boxes_px", "scores", "types")]
+            modality_detections[name] = Detections(*columns)
+        if f"{name}_depths_m" in arrays:
+            depths_m[name] = arrays[f"{name}_depths_m"]
+    width, height = arrays["size_px"].tolist()
+    focal_px = float(arrays["focal_px"]) if "focal_px" in arrays else None
+    return DetectedScene(modality_detections, (width, height), depths_m, focal_px)

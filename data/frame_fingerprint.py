@@ -1,0 +1,63 @@
+"""What tells a frame, and what is made of it, from all others: the key of whatever a store keeps."""
+
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from data.array_store import entry_key
+from data.kitti.objects import ObjectFrames
+from data.kitti.sequence import KittiSequence
+from perception.types.drive import Drive
+
+
+def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
+    """Return what tells a frame from all others, and this from earlier contents of its files."""
+    files = frame_files(drive, index)
+    stats = [path.stat() if path.is_file() else None for path in files]
+    return {
+        "files": [
+            (path.resolve(), stat and (stat.st_size, stat.st_mtime_ns))
+            for path, stat in zip(files, stats, strict=True)
+        ],
+        "drive": (drive.name, drive.root.resolve(), index),
+        "lidar_height_m": drive.sensor.height_m,
+        "camera": None if drive.calibration is None else drive.calibration.image_P_velo.tolist(),
+        # A drive that is not on disk is known by what it shows.
+        "scan": None if files else hashlib.blake2b(drive[index].points_velo.tobytes()).hexdigest(),
+    }
+
+
+def frame_files(drive: Drive, index: int) -> list[Path]:
+    """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
+    if isinstance(drive, ObjectFrames):
+        number = drive.number(index)
+        scan = drive.scans.path(number)
+        texts = [drive.root / folder / f"{scan.stem}.txt" for folder in ("calib", "label_2")]
+        return [scan, *texts, *_image_files(drive, number)]
+    if isinstance(drive, KittiSequence):
+        number = drive.scans.numbers[index]
+        labels = [drive.label_file] if drive.label_file else []
+        return [drive.scans.path(number), *labels, *_image_files(drive, number)]
+    return []
+
+
+def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]:
+    return [drive.images.path(number)] if drive.images is not None else []
+
+
+@cache
+def code_fingerprint(*sources: ModuleType | Path) -> str:
+    """Return a hash of packages, modules and files: nothing kept outlives a change of what made it."""
+    files = [file for source in sources for file in _python_files(source)]
+    return entry_key(code=[file.read_text() for file in sorted(files)])
+
+
+def _python_files(source: ModuleType | Path) -> Sequence[Path]:
+    if isinstance(source, Path):
+        return [source]
+    if not hasattr(source, "__path__"):
+        return [Path(str(source.__file__))]
+    return [file for folder in source.__path__ for file in Path(folder).glob("*.py")]

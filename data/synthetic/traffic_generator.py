@@ -1,0 +1,296 @@
+"""Draw who is on the road and where they go, so that nobody runs into anybody."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from data.synthetic import actors as actor_models
+from data.synthetic import traffic
+from data.synthetic.actors import Actor, Body
+from data.synthetic.motion import Path, vehicle_poses
+from data.synthetic.parking_lots import ParkingLot
+from data.synthetic.road import Road
+from data.synthetic.town import Clearing
+from data.synthetic.traffic import Block, Lane, Slowdown
+from data.synthetic.world_config import WorldConfig
+from perception.geometry import se3
+from perception.types import Float64
+
+_EGO_LENGTH_M = 4.6
+_LONG_M = 6.5
+_HEAVY_IN_YARDS = 0.07
+_MIN_GAP_M = 3.0  # between bumpers at the start
+
+
+class TrafficGenerator:
+    """Draws who is on the road and where they go; nobody runs into anybody."""
+
+    def __init__(
+        self, config: WorldConfig, road: Road, duration_s: float, rng: np.random.Generator
+    ) -> None:
+        self.config, self.road, self.rng = config, road, rng
+        self.duration_s = duration_s
+        self.times_s = traffic.simulation_times(duration_s)
+        self.actors: list[Actor] = []
+        self.clearings: list[Clearing] = []
+        draw = (
+            actor_models.draw_mixed_vehicles
+            if config.is_mixed_fleet
+            else actor_models.draw_vehicles
+        )
+        self._vehicles = draw(rng, 11)
+        self._heavy = actor_models.draw_heavy_vehicles(rng, 3) if config.heavy > 0 else []
+        self._walkers = actor_models.draw_pedestrians(rng, 3)
+        self._riders = actor_models.draw_cyclists(rng, 2)
+        self._crossers: list[Path] = []
+        self._tracks: list[tuple[Float64, float]] = []
+        self.ego = self._drive()
+
+    def _drive(self) -> Path:
+        """Simulate both lanes; return the ego vehicle's way."""
+        lane, bodies, ego_row = self._own_lane()
+        slowdowns = self._slowdowns(ego_row)
+        free = traffic.simulate_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
+        own_blocks, oncoming_blocks = self._crossings(free)
+        places = traffic.simulate_lane(lane, self.times_s, own_blocks, slowdowns)
+        centre = 0.1 - (self.config.ego_lane + 0.5) * self.road.shape.lane_m
+        for row, body in enumerate(bodies):
+            if row != ego_row:
+                self._add(body, Path(self.times_s, places[:, row], self._wander(centre)), 1.1)
+        for number in range(self.road.shape.lanes):
+            self._oncoming(oncoming_blocks, (number + 0.5) * self.road.shape.lane_m)
+            if number != self.config.ego_lane:
+                self._alongside(-(number + 0.5) * self.road.shape.lane_m)
+        ego = Path(self.times_s, places[:, ego_row], self._wander(centre))
+        self._tracks.append((self._sampled(ego), 1.3))
+        return ego
+
+    def _own_lane(self) -> tuple[Lane, list[Body], int]:
+        """Draw the vehicles before, at and behind the ego vehicle."""
+        config, rng = self.config, self.rng
+        gaps = config.vehicle_gap_m * rng.uniform(0.7, 1.4, 6)
+        gaps[0] = config.leader_gap_m * rng.uniform(0.9, 1.1)
+        ahead = np.cumsum(gaps)[::-1]
+        behind = -np.cumsum(config.vehicle_gap_m * rng.uniform(0.5, 1.2, 3))
+        bodies = [self._vehicle() for _ in range(len(ahead) + 1 + len(behind))]
+        place = np.concatenate([ahead, [0.0], behind]) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
+        desired = config.ego_m_s * rng.uniform(0.9, 1.08, len(place))
+        length = np.array([body.size_m[0] for body in bodies])
+        length[len(ahead)] = _EGO_LENGTH_M
+        place = _apart(place, length, len(ahead))
+        desired[len(ahead)] = config.ego_m_s * 1.1
+        return Lane(place, length, desired), bodies, len(ahead)
+
+    def _slowdowns(self, ego_row: int) -> list[Slowdown]:
+        every = self.config.slowdown_every_s
+        starts = np.arange(6.0, self.duration_s, every) if every > 0 else np.zeros(0)
+        return [
+            Slowdown(ego_row - 1 - n % 2, float(t), float(t + 1.6), (0.5, 0.25, 0.0)[n % 3])
+            for n, t in enumerate(starts)
+        ]
+
+    def _alongside(self, l_m: float) -> None:
+        """Draw the vehicles of another lane of the same direction."""
+        config, rng = self.config, self.rng
+        gaps = config.vehicle_gap_m * rng.uniform(0.5, 2.0, int(260 / config.vehicle_gap_m) + 2)
+        place = 130.0 - np.cumsum(gaps) - 0.95 * traffic.WARM_UP_S * config.ego_m_s
+        bodies = [self._vehicle() for _ in place]
+        length = np.array([body.size_m[0] for body in bodies])
+        desired = config.ego_m_s * rng.uniform(0.85, 1.15, len(place))
+        lane = Lane(_apart(place, length, 0), length, desired)
+        places = traffic.simulate_lane(lane, self.times_s, [], [])
+        for row, body in enumerate(bodies):
+            self._add_inside(body, Path(self.times_s, places[:, row], self._wander(l_m)))
+
+    def _oncoming(self, blocks: list[Block], l_m: float) -> None:
+        """Draw the vehicles of a lane of the other direction; their places run against the road."""
+        config, rng = self.config, self.rng
+        speed = config.ego_m_s * 1.0
+        farthest = 2.05 * (self.duration_s + traffic.WARM_UP_S) * speed + 150.0
+        gaps = config.vehicle_gap_m * rng.uniform(
+            0.6, 1.7, int(farthest / config.vehicle_gap_m) + 5
+        )
+        place = 60.0 - np.cumsum(gaps)
+        bodies = [self._vehicle() for _ in place]
+        desired = speed * rng.uniform(0.92, 1.08, len(place))
+        length = np.array([body.size_m[0] for body in bodies])
+        lane = Lane(_apart(place, length, 0), length, desired)
+        stops = [Slowdown(int(row), 1.0, 4.0, 0.0) for row in range(2, len(place), 9)]
+        places = traffic.simulate_lane(lane, self.times_s, blocks, stops)
+        for row, body in enumerate(bodies):
+            path = Path(self.times_s, -places[:, row], self._wander(l_m), facing=-1)
+            self._add_inside(body, path)
+
+    def _add_inside(self, body: Body, path: Path) -> None:
+        """Add a vehicle unless it would leave the road."""
+        if path.s_m.min() > self.road.start_m + 5 and path.s_m.max() < self.road.end_m - 5:
+            self._add(body, path, 1.1)
+
+    def _crossings(self, ego_place_m: Float64) -> tuple[list[Block], list[Block]]:
+        """Let people cross before the ego vehicle; return when which lane is closed."""
+        every, rng, shape = self.config.crossing_every_s, self.rng, self.road.shape
+        starts = np.arange(1.0, self.duration_s, every) if every > 0 else np.zeros(0)
+        own: list[Block] = []
+        oncoming: list[Block] = []
+        for start in starts:
+            from_side, pace = float(rng.choice([-1, 1])), float(rng.uniform(1.8, 2.4))
+            edge = from_side * (shape.half_width_m + 1.2)
+            # The ego vehicle would get there as its lane is left: it has to slow down, not to wait.
+            lane_left_s = start + (abs(edge) + max(0.0, from_side) * shape.lane_m) / pace
+            place = float(np.interp(lane_left_s + 1.6, self.times_s, ego_place_m))
+            l_m = edge - from_side * np.clip((self.times_s - start) * pace, 0, 2 * abs(edge))
+            s_m = np.full_like(l_m, place)
+            self._crossers.append(Path(self.times_s, s_m, l_m))
+            self.clearings.append(Clearing(place, 4.0))
+            for blocks, low, direction in ((own, -shape.lane_m - 0.3, 1), (oncoming, -0.3, -1)):
+                on_lane = self.times_s[(l_m > low) & (l_m < low + shape.lane_m + 0.6)]
+                stop = direction * place - 2.2
+                if len(on_lane):
+                    blocks.append(Block(stop, float(on_lane[0]) - 3.0, float(on_lane[-1])))
+        return own, oncoming
+
+    def add_pedestrians_and_cyclists(self, stretch_m: tuple[float, float]) -> None:
+        """Add those who cross, cyclists at the lanes' edges and people on the pavements."""
+        for path in self._crossers:
+            self._try_add(self._walker(), path, 0.35)
+        shape, length = self.road.shape, stretch_m[1] - stretch_m[0]
+        for _ in range(int(self.config.cyclists * length / 100)):
+            side = int(self.rng.choice([-1, 1]))
+            row = side * (shape.lanes_m - 0.35)
+            self._try_add(
+                self._rider(), self._ride(stretch_m, row, -side, self.rng.uniform(3.6, 5.5)), 0.8
+            )
+        for _ in range(int(self.config.pedestrians * length / 100)):
+            side, direction = self.rng.choice([-1, 1]), int(self.rng.choice([-1, 1]))
+            row = side * (
+                shape.half_width_m + self.rng.uniform(1.1, max(1.1, shape.pavement_m - 0.4))
+            )
+            stands = self.rng.random() < 0.15
+            body = actor_models.draw_standing_pedestrian(self.rng) if stands else self._walker()
+            pace = 0.0 if stands else self.rng.uniform(1.0, 1.7)
+            self._try_add(body, self._ride(stretch_m, row, direction, pace), 0.4)
+
+    def _ride(
+        self, stretch_m: tuple[float, float], l_m: float, direction: int, pace: float
+    ) -> Path:
+        """Draw a steady way along the street."""
+        middle = self.rng.uniform(stretch_m[0] + 15, stretch_m[1] - 15)
+        breath = 1 + 0.12 * np.sin(self.times_s * 0.7 + self.rng.uniform(0, 6))
+        travelled_m = np.cumsum(pace * breath) * traffic.STEP_S
+        s_m = middle + direction * (travelled_m - travelled_m[len(travelled_m) // 2])
+        s_m = np.clip(s_m, self.road.start_m + 10, self.road.end_m - 10)
+        return Path(self.times_s, s_m, np.full_like(s_m, l_m), direction)
+
+    def park(self, stretch_m: tuple[float, float]) -> None:
+        """Fill the parking lanes, leaving gaps and the crossings clear."""
+        shape, rng = self.road.shape, self.rng
+        if shape.parking_m < 1.8:
+            return
+        for side in (-1, 1):
+            s = stretch_m[0] + 4.0
+            while s < stretch_m[1] - 8:
+                body = self._light_vehicle()
+                s += body.size_m[0] / 2 + float(rng.uniform(0.7, 1.4))
+                is_clear = all(abs(s - c.s_m) > c.half_m + 2 for c in self.clearings)
+                if rng.random() < self.config.town.parking and is_clear:
+                    l_m = side * (shape.half_width_m - 0.15 - body.size_m[1] / 2)
+                    turn = float(rng.normal(0, 0.02)) + (np.pi if side > 0 else 0.0)
+                    self._park_one(body, s, l_m, turn)
+                s += body.size_m[0] / 2
+
+    def _park_one(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
+        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]), 1 if abs(turn_rad) < 1 else -1)
+        level = vehicle_poses(self.road, path, np.zeros(1))[0]
+        small = (turn_rad + np.pi / 2) % np.pi - np.pi / 2
+        pose = level @ se3.from_euler(0, 0, small)
+        appearance = actor_models.draw_appearance(body, self.rng)
+        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
+
+    def park_off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
+        """Stand vehicles in yards, in one or two rows, all at about the same angle to the road."""
+        for parking_lot in parking_lots:
+            angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
+            for row in range(int(self.rng.choice([1, 1, 2]))):
+                out_m = self.road.shape.outer_m + 3.6 + 6.5 * row
+                self._fill_row(parking_lot, out_m, angle)
+
+    def _fill_row(self, parking_lot: ParkingLot, out_m: float, angle_rad: float) -> None:
+        s = parking_lot.s_m + 1.0
+        while s < parking_lot.s_m + parking_lot.length_m - 2.0:
+            is_heavy = bool(self._heavy) and self.rng.random() < _HEAVY_IN_YARDS
+            body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
+            # Long ones stand along the road, lest they reach into it.
+            angle = 0.0 if is_heavy else angle_rad
+            along_m = float(np.array([np.cos(angle), np.sin(angle)]) @ body.size_m[:2])
+            s += along_m / 2 + 0.4
+            if self.rng.random() < self.config.town.parking:
+                turn = angle + float(self.rng.normal(0, 0.06)) + np.pi * float(self.rng.integers(2))
+                self._stand(
+                    body, s, parking_lot.side * (out_m + float(self.rng.normal(0, 0.2))), turn
+                )
+            s += along_m / 2 + 0.4
+
+    def _stand(self, body: Body, s_m: float, l_m: float, turn_rad: float) -> None:
+        """Park a vehicle at any angle to the road, level with the ground under it."""
+        path = Path(np.zeros(1), np.array([s_m]), np.array([l_m]))
+        level = vehicle_poses(self.road, path, np.zeros(1))[0]
+        appearance = actor_models.draw_appearance(body, self.rng)
+        pose = level @ se3.from_euler(0, 0, turn_rad)
+        self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
+
+    def _vehicle(self) -> Body:
+        """Draw one that drives."""
+        is_heavy = bool(self._heavy) and self.rng.random() < self.config.heavy
+        body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
+        return body if body.kind != "Misc" else self._light_vehicle()
+
+    def _heavy_vehicle(self) -> Body:
+        return self._heavy[int(self.rng.integers(len(self._heavy)))]
+
+    def _light_vehicle(self) -> Body:
+        return self._vehicles[int(self.rng.integers(len(self._vehicles)))]
+
+    def _walker(self) -> Body:
+        return self._walkers[int(self.rng.integers(len(self._walkers)))]
+
+    def _rider(self) -> Body:
+        return self._riders[int(self.rng.integers(len(self._riders)))]
+
+    def _wander(self, l_m: float) -> Float64:
+        """Return the lateral place of a driver who keeps a lane by hand."""
+        phases = self.rng.uniform(0, 2 * np.pi, 2)
+        drift = np.sin(0.5 * self.times_s + phases[0]) + 0.5 * np.sin(
+            0.9 * self.times_s + phases[1]
+        )
+        return np.asarray(l_m + 0.07 * drift)
+
+    def _sampled(self, path: Path) -> Float64:
+        """Return (K, 2) places four times a second."""
+        times = np.arange(self.times_s[0], self.times_s[-1], 0.25)
+        return np.asarray(self.road.place(*path.at(times))[:, :2])
+
+    def _add(self, body: Body, path: Path, radius_m: float) -> None:
+        self._tracks.append((self._sampled(path), radius_m))
+        if body.size_m[0] > _LONG_M:
+            for shift_m in np.array([-1, 1]) * (body.size_m[0] / 2 - radius_m):
+                end = Path(path.times_s, path.s_m + shift_m, path.l_m)
+                self._tracks.append((self._sampled(end), radius_m))
+        appearance = actor_models.draw_appearance(body, self.rng)
+        self.actors.append(Actor(len(self.actors), body, appearance, path))
+
+    def _try_add(self, body: Body, path: Path, radius_m: float) -> None:
+        """Add someone unless they would run into somebody already there."""
+        places = self._sampled(path)
+        for other, reach in self._tracks:
+            if (np.linalg.norm(other - places, axis=1) < radius_m + reach).any():
+                return
+        self._add(body, path, radius_m)
+
+
+def _apart(place_m: Float64, length_m: Float64, fixed: int) -> Float64:
+    """Move the vehicles of a lane apart where they would touch, but for one that stays."""
+    least = (length_m[:-1] + length_m[1:]) / 2 + _MIN_GAP_M
+    if (-np.diff(place_m) >= least).all():
+        return place_m
+    behind = np.concatenate([[0.0], np.cumsum(np.maximum(-np.diff(place_m), least))])
+    return np.asarray(place_m[fixed] + behind[fixed] - behind)

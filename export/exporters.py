@@ -1,0 +1,28 @@
+"""Which networks become files, by what their checkpoints say that they are of."""
+
+from collections.abc import Callable, Mapping
+
+from export.depthcn import export_verifier
+from export.detector import export_detector
+from export.fusion import export_fusion
+from export.result import ExportConfig, ExportResult
+from train.checkpoints import model_of, read_checkpoint
+
+Exporter = Callable[[ExportConfig], ExportResult]
+
+EXPORTERS: Mapping[str, Exporter] = {
+    "depthcn": export_verifier,
+    "detector": export_detector,
+    "fusion": export_fusion,
+}
+
+
+def export_network(config: ExportConfig) -> ExportResult:
+    """Make the files of a checkpoint of any network.
+
+    Raises:
+        ModelError: it is damaged, or of a network that is not known.
+        UsageError: what is asked for does not go with the network.
+    """
+    kind = str(model_of(read_checkpoint(config.checkpoint, *EXPORTERS)))
+    return EXPORTERS[kind](config)

@@ -1,0 +1,234 @@
+"""Which points of a scan belong to which detected vehicle: not the ground, nor what is seen before or behind it.
+
+Every return covers about the same part of the image, so that what a box was drawn around holds most of the
+returns about its middle. Within each box the points that stand on the ground are clustered from above; each
+has a say by how central it lies, by whether a vehicle there would be as high as the box, and by how few
+other boxes claim it. The cluster of the greatest say is the vehicle.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from perception.detection.clustering import connected_parts
+from perception.detection.point_cells import expand_ranges
+from perception.detection.vehicles.frustum_points import (
+    FrustumPoints,
+    VehiclePointsConfig,
+    extend_beyond_borders,
+    find_frustum_points,
+)
+from perception.geometry.sorting import sorted_keys
+from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
+
+
+@dataclass(frozen=True)
+class VehiclePoints:
+    """K points of M vehicles.
+
+    Attributes:
+        rows: (K,) where they are in the scan.
+        owners: (K,) whose they are, from 0 to M - 1.
+        xyz_m: (K, 3) in the LiDAR frame.
+        ground_m: (K,) z of the ground below.
+    """
+
+    rows: Int
+    owners: Int
+    xyz_m: Float64
+    ground_m: Float64
+
+
+def find_points(
+    points_velo: Float32,
+    boxes_px: Float64,
+    camera: tuple[Calibration, tuple[int, int]],
+    ground: GroundModel | None,
+    config: VehiclePointsConfig,
+) -> VehiclePoints:
+    """Find the points of the vehicles in (M, 4) boxes.
+
+    Args:
+        points_velo: (N, 4) the scan.
+        boxes_px: x1 y1 x2 y2.
+        camera: its calibration, and (width, height) of its image.
+        ground: the ground below, or None: then what is lowest around is the ground.
+        rules: every choice.
+    """
+    if not len(boxes_px):
+        none = np.zeros(0, np.int64)
+        return VehiclePoints(none, none, np.zeros((0, 3)), np.zeros(0))
+    reached_px = extend_beyond_borders(boxes_px, camera[1][0], config)
+    near = find_frustum_points(points_velo, reached_px, camera, ground, config)
+    claims = _Claims.of(near, reached_px, config)
+    likely = _likelihoods(near, boxes_px, claims, camera, config)
+    claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
+    votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
+    # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle in whose box it is
+    # the likelier; the other one is in what is left.
+    first = claims.owners(votes, likely, len(near.rows), len(boxes_px))[claims.sampled_points]
+    is_left = (first < 0) | (first == claims.sampled_boxes)
+    owners = claims.owners(votes * is_left, likely, len(near.rows), len(boxes_px))
+    kept = np.flatnonzero(owners >= 0)
+    return VehiclePoints(near.rows[kept], owners[kept], near.xyz_m[kept], near.ground_m[kept])
+
+
+@dataclass(frozen=True)
+class _Claims:
+    """L pairs of a box and a point in it, box after box, of which S have a say.
+
+    Attributes:
+        box: (L,).
+        point: (L,).
+        along_m: (L,) how far along the line of sight to the box.
+        left_m: (L,) how far to the left of it.
+        some: (S,) rows of pairs.
+        labels: (S,) their clusters; no two boxes have one in common.
+    """
+
+    box: Int
+    point: Int
+    along_m: Float64
+    left_m: Float64
+    sampled: Int
+    labels: Int
+
+    @classmethod
+    def of(cls, near: FrustumPoints, boxes_px: Float64, config: VehiclePointsConfig) -> Self:
+        """Pair boxes with points, and cluster those of each box."""
+        u, v = np.ascontiguousarray(near.pixels.T)
+        x1, y1, x2, y2 = boxes_px.T[:, :, None]
+        is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
+        box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
+        along_m, left_m = _along_line_of_sight(
+            near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box
+        )
+        sampled = _sample_each(box, config.max_samples)
+        labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], config)
+        return cls(box, point, along_m, left_m, sampled, labels)
+
+    @property
+    def sampled_boxes(self) -> Int:
+        """(S,)."""
+        return self.box[self.sampled]
+
+    @property
+    def sampled_points(self) -> Int:
+        """(S,)."""
+        return self.point[self.sampled]
+
+    def owners(self, votes: Float64, likely: Float64, points: int, boxes: int) -> Int:
+        """Return (points,) the box that each belongs to by (S,) says and likelihoods, or -1.
+
+        To a box belongs what lies, from above, within its cluster of the greatest say; to the likelier of
+        two what lies within both.
+        """
+        is_best = _is_best(self.labels, self.sampled_boxes, votes)
+        best, best_boxes = self.sampled[is_best], self.sampled_boxes[is_best]
+        is_within = np.ones(len(self.box), bool)
+        for place_m in (self.along_m, self.left_m):
+            low_m, high_m = _extents(place_m[best], best_boxes, boxes)
+            is_within &= (place_m >= low_m[self.box]) & (place_m <= high_m[self.box])
+        own = np.flatnonzero(is_within)
+        counts = np.bincount(best_boxes, minlength=boxes)
+        likelihoods = np.bincount(best_boxes, likely[is_best], boxes) / np.maximum(counts, 1)
+        by_likelihood = np.argsort(likelihoods, kind="stable")
+        ranks = np.empty(boxes, np.int64)
+        ranks[by_likelihood] = np.arange(boxes)
+        highest = np.full(points, -1)
+        np.maximum.at(highest, self.point[own], ranks[self.box[own]])
+        return np.asarray(np.append(by_likelihood, -1)[highest])
+
+
+def _likelihoods(
+    near: FrustumPoints,
+    boxes_px: Float64,
+    claims: _Claims,
+    camera: tuple[Calibration, tuple[int, int]],
+    config: VehiclePointsConfig,
+) -> Float64:
+    """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
+    (calibration, size_px), box, point = camera, claims.sampled_boxes, claims.sampled_points
+    x1, y1, x2, y2 = boxes_px.T
+    off_center = np.zeros(len(box))
+    for place_px, low_px, high_px in ((near.pixels[:, 0], x1, x2), (near.pixels[:, 1], y1, y2)):
+        half_px = np.maximum((high_px - low_px) / 2, 0.5)
+        off_center += ((place_px[point] - ((low_px + high_px) / 2)[box]) / half_px[box]) ** 2
+    focal_px = float(calibration.image_P_cam[1, 1])
+    expected_m = focal_px * config.height_m / np.maximum(y2 - y1, 1.0)
+    is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
+    ratio = np.log(near.depths_m[point] / expected_m[box])
+    near_deviation = np.where(is_cut, config.cut_deviation, config.near_deviation)[box]
+    deviation = np.where(ratio < 0, near_deviation, config.far_deviation)
+    return np.asarray(
+        np.exp(-(off_center / config.center_deviation**2 + (ratio / deviation) ** 2) / 2)
+    )
+
+
+def _along_line_of_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
+    """Turn (L,) places, box by box, into how far along the line of sight and how far left of it."""
+    x_sum_m, y_sum_m = np.bincount(box, x_m), np.bincount(box, y_m)
+    away_m = np.maximum(np.hypot(x_sum_m, y_sum_m), 1e-6)
+    cos, sin = (x_sum_m / away_m)[box], (y_sum_m / away_m)[box]
+    return cos * x_m + sin * y_m, cos * y_m - sin * x_m
+
+
+def _sample_each(box: Int, most: int) -> Int:
+    """Return rows of (L,) rising numbers, evenly picked, so that none is there more often than that."""
+    counts = np.bincount(box)
+    starts = np.cumsum(counts) - counts
+    stride = -(-counts // most)
+    return np.flatnonzero((np.arange(len(box)) - starts[box]) % stride[box] == 0)
+
+
+# From a cell to those whose middles are no more than a gap away, less what points lie off the middles; in
+# one half of the directions: so many cells along, and from so many to so many left.
+_CELLS_PER_GAP = 3
+_STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
+
+
+def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePointsConfig) -> Int:
+    """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
+
+    Points lie in cells that are a share of a gap wide, of each box its own; cells are joined that are about
+    a gap apart.
+    """
+    if not len(box):
+        return np.zeros(0, np.int64)
+    away_m = np.bincount(box, along_m) / np.maximum(np.bincount(box), 1)
+    cell_m = ((config.cluster_gap_m + config.cluster_gap_per_m * away_m) / _CELLS_PER_GAP)[box]
+    along = np.floor(along_m / cell_m).astype(np.int64)
+    left = np.floor(left_m / cell_m).astype(np.int64)
+    along, left = along - along.min(), left - left.min()
+    # Some cells beyond the last of a row are empty, so that no step leads to another row's.
+    row = int(left.max()) + 1 + _CELLS_PER_GAP
+    keys = (box * (int(along.max()) + 1 + _CELLS_PER_GAP) + along) * row + left
+    ordered, order = sorted_keys(keys)
+    is_first = np.append(True, ordered[1:] != ordered[:-1])
+    cells, cell_of = ordered[is_first], np.empty(len(keys), np.int64)
+    cell_of[order] = is_first.cumsum() - 1
+    # Numbered row by row, all cells that a step leads to lie side by side.
+    along, low, high = _STEPS.T[:, :, None]
+    starts = np.searchsorted(cells, cells + along * row + low).T.ravel()
+    ends = np.searchsorted(cells, cells + along * row + high, side="right").T.ravel()
+    step, second = expand_ranges(starts, ends - starts)
+    return connected_parts(len(cells), step // len(_STEPS), second)[cell_of]
+
+
+def _extents(place_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
+    """Return (M,) least and greatest place in each box; least above greatest where there is none."""
+    low_m, high_m = np.full(boxes, np.inf), np.full(boxes, -np.inf)
+    np.minimum.at(low_m, box, place_m)
+    np.maximum.at(high_m, box, place_m)
+    return low_m, high_m
+
+
+def _is_best(labels: Int, box: Int, votes: Float64) -> Bool:
+    """Tell which pairs are of the cluster that has the greatest say in their box, if any has one."""
+    if len(labels) == 0:
+        return np.zeros(0, bool)
+    vote_sums = np.bincount(labels, votes)
+    most = np.zeros(int(box.max()) + 1)
+    np.maximum.at(most, box, vote_sums[labels])
+    return np.asarray((vote_sums[labels] >= most[box]) & (votes > 0))

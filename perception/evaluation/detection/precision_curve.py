@@ -1,0 +1,133 @@
+"""KITTI's precision-recall curve: 41 points, at thresholds that are scores of found objects."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from perception.evaluation.detection.match_statistics import MatchStatistics
+from perception.evaluation.detection.protocol import RECALL_STEPS
+from perception.types import Float64, Int
+
+RecallPoints = Literal[11, 40]
+
+# The points that an average is over: 0, 0.1 .. 1 until 2019, then 1/40, 2/40 .. 1.
+_AVERAGED: dict[RecallPoints, slice] = {11: slice(0, None, 4), 40: slice(1, None)}
+
+
+@dataclass(frozen=True)
+class PrecisionCurve:
+    """How many detections are right, at up to 41 thresholds that find ever more objects.
+
+    Precision at a point is the best of this and all later points. Where objects are few or are not
+    found, there are fewer than 41 thresholds, and precision is 0 beyond them.
+
+    Attributes:
+        truths: valid objects.
+        matches: of these, how many are found when all detections count.
+        thresholds: (K,) scores, falling.
+        true_positives: (K,) at each threshold.
+        false_positives: (K,)
+        false_negatives: (K,)
+        precision: (41,) 0 to 1, at recall 0, 1/40 .. 1.
+        orientation_similarity: (41,) precision that counts a right detection as much as its heading is
+            like the true one; None where a detection does not tell it.
+    """
+
+    truths: int
+    matches: int
+    thresholds: Float64
+    true_positives: Int
+    false_positives: Int
+    false_negatives: Int
+    precision: Float64
+    orientation_similarity: Float64 | None
+
+    def ap(self, recall_points: RecallPoints = 40) -> float:
+        """Return the average precision in percent."""
+        return 100 * float(self.precision[_AVERAGED[recall_points]].mean())
+
+    def aos(self, recall_points: RecallPoints = 40) -> float | None:
+        """Return the average orientation similarity in percent, if headings are told."""
+        if self.orientation_similarity is None:
+            return None
+        return 100 * float(self.orientation_similarity[_AVERAGED[recall_points]].mean())
+
+
+def compute_curve(
+    match_statistics: MatchStatistics, *, has_orientation: bool, frame_weights: Int | None = None
+) -> PrecisionCurve:
+    """Choose the thresholds, and count at each.
+
+    Args:
+        tally: of one class at one difficulty.
+        has_orientation: whether similarity of the headings means anything.
+        frame_weights: (F,) how often each frame is in the set; None for once.
+    """
+    weights = (
+        np.ones_like(match_statistics.truths_of_frames) if frame_weights is None else frame_weights
+    )
+    truths = int(weights @ match_statistics.truths_of_frames)
+    found = np.cumsum(weights[match_statistics.matches.frames])
+    matches = int(found[-1]) if len(found) else 0
+    places = threshold_ranks(matches, truths)
+    thresholds = match_statistics.matches.scores[np.searchsorted(found, places)]
+    increments, increment_weights = (
+        match_statistics.increments,
+        weights[match_statistics.increments.frames],
+    )
+    last = np.searchsorted(-increments.scores, -thresholds, side="right") - 1
+
+    def count(change: Int | Float64) -> np.ndarray:
+        return np.cumsum(change * increment_weights)[last]
+
+    right, wrong = count(increments.true_positives), count(increments.false_positives)
+    similarity = count(increments.similarity) if has_orientation else None
+    return PrecisionCurve(
+        truths=truths,
+        matches=matches,
+        thresholds=thresholds,
+        true_positives=right,
+        false_positives=wrong,
+        false_negatives=truths - count(increments.found_truths),
+        precision=_envelope(right, right + wrong),
+        orientation_similarity=None if similarity is None else _envelope(similarity, right + wrong),
+    )
+
+
+def threshold_ranks(matches: int, truths: int) -> Int:
+    """Return which of the falling scores, counted from 1, become thresholds.
+
+    For each recall c in turn, it is the first score whose recall i/n is nearer to c than the next one's,
+    (i+1)/n, would be: that of (i+1)/n - c >= c - i/n. The last score always is one. The official tool
+    adds up c step by step and compares in floating point, which decides between equals.
+    """
+    if matches == 0:
+        return np.zeros(0, np.int64)
+    recalls = np.cumsum(np.append(0.0, np.full(RECALL_STEPS, 1 / RECALL_STEPS)))
+    near = np.ceil(recalls * truths - 0.5).astype(np.int64)
+    tried = near[:, None] + np.arange(-2, 3)
+    is_too_soon = (tried + 1) / truths - recalls[:, None] < recalls[:, None] - tried / truths
+    firsts = np.maximum(near - 2 + is_too_soon.sum(axis=1), 1)
+    # A score is a threshold once: the next recall looks on behind it.
+    numbers = np.arange(len(firsts))
+    in_turn = np.maximum.accumulate(firsts - numbers) + numbers
+    return np.unique(np.minimum(in_turn, matches))
+
+
+def max_ap(truths: int, recall_points: RecallPoints = 40) -> float:
+    """Return the average precision in percent of finding so many objects and nothing else.
+
+    It is 100 where objects are many. Where there are no more than 40, each is one threshold at most, and
+    precision is 0 beyond the last, as with the official tool.
+    """
+    precision = np.zeros(RECALL_STEPS + 1)
+    precision[: len(threshold_ranks(truths, truths))] = 1
+    return 100 * float(precision[_AVERAGED[recall_points]].mean())
+
+
+def _envelope(part: Int | Float64, whole: Int) -> Float64:
+    """Return (41,) ratios, each the greatest of it and those after it; of nothing, 0."""
+    ratios = np.zeros(RECALL_STEPS + 1)
+    np.divide(part, whole, out=ratios[: len(whole)], where=whole > 0)
+    return np.maximum.accumulate(ratios[::-1])[::-1]

@@ -1,0 +1,143 @@
+"""The protocol for tracks of moving objects on the ground plane: who must be tracked, and what a track may be.
+
+- An object must be tracked in every frame in which the labels say that it moves, the bottom centre of
+  its box is in the area, the middle of its box is in the camera's view, and its box holds `min_points`
+  points of the scan from `clearance_m` above its bottom. It must be from the first such frame, so the
+  frames that a tracker takes to be sure are misses.
+- A track and an object are alike as their centres are near, from 1 at no distance to 0 at `max_distance_m`, or
+  as their outlines overlap (IoU), whichever is more. From `min_similarity` on, a track may follow an
+  object. Objects that must be tracked and tracks are paired for the greatest sum.
+- A track is neither right nor wrong, and leaves, where it follows an object that may but need not be
+  tracked, and is more like it than its own one: one that moves but does not count in this frame, one
+  that has stopped or not yet started, one of unknown motion. Here it follows, too, where half of its
+  outline lies on the object. Parked objects, which move in no frame, excuse nobody.
+- A track without an object leaves where nothing was labelled: outside the area, outside the view, or
+  with half of its box in the image in one DontCare region.
+- What is left is judged twice: by distance and by overlap.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from perception.evaluation.multi_object.moving_scene import (
+    MovingObjectConfig,
+    MovingScene,
+    is_labelled_region,
+    is_target,
+)
+from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.evaluation.objects import MotionState
+from perception.geometry.box_overlap_bev import (
+    center_distances_m,
+    distance_similarity,
+    intersection_areas_m2,
+    iou_bev,
+)
+from perception.types import Boxes3D, Float64, Int, Tracks
+
+_COVERED_SHARE = 0.5  # of a track's outline, from which on it lies on an object
+
+
+@dataclass(frozen=True)
+class FrameAssignment:
+    """Which objects and tracks of one frame count, and which belong together.
+
+    Attributes:
+        must: (G,) rows of the objects that must be tracked.
+        judged: (T,) rows of the tracks that are right or wrong.
+        matched_objects: (P,) rows of objects that are tracked.
+        matched_tracks: (P,) rows of the tracks that follow them.
+        excused: (E,) rows of tracks that follow an object which need not be tracked.
+        on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
+    """
+
+    targets: Int
+    evaluated: Int
+    matched_objects: Int
+    matched_tracks: Int
+    ignored: Int
+    on_parked: Int
+
+
+def assign_tracks(
+    scene: MovingScene, tracks: Tracks, config: MovingObjectConfig
+) -> FrameAssignment:
+    """Apply the protocol of this file to the tracks of one frame."""
+    boxes, targets = scene.objects.boxes_velo, is_target(scene, config)
+    similarity = _similarity(boxes, tracks.boxes, config)
+    target_rows = np.flatnonzero(targets)
+    pairs = _best_pairs(similarity[target_rows], config.min_similarity)
+    own_similarity = np.zeros(len(tracks))
+    own_similarity[pairs[1]] = similarity[target_rows][pairs]
+
+    is_parked = (scene.objects.motions == MotionState.STATIC) & ~scene.moves_in_drive
+    ignorable = ~targets & ~is_parked
+    lies_on = _covered_shares(boxes, tracks.boxes) >= _COVERED_SHARE
+    is_candidate = (similarity >= config.min_similarity) | lies_on
+    ignorable_similarity = np.where(is_candidate[ignorable], similarity[ignorable], 0.0).max(
+        axis=0, initial=0.0
+    )
+    ignored = ignorable_similarity > own_similarity
+    is_unlabelled = (own_similarity == 0) & ~is_labelled_region(tracks.boxes, scene, config)
+    evaluated = ~ignored & ~is_unlabelled
+    kept = ~ignored[pairs[1]]
+    return FrameAssignment(
+        targets=target_rows,
+        evaluated=np.flatnonzero(evaluated),
+        matched_objects=target_rows[pairs[0][kept]],
+        matched_tracks=pairs[1][kept],
+        ignored=np.flatnonzero(ignored),
+        on_parked=np.flatnonzero(
+            evaluated & (own_similarity == 0) & is_candidate[is_parked].any(axis=0)
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class SimilarityFrames:
+    """One frame as the tracking measures take it.
+
+    Attributes:
+        by_distance: likeness by how near the centres are.
+        by_overlap: IoU of the outlines.
+    """
+
+    by_distance: TrackedFrame
+    by_overlap: TrackedFrame
+
+
+def similarity_frames(
+    scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
+) -> SimilarityFrames:
+    """Return what is to be judged of one frame, by distance and by overlap."""
+    truth = scene.objects.boxes_velo[assignment.targets]
+    predicted = tracks[assignment.evaluated]
+    ids = scene.objects.track_ids[assignment.targets], predicted.ids
+    near = distance_similarity(center_distances_m(truth, predicted.boxes), config.max_distance_m)
+    return SimilarityFrames(
+        by_distance=TrackedFrame(*ids, near),
+        by_overlap=TrackedFrame(*ids, iou_bev(truth, predicted.boxes)),
+    )
+
+
+def _similarity(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
+    """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
+    near = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
+    return np.maximum(near, iou_bev(boxes, tracks))
+
+
+def _best_pairs(similarity: Float64, at_least: float) -> tuple[Int, Int]:
+    """Return rows and columns of the pairs that are alike enough, with the greatest sum."""
+    enough = np.where(similarity >= at_least, similarity, 0.0)
+    rows, columns = linear_sum_assignment(enough, maximize=True)
+    kept = enough[rows, columns] > 0
+    return rows[kept], columns[kept]
+
+
+def _covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
+    """Return (M, T) the share of each track's outline that lies on each object."""
+    shared_m2 = intersection_areas_m2(boxes, tracks)
+    areas_m2 = tracks.size_m[:, 0] * tracks.size_m[:, 1]
+    return np.divide(shared_m2, areas_m2, out=np.zeros_like(shared_m2), where=areas_m2 > 0)

@@ -1,0 +1,152 @@
+"""One followed object as each view shows it: the camera, a close-up, the scene in 3D and from above."""
+
+import cv2
+import numpy as np
+
+from perception.geometry.boxes import corners, edges
+from perception.geometry.segments import outlines_px, project_segments
+from perception.render import palette
+from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_vehicle
+from perception.render.canvas import blank_canvas
+from perception.render.panels import FittedImage, Resizing
+from perception.render.perspective import chase_camera
+from perception.render.perspective import draw_vehicle as draw_solid_vehicle
+from perception.render.scan_points import ScanPoints
+from perception.render.speed_chart import STATUS_COLORS
+from perception.render.strokes import draw_strokes, project_strokes
+from perception.render.tracked_object_figure import TrackedObjectFigure, draw_path, draw_region
+from perception.render.tracked_object_scene import TrackedObjectScene
+from perception.render.tracks import TrackStyle
+from perception.tracking.single_object.tracker import TrackStatus
+from perception.types import Calibration, Float64, UInt8
+
+_SURROUND_M = 9.0  # shown around object and vehicle from above
+_MIN_SPAN_M = 36.0
+_CLOSE_UP = 1.7  # height of the close-up over that of the object
+_MIN_CLOSE_UP_PX = 56.0
+_FIELD_OF_VIEW_RAD = np.radians(82)
+
+
+class TrackedObjectViews:
+    """One scene as each view shows it."""
+
+    def __init__(self, scene: TrackedObjectScene, style: TrackStyle) -> None:
+        """Prepare what several views show.
+
+        Args:
+            scene: of the object.
+            style: how large things are drawn.
+        """
+        self._scene, self._style = scene, style
+        self._figure = TrackedObjectFigure.of(scene.tracked, scene.path_velo)
+        self._box = TrackedObjectFigure.of(scene.tracked, None)
+        result, box = scene.result, scene.tracked.box_velo
+        self._points = ScanPoints.of(result.frame.points_velo, result.ground, box)
+
+    def camera(self, largest_px: tuple[int, int]) -> UInt8:
+        """Return the image with the object's region and box; empty without a camera."""
+        image, calibration = self._scene.result.frame.image, self._scene.result.frame.calibration
+        if image is None or calibration is None:
+            return np.zeros((0, largest_px[0], 3), np.uint8)
+        fitted = FittedImage.within(image, largest_px)
+        self._draw_on_image(fitted.canvas, fitted.resizing, calibration)
+        return fitted.on_strip(largest_px[0])
+
+    def close_up(self, size_px: tuple[int, int]) -> UInt8:
+        """Return the part of the image around the object, enlarged; blank where it is not in view."""
+        image, calibration = self._scene.result.frame.image, self._scene.result.frame.calibration
+        if image is None or calibration is None:
+            return np.zeros((0, size_px[0], 3), np.uint8)
+        limits_px = (image.shape[1], image.shape[0])
+        window_px = self._window_px(calibration.image_P_velo, size_px, limits_px)
+        if window_px is None:
+            return blank_canvas(size_px, palette.PANEL)
+        resizing = Resizing.of_window(window_px, size_px)
+        canvas = resizing.cut(image, size_px)
+        self._draw_on_image(canvas, resizing, calibration)
+        return canvas
+
+    def _window_px(
+        self, image_P_velo: Float64, size_px: tuple[int, int], limits_px: tuple[int, int]
+    ) -> Float64 | None:
+        """Return (4,) the part of the image around the object, or None where it is not in view."""
+        outline_px, box = self._scene.tracked.box_px, self._scene.tracked.box_velo
+        if box is not None:
+            seen = project_segments(image_P_velo, edges(box)[0], limits_px)
+            outline_px = outlines_px(seen.ends_px, np.zeros(len(seen), np.int64), 1)[0]
+        if outline_px is None or not np.isfinite(outline_px).all():
+            return None
+        middle_px, span_px = (outline_px[:2] + outline_px[2:]) / 2, outline_px[2:] - outline_px[:2]
+        aspect = size_px[0] / size_px[1]
+        high_px = max(_CLOSE_UP * float(max(span_px[1], span_px[0] / aspect)), _MIN_CLOSE_UP_PX)
+        # As large as the image at most, and within it.
+        high_px = min(high_px, limits_px[1], limits_px[0] / aspect)
+        half_px = np.array([high_px * aspect, high_px]) / 2
+        middle_px = np.clip(middle_px, half_px, np.array(limits_px) - half_px)
+        return np.concatenate([middle_px - half_px, middle_px + half_px])
+
+    def _draw_on_image(self, canvas: UInt8, resizing: Resizing, calibration: Calibration) -> None:
+        tracked, region = self._scene.tracked, self._scene.region
+        image_P_velo = resizing.project(calibration.image_P_velo)
+        if region is not None and tracked.state is TrackStatus.SEEN:
+            draw_region(canvas, resizing.move(region.hull_px), resizing.move(region.outer_px))
+        self._draw_truth(canvas, image_P_velo)
+        if self._box is not None:
+            self._box.draw(canvas, image_P_velo, self._style)
+        elif tracked.box_px is not None:
+            first, last = np.rint(resizing.move(tracked.box_px.reshape(2, 2))).astype(int).tolist()
+            color = STATUS_COLORS[tracked.state]
+            cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
+
+    def from_behind(self, size_px: tuple[int, int]) -> UInt8:
+        """Return the points in 3D, seen over the vehicle towards the object."""
+        image_P_velo = chase_camera(size_px, self._bearing_rad(), _FIELD_OF_VIEW_RAD)
+        canvas = blank_canvas(size_px, palette.PANEL)
+        self._points.draw(canvas, image_P_velo)
+        self._draw_paths(canvas, image_P_velo)
+        ground_m = float(self._scene.result.ground.height_m(np.zeros((1, 2)))[0])
+        draw_solid_vehicle(canvas, image_P_velo, ground_m)
+        return canvas
+
+    def from_above(self, size_px: tuple[int, int]) -> UInt8:
+        """Return the points from above, as near as object and vehicle both are in view."""
+        view = self._view_of_both(size_px)
+        canvas = blank_canvas(size_px, palette.PANEL)
+        self._points.draw(canvas, view.image_P_velo)
+        draw_rings(canvas, view)
+        self._draw_paths(canvas, view.image_P_velo)
+        draw_vehicle(canvas, view)
+        return canvas
+
+    def _draw_paths(self, canvas: UInt8, image_P_velo: Float64) -> None:
+        draw_path(canvas, image_P_velo, self._scene.ego_path_velo, palette.EGO_PATH)
+        self._draw_truth(canvas, image_P_velo)
+        if self._figure is not None:
+            self._figure.draw(canvas, image_P_velo, self._style)
+
+    def _draw_truth(self, canvas: UInt8, image_P_velo: Float64) -> None:
+        if self._scene.truth is not None:
+            segments = edges(self._scene.truth)[0]
+            owners = np.zeros(len(segments), np.int64)
+            strokes = project_strokes(image_P_velo, canvas, segments, owners)
+            draw_strokes(canvas, strokes, [palette.TRUTH], np.array([1]))
+
+    def _bearing_rad(self) -> float:
+        box = self._scene.tracked.box_velo
+        return 0.0 if box is None else float(np.arctan2(box.bottom_m[0, 1], box.bottom_m[0, 0]))
+
+    def _view_of_both(self, size_px: tuple[int, int]) -> BirdsEyeView:
+        """Fit vehicle and object into the view, with something around them."""
+        shown_m = np.zeros((1, 2))
+        box = self._scene.tracked.box_velo
+        if box is not None:
+            shown_m = np.concatenate([shown_m, corners(box)[0, :, :2]])
+        low_m, high_m = shown_m.min(axis=0) - _SURROUND_M, shown_m.max(axis=0) + _SURROUND_M
+        span_m = np.maximum(high_m - low_m, _MIN_SPAN_M * np.array([1.0, size_px[0] / size_px[1]]))
+        scale = float(min(size_px[1] / span_m[0], size_px[0] / span_m[1]))
+        middle_m = (low_m + high_m) / 2
+        vehicle_px = (
+            size_px[0] / 2 + middle_m[1] * scale,
+            size_px[1] / 2 + middle_m[0] * scale,
+        )
+        return BirdsEyeView(size_px, scale, vehicle_px)

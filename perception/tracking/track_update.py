@@ -1,0 +1,138 @@
+"""What the sight of a thing tells of a track: its first box, and a better one every time it is seen again.
+
+All places are in the world that stands still; `sensor_m` (2,) is where the LiDAR is in it.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.geometry.footprints import Footprints
+from perception.tracking import motion_model
+from perception.tracking.box_tracker_config import BoxTrackerConfig
+from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
+from perception.tracking.size_estimate import SizeEstimateConfig, likely_sizes_m, remember
+from perception.tracking.track_table import TrackTable
+from perception.tracking.visible_sides import (
+    Extents,
+    from_world,
+    measure_extents,
+    place_centers,
+    sensor_along,
+    to_world,
+)
+from perception.types import Float64, Int
+
+
+@dataclass(frozen=True)
+class BoxMeasurements:
+    """Where T tracks would be if they showed as F things.
+
+    Attributes:
+        centers_m: (T, F, 2).
+        noise: (T, F, 2, 2) their covariance.
+        sizes_m: (T, F, 2) seen length and width.
+    """
+
+    centers_m: Float64
+    noise: Float64
+    sizes_m: Float64
+
+
+def measure_boxes(
+    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
+) -> BoxMeasurements:
+    """Measure every track by every one of F things, at least one."""
+    seen = measure_extents(clusters, tracks.yaw_rad, sensor_m)
+    return _measure(tracks, seen, clusters.points[None], config)
+
+
+def _measure(
+    tracks: TrackTable, seen: Extents, points: Int, config: BoxTrackerConfig
+) -> BoxMeasurements:
+    sizes_m = likely_sizes_m(tracks, config.size)
+    centers = place_centers(seen, sizes_m, config.size.complete_angle_rad)
+    # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
+    swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, config.motion.max_swing_rad**2))
+    hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
+    swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
+    uncertainty = motion_model.CenterUncertainty(seen.sizes_m, swing_m, centers.slack_m)
+    return BoxMeasurements(
+        to_world(centers.along_left_m, tracks.yaw_rad),
+        motion_model.position_noise(uncertainty, points, tracks.yaw_rad[:, None], config.motion),
+        seen.sizes_m,
+    )
+
+
+def update_tracks(
+    tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
+) -> TrackTable:
+    """Correct each of T tracks by the thing that continues it."""
+    headings = update_from_shape(tracks, clusters, config.heading)
+    tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
+    seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
+    tracks = _grown(tracks, seen, config.size)
+    measured = _measure(tracks, seen, clusters.points[:, None], config)
+    states = motion_model.correct(tracks.states, measured.centers_m[:, 0], measured.noise[:, 0])
+    heights_m = clusters.high_m - clusters.low_m
+    return replace(
+        tracks,
+        mean=states.mean,
+        covariance=states.covariance,
+        heights_m=tracks.heights_m + config.height_gain * (heights_m - tracks.heights_m),
+        low_world_m=tracks.low_world_m + config.height_gain * (clusters.low_m - tracks.low_world_m),
+        points=tracks.points + clusters.points,
+    )
+
+
+def init_tracks(
+    clusters: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
+) -> TrackTable:
+    """Return the tracks that F things begin; their ids are 0 to F - 1."""
+    count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m, config.heading)
+    seen = _own_extents(clusters, yaw_rad, sensor_m)
+    sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
+    tracks = TrackTable(
+        ids=np.arange(count),
+        mean=np.zeros((count, 4)),
+        covariance=np.zeros((count, 4, 4)),
+        yaw_rad=yaw_rad,
+        yaw_variance=np.full(count, UNKNOWN_VARIANCE),
+        sizes_m=sizes_m,
+        recent_sizes_m=np.repeat(sizes_m[:, None], 3, axis=1),
+        complete_counts=np.zeros((count, 2), np.int64),
+        heights_m=clusters.high_m - clusters.low_m,
+        low_world_m=clusters.low_m,
+        first_seen_s=stamps_s,
+        first_seen_world_m=np.zeros((count, 2)),
+        last_seen_s=stamps_s,
+        last_moved_s=stamps_s,
+        hits=np.ones(count, np.int64),
+        points=clusters.points,
+        is_confirmed=np.zeros(count, bool),
+    )
+    measured = _measure(tracks, seen, clusters.points[:, None], config)
+    centers_m = measured.centers_m[:, 0]
+    states = motion_model.init(centers_m, measured.noise[:, 0], sizes_m, config.motion)
+    return replace(
+        tracks, mean=states.mean, covariance=states.covariance, first_seen_world_m=centers_m
+    )
+
+
+def _own_extents(clusters: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Extents:
+    """Measure each of F outlines along its own heading, as F tracks of one outline each."""
+    low_m, high_m = clusters.extents_m(yaw_rad)
+    return Extents(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
+
+
+def _grown(tracks: TrackTable, seen: Extents, config: SizeEstimateConfig) -> TrackTable:
+    """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
+    before_m = likely_sizes_m(tracks, config)
+    is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]
+    sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, config)
+    grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_counts=complete)
+    growth_m = likely_sizes_m(grown, config) - before_m
+    away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m
+    is_outside = np.abs(away_m) > before_m / 2
+    shift_m = to_world(np.sign(away_m) * is_outside * growth_m / 2, tracks.yaw_rad)
+    return replace(grown, mean=tracks.mean + np.pad(shift_m, ((0, 0), (0, 2))))

@@ -1,0 +1,148 @@
+"""One number for one object, whoever follows it: detected vehicles and moving objects share their ids.
+
+All ids come from one count. A moving object gets the next number when it is first told of, a vehicle when it
+is believed. Where they are at one place then, the later one takes the id of the earlier one, and nobody's id
+ever changes. Where both have an id already, and stay at one place for some scans, the moving object takes
+the vehicle's. So the id of a vehicle never changes, and that of a moving object at most once for each
+vehicle that it turns out to be. They stay bound until they have been apart for as many scans.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.geometry.box_overlap_bev import iou_bev
+from perception.tracking.association import assign_hungarian
+from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+
+# More moving objects than are ever told of at once, and those of the last while.
+_REMEMBERED = 1000
+
+
+@dataclass(frozen=True)
+class SharedIdsConfig:
+    """When a vehicle and a moving object are one.
+
+    Attributes:
+        min_iou: on the ground.
+        scans: for so many in a row where both have an id; and so many apart until they are two again.
+    """
+
+    min_iou: float = 0.15
+    scans: int = 3
+
+
+class SharedIds:
+    """Gives ids to vehicles and to moving objects, scan after scan."""
+
+    def __init__(self, config: SharedIdsConfig | None = None) -> None:
+        self._config = config or SharedIdsConfig()
+        self._next_id = 0
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget who has which id; none is given again."""
+        # Of a moving object, by the number that its tracker gave; what is not told of may be again.
+        self._id_of: dict[int, int] = {}
+        self._together: dict[
+            tuple[int, int], int
+        ] = {}  # scans of a vehicle's id and a tracker's number
+        self._apart: dict[int, int] = {}  # scans that a moving object has been off its vehicle
+
+    def share(
+        self, vehicle_ids: Int, is_new: Bool, boxes: Boxes3D, tracks: Tracks
+    ) -> tuple[Int, Tracks]:
+        """Return the ids of V vehicles, and the moving objects by their shared ids.
+
+        Args:
+            vehicle_ids: (V,) ids given before, -1 of vehicles that have none.
+            is_new: (V,) which of those shall have one from now on.
+            boxes: (V) where they are; rows of NaN where that is not known.
+            tracks: moving objects in the same frame, by the numbers of their tracker.
+        """
+        numbers = tracks.ids.tolist()
+        overlap = _overlap(boxes, tracks.boxes)
+        partners = self._partners(overlap)
+        ids = self._with_new(vehicle_ids, is_new, partners, numbers)
+        self._bind_new(ids, partners, numbers)
+        self._bind_lasting(ids, partners, numbers)
+        self._split(ids, overlap, numbers)
+        shared = np.array([self._id_of[number] for number in numbers], np.int64)
+        renamed = Tracks(shared, tracks.boxes, tracks.velocities_m_s, tracks.is_observed)
+        return ids, renamed[np.argsort(shared)]
+
+    def _take_next(self) -> int:
+        self._next_id += 1
+        return self._next_id - 1
+
+    def _partners(self, overlap: Float64) -> dict[int, int]:
+        """Return the row of the moving object that each vehicle shares its place with."""
+        pairs = assign_hungarian(1.0 - overlap, overlap >= self._config.min_iou)
+        return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
+
+    def _with_new(
+        self, vehicle_ids: Int, is_new: Bool, partners: dict[int, int], numbers: list[int]
+    ) -> Int:
+        """Give ids to new vehicles: that of the moving object there, unless another vehicle has it."""
+        ids = vehicle_ids.copy()
+        for row in np.flatnonzero(is_new).tolist():
+            number = numbers[partners[row]] if row in partners else None
+            shared = None if number is None else self._id_of.get(number)
+            ids[row] = self._take_next() if shared is None or shared in ids else shared
+        return ids
+
+    def _bind_new(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
+        """Give ids to new moving objects: that of the vehicle there, unless another one has it."""
+        rows = {track: vehicle for vehicle, track in partners.items()}
+        for track, number in enumerate(numbers):
+            if number in self._id_of:
+                continue
+            vehicle_id = int(ids[rows[track]]) if track in rows else -1
+            is_free = vehicle_id >= 0 and vehicle_id not in self._ids_in_use(numbers)
+            self._assign_id(number, vehicle_id if is_free else self._take_next())
+
+    def _bind_lasting(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
+        """Rename moving objects that have been with a vehicle of another id for some scans."""
+        together: dict[tuple[int, int], int] = {}
+        for row, track in partners.items():
+            vehicle, number = int(ids[row]), numbers[track]
+            if vehicle < 0 or self._id_of[number] == vehicle or self._id_of[number] in ids:
+                continue
+            pair = (vehicle, number)
+            together[pair] = self._together.get(pair, 0) + 1
+            if together[pair] >= self._config.scans and vehicle not in self._ids_in_use(numbers):
+                self._assign_id(number, vehicle)
+                del together[pair]
+        self._together = together
+
+    def _split(self, ids: Int, overlap: Float64, numbers: list[int]) -> None:
+        """Give a new id to a moving object that has been off the vehicle of its id for some scans."""
+        row_of = {vehicle: row for row, vehicle in enumerate(ids.tolist()) if vehicle >= 0}
+        apart: dict[int, int] = {}
+        for track, number in enumerate(numbers):
+            row = row_of.get(self._id_of[number])
+            if row is None or overlap[row, track] > 0.0:
+                continue
+            apart[number] = self._apart.get(number, 0) + 1
+            if apart[number] >= self._config.scans:
+                self._assign_id(number, self._take_next())
+                del apart[number]
+        self._apart = apart
+
+    def _assign_id(self, number: int, shared: int) -> None:
+        """Give an id to a moving object; one that is not told of now and had it loses it."""
+        others = {key: value for key, value in self._id_of.items() if value != shared}
+        latest = list(others.items())[-_REMEMBERED:]
+        self._id_of = {**dict(latest), number: shared}
+
+    def _ids_in_use(self, numbers: list[int]) -> set[int]:
+        return {self._id_of[number] for number in numbers if number in self._id_of}
+
+
+def _overlap(vehicles: Boxes3D, objects: Boxes3D) -> Float64:
+    """Return (V, T) overlap on the ground; NaN of a vehicle of which the place is not known."""
+    overlap = np.full((len(vehicles), len(objects)), np.nan)
+    known = np.flatnonzero(np.isfinite(vehicles.bottom_m).all(axis=1))
+    if len(known) and len(objects):
+        overlap[known] = iou_bev(vehicles[known], objects)
+    return overlap

@@ -1,0 +1,191 @@
+"""Detected vehicles followed over time, in the image and on the ground.
+
+A detection continues the track that it overlaps in the image as the track is expected there now, and beside
+which it stands on the ground. Each makes up for what the other lacks: in the image far vehicles are told
+apart that give hardly a return; on the ground those that hide each other.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from perception.geometry.box_overlap_px import iou_px
+from perception.maps.projection import camera_of
+from perception.tracking.association import Association, assign_with_max_cost
+from perception.tracking.vehicles.shared_ids import SharedIds, SharedIdsConfig
+from perception.tracking.vehicles.track_update import (
+    FrameGeometry,
+    VehicleObservations,
+    boxes_in_scan,
+    expected_boxes_px,
+    init,
+    position_distances,
+    predict,
+    update_tracks,
+    velocities_in_scan,
+)
+from perception.tracking.vehicles.vehicle_table import VehicleTable, VehicleTrackerConfig
+from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
+
+_ROUNDING_S = 1e-3
+
+
+@dataclass(frozen=True)
+class VehicleTrackerResult:
+    """What one scan shows, by ids on which all agree.
+
+    Attributes:
+        vehicles: with ids, and velocities; -1 of those that are not believed yet.
+        tracks: moving objects; one that is also a vehicle has its id.
+    """
+
+    vehicles: Vehicles
+    tracks: Tracks
+
+
+class VehicleTracker:
+    """Follows detected vehicles, and gives ids to them and to what moves."""
+
+    def __init__(
+        self, config: VehicleTrackerConfig | None = None, sharing: SharedIdsConfig | None = None
+    ) -> None:
+        """Begin without a track.
+
+        Args:
+            rules: how vehicles are followed.
+            sharing: when a vehicle and a moving object are one.
+        """
+        self._config = config or VehicleTrackerConfig()
+        self._shared_ids = SharedIds(sharing)
+        self.clear()
+
+    def clear(self) -> None:
+        """End all tracks; their ids are not used again."""
+        self._tracks = VehicleTable.init_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
+        self._stamp_s: float | None = None
+        self._shared_ids.clear()
+
+    def update(
+        self,
+        vehicles: Vehicles,
+        frame: Frame,
+        world_SE3_velo: Float64,
+        tracks: Tracks | None = None,
+    ) -> VehicleTrackerResult:
+        """Take in what one scan shows.
+
+        Args:
+            vehicles: located detections of the frame, of no ids.
+            frame: its time and its camera; one that is not later than the last begins anew.
+            world_SE3_velo: (4, 4) its pose in a world that stands still.
+            tracks: what moves in the same scan, by the numbers of its own tracker; None without one.
+
+        Raises:
+            CalibrationError: the frame has no camera, or nothing says how large its image is.
+        """
+        if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
+            self.clear()
+        calibration, _ = camera_of(frame)
+        frame_geometry = FrameGeometry(frame.stamp_s, world_SE3_velo, calibration.image_P_velo)
+        observations = VehicleObservations.of(vehicles, frame_geometry, self._config)
+        self._predict(frame_geometry)
+        self._update_and_init(observations, frame_geometry)
+        tracks = self._give_ids(frame_geometry, tracks or Tracks.empty())
+        return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
+
+    def _predict(self, frame_geometry: FrameGeometry) -> None:
+        """Move what goes on to now; ends what nobody has seen for too long."""
+        elapsed_s = 0.0 if self._stamp_s is None else frame_geometry.stamp_s - self._stamp_s
+        self._stamp_s = frame_geometry.stamp_s
+        tracks, config = self._tracks, self._config
+        limit_s = np.where(tracks.ids >= 0, config.max_unseen_s, config.max_unseen_unconfirmed_s)
+        goes_on = frame_geometry.stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
+        self._tracks = predict(tracks[goes_on], elapsed_s, config)
+
+    def _update_and_init(
+        self, observations: VehicleObservations, frame_geometry: FrameGeometry
+    ) -> None:
+        """Let detections continue tracks, the surer ones first; the others begin new ones."""
+        config = self._config
+        self._row_of = np.full(len(observations), -1)
+        sure = observations.scores >= config.high_score
+        doubtful = ~sure & (observations.scores >= config.min_score)
+        free = np.arange(len(self._tracks))
+        for chosen in (np.flatnonzero(sure), np.flatnonzero(doubtful)):
+            if not (len(chosen) and len(free)):
+                continue
+            pairs = self._match(self._tracks[free], observations[chosen], frame_geometry)
+            rows, seen = free[pairs.tracks], chosen[pairs.detections]
+            corrected = update_tracks(
+                self._tracks[rows], observations[seen], frame_geometry, config
+            )
+            self._tracks = self._tracks.replaced(rows, corrected)
+            self._row_of[seen] = rows
+            free = free[pairs.unmatched_tracks]
+        is_left = (self._row_of < 0) & (observations.scores >= config.new_track_score)
+        new = np.flatnonzero(is_left)
+        if len(new):
+            self._row_of[new] = len(self._tracks) + np.arange(len(new))
+            self._tracks = self._tracks.joined(init(observations[new], frame_geometry, config))
+
+    def _match(
+        self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry
+    ) -> Association:
+        config = self._config
+        expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
+        iou = iou_px(expected_px, observations.boxes_px)
+        on_ground, gate = position_distances(tracks, observations), config.motion.gate
+        # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
+        on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
+        in_image = _side_distances(expected_px, observations.boxes_px, config)
+        return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.most_apart)
+
+    def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
+        """Give ids to what is believed from now on; return what moves by its shared ids."""
+        tracks = self._tracks
+        is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
+        boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
+        ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
+        self._tracks = replace(tracks, ids=ids)
+        return moving
+
+    def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
+        """Return the detections with what their tracks know of them."""
+        seen = np.flatnonzero(self._row_of >= 0)
+        tracks = self._tracks[self._row_of[seen]]
+        ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
+        ids[seen] = tracks.ids
+        velocities_m_s[seen] = velocities_in_scan(tracks, frame_geometry, self._config)
+        boxes = _overwritten(
+            vehicles.boxes, seen, tracks, boxes_in_scan(tracks, frame_geometry), frame_geometry
+        )
+        return replace(vehicles, ids=ids, velocities_m_s=velocities_m_s, boxes=boxes)
+
+
+def _side_distances(
+    expected_px: Float64, seen_px: Float64, config: VehicleTrackerConfig
+) -> Float64:
+    """Return (T, D) squared distances of the four sides, in their standard deviations.
+
+    Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
+    """
+    sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
+    deviations_px = config.side_share * np.tile(sizes_px, 2)[:, None]
+    off = (seen_px - expected_px[:, None]) / deviations_px
+    return np.asarray((off**2).sum(axis=2))
+
+
+def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
+    bottom_m = np.where(tracks.is_located[:, None], boxes.bottom_m, np.nan)
+    return Boxes3D(bottom_m, boxes.size_m, boxes.yaw_rad)
+
+
+def _overwritten(
+    boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, frame_geometry: FrameGeometry
+) -> Boxes3D:
+    """Put the boxes of tracks that were found on the ground now in the place of single sights."""
+    is_found = tracks.is_located & (tracks.last_located_s == frame_geometry.stamp_s)
+    rows, tracked = seen[is_found], tracked[is_found]
+    bottom_m, size_m, yaw_rad = boxes.bottom_m.copy(), boxes.size_m.copy(), boxes.yaw_rad.copy()
+    bottom_m[rows], size_m[rows], yaw_rad[rows] = tracked.bottom_m, tracked.size_m, tracked.yaw_rad
+    return Boxes3D(bottom_m, size_m, yaw_rad)

@@ -1,0 +1,207 @@
+"""Studies that train detectors: what differs, what is not done twice, and what the tables say."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.studies import detector_variants
+from benchmarks.studies.detector_losses import loss_variants
+from benchmarks.studies.detector_variants import (
+    DetectorVariant,
+    VariantEvaluationConfig,
+    VariantMetrics,
+    VariantTrainingConfig,
+    study_variants,
+)
+from benchmarks.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
+from benchmarks.studies.sim_to_real import UNCHANGED, share_variants
+from benchmarks.studies.variant_report import precision_tables, times_table
+from export import onnx
+from perception.cli.evaluations.class_precision import MetricConfig
+from perception.cli.main import main
+from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
+from perception.errors import UsageError
+from tests.detection.bright_cells import bright_cells
+from tests.train.toy_images import tiny_network
+from train.detector import networks
+
+BASE = DetectorVariant(
+    "base",
+    DetectorModelConfig("rm", "tiny", "64x96"),
+    DetectorDataConfig((Path("streets"),)),
+    epochs=4,
+)
+
+
+@dataclass(frozen=True)
+class Trained:
+    epoch: int
+    counts: dict
+
+
+@pytest.fixture
+def trainings(monkeypatch):
+    """Put a training that does nothing in place; return what it was asked for."""
+    asked = []
+
+    def train(images, choice, first, config, out, resume):
+        asked.append((choice, images, config.epochs, resume))
+        (out / "last.ckpt").touch()
+        return Trained(3, {"training_frames": 7})
+
+    def write(folder):
+        file = folder / "detector.onnx"
+        file.write_bytes(bright_cells("dm", size=(64, 96)))
+        return file
+
+    monkeypatch.setattr(detector_variants, "run_training", train)
+    monkeypatch.setattr(detector_variants, "_model_file", write)
+    return asked
+
+
+def evaluation_on(*drives):
+    return VariantEvaluationConfig(drives, MetricConfig((0.7, 0.5)))
+
+
+def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
+    variants = [BASE, replace(BASE, name="wide", detector=replace(BASE.detector, size="64x128"))]
+    evaluation = evaluation_on(car_frames)
+    first = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
+    assert [choice.size for choice, *_ in trainings] == ["64x96", "64x128"]
+    assert list(first) == ["base", "wide"]
+    assert (first["base"].epoch, first["base"].training_frames) == (3, 7)
+    assert first["base"].drives[str(car_frames)]["frames"] == 3
+    assert first["base"].maps_ms > 0
+    again = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
+    assert again == first
+    assert len(trainings) == 2
+
+
+def test_other_drives_are_measured_without_training_again(car_frames, trainings, tmp_path):
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path / "out")
+    both = evaluation_on(car_frames, car_frames / "training")
+    metrics = study_variants([BASE], VariantTrainingConfig(), both, tmp_path / "out")
+    assert list(metrics["base"].drives) == [str(car_frames), str(car_frames / "training")]
+    assert len(trainings) == 1
+
+
+def test_a_training_that_was_stopped_is_gone_on_with(car_frames, trainings, tmp_path):
+    out = tmp_path / "out"
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
+    (out / "base/trained.json").unlink()
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
+    assert [resume for *_, resume in trainings] == [None, "last"]
+
+
+def test_a_folder_of_other_settings_is_refused(car_frames, trainings, tmp_path):
+    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path)
+    with pytest.raises(UsageError, match="base: expected a training with the same settings"):
+        study_variants([BASE], VariantTrainingConfig(seed=1), evaluation_on(car_frames), tmp_path)
+    with pytest.raises(UsageError, match="--validation: expected at least one drive, found none"):
+        evaluation_on()
+
+
+def test_maps_differ_in_filling_and_size_alone():
+    variants = {one.name: one for one in map_variants(BASE, "64x128")}
+    assert {name: one.detector.filling for name, one in variants.items()} == {
+        "sparse": "sparse",
+        "nearest": "nearest",
+        "linear": "linear",
+        "natural": "natural",
+        "ours": "default",
+        "nearest, wide": "nearest",
+    }
+    sizes = {name: one.detector.size for name, one in variants.items()}
+    assert {name for name, size in sizes.items() if size == "64x128"} == {"nearest, wide"}
+    assert {*THESIS_B2, *THESIS_B3} <= set(variants)
+
+
+def test_losses_are_all_four():
+    forms = {
+        one.name: (one.detector.box_loss, one.detector.objectness) for one in loss_variants(BASE)
+    }
+    assert forms == {
+        "as published": ("squared", "squared"),
+        "focal objectness": ("squared", "focal"),
+        "CIoU of boxes": ("ciou", "squared"),
+        "both": ("ciou", "focal"),
+    }
+
+
+def test_shares_are_trained_for_as_many_steps():
+    variants = share_variants(BASE, (0.25, 1.0))
+    reported = [(one.images.training_fraction, one.epochs, one.images.augment) for one in variants]
+    assert reported == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
+    assert variants[-1].name == UNCHANGED
+    with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):
+        share_variants(BASE, (2.0,))
+
+
+def metrics_of(ap, interval=None):
+    found = {"ap_r40_percent": ap, "precision": [1.0] * 41}
+    if interval is not None:
+        found["ap_r40_interval_percent"] = {"low": interval[0], "high": interval[1]}
+    levels = {name: {"detections": found} for name in ("easy", "moderate")}
+    levels["hard"] = {"detections": None}
+    drives = {"val": {"data": "synthetic", "frames": 9, "iou": {"0.7": levels}}}
+    return VariantMetrics(2, 5, 1.5, 20.25, drives)
+
+
+def test_tables_stand_beside_the_thesis():
+    metrics = {"sparse": metrics_of(20.0, (15, 25)), "ours": metrics_of(60.0)}
+    table = precision_tables("Maps", metrics, 0.7, THESIS_B2)
+    lines = [" ".join(line.split()) for line in table.splitlines()]
+    assert lines[0] == "Maps: AP R40 % on val, IoU over 0.7"
+    sparse = "20.00 (15.0 to 25.0) 20.00 (15.0 to 25.0) 0.00 23.45 17.57 15.57"
+    assert lines[3] == f"sparse synthetic 5 2 {sparse}"
+    assert lines[4] == "ours synthetic 5 2 60.00 60.00 0.00 - - -"
+    times = times_table("Times", metrics, (34, 15)).splitlines()
+    assert times[3].split() == ["sparse", "1.5", "20.2"]
+    assert times[-1].split() == ["thesis", "34", "15"]
+
+
+def test_the_command_prints_tables_and_draws(car_frames, trainings, tmp_path, capsys):
+    out = tmp_path / "study.png"
+    words = [str(car_frames), "--validation", str(car_frames), "--out", str(out), "--epochs", "2"]
+    assert main(["study", "reflectance-maps", *words]) == 0
+    printed = capsys.readouterr().out
+    for title in ("Table B.1", "Table B.2", "Table B.3"):
+        assert title in printed
+    assert len(trainings) == 6
+    assert out.stat().st_size > 10_000
+    document = json.loads(out.with_suffix(".json").read_text())
+    assert document["conditions"]["thesis"]["B.3"]["linear"] == [60.6, 45.71, 40.79]
+    assert (
+        main(["study", "sim-to-real", *words, "--shares", "[0.5,1]", "--real", str(car_frames)])
+        == 0
+    )
+    assert len(trainings) == 9
+    assert main(["study", "reflectance-maps", *words[:-1], "0"]) == 2
+
+
+def model_of(metadata):
+    assert (metadata["modality"], metadata["filling"], metadata["epochs"]) == ("rm", "default", "1")
+    return bright_cells("rm", size=(64, 96))
+
+
+@pytest.mark.usefixtures("one_torch_thread")
+def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatch):
+    monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
+    # To write a model file takes ten times as long as the rest; tests/export have that.
+    monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.metadata))
+    images = DetectorDataConfig((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
+    variant = replace(BASE, images=images, epochs=1)
+    found = study_variants(
+        [variant],
+        VariantTrainingConfig(accelerator="cpu"),
+        evaluation_on(car_frames),
+        tmp_path / "out",
+    )
+    assert (found["base"].epoch, found["base"].training_frames) == (1, 3)
+    assert found["base"].network_ms > 0
+    folder = tmp_path / "out/base"
+    assert {"best.ckpt", "detector.onnx", "settings.json", "trained.json", "figures.json"} <= {
+        file.name for file in folder.iterdir()
+    }

@@ -1,0 +1,225 @@
+import json
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.studies import speed, stages
+from benchmarks.studies.chain_times import (
+    DENSE_CLOUD,
+    GROUND,
+    MOTION,
+    VOXELS,
+    ThesisCase,
+    frames_per_s,
+    mean_times_s,
+    time_thesis,
+)
+from benchmarks.studies.dense_cloud import study_dense_cloud
+from benchmarks.studies.gates import passes_gate, study_gates
+from benchmarks.studies.ground_error import GroundErrorConfig, study_ground_error
+from benchmarks.studies.masks import study_masks
+from benchmarks.studies.report import publish
+from benchmarks.studies.thin_objects import Cutout, cut_out, find_pole
+from benchmarks.studies.windows import read_windows
+from data.synthetic.cached_drive import CachedDrive
+from perception.cli.main import main
+from perception.errors import DriveError, UsageError
+from perception.geometry.grids import LocalArea
+from perception.obstacles.dense_cloud import DenseCloud
+from perception.obstacles.ground_planes import PiecewisePlanes
+from perception.sensor import HDL_32E
+
+
+@dataclass(frozen=True)
+class LevelGround:
+    def height_m(self, xy_m):
+        return np.full(len(xy_m), -1.7)
+
+    def distance_m(self, points_velo):
+        return points_velo[:, 2] + 1.7
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return CachedDrive(8, sensor=HDL_32E)
+
+
+def is_plot(path):
+    image = cv2.imread(str(path))
+    return image is not None and image.shape[0] > 400 and image.std() > 5
+
+
+def pole_at(x, y, shift_m=0.0):
+    """Three scans of a pole, each shifted along x by so much from the one after it."""
+    z = np.linspace(-1.6, 0.5, 40)
+    scans = [
+        np.column_stack([np.full(40, x + age * shift_m), np.full(40, y), z, np.zeros(40)])
+        for age in range(3)
+    ]
+    return np.concatenate(scans).astype(np.float32), np.repeat(np.arange(3, dtype=np.uint8), 40)
+
+
+def wall():
+    y, z = np.meshgrid(np.linspace(-8, 8, 300), np.linspace(-1.6, 0.3, 20))
+    points = np.column_stack([np.full(y.size, 15.0), y.ravel(), z.ravel(), np.zeros(y.size)])
+    return points.astype(np.float32), np.arange(y.size).astype(np.uint8) % 3
+
+
+def test_the_pole_is_found_beside_a_wall():
+    parts = [pole_at(6.0, 3.0), wall()]
+    cloud = DenseCloud(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    np.testing.assert_allclose(find_pole(cloud, LevelGround(), LocalArea()), (6, 3), atol=0.31)
+
+
+def test_no_pole_is_said_so():
+    with pytest.raises(DriveError, match="found none; name another --frame"):
+        find_pole(DenseCloud(*wall()), LevelGround(), LocalArea())
+
+
+def test_scans_that_agree_are_not_apart():
+    cloud = DenseCloud(*pole_at(6.0, 3.0))
+    assert cut_out(cloud, LevelGround(), np.array([6.0, 3.0])).disagreement_m == pytest.approx(0)
+
+
+def test_scans_that_disagree_are_apart_by_their_shift():
+    # The earlier scans are 0.1 and 0.2 m off the newest: RMS sqrt((0.01 + 0.04) / 2).
+    cutout = cut_out(DenseCloud(*pole_at(6.0, 3.0, 0.1)), LevelGround(), np.array([6.0, 3.0]))
+    assert isinstance(cutout, Cutout)
+    assert cutout.disagreement_m == pytest.approx(np.sqrt(0.025), abs=1e-3)
+
+
+def test_a_gate_lets_through_what_lies_between_its_limits():
+    level = np.array([[0, 0, 1, 1.7]] * 2)
+    gates_m = np.array([(-1.8, -1.6), (-1.9, -1.5)])
+    planes = PiecewisePlanes(np.array([5.0]), level, level, gates_m, np.array([True, True]))
+    points = np.array([(1, 0, -1.7), (1, 0, -1.55), (9, 0, -1.55), (9, 0, -1.0)])
+    assert passes_gate(points, planes).tolist() == [True, False, True, False]
+
+
+def test_gates(drive, tmp_path, capsys):
+    plot_path = tmp_path / "new" / "gates.png"
+    publish(study_gates(drive, plot_path, frame=6, previous_scans=3, seed=0), plot_path)
+    assert is_plot(plot_path)
+    document = json.loads(plot_path.with_suffix(".json").read_text())
+    planes = document["results"]["planes"]
+    assert len(planes["planes"]) == len(document["results"]["steps"]) + 1
+    assert planes["planes"][0][3] == pytest.approx(HDL_32E.height_m, abs=0.1)
+    assert "S0  -5.0 to 5.0 m" in capsys.readouterr().out
+
+
+def test_masks(drive, tmp_path):
+    plot_path = tmp_path / "masks.png"
+    study = study_masks(drive, plot_path, frame=6, previous_scans=3, seed=0)
+    assert is_plot(plot_path)
+    numbers = study.numbers
+    assert numbers["(c) static after subtraction"]["points"] < numbers["(b) merged"]["points"]
+    assert numbers["(f) static"]["points"] <= numbers["(c) static after subtraction"]["points"]
+
+
+def test_dense_cloud(drive, tmp_path):
+    plot_path = tmp_path / "cloud.png"
+    windows = read_windows(drive, 6, 3)
+    points = windows.frame.points_velo
+    static_points = points[
+        (points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)
+    ]
+    study = study_dense_cloud(
+        drive, plot_path, frame=6, previous_scans=3, place_m=static_points[0, :2].astype(np.float64)
+    )
+    assert is_plot(plot_path)
+    assert set(study.numbers["disagreement_m"]) == {
+        "INS alone",
+        "thesis: BGF and ICP",
+        "default: GICP to a keyframe",
+    }
+
+
+def test_ground_error(drive, tmp_path):
+    config = GroundErrorConfig(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
+    plot_path = tmp_path / "error.png"
+    study = study_ground_error(drive, plot_path, config, lambda frames: frames)
+    assert is_plot(plot_path)
+    mde_m = study.numbers["mde_m"]
+    assert mde_m.shape == (2, 2)
+    # One step a slice follows a slope late: 0.03 to 0.4 m from street to street.
+    assert (mde_m[:, 0] < 0.4).all()
+    assert (mde_m[:, 1] < 0.1).all()
+    assert study.numbers["objects"] > 0
+    assert "η = 2" in study.table
+
+
+def test_ground_error_needs_labels(tmp_path):
+    blind = SimpleNamespace(has_labels=False, root="drive")
+    with pytest.raises(DriveError, match="expected labelled boxes"):
+        study_ground_error(blind, tmp_path / "x.png", GroundErrorConfig(), lambda frames: frames)
+
+
+def test_every_stage_of_the_thesis_is_timed(drive):
+    cases = [ThesisCase(2, 0.1), ThesisCase(2, 0.4), ThesisCase(1, 0.1)]
+    measured = time_thesis(drive, cases, 2, lambda frames: frames)
+    assert set(measured) == set(cases)
+    for times in measured.values():
+        assert len(times) == 2
+        assert list(times[0]) == [DENSE_CLOUD, GROUND, VOXELS, MOTION]
+        assert min(times[0].values()) > 0
+
+
+def test_times_are_averaged_over_frames():
+    times = [{"a": 0.1, "b": 0.1}, {"a": 0.3, "b": 0.1}]
+    assert mean_times_s(times) == pytest.approx({"a": 0.2, "b": 0.1})
+    assert frames_per_s(times) == pytest.approx(1 / 0.3)
+
+
+DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
+
+
+def test_stages(drive, tmp_path, monkeypatch):
+    monkeypatch.setattr(stages, "time_default", lambda *_: DEFAULT_TIMES)
+    plot_path = tmp_path / "stages.png"
+    study = stages.study_stages(drive, plot_path, frames=1, progress=lambda frames: frames)
+    assert cv2.imread(str(plot_path)) is not None
+    assert sum(study.numbers["published_percent"].values()) == pytest.approx(100)
+    assert study.numbers["default_s"] == DEFAULT_TIMES[0]
+    words = [line.split() for line in study.table.splitlines()]
+    assert ["default:", "registration", "10.0", "50.0"] in words
+
+
+def test_speed(drive, tmp_path, monkeypatch):
+    monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
+    config = speed.SpeedConfig(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
+    plot_path = tmp_path / "speed.png"
+    study = speed.study_speed(drive, plot_path, config, lambda frames: frames)
+    assert is_plot(plot_path)
+    assert study.numbers["thesis_frames_per_s"].shape == (2, 2)
+    np.testing.assert_allclose(study.numbers["default_frames_per_s"], [50, 50])
+
+
+def test_a_drive_too_short_to_be_timed_is_refused(drive):
+    with pytest.raises(UsageError, match="at most 2"):
+        time_thesis(drive, [ThesisCase(6)], 5, lambda frames: frames)
+
+
+@pytest.mark.parametrize("frame", [0, 8, -3])
+def test_a_frame_without_scans_before_it_is_refused(drive, frame):
+    with pytest.raises(UsageError, match="expected a frame from 1 to 7"):
+        read_windows(drive, frame, 6)
+
+
+def test_the_command_answers_in_one_sentence(capsys, tmp_path):
+    assert main(["study", "gates", str(tmp_path / "nothing")]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("trifuse study: ")
+    assert message.count("\n") == 1
+
+
+def test_registration_brings_a_real_pole_together(kitti_root, tmp_path):
+    raw = kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync"
+    plot_path = tmp_path / "cloud.png"
+    assert main(["study", "dense-cloud", str(raw), "--frame", "77", "--out", str(plot_path)]) == 0
+    apart_m = json.loads(plot_path.with_suffix(".json").read_text())["results"]["disagreement_m"]
+    assert apart_m["INS alone"] > 0.1
+    assert apart_m["thesis: BGF and ICP"] < 0.04
+    assert apart_m["default: GICP to a keyframe"] < 0.04

@@ -1,0 +1,132 @@
+"""The study of following: what is measured on scenes with exact truth, and what it leaves."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.studies import following
+from benchmarks.studies.report import publish
+from benchmarks.studies.single_object import (
+    SingleObjectStudyConfig,
+    reacquisition_time_s,
+    study_single_object,
+)
+from data.synthetic.scenario_truth import true_track
+from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive
+from perception.cli.main import main
+from perception.evaluation.single_object.errors import single_object_errors
+from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
+from perception.render.tracking_error_plots import TrackingErrorPanel, plot_tracking_errors
+from perception.sensor import VLP_16
+from perception.types import Boxes3D
+
+FRAMES = 10
+
+
+def truth_hidden_in(*hidden: int) -> TrueTrack:
+    boxes_px = np.tile([10.0, 10, 20, 20], (FRAMES, 1))
+    boxes_px[list(hidden)] = np.nan
+    bottoms = np.column_stack([np.arange(FRAMES), np.zeros(FRAMES), np.zeros(FRAMES)])
+    return TrueTrack(
+        np.arange(FRAMES),
+        0.1 * np.arange(FRAMES),
+        Boxes3D(bottoms.astype(float), np.ones((FRAMES, 3)), np.zeros(FRAMES)),
+        boxes_px,
+        np.zeros((FRAMES, 2)),
+        np.zeros(FRAMES, np.int64),
+    )
+
+
+def tracked_as(truth: TrueTrack, off_m, states) -> PredictedTrack:
+    boxes = truth.boxes_velo
+    bottoms = boxes.bottom_m + np.array(off_m)[:, None] * (0, 1, 0)
+    return PredictedTrack(
+        truth.frames,
+        np.array(states),
+        replace(boxes, bottom_m=bottoms),
+        np.full((FRAMES, 4), np.nan),
+        np.zeros((FRAMES, 2)),
+        np.full(FRAMES, 0.002),
+    )
+
+
+@pytest.mark.parametrize(
+    ("off_m", "states", "seconds"),
+    [
+        ([0.0] * 10, ["seen"] * 10, 0.1),
+        ([0.0] * 10, ["seen"] * 6 + ["lost", "predicted"] + ["seen"] * 2, 0.3),
+        ([0.0] * 6 + [3.0] * 3 + [0.2], ["seen"] * 10, 0.4),
+        ([0.0] * 4 + [3.0] * 6, ["seen"] * 10, np.inf),
+    ],
+)
+def test_found_again_is_seen_and_near_after_it_was_hidden(off_m, states, seconds):
+    truth = truth_hidden_in(4, 5)
+    errors = single_object_errors(truth, tracked_as(truth, off_m, states))
+    assert reacquisition_time_s(truth, errors) == pytest.approx(seconds)
+
+
+def test_who_was_never_hidden_is_not_found_again():
+    truth = truth_hidden_in()
+    errors = single_object_errors(truth, tracked_as(truth, [0.0] * 10, ["seen"] * 10))
+    assert np.isnan(reacquisition_time_s(truth, errors))
+
+
+def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
+    scenario = Scenario("Car", frozenset([ScenarioChallenge.OCCLUSION]))
+    track = true_track(ScenarioDrive(scenario, images=False))
+    assert len(track) == 60
+    hidden = np.flatnonzero(np.isnan(track.boxes_px[:, 0]))
+    assert 5 < len(hidden) < 25
+    assert 15 < hidden.mean() < 30
+    assert (track.occlusion[hidden] == 2).all()
+    assert track.occlusion[0] == 0
+    # Both drive ahead at six metres a second.
+    np.testing.assert_allclose(track.velocities_m_s, np.tile([6.0, 0.0], (60, 1)), atol=0.1)
+
+
+def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsys):
+    scenarios = [
+        Scenario("Car", challenges, 0.5)
+        for challenges in (frozenset[ScenarioChallenge](), frozenset([ScenarioChallenge.POSE]))
+    ]
+    monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
+    config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
+    plot_path = tmp_path / "following.png"
+    publish(study_single_object(plot_path, config), plot_path)
+    assert cv2.imread(str(plot_path)).std() > 5
+    document = json.loads(plot_path.with_suffix(".json").read_text())
+    assert list(document["results"]) == ["plain", "pose"]
+    for metrics in document["results"].values():
+        assert list(metrics) == ["default", "3d-kf"]
+        assert metrics["default"]["scores"]["frames"] == 5
+        assert metrics["default"]["scores"]["center_m"] < 0.5
+        assert metrics["default"]["hidden_frames"] == 0
+    rows = [line.split()[:2] for line in capsys.readouterr().out.splitlines() if line.strip()]
+    assert ["pose", "3d-kf"] in rows
+
+
+def test_panels_are_as_many_as_scenes_and_a_lost_tracker_does_not_stretch_them(tmp_path):
+    times_s = np.arange(5) / 10
+    hidden = np.array([False, True, True, False, False])
+    errors = {"good": np.full(5, 0.1), "gone": np.array([0.1, 50, 60, np.nan, 70])}
+    panels = [TrackingErrorPanel(f"scene {n}", times_s, hidden, errors) for n in range(5)]
+    plot_tracking_errors(tmp_path / "panels.png", "title", panels)
+    plot_path = cv2.imread(str(tmp_path / "panels.png"))
+    assert plot_path.shape[1] > plot_path.shape[0]
+    assert plot_path.std() > 5
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--trackers", "default,goat"], "expected some of default"),
+        (["--duration", "0.1"], "at least 0.5 s, found 0.1 s"),
+        (["--sensor", "HDL-65"], "expected one of HDL-64E"),
+    ],
+)
+def test_wrong_flags_are_answered_in_one_sentence(flags, said, capsys):
+    assert main(["study", "following", *flags]) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,105 @@
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.studies import sensors
+from benchmarks.studies.ins_error import InsErrorConfig, study_ins_error
+from benchmarks.studies.report import publish
+from benchmarks.studies.tracking_metrics import (
+    METHODS,
+    StudyTrackingMetrics,
+    by_measure,
+    total,
+)
+from data.synthetic.ins import InsNoise
+from perception.cli.main import main
+from perception.evaluation.multi_object.mot_metrics import evaluate_tracks
+from perception.evaluation.multi_object.sequence import TrackedFrame
+from perception.sensor import HDL_32E, VLP_16
+
+NAMES = ["HOTA [%]", "MOTA [%]", "IDF1 [%]", "false tracks a minute"]
+
+
+def metrics(found: int, missed: int, false_tracks: int) -> StudyTrackingMetrics:
+    """Return what comes of one object, perfectly tracked in some frames and missed in others."""
+    hit = TrackedFrame(np.array([1]), np.array([7]), np.ones((1, 1)))
+    miss = TrackedFrame(np.array([1]), np.zeros(0, np.int64), np.zeros((1, 0)))
+    scores = evaluate_tracks([hit] * found + [miss] * missed)
+    return StudyTrackingMetrics(scores, false_tracks, duration_s=0.1 * (found + missed))
+
+
+def test_drives_are_measured_as_one():
+    together = total([{"thesis": metrics(10, 0, 1)}, {"thesis": metrics(5, 5, 0)}])["thesis"]
+    assert together.duration_s == pytest.approx(2)
+    measures = together.measures()
+    assert list(measures) == NAMES
+    assert measures["MOTA [%]"] == pytest.approx(75)  # 15 of 20 boxes
+    assert measures["IDF1 [%]"] == pytest.approx(100 * 30 / 35)
+    assert measures["false tracks a minute"] == pytest.approx(30)
+
+
+def test_measures_go_case_by_case():
+    cases = [{method: metrics(n, 10 - n, 0) for method in METHODS} for n in (10, 5)]
+    np.testing.assert_allclose(by_measure(cases)["MOTA [%]"]["author"], [100, 50])
+
+
+def test_every_ins_is_measured_once():
+    cases = InsErrorConfig(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0)).cases()
+    assert cases == [InsNoise(0, 0), InsNoise(1, 0), InsNoise(0, 2)]
+
+
+def test_ins_error(tmp_path, capsys):
+    config = InsErrorConfig(3, (0,), VLP_16, positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
+    plot_path = tmp_path / "ins.png"
+    publish(study_ins_error(plot_path, config), plot_path)
+    assert cv2.imread(str(plot_path)).std() > 5
+    document = json.loads(plot_path.with_suffix(".json").read_text())
+    assert [case["ins"] for case in document["results"]] == [
+        {"position_m": 0.0, "angle_deg": 0.0},
+        {"position_m": 1.0, "angle_deg": 0.0},
+        {"position_m": 0.0, "angle_deg": 2.0},
+    ]
+    for case in document["results"]:
+        assert list(case["methods"]) == list(METHODS)
+        assert all(0 <= m["HOTA [%]"] <= 100 for m in case["methods"].values())
+    assert document["conditions"]["protocol"]["view"] == "all"
+    words = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert sum(line[:3] == ["1", "m,", "0°"] for line in words) == len(METHODS)
+
+
+def test_sensors(tmp_path, monkeypatch):
+    # The measuring itself is that of the study above: here, what becomes of it.
+    found = {"HDL-32E": {0: 10, 1: 10}, "VLP-16": {0: 6, 1: 2}}
+    monkeypatch.setattr(sensors, "SyntheticDrive", lambda _, seed, sensor, images: (sensor, seed))
+    monkeypatch.setattr(
+        sensors,
+        "measure_methods",
+        lambda drive: dict.fromkeys(
+            METHODS, metrics(n := found[drive[0].name][drive[1]], 10 - n, 1)
+        ),
+    )
+    plot_path = tmp_path / "sensors.png"
+    study = sensors.study_sensors(plot_path, sensors.SensorsConfig(10, (0, 1), (HDL_32E, VLP_16)))
+    assert cv2.imread(str(plot_path)).std() > 5
+    for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
+        assert list(study.numbers[sensor]) == list(METHODS)
+        for measures in study.numbers[sensor].values():
+            assert list(measures) == NAMES
+            assert measures["MOTA [%]"] == pytest.approx(share)
+            assert measures["false tracks a minute"] == pytest.approx(60)
+    assert study.table.count("default") == 2
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (["ins-error", "--frames", "0"], "--frames: expected at least 1, found 0"),
+        (["ins-error", "--sensor", "HDL-65"], "expected one of HDL-64E, HDL-32E, VLP-16"),
+        (["sensors", "--drives", "0"], "--drives: expected at least 1, found 0"),
+    ],
+)
+def test_wrong_flags_are_answered_in_one_sentence(flags, words, capsys):
+    assert main(["study", *flags]) == 2
+    assert words in capsys.readouterr().err

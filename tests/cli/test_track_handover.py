@@ -1,0 +1,141 @@
+"""A run that hands one of its tracks to a tracker of one object."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.open_drive import open_drive
+from data.synthetic.collection import SynthConfig, write_drives
+from perception.cli.main import main
+from perception.cli.track_handover import STAGE, HandoverTracking, NoObjectTracking
+from perception.geometry.grids import EgoVehicle
+from perception.pipeline import Pipeline, PipelineConfig
+from perception.render import palette
+from perception.render.composition import Composition
+from perception.tracking.single_object.handover import TrackHandover
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
+from perception.types import Boxes3D, Result, Tracks, Vehicles
+from tests.vehicle_scenes import cars, detected
+
+FRAMES = 6
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> Path:
+    (folder,) = write_drives(tmp_path_factory.mktemp("street"), SynthConfig(frames=FRAMES))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(street) -> Result:
+    drive = open_drive(street)
+    boxes = Boxes3D(np.array([[9.0, 2, -1.7], [12, -2, -1.7]]), np.full((2, 3), 2.0), np.zeros(2))
+    tracks = Tracks(np.array([3, 8]), boxes, np.ones((2, 2)), np.ones(2, bool))
+    return replace(
+        Pipeline(drive.sensor, PipelineConfig.for_motion()).step(drive[0]), tracks=tracks
+    )
+
+
+class StaticTracker:
+    """Answers with the first box, always."""
+
+    def start(self, tracker_input, box_velo):
+        self._answer = TrackedObject(TrackStatus.SEEN, box_velo, np.array([3.0, 4.0]), None)
+        return self._answer
+
+    def update(self, tracker_input):
+        return self._answer
+
+
+def hand_over_of(track_id: int) -> TrackHandover:
+    return TrackHandover(track_id, StaticTracker(), EgoVehicle())
+
+
+def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
+    path = tmp_path / "followed.jsonl"
+    with HandoverTracking(path, hand_over_of(8)) as object_tracking:
+        before = object_tracking.update(replace(result, tracks=Tracks.empty()))
+        assert STAGE in before.timings_s
+        assert object_tracking.figure is None
+        assert object_tracking.without_object(before) is before
+        seen = object_tracking.update(result)
+        assert object_tracking.figure.words == "8  5.0 m/s"
+        assert object_tracking.without_object(seen).tracks.ids.tolist() == [3]
+        # Its own track is gone; it is followed on.
+        object_tracking.update(replace(result, tracks=Tracks.empty()))
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]] * 2
+
+
+def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
+    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(99)) as object_tracking:
+        object_tracking.update(result)
+    assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
+
+
+def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tmp_path):
+    fused = detected(cars((9.0, 2.0, 0.0), (12.0, -2.0, 0.0)))
+    boxes = replace(result.tracks.boxes, bottom_m=np.array([[9.0, 2, -1.7], [np.nan] * 3]))
+    unlocated = Vehicles(
+        fused=fused,
+        ids=np.array([4, 5]),
+        boxes=boxes,
+        distances_m=np.array([7.0, np.nan]),
+        velocities_m_s=np.full((2, 2), np.nan),
+        owners=np.full(len(result.frame.points_velo), -1),
+    )
+    located = replace(unlocated, boxes=result.tracks.boxes)
+    path = tmp_path / "followed.jsonl"
+    with HandoverTracking(path, hand_over_of(5)) as object_tracking:
+        # Where the LiDAR says too little of it, there is nothing to begin with.
+        object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
+        assert object_tracking.figure is None
+        seen = object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=located))
+        without_object = object_tracking.without_object(seen).vehicles
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["velo"]["position_m"] for line in lines] == [[12, -2, -1.7]]
+    # It is drawn in space once, as what is followed.
+    assert np.isnan(without_object.boxes.bottom_m).any(axis=1).tolist() == [False, True]
+
+
+def test_where_nobody_is_followed_nothing_changes(result):
+    with NoObjectTracking() as object_tracking:
+        assert object_tracking.update(result) is result
+        assert object_tracking.without_object(result) is result
+        assert object_tracking.figure is None
+
+
+def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
+    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(8)) as object_tracking:
+        object_tracking.update(result)
+        plain = Composition().draw(result)
+        picture = Composition().draw(
+            object_tracking.without_object(result), None, object_tracking.figure
+        )
+    counts = [int((one == palette.TRACKED_OBJECT).all(axis=2).sum()) for one in (plain, picture)]
+    assert counts[0] < 50
+    assert counts[1] > 500
+
+
+def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
+    # Detected vehicles would share the count of ids.
+    words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", "[]"]
+    assert main([*words, "--follow", "0"]) == 0
+    assert STAGE in capsys.readouterr().out
+    given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
+    ids = [[track["id"] for track in line["tracks"]] for line in given]
+    first = next(number for number, there in enumerate(ids) if 0 in there)
+    lines = [json.loads(line) for line in (tmp_path / "followed.jsonl").read_text().splitlines()]
+    assert [line["frame"] for line in lines] == list(range(first, FRAMES))
+    track = next(track for track in given[first]["tracks"] if track["id"] == 0)
+    np.testing.assert_allclose(
+        lines[0]["velo"]["position_m"], track["velo"]["position_m"], atol=1.0
+    )
+
+
+def test_a_number_below_zero_is_refused(street, tmp_path, capsys):
+    assert main(["run", str(street), "--out", str(tmp_path), "--follow", "-1"]) == 2
+    assert "an id of 0 or more, found -1" in capsys.readouterr().err

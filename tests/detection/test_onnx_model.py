@@ -1,0 +1,129 @@
+"""A model file is checked when it is opened, and says in one sentence what does not fit."""
+
+import numpy as np
+import pytest
+from onnx import TensorProto
+
+from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
+from perception.errors import ModelError
+
+CONTRACT = ModelContract(
+    metadata={"kind": "depthcn", "classes": "Car"},
+    required_keys=("window",),
+    inputs={
+        "crops": ModelInput(np.uint8, (None, 3, 66, 112)),
+        "windows_px": ModelInput(np.float32, (None, 4)),
+    },
+    outputs=("scores",),
+)
+
+
+def inputs_of(rows):
+    crops = np.zeros((rows, 3, 66, 112), np.uint8)
+    crops += np.arange(rows, dtype=np.uint8)[:, None, None, None] * 51
+    return {"crops": crops, "windows_px": np.arange(4 * rows, dtype=np.float32).reshape(rows, 4)}
+
+
+@pytest.mark.parametrize("rows", [0, 1, 6])
+def test_any_number_of_rows_goes_through_at_once(write_model, rows):
+    outputs = OnnxModel(write_model(), CONTRACT)(inputs_of(rows))
+    np.testing.assert_allclose(outputs["scores"], np.arange(rows) * 0.2, atol=1e-6)
+    np.testing.assert_array_equal(outputs["boxes_px"], inputs_of(rows)["windows_px"])
+
+
+def test_file_says_what_it_is(write_model):
+    model = OnnxModel(write_model(), CONTRACT)
+    assert model.metadata["classes"] == "Car"
+    assert model.inputs["crops"] == ModelInput(np.uint8, (None, 3, 66, 112))
+
+
+def test_a_fact_is_one_of_those_known(write_model):
+    model = OnnxModel(write_model(), CONTRACT)
+    assert model.metadata_choice("classes", ["Van", "Car"]) == "Car"
+    with pytest.raises(ModelError, match="expected classes Van or Tram, found Car"):
+        model.metadata_choice("classes", ["Van", "Tram"])
+
+
+def test_answer_does_not_depend_on_threads(write_model):
+    outputs = [OnnxModel(write_model(), CONTRACT, n)(inputs_of(5))["scores"] for n in (1, 2)]
+    np.testing.assert_array_equal(*outputs)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(ModelError, match=r"gone.onnx: expected a model file, found no file"):
+        OnnxModel(tmp_path / "gone.onnx", CONTRACT)
+
+
+def test_weights_that_do_not_ship():
+    with pytest.raises(ModelError, match=r"unheard_of.onnx: expected a model file"):
+        OnnxModel(shipped_model("unheard_of"), CONTRACT)
+
+
+def test_file_of_another_format(tmp_path):
+    path = tmp_path / "letter.onnx"
+    path.write_text("Dear network,")
+    with pytest.raises(ModelError, match=r"letter.onnx: expected a whole ONNX model, found"):
+        OnnxModel(path, CONTRACT)
+
+
+def test_empty_file(tmp_path):
+    (tmp_path / "empty.onnx").touch()
+    with pytest.raises(ModelError, match="expected a whole ONNX model"):
+        OnnxModel(tmp_path / "empty.onnx", CONTRACT)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
+def test_truncated_file(write_model, share):
+    path = write_model()
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(ModelError, match=r"tiny.onnx: expected"):
+        OnnxModel(path, CONTRACT)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"kind": "compact"}, "expected kind depthcn, found compact"),
+        ({"classes": "Car,Pedestrian"}, "expected classes Car, found Car,Pedestrian"),
+        ({"without": "kind"}, "expected kind depthcn, found no such entry"),
+        ({"without": "window"}, "expected window in its metadata, found no such entry"),
+    ],
+)
+def test_model_for_something_else(write_model, changes, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        OnnxModel(write_model(**changes), CONTRACT)
+
+
+def test_model_with_other_inputs(write_model):
+    with pytest.raises(
+        ModelError, match=r"crops uint8 any x 3 x 66 x 112.*found crops uint8 any x 1 x"
+    ):
+        OnnxModel(write_model(planes=1), CONTRACT)
+
+
+def test_model_with_inputs_of_another_type(write_model):
+    with pytest.raises(ModelError, match="found crops float32 any x 3"):
+        OnnxModel(write_model(input_type=TensorProto.FLOAT), CONTRACT)
+    with pytest.raises(ModelError, match="found crops another type any x 3"):
+        OnnxModel(write_model(input_type=TensorProto.DOUBLE), CONTRACT)
+
+
+def test_model_without_an_output(write_model):
+    contract = ModelContract(CONTRACT.metadata, inputs=CONTRACT.inputs, outputs=("depths",))
+    with pytest.raises(ModelError, match="expected an output depths, found scores, boxes_px"):
+        OnnxModel(write_model(), contract)
+
+
+def test_input_of_another_size(write_model):
+    model = OnnxModel(write_model(), CONTRACT)
+    small = inputs_of(2) | {"crops": np.zeros((2, 3, 33, 56), np.uint8)}
+    with pytest.raises(ModelError, match=r"expected to run on crops \(2, 3, 33, 56\)"):
+        model(small)
+
+
+def test_network_that_yields_nan(write_model):
+    # 0 / 0 of black crops, as already the first run has them.
+    path = write_model(divisor=0.0)
+    with pytest.raises(ModelError, match="finite numbers in output scores, found 32 that are NaN"):
+        OnnxModel(path, CONTRACT)

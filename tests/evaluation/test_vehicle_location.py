@@ -1,0 +1,39 @@
+"""Errors of located vehicles, and their rows, by hand-made numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from data.kitti.vehicle_results import to_vehicle_rows
+from perception.detection.vehicles.locate import locate
+from perception.evaluation.vehicle_location import location_errors
+from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides
+
+
+def test_errors_are_those_that_were_made():
+    true = cars((12.0, 2.0, 0.0), (25.0, -3.0, 0.0))
+    frame = frame_of(road(), sides(true))
+    found = locate(detected(true), frame, FlatRoad())
+    moved = replace(
+        true, bottom_m=true.bottom_m + np.array([0.3, 0.4, 0]), yaw_rad=true.yaw_rad + 3
+    )
+    wrong = replace(found, boxes=moved, distances_m=found.distances_m + 0.2)
+    errors = location_errors(wrong, detected(true).detections.boxes_px, true, frame.points_velo)
+    np.testing.assert_allclose(errors.range_m, np.hypot([12, 25], [2, -3]))
+    np.testing.assert_allclose(errors.center_m, 0.5)
+    np.testing.assert_allclose(errors.yaw_rad, 3.0)
+    np.testing.assert_allclose(errors.axis_rad, np.pi - 3.0)
+    np.testing.assert_allclose(errors.distance_m, 0.2, atol=0.1)
+
+
+def test_rows_hold_what_is_known_and_the_formats_words_for_what_is_not():
+    true = cars((12.0, 2.0, 0.0), (25.0, -3.0, 0.0), (30.0, 5.0, 0.0))
+    found = locate(detected(true), frame_of(road(), sides(true[[0, 2]])), FlatRoad())
+    rows = to_vehicle_rows(4, replace(found, ids=np.array([8, 9, -1])), CALIBRATION)
+    assert rows.ids.tolist() == [8, 9]
+    assert rows.frames.tolist() == [4, 4]
+    assert rows.bottoms_cam_m[0, 2] == pytest.approx(12.0 - 0.27, abs=0.2)
+    assert rows.bottoms_cam_m[1].tolist() == [-1000.0] * 3
+    assert rows.sizes_hwl_m[1].tolist() == [-1.0] * 3
+    assert rows.headings_rad[1] == rows.alphas_rad[1] == -10.0

@@ -1,0 +1,105 @@
+"""A LiDAR that stands wrong is told from one scan; one that stands right is never accused."""
+
+import numpy as np
+import pytest
+
+from perception.errors import MountingError
+from perception.geometry.se3 import from_euler, transform_points
+from perception.localization.mounting import check_mounting
+from perception.sensor import HDL_32E, HDL_64E, SENSORS, VLP_16, LidarModel
+
+UPSIDE_DOWN = from_euler(np.pi, 0, 0)
+
+
+def street(
+    sensor: LidarModel,
+    walls_m: float = 6.0,
+    wall_height_m: float = 10.0,
+    ceiling_m: float | None = None,
+    tilt_rad: float = 0.0,
+) -> np.ndarray:
+    """Cast a sensor's rays into a street between two walls, under a ceiling in a tunnel."""
+    azimuth, elevation = np.meshgrid(np.linspace(-np.pi, np.pi, 720), sensor.elevations_rad)
+    rays = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    rays = rays @ from_euler(tilt_rad, tilt_rad, 0)[:3, :3].T
+    planes_m = [(2, -sensor.height_m), (1, walls_m), (1, -walls_m)]
+    planes_m += [(2, ceiling_m)] if ceiling_m else []
+    with np.errstate(divide="ignore"):
+        ranges_m = np.stack([distance / rays[:, axis] for axis, distance in planes_m])
+    ranges_m[ranges_m <= 0] = np.inf
+    points = rays * ranges_m.min(axis=0)[:, None]
+    seen = (ranges_m.min(axis=0) < sensor.max_range_m) & (points[:, 2] < wall_height_m)
+    points = points[seen] @ from_euler(tilt_rad, tilt_rad, 0)[:3, :3]
+    return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+
+
+SCENES = {
+    "street": {},
+    "narrow street": {"walls_m": 2.2},
+    "wide road": {"walls_m": 40.0, "wall_height_m": 3.0},
+    "tunnel": {"walls_m": 4.0, "ceiling_m": 3.0},
+    "low car park": {"walls_m": 12.0, "ceiling_m": 0.5},
+    "tilted": {"tilt_rad": 0.05},
+}
+
+
+@pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_a_lidar_mounted_right_passes(sensor, scene):
+    check_mounting(street(sensor, **scene), sensor)
+
+
+@pytest.mark.parametrize("sensor", [HDL_64E, HDL_32E, VLP_16], ids=lambda sensor: sensor.name)
+@pytest.mark.parametrize("scene", ["street", "wide road"])
+def test_a_lidar_upside_down_is_reported(sensor, scene):
+    points_velo = transform_points(UPSIDE_DOWN, street(sensor, **SCENES[scene]))
+    with pytest.raises(
+        MountingError, match=r"0007\.bin: .*found it 1\.\d\d m above; .*upside down"
+    ):
+        check_mounting(points_velo, sensor, "0007.bin")
+
+
+@pytest.mark.parametrize(
+    ("velo_SE3_true", "up"),
+    [
+        (from_euler(-np.pi / 2, 0, 0), r"\+y"),
+        (from_euler(np.pi / 2, 0, 0), "-y"),
+        (from_euler(0, np.pi / 2, 0), r"\+x"),
+        (from_euler(0, -np.pi / 2, 0), "-x"),
+    ],
+    ids=["y", "-y", "x", "-x"],
+)
+def test_swapped_axes_are_reported(velo_SE3_true, up):
+    points_velo = transform_points(velo_SE3_true, street(HDL_64E))
+    with pytest.raises(MountingError, match=f"found {up} pointing up"):
+        check_mounting(points_velo, HDL_64E)
+
+
+@pytest.mark.parametrize("change_m", [-0.9, 0.9])
+def test_another_height_is_reported(change_m):
+    points_velo = street(HDL_64E) - np.float32([0, 0, change_m, 0])
+    found = f"found it {1.73 + change_m:.2f} m below; set height_m in a sensor .json"
+    with pytest.raises(MountingError, match=found):
+        check_mounting(points_velo, HDL_64E)
+
+
+def test_a_scan_that_shows_no_ground_is_let_pass():
+    check_mounting(np.ones((5, 4), np.float32), HDL_64E)
+
+
+def test_real_scans(kitti_root):
+    paths = sorted((kitti_root / "raw").glob("*/*/velodyne_points/data/*.bin"))[::10]
+    paths += sorted((kitti_root / "object/training/velodyne").glob("*.bin"))
+    for path in paths:
+        points_velo = np.fromfile(path, np.float32).reshape(-1, 4)
+        check_mounting(points_velo, HDL_64E, str(path))
+        with pytest.raises(MountingError, match="upside down"):
+            check_mounting(transform_points(UPSIDE_DOWN, points_velo), HDL_64E)
+    assert len(paths) == 16 + 27

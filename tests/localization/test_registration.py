@@ -1,0 +1,224 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.errors import PoseError
+from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
+from perception.localization.alignment import align, preprocess_points
+from perception.localization.registration import LidarOdometry, PoseOrigin, RegistrationConfig
+
+STEP_S = 0.1
+
+
+def street(seed: int = 0) -> np.ndarray:
+    """Sample points of a road, two walls, a cross wall and some poles, in the world's frame."""
+    random = np.random.default_rng(seed)
+
+    def sheet(low: tuple, high: tuple, count: int) -> np.ndarray:
+        return random.uniform(low, high, (count, 3))
+
+    parts = [
+        sheet((-30, -12, -1.7), (60, 12, -1.7), 9000),
+        sheet((-30, 12, -1.7), (60, 12, 4), 5000),
+        sheet((-30, -12, -1.7), (20, -12, 4), 3000),
+        sheet((20, -25, -1.7), (20, -12, 4), 1500),
+        sheet((60, -12, -1.7), (60, 12, 4), 1500),
+        *(sheet((x, y, -1.7), (x + 0.3, y + 0.3, 3), 60) for x, y in [(5, 8), (15, -9), (33, 7)]),
+    ]
+    points = np.concatenate(parts)
+    return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+
+
+def observed_from(world_SE3_velo: np.ndarray, seed: int) -> np.ndarray:
+    """Return another sampling of the street, with 1 cm of noise, in the LiDAR's frame."""
+    points = street(seed)
+    points[:, :3] += np.random.default_rng(seed + 99).normal(0, 0.01, (len(points), 3))
+    moved = points.copy()
+    velo_SE3_world = inverse(world_SE3_velo)
+    moved[:, :3] = points[:, :3] @ velo_SE3_world[:3, :3].T + velo_SE3_world[:3, 3]
+    return moved[np.hypot(moved[:, 0], moved[:, 1]) < 50]
+
+
+def path(frames: int, speed_m_s: float = 8.0, turn_rad_s: float = 0.15) -> list[np.ndarray]:
+    step = from_euler(0, 0, turn_rad_s * STEP_S, np.array([speed_m_s * STEP_S, 0, 0]))
+    poses = [np.eye(4)]
+    for _ in range(frames - 1):
+        poses.append(poses[-1] @ step)
+    return poses
+
+
+def apart(first: np.ndarray, second: np.ndarray) -> tuple[float, float]:
+    """Return metres and degrees between two poses."""
+    between = inverse(first) @ second
+    return float(np.linalg.norm(between[:3, 3])), np.degrees(rotation_angle_rad(between))
+
+
+@pytest.mark.parametrize("kind", ["GICP", "ICP"])
+def test_alignment_recovers_a_known_transform(kind: str) -> None:
+    truth = from_euler(0.005, -0.01, 0.03, np.array([0.25, -0.1, 0.04]))
+    points = observed_from(np.eye(4), 1)
+    source = preprocess_points(points, voxel_size_m=0.3)
+    # Point to point only finds the truth where it meets the same points again.
+    target_points = points if kind == "ICP" else observed_from(np.eye(4), 2)
+    moved = target_points.copy()
+    moved[:, :3] = target_points[:, :3] @ truth[:3, :3].T + truth[:3, 3]
+    found = align(
+        preprocess_points(moved, voxel_size_m=0.3),
+        source,
+        np.eye(4),
+        max_correspondence_m=1.0,
+        kind=kind,
+    )
+    metres, degrees = apart(truth, found.target_SE3_source)
+    assert found.is_converged
+    assert metres < (0.01 if kind == "GICP" else 0.05)
+    assert degrees < (0.05 if kind == "GICP" else 0.3)
+
+
+def test_noisy_ins_is_refined_to_a_centimetre() -> None:
+    truth = path(8)
+    random = np.random.default_rng(5)
+    odometry = LidarOdometry()
+    for index, pose in enumerate(truth):
+        noise = from_euler(*random.normal(0, 0.002, 3), random.normal(0, 0.05, 3))
+        ins = pose if index == 0 else pose @ noise
+        found = odometry.update(observed_from(pose, index), index * STEP_S, ins)
+        metres, degrees = apart(pose, found.world_SE3_velo)
+        assert metres < 0.01
+        assert degrees < 0.05
+    assert found.origin is PoseOrigin.REGISTERED
+    assert found.inlier_ratio > 0.8
+
+
+@pytest.mark.parametrize("speed_m_s", [0.0, 9.0, 27.0])
+def test_without_ins_registration_alone_carries_the_pose(speed_m_s: float) -> None:
+    truth = path(5, speed_m_s)
+    odometry = LidarOdometry()
+    for index, pose in enumerate(truth):
+        found = odometry.update(observed_from(pose, index), index * STEP_S)
+    metres, degrees = apart(truth[-1], found.world_SE3_velo)
+    assert metres < 0.02
+    assert degrees < 0.05
+
+
+def test_many_keyframes_do_not_skew_the_rotation() -> None:
+    """Each keyframe's pose is built on the one before: any skew would double each time."""
+    odometry = LidarOdometry(RegistrationConfig(keyframe_distance_m=0.0))
+    points = observed_from(np.eye(4), 0)
+    for index in range(40):
+        found = odometry.update(points, index * STEP_S)
+    rotation = found.world_SE3_velo[:3, :3]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    assert found.origin is PoseOrigin.REGISTERED
+
+
+def test_same_input_gives_the_same_poses() -> None:
+    def run() -> list[np.ndarray]:
+        odometry = LidarOdometry()
+        return [
+            odometry.update(observed_from(pose, index), index * STEP_S).world_SE3_velo
+            for index, pose in enumerate(path(3))
+        ]
+
+    for first, second in zip(run(), run(), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_a_scan_that_does_not_match_falls_back_on_the_ins() -> None:
+    truth = path(3)
+    odometry = LidarOdometry()
+    odometry.update(observed_from(truth[0], 0), 0.0, truth[0])
+    nonsense = np.random.default_rng(0).uniform(200, 300, (5000, 4)).astype(np.float32)
+    found = odometry.update(nonsense, STEP_S, truth[1])
+    assert found.origin is PoseOrigin.INS
+    np.testing.assert_allclose(found.world_SE3_velo, truth[1], atol=1e-9)
+
+
+def test_a_scan_that_does_not_match_is_extrapolated_without_ins() -> None:
+    truth = path(4)
+    odometry = LidarOdometry()
+    for index in range(3):
+        odometry.update(observed_from(truth[index], index), index * STEP_S)
+    found = odometry.update(observed_from(truth[3], 3)[:20], 3 * STEP_S)
+    assert found.origin is PoseOrigin.EXTRAPOLATED
+    assert apart(truth[3], found.world_SE3_velo)[0] < 0.03
+
+
+@pytest.mark.parametrize("jump_m", [4.0, 20.0])
+def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
+    truth = path(3)
+    odometry = LidarOdometry()
+    for index in range(2):
+        odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+    jumped = truth[2].copy()
+    jumped[1, 3] += jump_m
+    with pytest.raises(PoseError, match=r"oxts 0002: expected an INS pose .* found a jump of"):
+        odometry.update(observed_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
+
+
+def test_an_ins_slip_of_a_metre_is_repaired() -> None:
+    truth = path(4)
+    odometry = LidarOdometry()
+    slip = from_euler(0, 0, 0, np.array([0.3, 0.9, 0.0]))
+    for index, pose in enumerate(truth):
+        ins = pose @ slip if index == 3 else pose
+        found = odometry.update(observed_from(pose, index), index * STEP_S, ins)
+    assert found.origin is PoseOrigin.REGISTERED
+    assert apart(truth[3], found.world_SE3_velo)[0] < 0.01
+
+
+def test_a_long_gap_resets_the_window_and_follows_the_ins() -> None:
+    truth = path(40)
+    odometry = LidarOdometry()
+    for index in (0, 1):
+        odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
+    found = odometry.update(observed_from(truth[39], 39), 39 * STEP_S, truth[39])
+    assert found.is_reset
+    assert found.origin is PoseOrigin.INS
+    assert apart(truth[39], found.world_SE3_velo)[0] < 0.05
+
+
+def test_a_few_missing_frames_are_bridged() -> None:
+    truth = path(8)
+    odometry = LidarOdometry()
+    for index in (0, 1, 2, 7):
+        found = odometry.update(observed_from(truth[index], index), index * STEP_S)
+    assert found.origin is PoseOrigin.REGISTERED
+    assert apart(truth[7], found.world_SE3_velo)[0] < 0.02
+
+
+def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> None:
+    odometry = LidarOdometry()
+    odometry.update(observed_from(np.eye(4), 0), 5.0)
+    again = odometry.update(observed_from(np.eye(4), 0), 5.0)
+    assert again.origin is PoseOrigin.REPEATED
+    np.testing.assert_array_equal(again.world_SE3_velo, np.eye(4))
+    with pytest.raises(PoseError, match="stamps that rise"):
+        odometry.update(observed_from(np.eye(4), 0), 4.9)
+
+
+def test_orthonormal_repairs_printed_digits() -> None:
+    truth = from_euler(0.1, -0.2, 0.3, np.array([1.0, 2.0, 3.0]))
+    repaired = orthonormal(np.round(truth, 5))
+    np.testing.assert_allclose(repaired[:3, :3] @ repaired[:3, :3].T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(repaired, truth, atol=1e-5)
+
+
+def test_real_scans_agree_to_centimetres_without_ins(kitti_root: Path) -> None:
+    """Six scans carried one by one must lie as the first lies on the last directly."""
+    folder = kitti_root / "raw/2011_09_26/2011_09_26_drive_0005_sync/velodyne_points/data"
+    odometry = LidarOdometry()
+    scans = []
+    for index in range(6):
+        scan = np.fromfile(folder / f"{index:010d}.bin", np.float32).reshape(-1, 4)
+        pose = odometry.update(scan, index * STEP_S).world_SE3_velo
+        scans.append((scan, pose))
+    (first, first_pose), (last, last_pose) = scans[0], scans[-1]
+    target, source = preprocess_points(last, 0.3), preprocess_points(first, 0.3)
+    seed = inverse(last_pose) @ first_pose
+    direct = align(target, source, seed, max_correspondence_m=0.3)
+    metres, degrees = apart(seed, direct.target_SE3_source)
+    assert np.linalg.norm(seed[:3, 3]) > 1.5  # the car did drive
+    assert metres < 0.03
+    assert degrees < 0.06

@@ -1,0 +1,233 @@
+"""Scenes small enough to draw: a plane, a wall, boxes, seen by rays from a simulated sensor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import from_euler
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow
+from perception.obstacles.motion_counters import CounterSegmenter
+from perception.obstacles.motion_segmentation import FreeSpaceSegmenter, motion_segmenter
+from perception.sensor import HDL_64E, VLP_16, LidarModel
+from perception.types import PointState
+
+AREA = LocalArea()
+WALL = (
+    28.0,
+    -20.0,
+    0.0,
+    1.0,
+    40.0,
+    6.0,
+)  # least x, y, z and size: what beams end at behind all else
+
+
+@dataclass(frozen=True)
+class Road:
+    """A level road under a sensor."""
+
+    height_m: float
+
+    def distance_m(self, points_velo):
+        return points_velo[:, 2] + self.height_m
+
+
+def box(x, y, length=0.4, width=0.5, height=1.7):
+    return (x, y, 0.0, length, width, height)
+
+
+def cast(sensor: LidarModel, origin_xy, boxes):
+    """Return the points of a scan and the number of the box each lies on, -1 for the road.
+
+    Boxes and origin are in the world, whose road is z = 0; the points are in the sensor's frame.
+    """
+    azimuth = np.arange(-0.8, 0.8, sensor.azimuth_step_rad)
+    elevation, azimuth = np.meshgrid(sensor.elevations_rad, azimuth, indexing="ij")
+    ray = np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    ray[ray == 0] = 1e-9
+    origin = np.array([*origin_xy, sensor.height_m])
+    reach = np.where(ray[:, 2] < 0, -origin[2] / ray[:, 2], np.inf)
+    owner = np.full(len(ray), -1)
+    for number, values in enumerate(boxes):
+        low, size = np.array(values[:3]), np.array(values[3:])
+        first, second = (low - origin) / ray, (low + size - origin) / ray
+        enters = np.minimum(first, second).max(axis=1)
+        leaves = np.maximum(first, second).min(axis=1)
+        meets = (enters <= leaves) & (enters > 0) & (enters < reach)
+        reach[meets], owner[meets] = enters[meets], number
+    seen = reach < 60.0
+    points = np.zeros((int(seen.sum()), 4), np.float32)
+    points[:, :3] = ray[seen] * reach[seen, None]
+    return points, owner[seen]
+
+
+def drive(
+    boxes_at, frames, *, sensor=HDL_64E, ego_x=lambda k: 0.0, segmenter=None, pose_noise_m=0.0
+):
+    """Segment a scene frame by frame; yield (owner of each point, states, obstacles)."""
+    segmenter = segmenter or FreeSpaceSegmenter(sensor, AREA)
+    rng = np.random.default_rng(5)
+    window = ScanWindow(6)
+    for k in range(frames):
+        points, owner = cast(sensor, (ego_x(k), 0.0), [WALL, *boxes_at(k)])
+        place = np.array([ego_x(k), 0.0, 0.0]) + rng.normal(0, pose_noise_m, 3) * (1, 1, 0)
+        window.push(PosedScan(points, from_euler(0, 0, 0, place)))
+        obstacles = segmenter.update(window, Road(sensor.height_m))
+        yield owner, obstacles.point_states, obstacles
+
+
+def moving_share(owner, states, number):
+    """Return which share of a box's obstacle points is called moving; box 0 is the first after the wall."""
+    of_box = (owner == number + 1) & np.isin(states, (PointState.STATIC, PointState.MOVING))
+    return float(np.mean(states[of_box] == PointState.MOVING))
+
+
+def last(frames):
+    *_, final = frames
+    return final
+
+
+@pytest.mark.parametrize("sensor", [HDL_64E, VLP_16], ids=lambda sensor: sensor.name)
+@pytest.mark.parametrize(
+    "velocity", [(0.0, 1.2), (0.0, 0.6), (-1.2, 0.0), (1.2, 0.0)],
+    ids=["across", "slowly across", "towards", "away"],
+)  # fmt: skip
+def test_a_walker_moves_and_a_standing_person_does_not(sensor, velocity):
+    def scene(k):
+        t = 0.1 * k
+        return [box(9.0 + velocity[0] * t, -1.0 + velocity[1] * t), box(9.0, 5.0)]
+
+    owner, states, _ = last(drive(scene, 20, sensor=sensor))
+    assert moving_share(owner, states, 0) > 0.8
+    assert moving_share(owner, states, 1) == 0
+
+
+@pytest.mark.parametrize("speed_mps", [-8.0, 4.0, 9.0], ids=["oncoming", "slower", "as fast"])
+def test_a_car_moves_from_a_moving_vehicle(speed_mps):
+    def scene(k):
+        start = 22.0 if speed_mps < 0 else 9.0
+        return [
+            box(start + speed_mps * 0.1 * k, 1.0, 4.2, 1.8, 1.5),
+            box(14.0, -7.0, 4.2, 1.8, 1.5),
+        ]
+
+    owner, states, _ = last(drive(scene, 14, ego_x=lambda k: 0.5 * k))
+    assert moving_share(owner, states, 0) > 0.8
+    assert moving_share(owner, states, 1) == 0
+
+
+def test_a_stopped_object_is_static_within_a_second():
+    def scene(k):
+        return [box(8.0, min(-3.0 + 0.12 * k, -1.0))]  # stops in frame 17
+
+    frames = list(drive(scene, 27))
+    assert moving_share(*frames[16][:2], 0) > 0.8
+    assert moving_share(*frames[26][:2], 0) == 0
+
+
+def test_what_comes_to_light_behind_a_passer_by_is_static():
+    def scene(k):
+        return [box(7.0, -4.0 + 0.5 * k, 0.8, 4.0, 1.5), box(12.0, 0.0)]
+
+    for owner, states, _ in drive(scene, 22):
+        if (owner == 2).sum() > 20:
+            assert moving_share(owner, states, 1) == 0
+
+
+def test_thin_posts_stay_static_under_pose_errors_of_5_cm():
+    def scene(k):
+        del k
+        return [box(x, y, 0.08, 0.08, 1.5) for x in (6.0, 10.0, 15.0) for y in (-4.0, 4.0)]
+
+    for owner, states, _ in drive(scene, 20, ego_x=lambda k: 0.4 * k, pose_noise_m=0.05):
+        assert not (states[owner > 0] == PointState.MOVING).any()
+
+
+def test_free_space_removes_the_shadow_of_a_walker():
+    def scene(k):
+        return [box(9.0, -3.0 + 0.15 * max(k - 5, 0))]
+
+    def mapped_where_he_stood(obstacles):
+        x, y = obstacles.static.centers_m[:, :2].T
+        return int(((np.abs(x - 9.0) < 0.6) & (y > -3.2) & (y < -2.4)).sum())
+
+    frames = [obstacles for _, _, obstacles in drive(scene, 16)]
+    assert mapped_where_he_stood(frames[5]) > 20
+    assert mapped_where_he_stood(frames[15]) == 0
+
+
+def test_the_static_map_keeps_what_is_hidden_for_a_moment():
+    def scene(k):
+        passer_by = [box(6.0, -2.0, 0.8, 4.0, 1.9)] if k in (4, 5) else []
+        return [box(12.0, -0.5, 0.3, 1.0, 1.5), *passer_by]
+
+    for k, (owner, _, obstacles) in enumerate(drive(scene, 6)):
+        centers = obstacles.static.centers_m
+        mapped = (np.abs(centers[:, 0] - 12.0) < 0.2) & (np.abs(centers[:, 1]) < 0.6)
+        assert mapped.sum() > 10
+        if k == 5:
+            assert (owner == 1).sum() == 0
+
+
+def test_a_new_window_forgets():
+    def scene(k):
+        return [box(9.0, -3.0 + 0.15 * k)]
+
+    segmenter = FreeSpaceSegmenter(HDL_64E, AREA)
+    assert moving_share(*last(drive(scene, 12, segmenter=segmenter))[:2], 0) > 0.8
+    _, states, obstacles = next(drive(scene, 1, segmenter=segmenter))
+    assert not (states == PointState.MOVING).any()
+    assert len(obstacles.moving) == 0
+
+
+def test_the_same_scans_give_the_same_answer():
+    def scene(k):
+        return [box(9.0, -3.0 + 0.15 * k), box(12.0, 3.0)]
+
+    first, second = (last(drive(scene, 10)) for _ in range(2))
+    assert (first[1] == second[1]).all()
+    assert (first[2].static.centers_m == second[2].static.centers_m).all()
+
+
+def test_the_world_s_origin_does_not_matter():
+    """Poses millions of metres from the origin, as in map coordinates, cost no accuracy."""
+    far = from_euler(0, 0, 0, np.array([4.5e5, 5.4e6, 100.0]))
+
+    def states_of(shift):
+        segmenter, window = FreeSpaceSegmenter(HDL_64E, AREA), ScanWindow(6)
+        for k in range(12):
+            points, _ = cast(
+                HDL_64E, (0.0, 0.0), [WALL, box(9.03, -3.0 + 0.15 * k), box(12.03, 3.03)]
+            )
+            window.push(PosedScan(points, shift))
+            obstacles = segmenter.update(window, Road(HDL_64E.height_m))
+        return obstacles
+
+    here, there = states_of(np.eye(4)), states_of(far)
+    assert (here.point_states == there.point_states).mean() > 0.999
+    assert len(here.static) == pytest.approx(len(there.static), rel=0.05)
+
+
+def test_a_scan_without_obstacles_is_segmented():
+    points = np.array([[5, 0, -1.73, 0.2], [6, 1, -1.73, 0.2]], np.float32)
+    window = ScanWindow(6)
+    segmenter = FreeSpaceSegmenter(HDL_64E, AREA)
+    for _ in range(3):
+        window.push(PosedScan(points, np.eye(4)))
+        obstacles = segmenter.update(window, Road(1.73))
+    assert obstacles.point_states.tolist() == [PointState.GROUND, PointState.GROUND]
+    assert len(obstacles.static) == len(obstacles.moving) == 0
+
+
+def test_each_method_makes_its_segmenter():
+    assert isinstance(motion_segmenter(HDL_64E, AREA), FreeSpaceSegmenter)
+    assert isinstance(motion_segmenter(HDL_64E, AREA, "thesis"), CounterSegmenter)

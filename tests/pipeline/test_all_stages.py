@@ -1,0 +1,217 @@
+"""All stages together: the same answer in every way of running them, and what a missing camera changes."""
+
+import logging
+import threading
+from dataclasses import fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from perception.detection.depthcn import detector as depthcn_detector
+from perception.detection.depthcn.detector import DepthCn
+from perception.detection.detectors import modalities
+from perception.detection.detectors.modalities import modality_image
+from perception.errors import ModelError, PoseError, UsageError
+from perception.maps.densify import densify
+from perception.pipeline import Pipeline, PipelineConfig, detection_chain
+from perception.pipeline.detection_config import NO_DETECTION, DetectionConfig
+from perception.pipeline.obstacle_process import ObstacleProcess
+from perception.types import MODALITIES
+
+STAGES = {
+    *("registration", "ground", "static and moving", "moving objects", "DepthCN"),
+    *("maps", "rgb detector", "dm detector", "rm detector", "fusion", "vehicles"),
+}
+
+
+def comparable(value):
+    """Turn a result into nested lists of arrays and numbers, without what a clock said."""
+    if is_dataclass(value):
+        names = [field.name for field in fields(value)]
+        return [
+            comparable(getattr(value, name)) for name in names if name not in ("timings_s", "spans")
+        ]
+    if isinstance(value, dict):
+        return [[key, comparable(item)] for key, item in value.items()]
+    return value
+
+
+def assert_same(one, other):
+    if isinstance(one, list):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            assert_same(a, b)
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    elif isinstance(one, str | int | float | None):
+        assert one == other
+
+
+def test_one_after_another_side_by_side_and_as_a_stream_all_say_the_same(street_frames, all_stages):
+    with Pipeline(config=replace(all_stages, parallel=False)) as in_turn:
+        expected = [in_turn.step(frame) for frame in street_frames]
+    assert sum(len(found) for found in expected[-1].modality_detections.values()) > 0
+    assert len(expected[-1].vehicles) > 0
+    with Pipeline(config=all_stages) as pipeline:
+        step_decay = [pipeline.step(frame) for frame in street_frames]
+        pipeline.reset()
+        with pipeline.stream(street_frames) as stream:
+            streamed = list(stream)
+    for results in (step_decay, streamed):
+        for one, other in zip(results, expected, strict=True):
+            assert_same(comparable(one), comparable(other))
+
+
+def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
+    with Pipeline(config=all_stages) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert set(result.timings_s) == STAGES == {span.stage for span in result.spans}
+    assert [span.stage for span in result.spans if span.worker == "vehicles"] == [
+        *("maps", "fusion", "DepthCN", "vehicles")
+    ]
+    workers = {span.worker for span in result.spans}
+    assert {"obstacles", "vehicles"} < workers
+    for worker in workers:
+        of_it = [span for span in result.spans if span.worker == worker]
+        edges = [edge for span in of_it for edge in (span.start_s, span.stop_s)]
+        assert edges == sorted(edges)
+        assert edges[0] >= 0
+    assert result.latency_s == max(span.stop_s for span in result.spans)
+    times = {span.stage: span for span in result.spans}
+    assert times["vehicles"].start_s >= times["moving objects"].stop_s
+    for modality in MODALITIES:
+        assert times["fusion"].start_s >= times[f"{modality} detector"].stop_s
+
+
+def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypatch):
+    has_detected, waited = threading.Event(), []
+    verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
+
+    def examine_and_tell(*given):
+        verified = verify_frame(*given)
+        has_detected.set()
+        return verified
+
+    def step_late(*given):
+        waited.append(has_detected.wait(timeout=20))
+        return step(*given)
+
+    monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
+    monkeypatch.setattr(ObstacleProcess, "step", step_late)
+    with Pipeline(config=all_stages) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert waited == [True]
+    assert result.depthcn is not None
+
+
+def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeypatch):
+    made = []
+
+    def count(*given):
+        made.append(densify(*given))
+        return made[-1]
+
+    for module in (detection_chain, depthcn_detector, modalities):
+        monkeypatch.setattr(module, "densify", count)
+    with Pipeline(config=all_stages) as pipeline:
+        result = pipeline.step(street_frames[0])
+    assert result.depthcn is not None
+    assert set(result.modality_detections) == set(MODALITIES)
+    assert len(made) == 1
+
+
+def test_result_holds_the_map_images(street_frames, all_stages):
+    frame = street_frames[0]
+    with Pipeline(config=all_stages) as pipeline:
+        map_images = pipeline.step(frame).map_images
+    assert set(map_images) == {"dm", "rm"}
+    for modality, image in map_images.items():
+        np.testing.assert_array_equal(image, modality_image(frame, modality)[..., 0])
+
+
+def test_without_an_image_the_lidar_looks_alone(street_frames, all_stages):
+    with Pipeline(config=all_stages) as pipeline:
+        result = pipeline.step(replace(street_frames[0], image=None))
+    assert set(result.modality_detections) == {"dm", "rm"}
+    assert result.depthcn is not None
+
+
+def test_without_poses_vehicles_are_located_all_the_same(street_frames, all_stages):
+    # Where nothing says how the LiDAR moved, its scans are registered to each other.
+    with Pipeline(config=all_stages) as pipeline:
+        with_poses = pipeline.step(street_frames[0]).vehicles
+        pipeline.reset()
+        frames = [replace(frame, world_SE3_velo=None) for frame in street_frames]
+        without = [pipeline.step(frame).vehicles for frame in frames]
+    np.testing.assert_allclose(without[0].boxes.bottom_m, with_poses.boxes.bottom_m, atol=1e-9)
+    assert all(len(found) > 0 for found in without)
+
+
+def test_without_a_camera_there_are_no_vehicles_and_it_is_said_once(
+    street_frames, all_stages, caplog
+):
+    blind = [replace(frame, image=None, calibration=None) for frame in street_frames]
+    with Pipeline(config=all_stages) as pipeline, caplog.at_level(logging.WARNING):
+        results = [pipeline.step(frame) for frame in blind]
+    of_pipeline = [
+        record for record in caplog.records if record.name.startswith("perception.pipeline")
+    ]
+    assert [record.message for record in of_pipeline] == [
+        "no vehicles are detected: synthetic_0000 frame 0: expected a camera's calibration, found none."
+    ]
+    assert all(result.vehicles is None and result.depthcn is None for result in results)
+    assert not any(result.modality_detections for result in results)
+    with Pipeline(config=PipelineConfig.for_motion()) as pipeline:
+        expected = [pipeline.step(frame) for frame in blind]
+    for one, other in zip(results, expected, strict=True):
+        assert_same(comparable(one), comparable(other))
+
+
+def test_frames_that_are_no_sequence_know_nothing_of_each_other(street_frames, all_stages):
+    frame = street_frames[1]
+    with Pipeline(config=all_stages) as pipeline:
+        alone = pipeline.step(frame)
+        with pipeline.stream([street_frames[0], frame], is_sequence=False) as stream:
+            _, second = stream
+    assert_same(comparable(second), comparable(alone))
+
+
+def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames, all_stages):
+    last = street_frames[2]
+    pose = last.world_SE3_velo.copy()
+    pose[:2, 3] += 8.0
+    later = replace(last, index=3, stamp_s=last.stamp_s + 0.1)
+    frames = [*street_frames[:2], replace(last, world_SE3_velo=pose), later]
+    with Pipeline(config=all_stages) as pipeline, pipeline.stream(frames) as stream:
+        assert [next(stream).frame.index, next(stream).frame.index] == [0, 1]
+        with pytest.raises(PoseError, match="jump of"):
+            next(stream)
+        assert list(stream) == []
+
+
+def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
+    nowhere = tmp_path / "nowhere.onnx"
+    unused = replace(NO_DETECTION, rgb_model=nowhere, depthcn_model=nowhere)
+    Pipeline(config=PipelineConfig(detection=unused)).close()
+    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
+        Pipeline(config=PipelineConfig(detection=DetectionConfig(rgb_model=nowhere)))
+
+
+def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
+    ended, close = [], ObstacleProcess.close
+
+    def close_and_tell(process):
+        close(process)
+        ended.append(process.process_id)
+
+    monkeypatch.setattr(ObstacleProcess, "close", close_and_tell)
+    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
+        Pipeline(
+            config=PipelineConfig(detection=DetectionConfig(rgb_model=tmp_path / "nowhere.onnx"))
+        )
+    assert len(ended) == 1
+
+
+def test_a_modality_twice_is_refused():
+    with pytest.raises(UsageError, match="each once"):
+        DetectionConfig(modalities=(*MODALITIES, "dm"))

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from perception.geometry.camera import project
+from perception.tracking.single_object.fusion.back_projection import back_project
+
+# Looks along +x from 30 cm before the LiDAR and 20 cm to its side; x right is -y, y down is -z.
+FOCAL_PX = 700.0
+INTRINSIC = np.array([[FOCAL_PX, 0, 600], [0, FOCAL_PX, 180], [0, 0, 1]])
+CAM_R_VELO = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
+IMAGE_P_VELO = INTRINSIC @ np.column_stack([CAM_R_VELO, CAM_R_VELO @ (-0.3, -0.2, 0.1)])
+
+
+def pixel_of(point: np.ndarray) -> np.ndarray:
+    return project(IMAGE_P_VELO, point[None])[0][0]
+
+
+def test_over_a_slanted_plane_the_place_is_exact(rng):
+    # Depth 10 m and more to the left: three points on it span it, any fourth lies on it, too.
+    y, z = rng.uniform(-2, 2, (2, 200))
+    plane = np.column_stack([10 + 0.8 * y - 0.3 * z, y, z])
+    wanted = np.array([10 + 0.8 * 0.3 - 0.3 * 0.4, 0.3, 0.4])
+    np.testing.assert_allclose(
+        back_project(pixel_of(wanted), plane, IMAGE_P_VELO), wanted, atol=1e-9
+    )
+
+
+def test_the_place_is_seen_where_it_was_asked_for(rng):
+    points = np.column_stack([rng.uniform(8, 12, 50), rng.uniform(-2, 2, (50, 2))])
+    center_px = np.array([612.0, 171.0])
+    found = back_project(center_px, points, IMAGE_P_VELO)
+    np.testing.assert_allclose(pixel_of(found), center_px, atol=1e-9)
+    assert 8 < found[0] < 12
+
+
+def test_only_the_nearest_of_each_quadrant_counts():
+    near = np.array([[10, 0.1, 0.1], [10, -0.1, 0.1], [10, 0.1, -0.1], [10, -0.1, -0.1]])
+    far = near * (2.0, 8.0, 8.0)
+    center_px = pixel_of(np.array([10.0, 0.0, 0.0]))
+    found = back_project(center_px, np.vstack([far, near]), IMAGE_P_VELO)
+    np.testing.assert_allclose(found, [10, 0, 0], atol=1e-9)
+
+
+def test_with_fewer_quadrants_those_there_are_weigh_the_same():
+    left_only = np.array([[8.0, 1.0, 1.0], [12.0, 1.0, -1.0]])
+    center_px = pixel_of(np.array([10.0, 0.0, 0.0]))
+    found = back_project(center_px, left_only, IMAGE_P_VELO)
+    np.testing.assert_allclose(pixel_of(found), center_px, atol=1e-9)
+    depth_m = 2 / (1 / 7.7 + 1 / 11.7)  # mean of the inverse depths before the camera
+    assert found[0] == pytest.approx(depth_m + 0.3)
+
+
+def test_one_point_in_the_very_place_is_that_point():
+    point = np.array([9.0, 0.5, -0.5])
+    np.testing.assert_allclose(
+        back_project(pixel_of(point), point[None], IMAGE_P_VELO), point, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), np.array([[-5.0, 0, 0]])])
+def test_without_a_point_before_the_camera_there_is_no_place(points):
+    assert back_project(np.array([600.0, 180.0]), points, IMAGE_P_VELO) is None
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(8)

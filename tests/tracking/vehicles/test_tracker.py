@@ -1,0 +1,255 @@
+"""Vehicles over time: one id for each, in gaps, past each other, and together with what moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from perception.detection.vehicles.locate import locate
+from perception.errors import CalibrationError
+from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
+from perception.types import Boxes3D, Frame, FusedDetections, Tracks
+from tests.vehicle_scenes import FlatRoad, cars, detected, frame_of, observed_from, road, sides
+
+_ROAD = road(step_m=1.0)
+
+
+class Drive:
+    """A vehicle that drives ahead at 5 m/s past boxes of the world, seen by a perfect detector."""
+
+    def __init__(self, speed_m_s: float = 5.0) -> None:
+        self.tracker = VehicleTracker()
+        self._speed_m_s, self._index = speed_m_s, -1
+
+    def observe(
+        self,
+        world: Boxes3D,
+        *,
+        scores: float = 0.9,
+        moving: Tracks | None = None,
+        missed: tuple[int, ...] = (),
+        blind: bool = False,
+    ) -> VehicleTrackerResult:
+        """Go on for a tenth of a second; what moves is given in the frame of the scan.
+
+        Args:
+            world: what stands there now.
+            scores: of all detections.
+            moving: by the numbers of their own tracker.
+            missed: rows that are not detected.
+            blind: whether the LiDAR sees the road only.
+        """
+        self._index += 1
+        pose, boxes = observed_from(0.1 * self._speed_m_s * self._index, world)
+        body = np.zeros((0, 3)) if blind else sides(boxes)
+        frame = frame_of(_ROAD, body, index=self._index)
+        found = np.setdiff1d(np.arange(len(world)), missed)
+        located = locate(detected(boxes, scores)[found], frame, FlatRoad())
+        return self.tracker.update(located, frame, pose, moving)
+
+
+def driven(world: Boxes3D, along_m: float) -> Boxes3D:
+    """Return boxes so far ahead."""
+    return replace(world, bottom_m=world.bottom_m + np.array([along_m, 0, 0]))
+
+
+def moving_at(boxes: Boxes3D, *numbers: int) -> Tracks:
+    """Return moving objects at the places of boxes."""
+    count = len(numbers)
+    return Tracks(np.array(numbers), boxes, np.ones((count, 2)), np.ones(count, bool))
+
+
+def test_parked_cars_keep_their_ids_and_stand_still():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0), (28.0, -4.0, 0.0), (36.0, 4.0, 0.0))
+    reported = [drive.observe(world).vehicles for _ in range(20)]
+    assert reported[0].ids.tolist() == [-1, -1, -1]
+    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1, 2]] * 19
+    np.testing.assert_allclose(reported[-1].velocities_m_s, 0.0, atol=0.3)
+    assert np.isnan(reported[0].velocities_m_s).all()
+
+
+def test_a_car_that_drives_has_its_speed_and_points_its_way():
+    drive, world = Drive(), cars((42.0, 3.0, 0.0))
+    for step in range(20):
+        reported = drive.observe(driven(world, -0.8 * step)).vehicles
+    np.testing.assert_allclose(reported.velocities_m_s, [[-8.0, 0.0]], atol=0.5)
+    assert np.cos(reported.boxes.yaw_rad[0]) < -0.99
+
+
+@pytest.mark.parametrize("blind", [False, True])
+def test_a_gap_is_bridged(blind):
+    drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
+    for _ in range(5):
+        ids = drive.observe(world, blind=blind).vehicles.ids.tolist()
+    for _ in range(6):
+        drive.observe(world, missed=(0,), blind=blind)
+    assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
+
+
+def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
+    drive, world = (
+        Drive(speed_m_s=8.0),
+        cars(*[(14.0 + 5.5 * place, 4.0, 0.0) for place in range(6)]),
+    )
+    for _ in range(4):
+        expected = drive.observe(world).vehicles.ids.tolist()
+    assert expected == list(range(6))
+    for missed in (1, 3, 2, 4, 0, 3):
+        reported = drive.observe(world, missed=(missed,)).vehicles.ids.tolist()
+        assert reported == [one for one in expected if one != missed]
+    assert drive.observe(world).vehicles.ids.tolist() == expected
+
+
+def test_a_frame_without_a_camera_is_refused_and_changes_nothing():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        located = drive.observe(world).vehicles
+    blind = Frame(9, 0.9, np.ones((len(located.owners), 4), np.float32))
+    with pytest.raises(CalibrationError, match="a camera's calibration"):
+        drive.tracker.update(located, blind, np.eye(4))
+    assert drive.observe(world).vehicles.ids.tolist() == [0]
+
+
+def test_what_was_not_located_goes_on_in_the_image():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.observe(world)
+    reported = [drive.observe(world, blind=True).vehicles for _ in range(4)]
+    assert [one.ids.tolist() for one in reported] == [[0]] * 4
+    assert np.isnan(reported[0].boxes.yaw_rad).all()
+
+
+def test_what_was_away_for_long_is_new():
+    drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.observe(world)
+    for _ in range(20):
+        drive.observe(world, missed=(0,))
+    drive.observe(world)
+    assert drive.observe(world).vehicles.ids.tolist() == [1]
+
+
+def test_without_returns_the_image_alone_is_followed():
+    drive, world = Drive(), cars((30.0, 4.0, 0.0), (34.0, -4.0, 0.0))
+    reported = [drive.observe(world, blind=True).vehicles for _ in range(10)]
+    assert [one.ids.tolist() for one in reported[1:]] == [[0, 1]] * 9
+    assert np.isnan(reported[-1].boxes.bottom_m).all()
+    assert np.isnan(reported[-1].velocities_m_s).all()
+
+
+def test_a_single_doubtful_sight_begins_nothing():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(8)] == [[-1]] * 8
+
+
+def test_a_doubtful_sight_continues_what_is_known():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.observe(world)
+    assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(5)] == [[0]] * 5
+
+
+def test_a_car_that_overtakes_another_keeps_its_id():
+    drive, pair = Drive(), cars((15.0, 1.5, 0.0), (30.0, -1.5, 0.0))
+    for step in range(30):
+        world = replace(pair, bottom_m=pair.bottom_m + step * np.array([[1.2, 0, 0], [0.3, 0, 0]]))
+        ids = drive.observe(world).vehicles.ids.tolist()
+    assert ids == [0, 1]
+
+
+def test_nothing_detected_is_no_fault():
+    drive = Drive()
+    reported = drive.observe(Boxes3D.empty())
+    assert len(reported.vehicles) == len(reported.tracks) == 0
+    assert len(reported.vehicles.fused) == len(FusedDetections.empty())
+
+
+def test_time_that_does_not_go_on_begins_anew_with_other_ids():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0))
+    for _ in range(3):
+        drive.observe(world)
+    drive._index = -1
+    drive.observe(world)
+    assert drive.observe(world).vehicles.ids.tolist() == [1]
+
+
+def in_scan(drive: Drive, world: Boxes3D) -> Boxes3D:
+    """Return boxes as the next scan will have them."""
+    return observed_from(0.5 * (drive._index + 1), world)[1]
+
+
+def test_what_begins_to_move_takes_the_id_of_the_vehicle():
+    drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
+    for _ in range(4):
+        drive.observe(world)
+    reported = [
+        drive.observe(world, moving=moving_at(in_scan(drive, world)[[1]], 7)) for _ in range(4)
+    ]
+    assert [one.tracks.ids.tolist() for one in reported] == [[1]] * 4
+    assert [one.vehicles.ids.tolist() for one in reported] == [[0, 1]] * 4
+
+
+def test_a_vehicle_takes_the_id_of_what_moved_there_before():
+    drive, world = Drive(), cars((30.0, -4.0, 0.0))
+    for _ in range(4):
+        reported = drive.observe(world, missed=(0,), moving=moving_at(in_scan(drive, world), 7))
+        assert reported.tracks.ids.tolist() == [0]
+    reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(4)]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[-1], [0], [0], [0]]
+    assert [one.tracks.ids.tolist() for one in reported] == [[0]] * 4
+
+
+def test_two_that_turn_out_to_be_one_agree_on_the_id_of_the_vehicle_once():
+    drive, world = Drive(), cars((30.0, -4.0, 0.0))
+    for _ in range(3):
+        beside = cars((30.0, 1.0, 0.0))
+        drive.observe(world, moving=moving_at(in_scan(drive, beside), 7))
+    reported = [drive.observe(world, moving=moving_at(in_scan(drive, world), 7)) for _ in range(6)]
+    ids = [one.tracks.ids.tolist()[0] for one in reported]
+    vehicle = reported[0].vehicles.ids.tolist()[0]
+    assert [one.vehicles.ids.tolist() for one in reported] == [[vehicle]] * 6
+    assert ids[:2] == [ids[0]] * 2 != [vehicle] * 2
+    assert ids[2:] == [vehicle] * 4
+
+
+def test_they_stay_one_when_they_are_apart_for_a_scan_and_are_two_after_some():
+    drive, world, away = Drive(), cars((30.0, -4.0, 0.0)), cars((30.0, 6.0, 0.0))
+    for _ in range(4):
+        drive.observe(world, moving=moving_at(in_scan(drive, world), 7))
+    reported = [
+        drive.observe(world, moving=moving_at(in_scan(drive, place), 7)).tracks.ids.tolist()[0]
+        for place in (away, world, away, away, away, away)
+    ]
+    vehicle = drive.observe(world).vehicles.ids.tolist()[0]
+    assert reported[:4] == [vehicle] * 4
+    assert reported[4] == reported[5] != vehicle
+
+
+def test_a_lost_vehicle_leaves_its_id_to_what_moves_and_gets_it_back():
+    drive, world = Drive(speed_m_s=0.0), cars((30.0, -4.0, 0.0))
+    for _ in range(4):
+        drive.observe(world, moving=moving_at(world, 7))
+    for _ in range(25):
+        reported = drive.observe(world, missed=(0,), moving=moving_at(world, 7))
+    assert reported.tracks.ids.tolist() == [0]
+    reported = [drive.observe(world, moving=moving_at(world, 7)) for _ in range(3)]
+    assert reported[-1].vehicles.ids.tolist() == reported[-1].tracks.ids.tolist() == [0]
+
+
+def test_no_id_is_there_twice_whatever_comes():
+    rng, drive = np.random.default_rng(3), Drive(speed_m_s=0.0)
+    world = cars(*[(12.0 + 5 * row, 4.0 * side, 0.0) for row in range(5) for side in (-1, 1)])
+    numbers = np.arange(10)
+    for step in range(60):
+        missed = tuple(np.flatnonzero(rng.random(10) < 0.4).tolist())
+        if step % 10 == 9:
+            numbers = numbers + 10  # its tracker begins anew
+        shown = np.flatnonzero(rng.random(10) < 0.6)
+        jitter = world.bottom_m[shown] + rng.normal(0, 1.0, (len(shown), 3))
+        boxes = replace(world[shown], bottom_m=jitter)
+        reported = drive.observe(
+            world, missed=missed, moving=moving_at(boxes, *numbers[shown].tolist())
+        )
+        ids = reported.vehicles.ids[reported.vehicles.ids >= 0]
+        assert len(set(ids.tolist())) == len(ids)
+        assert (np.diff(reported.tracks.ids) > 0).all()

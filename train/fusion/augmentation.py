@@ -1,0 +1,34 @@
+"""Frames as they might also have been seen: without a detector, or by surer and less sure ones.
+
+On roads that they have not learned from, detectors differ in how far their scores are to be believed. A fusion that
+has seen every detector doubted rests more on what they agree on, and on what is at the distance of a box.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from data.detections.detected_frames import DetectedFrames
+from perception.detection.fusion.detected_scene import DetectedScene
+from perception.detection.fusion.score_calibration import BetaCalibration
+from perception.types import Modality
+
+# What may be lost where two views stay; of one alone there is nothing to learn.
+DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
+# By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
+_MAX_STRETCH, _SHIFT = 0.15, 0.45
+
+
+def jitter_scores(frames: DetectedFrames, seed: int) -> DetectedFrames:
+    """Return the same boxes with scores that other detectors might have given them, in the same order."""
+    rng = np.random.default_rng(seed)
+    return replace(frames, scenes=tuple(_jitter_scene(scene, rng) for scene in frames.scenes))
+
+
+def _jitter_scene(scene: DetectedScene, rng: np.random.Generator) -> DetectedScene:
+    modality_detections = {}
+    for name, found in scene.modality_detections.items():
+        stretch = 1 + _MAX_STRETCH * rng.uniform(-1, 1)
+        other = BetaCalibration(stretch, stretch, _SHIFT * rng.standard_normal())
+        modality_detections[name] = replace(found, scores=other.probabilities(found.scores))
+    return replace(scene, modality_detections=modality_detections)

@@ -1,0 +1,48 @@
+"""A detector: a trunk that turns a picture into a map, and a head that reads boxes from it."""
+
+from torch import Tensor, nn
+
+from perception.detection.detectors.input_size import SIZE_STEP_PX
+from perception.errors import ModelError
+from train.networks.yolo_head import DecodedBoxes, YoloHead
+
+
+class YoloDetector(nn.Module):
+    """Find objects in pictures of any size that is a multiple of 32.
+
+    Attributes:
+        channels: of the picture: 3 for RGB, 1 for a depth or reflectance map.
+        trunk: pictures (B, C, H, W) of 0..1 to a map.
+        head: the map to boxes.
+    """
+
+    def __init__(self, channels: int, trunk: nn.Module, head: YoloHead) -> None:
+        super().__init__()
+        self.channels = channels
+        self.trunk = trunk
+        self.head = head
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Name what is detected, in the order of the scores."""
+        return self.head.class_names
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return raw predictions (B, A, 5 + classes, rows, columns) for (B, C, H, W) of 0..255."""
+        self._require_image(images)
+        raw: Tensor = self.head(self.trunk(images.to(self.head.convolution.weight.dtype) / 255))
+        return raw
+
+    def decode(self, raw: Tensor) -> DecodedBoxes:
+        """Return the boxes and scores of raw predictions."""
+        return self.head.decode(raw)
+
+    def _require_image(self, images: Tensor) -> None:
+        height, width = images.shape[-2:]
+        is_divisible = height % SIZE_STEP_PX == 0 and width % SIZE_STEP_PX == 0
+        if images.ndim != 4 or images.shape[1] != self.channels or not is_divisible:
+            raise ModelError(
+                type(self).__name__,
+                expected=f"pictures (B, {self.channels}, H, W) with H and W multiples of {SIZE_STEP_PX}",
+                found=f"shape {tuple(images.shape)}",
+            )
