@@ -7,8 +7,7 @@ import numpy as np
 
 from benchmarks.measure import resident_mib
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.types import Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Frame
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def write_detector(
         network: compact or yolov2.
         modality: that it looks at.
         size: of its input.
-        pictures: (H, W, C) of this modality.
+        images: (H, W, C) of this modality.
     """
     variant = DetectorNetworkConfig(modality, network, size=size)
     inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in images[:_SHOWN]]

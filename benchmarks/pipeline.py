@@ -11,8 +11,7 @@ from benchmarks.measure import resident_mib
 from perception.cli.stage_times import StageTimes
 from perception.cli.table import format_table
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.types import Frame, Result
-from perception.types.drive import Drive
+from perception.types import Drive, Frame, Result
 
 _NAMES = ("median", "p99")
 # So many frames of a drive are kept in memory, so that reading is not measured: 16 s as they were driven. From

@@ -16,8 +16,7 @@ from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
-from perception.types import Bool, Float64, Int, Method
-from perception.types.drive import Labels
+from perception.types import Bool, Float64, Int, Labels, Method
 
 _RULES = ProposalConfig()
 _OURS, _PEER = "ours", "scikit-learn"
@@ -41,7 +40,7 @@ def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
     places_m = []
     for frame in prepared.frames:
         cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
-        above_ground = frame.points_velo[cells.varies(_RULES.least_variance_m2)]
+        above_ground = frame.points_velo[cells.has_variance(_RULES.least_variance_m2)]
         places_m.append(above_ground[:, :2].astype(np.float64))
     return _compare("clusters of a full turn", places_m, [])
 

@@ -21,8 +21,7 @@ from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ground_estimator
-from perception.types import Frame, GroundModel
-from perception.types.drive import Drive
+from perception.types import Drive, Frame, GroundModel
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +33,7 @@ class Comparison:
     Attributes:
         stage: its name.
         timings: ours first.
-        figures: by their name with unit, contender to value.
+        metrics: by their name with unit, contender to value.
     """
 
     stage: str

@@ -15,7 +15,7 @@ class SampleIndex(NamedTuple):
 
     Attributes:
         row: of the set of samples.
-        look: numbers that the change is drawn by, such as the epoch and the place within it.
+        view: numbers that the change is drawn by, such as the epoch and the place within it.
     """
 
     row: int

@@ -10,7 +10,7 @@ from typing import Any
 from data.array_store import entry_key
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
-from perception.types.drive import Drive
+from perception.types import Drive
 
 
 def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:

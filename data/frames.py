@@ -8,8 +8,7 @@ from typing import Literal
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from perception.errors import PerceptionError
-from perception.types import Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Frame
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ class AugmentationConfig:
     """A number for each operation, 0 is off; subclasses name the operations.
 
     Attributes:
-        MOST: the strongest that makes sense, 10 for those that are not named.
+        MAX: the strongest that makes sense, 10 for those that are not named.
     """
 
     MAX: ClassVar[Mapping[str, float]] = {}

@@ -9,8 +9,7 @@ import numpy as np
 from data.kitti.oxts import InsPacket, Mercator, velocity_world_m_s
 from perception.geometry.camera import is_in_view
 from perception.geometry.se3 import inverse, rotation_angle_rad
-from perception.types import Calibration, Float64, Frame
-from perception.types.drive import Labels
+from perception.types import Calibration, Float64, Frame, Labels
 
 _MAX_PERIODS = 1.5  # between two scans
 _JUMP_M = 1.0  # the INS off its own velocity between two scans; KITTI: 0.1 at most, measured

@@ -7,7 +7,7 @@ from pathlib import Path
 from data.array_store import ArrayStore
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError
-from perception.types.drive import Drive
+from perception.types import Drive
 
 
 @dataclass(frozen=True)

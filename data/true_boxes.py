@@ -7,8 +7,7 @@ import numpy as np
 from data.kitti.labels import DONT_CARE, empty_labels
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
-from perception.types import Float64
-from perception.types.drive import Labels
+from perception.types import Float64, Labels
 
 
 def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:

@@ -8,8 +8,7 @@ from export.result import ExportConfig
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes
-from perception.types import Detections
-from perception.types.drive import Labels
+from perception.types import Detections, Labels
 from train.detector.metrics import measure, precision_table
 
 Precision = dict[str, dict[str, float]]
@@ -21,7 +20,7 @@ def measure_variants(
     """Return average precision in percent by form, class and overlap, and difficulty.
 
     Args:
-        order: whose drive is looked at; without one, or without labels, nothing is measured.
+        config: whose drive is looked at; without one, or without labels, nothing is measured.
         networks: the forms by name.
         detector: one of them, whose pictures and classes are those of all.
     """

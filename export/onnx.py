@@ -27,7 +27,7 @@ class Exportable:
         module: ready to judge; takes the inputs in their order, returns a tensor for each output.
         inputs: an example of each by name, (M, ...) with the same M of at least 2. M is free in the file.
         outputs: names.
-        facts: what the file says of itself.
+        metadata: what the file says of itself.
     """
 
     module: nn.Module

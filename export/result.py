@@ -10,8 +10,7 @@ import numpy as np
 from export.onnx import OPSET
 from export.variants import ModelVariant
 from perception.detection.detectors.input_size import InputSize
-from perception.types import Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Frame
 
 
 class Progress(Protocol):
@@ -70,7 +69,7 @@ class ChosenVariant:
     """Which of several forms is the one to use.
 
     Attributes:
-        form: its name.
+        variant: its name.
         reason: in words.
     """
 
@@ -83,12 +82,12 @@ class ExportResult:
     """A network as files, and how they compare with it.
 
     Attributes:
-        facts: what the files say of themselves.
+        metadata: what the files say of themselves.
         models: their content by the name of their form: fp32, and the best of int8 where asked for.
-        forms: torch and all that were tried.
+        variants: torch and all that were tried.
         tolerances: by output, how far the file in full precision may be from the checkpoint.
         choice: which one is best.
-        shown: what the forms were timed with, in words.
+        timed_input: what the forms were timed with, in words.
         opset: of ONNX that they are written in.
     """
 

@@ -7,8 +7,7 @@ import numpy as np
 from data.kitti.calibration import DriveCalibration, format_benchmark_calibration
 from data.kitti.labels import format_object_labels
 from perception.geometry.camera import project
-from perception.types import Boxes3D, Calibration
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Calibration, Labels
 
 ROAD_M = -1.7
 SIZE_PX = (620, 190)

@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 LAYERS = [
     {"perception.types", "perception.errors", "perception.sensor"},
     {"perception.geometry"},
+    {"perception.localization"},
     {"perception.obstacles", "perception.datmo", "perception.maps", "perception.tracking"},
     {"perception.detection"},
     {"perception.pipeline", "perception.evaluation", "perception.render"},

@@ -91,7 +91,7 @@ def step_bar(most: int, first: int = 0) -> "tqdm[NoReturn]":
 
 def _line(metrics: dict[str, Any], stage: str) -> str:
     shown = [
-        f"{name} {float(figures[f'{stage}/{name}']):.4f}"
+        f"{name} {float(metrics[f'{stage}/{name}']):.4f}"
         for name in _SHOWN
         if f"{stage}/{name}" in metrics
     ]

@@ -41,7 +41,7 @@ class TrainerConfig:
         nodes: machines with as many devices each, started as Lightning says for a cluster.
         precision: of the numbers; mixed is faster on a GPU, and where a CPU has instructions for it.
         seed: of every choice.
-        watched: the logged figure whose highest value marks the best epoch.
+        monitor: the logged figure whose highest value marks the best epoch.
         patience: epochs without a better one after which training ends; None goes through all.
         fast_dev_run: one batch of each kind and nothing written, to see that everything fits.
     """
@@ -87,7 +87,7 @@ def make_trainer(out: Path, config: TrainerConfig, callbacks: Sequence[Callback]
 
     Args:
         out: the folder.
-        plan: how long and on what.
+        config: how long and on what.
         callbacks: more, such as those that draw.
     """
     _silence_lightning()

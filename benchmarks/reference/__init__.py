@@ -1,1 +1,1 @@
-"""TODO."""
+"""Reference implementations: slow and plain, the oracles of the tests and the baselines of the benchmarks."""

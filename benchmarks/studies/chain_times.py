@@ -23,8 +23,7 @@ from perception.obstacles.motion_counters import (
 from perception.obstacles.voxels import VoxelGrid
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
-from perception.types import Float32, Frame, GroundModel
-from perception.types.drive import Drive
+from perception.types import Drive, Float32, Frame, GroundModel
 
 # The four steps of Table 7.3.
 DENSE_CLOUD = "dense cloud"

@@ -11,8 +11,7 @@ from perception.cli.table import Cell, format_table
 from perception.geometry.grids import LocalArea
 from perception.obstacles.dense_cloud import merge, register_window
 from perception.render.scene_plots import AgedPoints, plot_aged_points
-from perception.types import Float64
-from perception.types.drive import Drive
+from perception.types import Drive, Float64
 
 
 def study_dense_cloud(

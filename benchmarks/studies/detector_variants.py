@@ -44,7 +44,7 @@ class DetectorVariant:
     Attributes:
         name: in tables, and of its folder.
         detector: which network, and what it is shown.
-        pictures: that it learns from.
+        images: that it learns from.
         epochs: how often.
     """
 

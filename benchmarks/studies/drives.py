@@ -6,8 +6,7 @@ from pathlib import Path
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from perception.cli.progress import progress_bar
-from perception.types import Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Frame
 
 _SYNTHETIC_FRAMES = 40
 

@@ -10,8 +10,7 @@ from perception.cli.table import Cell, format_table
 from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import PiecewisePlanes, PlaneStep, plane_step
 from perception.render.scene_plots import GatedCloud, plot_gates
-from perception.types import Bool, Float
-from perception.types.drive import Drive
+from perception.types import Bool, Drive, Float
 
 _CLEARANCE_M = 0.2  # d_min of Table 7.1
 

@@ -16,8 +16,7 @@ from perception.localization.registration import LidarOdometry
 from perception.obstacles.dense_cloud import DenseCloud, PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanesConfig, PiecewisePlanesEstimator
 from perception.render.plots import ValueGrid, plot_grid
-from perception.types import Float64, Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Float64, Frame
 
 Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
 

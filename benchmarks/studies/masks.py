@@ -10,8 +10,7 @@ from perception.cli.table import Cell, format_table
 from perception.geometry.grids import LocalArea
 from perception.obstacles.motion_counters import CounterSegmenter, MotionCounters
 from perception.render.scene_plots import plot_masks
-from perception.types import PointState
-from perception.types.drive import Drive
+from perception.types import Drive, PointState
 
 
 def study_masks(

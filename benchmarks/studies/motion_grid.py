@@ -15,8 +15,7 @@ from perception.geometry.footprints import Footprints
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.motion_grid_plots import CameraView, MotionGridScene, plot_motion_grids
-from perception.types import Boxes3D, Frame
-from perception.types.drive import Drive
+from perception.types import Boxes3D, Drive, Frame
 
 Preset = Literal["thesis", "author"]
 _CONFIG = {"thesis": THESIS, "author": AUTHOR}
@@ -35,7 +34,7 @@ def study_motion_grid(
 
     Args:
         drive: with or without a camera.
-        picture: where it goes.
+        plot_path: where it goes.
         progress: shows how far the scans before the frame are.
         frame: which one, else the middle one.
         preset: whose values.

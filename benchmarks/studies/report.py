@@ -17,7 +17,7 @@ class Study:
 
     Attributes:
         name: as the command calls it.
-        figure: of the thesis, which it repeats.
+        repeats: of the thesis, which it repeats.
         table: for people.
         numbers: the same for programs.
         conditions: drive, frames and parameters.

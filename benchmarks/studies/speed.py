@@ -16,8 +16,7 @@ from benchmarks.studies.chain_times import (
 from benchmarks.studies.report import Study
 from perception.cli.table import Cell, format_table
 from perception.render.plots import Curve, plot_curves
-from perception.types import Float64
-from perception.types.drive import Drive
+from perception.types import Drive, Float64
 
 
 @dataclass(frozen=True)

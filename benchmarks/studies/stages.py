@@ -17,7 +17,7 @@ from benchmarks.studies.chain_times import (
 from benchmarks.studies.report import Study
 from perception.cli.table import Cell, format_table
 from perception.render.plots import plot_shares
-from perception.types.drive import Drive
+from perception.types import Drive
 
 _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 

@@ -12,8 +12,7 @@ from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.datmo.stage import DatmoMethod
 from perception.evaluation.multi_object.mot_metrics import MotMetrics
 from perception.pipeline import PipelineConfig
-from perception.types import Float64
-from perception.types.drive import Drive
+from perception.types import Drive, Float64
 
 METHODS: tuple[DatmoMethod, ...] = ("thesis", "author", "default")
 

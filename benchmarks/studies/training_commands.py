@@ -18,7 +18,7 @@ from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.flags import require_positive
 from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
-from perception.cli.training.trainer_choice import listed
+from perception.cli.training.trainer_choice import as_path_tuple
 from perception.cli.training.verifier_plan import VerifierDataConfig
 from perception.types import Method, Modality
 
@@ -62,7 +62,7 @@ class TrainingFlags:
         """Return what the variants are changes of."""
         images = DetectorDataConfig(
             tuple(drives),
-            listed(validation),
+            as_path_tuple(validation),
             batch=self.batch,
             workers=self.workers,
             cache=self.cache,
@@ -106,7 +106,7 @@ def augmentation(  # noqa: PLR0913 - flags of a command
         out: the picture; the numbers and both trainings are written beside it.
     """
     data = VerifierDataConfig(
-        tuple(drives), listed(validation), batch, workers=workers, cache=cache
+        tuple(drives), as_path_tuple(validation), batch, workers=workers, cache=cache
     )
     publish(
         study_augmentation(data, out, AugmentationStudyConfig(method, epochs, seed, resume)), out
@@ -143,7 +143,7 @@ def reflectance_maps(  # noqa: PLR0913 - flags of a command
     flags = TrainingFlags(**training)
     choice = DetectorModelConfig("rm", network, size, preset=preset)
     variants = map_variants(flags.base(choice, drives, validation), wide_size)
-    evaluation = flags.evaluation(*listed(validation))
+    evaluation = flags.evaluation(*as_path_tuple(validation))
     publish(study_reflectance_maps(variants, flags.conditions, evaluation, out), out)
 
 
@@ -174,7 +174,7 @@ def detector_losses(
     """
     flags = TrainingFlags(**training)
     base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    evaluation = flags.evaluation(*listed(validation))
+    evaluation = flags.evaluation(*as_path_tuple(validation))
     publish(study_detector_losses(loss_variants(base), flags.conditions, evaluation, out), out)
 
 
@@ -210,7 +210,7 @@ def sim_to_real(  # noqa: PLR0913 - flags of a command
     """
     flags = TrainingFlags(**training)
     base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    evaluation = flags.evaluation(*listed(validation), *listed(real))
+    evaluation = flags.evaluation(*as_path_tuple(validation), *as_path_tuple(real))
     publish(study_sim_to_real(share_variants(base, shares), flags.conditions, evaluation, out), out)
 
 

@@ -9,8 +9,7 @@ from perception.geometry.grids import LocalArea
 from perception.localization.registration import LidarOdometry
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanes, PiecewisePlanesEstimator
-from perception.types import Float32, Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Float32, Frame
 
 
 @dataclass(frozen=True)

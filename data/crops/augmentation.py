@@ -97,7 +97,7 @@ class CropTransform:
         is_flipped: whether left and right change places.
         shift: right and down, as shares of the window.
         aspect: factor by which width over height changes.
-        cover: what hides a part, or None.
+        occlusion: what hides a part, or None.
         rotation_rad: clockwise as seen.
         row_shifts_px: (66,) of each row of the crop to the right.
         reflectance: factor of reflectance.

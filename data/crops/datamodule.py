@@ -27,7 +27,7 @@ class CropConfig:
 
     Attributes:
         frames: how they are looked at.
-        gathering: what becomes a candidate.
+        sampling: what becomes a candidate.
     """
 
     frames: FrameConfig = field(default_factory=FrameConfig)
@@ -82,7 +82,7 @@ class CropDataModule(LightningDataModule):
 
         Args:
             sources: drives.
-            rules: what becomes of them.
+            config: what becomes of them.
             augmentation: how samples are changed; None leaves them as they are.
             loading: how they come to the network.
             progress: goes through the numbers of the frames, and may show how far it is.

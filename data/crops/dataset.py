@@ -46,7 +46,7 @@ class CropDataset(Dataset[Sample]):
 
         Args:
             frames: where the pictures are.
-            candidates: of these frames.
+            crops: of these frames.
             augmentation: how samples are changed; None leaves them as they are.
             channels: of the picture, by name, in the order of the network's input.
             seed: of all changes.

@@ -22,8 +22,7 @@ from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_frame
-from perception.types import Float64, Frame, Int, Method, UInt8
-from perception.types.drive import Drive, Labels
+from perception.types import Drive, Float64, Frame, Int, Labels, Method, UInt8
 
 _MARGIN_M = 0.15  # labels are a little tight, and the beam has a width
 
@@ -76,7 +75,7 @@ class LabelledFrames:
 
         Args:
             drives: with labels and a camera's calibration.
-            rules: how frames are looked at.
+            config: how frames are looked at.
             store: where pictures and scenes are kept.
         """
         self.drives, self.config, self.store = tuple(drives), config, store

@@ -35,7 +35,7 @@ def augmentation_previews(
 
     Args:
         dataset: of the samples.
-        strengths: of the operations; those at 0 change nothing.
+        magnitudes: of the operations; those at 0 change nothing.
         rows: samples, a column each.
         draws: how many rows of changed samples lie below the unchanged.
     """

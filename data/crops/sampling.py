@@ -24,8 +24,8 @@ class CropSamplingConfig:
 
     Attributes:
         window: which part of the picture the network sees of it; it also decides who is a vehicle.
-        shaken: how often the box of each labelled vehicle is added beside the proposals.
-        shake: how far the edges of such a box move at most, as a share of its size.
+        jittered_copies: how often the box of each labelled vehicle is added beside the proposals.
+        max_jitter: how far the edges of such a box move at most, as a share of its size.
         min_points: returns on a vehicle that is added; with fewer there is little to learn from.
         on_bad_frame: stop at a frame that cannot be read, or skip it.
         seed: of the shaking.
@@ -107,7 +107,7 @@ def collect_crops(
 
     Args:
         frames: where the candidates are looked for.
-        rules: what becomes one.
+        config: what becomes one.
         progress: goes through the numbers of the frames, and may show how far it is.
 
     Raises:

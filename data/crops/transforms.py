@@ -110,7 +110,7 @@ def occlude_side(
 
     Args:
         crop: (66, 112, 3).
-        cover: what hides it.
+        occlusion: what hides it.
         normalized_box: (4,) where the object is; NaN where that is not known, and the middle is taken.
         depth_m: of the object.
     """

@@ -18,8 +18,7 @@ from data.kitti.sequence import KittiSequence
 from perception.errors import PoseError, UsageError
 from perception.evaluation.objects import MotionState
 from perception.geometry.boxes import transform_boxes
-from perception.types import Bool, Float64, Int
-from perception.types.drive import Labels
+from perception.types import Bool, Float64, Int, Labels
 
 _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
 

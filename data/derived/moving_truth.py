@@ -25,8 +25,7 @@ from perception.evaluation.multi_object.moving_scene import (
     points_above_bottom,
 )
 from perception.evaluation.objects import LabelledObjects
-from perception.types import Bool, Float64, Frame, Int
-from perception.types.drive import Drive
+from perception.types import Bool, Drive, Float64, Frame, Int
 
 EvaluationView = Literal["camera", "all"]
 

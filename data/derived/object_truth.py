@@ -10,8 +10,7 @@ from data.derived.single_object import ObjectSequence
 from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
 from perception.evaluation.single_object.track import TrueTrack
-from perception.types import Boxes3D, Float64
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Float64, Labels
 
 _UNLABELLED_OCCLUSION = (
     2  # occlusion of an object that is there by exact truth and not labelled in the image
@@ -25,7 +24,7 @@ class DriveObjects:
     Attributes:
         sequence: name of the drive.
         stamps_s: (F,) times of its frames.
-        seen: (F) what the camera sees.
+        camera_labels: (F) what the camera sees.
         truth: with the poses, and with exact boxes of everyone where the drive knows them; None
             without poses.
     """

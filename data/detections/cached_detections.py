@@ -26,8 +26,16 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.errors import DriveError, PerceptionError, UsageError
 from perception.maps.densify import DenseMaps
-from perception.types import MODALITIES, Detections, Frame, Modality, ModalityDetections, Progress
-from perception.types.drive import Drive, Labels
+from perception.types import (
+    MODALITIES,
+    Detections,
+    Drive,
+    Frame,
+    Labels,
+    Modality,
+    ModalityDetections,
+    Progress,
+)
 
 log = logging.getLogger(__name__)
 
@@ -59,8 +67,8 @@ class FingerprintedDetector:
     """Detectors, and by what they are told from others.
 
     Attributes:
-        looker: detects.
-        mark: hash of the model files.
+        detector: detects.
+        fingerprint: hash of the model files.
     """
 
     detector: FrameDetector

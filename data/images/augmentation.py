@@ -31,7 +31,7 @@ class ImageAugmentationConfig:
     """The strengths of all operations.
 
     Attributes:
-        placing: of all views.
+        geometric: of all views.
         maps: of depth and reflectance maps.
         camera: of images.
     """

@@ -95,7 +95,7 @@ class ImageDataModule(LightningDataModule):
 
         Args:
             sources: drives.
-            rules: what becomes of their frames.
+            config: what becomes of their frames.
             augmentation: how pictures are changed to learn from; None leaves them as they are.
             loading: which are learned from, and how they come to the network.
             progress: goes through the numbers of the frames, and may show how far it is.

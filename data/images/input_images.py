@@ -23,8 +23,7 @@ from perception.detection.detectors.modalities import (
 )
 from perception.errors import UsageError
 from perception.maps.projection import project_frame
-from perception.types import MODALITIES, Frame, Int, Modality, UInt8
-from perception.types.drive import Drive
+from perception.types import MODALITIES, Drive, Frame, Int, Modality, UInt8
 
 _SIZE = InputSize(192, 640)
 

@@ -9,8 +9,7 @@ from data.array_store import Arrays, ArrayStore
 from data.frames import file_number
 from data.images.input_images import ImageConfig, image_key, make_images
 from data.images.targets import DetectionTargets, detection_targets, labels_within_image
-from perception.types import Int, UInt8
-from perception.types.drive import Drive, Labels
+from perception.types import Drive, Int, Labels, UInt8
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +22,7 @@ class LabelledImages:
 
         Args:
             drives: with labels, and with images or a camera's calibration as the modality needs.
-            rules: what pictures are made of the frames.
+            config: what pictures are made of the frames.
             store: where pictures are kept.
         """
         self.drives, self.config, self.store = tuple(drives), config, store

@@ -113,9 +113,9 @@ def _drop_cells(
     """Return an (h, w) map with cells set to 0.
 
     Args:
-        picture: the map.
+        image: the map.
         weights: (256,) by value, how readily a pixel fades.
-        strengths: how much is lost at most.
+        magnitudes: how much is lost at most.
         rng: draws.
     """
     dropout, fading = rng.random(2) ** 2 * (magnitudes.dropout, magnitudes.fading)

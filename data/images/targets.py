@@ -12,8 +12,7 @@ import numpy as np
 
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.protocol import KITTI_CLASSES, Difficulty
-from perception.types import Bool, Float32, Float64, Int
-from perception.types.drive import Labels
+from perception.types import Bool, Float32, Float64, Int, Labels
 
 # KITTI's hard level, but for the height: what lies just below the limit of 25 pixels looks like what lies just
 # above, and the far vehicles of a road are as low as this. Lower ones show too little to be learned from.

@@ -40,7 +40,7 @@ class DetectionSet:
         truths: labelled boxes.
         detections: detected boxes.
         missing_results: numbers of frames without a result file, where nothing was detected.
-        beyond: numbers of result files that are of none of the frames.
+        extra_results: numbers of result files that are of none of the frames.
     """
 
     numbers: tuple[int, ...]

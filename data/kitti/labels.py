@@ -15,8 +15,7 @@ import numpy as np
 
 from perception.errors import LabelError
 from perception.geometry.angles import wrap
-from perception.types import Boxes3D, Calibration, Float64
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Calibration, Float64, Labels
 
 DONT_CARE = "DontCare"
 _NUMBERS = 14  # after the type

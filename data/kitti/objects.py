@@ -22,8 +22,7 @@ from data.kitti.sensor_files import (
 )
 from perception.errors import CalibrationError, DriveError, LabelError
 from perception.sensor import LidarModel
-from perception.types import Calibration, Frame, UInt8
-from perception.types.drive import Labels, PointTruth
+from perception.types import Calibration, Frame, Labels, PointTruth, UInt8
 
 
 def is_object_folder(folder: Path) -> bool:

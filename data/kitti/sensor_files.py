@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from perception.errors import ImageError, LabelError, ScanError
-from perception.types import Float32, UInt8
-from perception.types.drive import PointTruth
+from perception.types import Float32, PointTruth, UInt8
 
 SCAN_SUFFIXES = (".bin",)
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")

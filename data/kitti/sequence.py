@@ -19,8 +19,7 @@ from data.kitti.sensor_files import (
 from perception.errors import CalibrationError, DriveError, ImageError, PoseError
 from perception.geometry.se3 import inverse
 from perception.sensor import LidarModel
-from perception.types import Calibration, Float64, Frame, UInt8
-from perception.types.drive import Labels, PointTruth
+from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UInt8
 
 
 class InsSource(Protocol):
@@ -238,7 +237,7 @@ class CameraFiles:
     @classmethod
     def of(
         cls, calibration: DriveCalibration, images: NumberedFiles, *, load_images: bool
-    ) -> "Camera":
+    ) -> "CameraFiles":
         """Bring together what a drive's folders hold."""
         camera = calibration.camera
         size = _find_image_size(camera, images)

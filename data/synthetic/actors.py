@@ -66,7 +66,7 @@ class Actor:
     Attributes:
         track_id: its number, the same in all frames.
         body: its shape.
-        looks: (slots, 4) palette.
+        appearance: (slots, 4) palette.
         path: its way; None for what is parked.
         world_SE3_parked: (4, 4) pose of what is parked.
         is_steered: whether it faces where its way leads, as who turns off does, and not along the road.

@@ -38,7 +38,7 @@ class ClutterConfig:
         poles: groups of poles, signs and signals on the pavement.
         islands: traffic islands in the middle of the road, with signs and signals.
         delineators: white posts.
-        yards: places off the road where vehicles stand.
+        parking_lots: places off the road where vehicles stand.
     """
 
     bushes: float = 0.0

@@ -68,7 +68,7 @@ def write_drives(
 
     Args:
         out: where.
-        recipe: what.
+        synth_config: what.
         done: called after each frame.
     """
     with limit_blas_threads():  # frames are written side by side already

@@ -20,8 +20,7 @@ from data.synthetic.world_config import WorldConfig
 from perception.errors import DriveError, UsageError
 from perception.geometry import se3
 from perception.sensor import HDL_64E, LidarModel
-from perception.types import Calibration, Float64, Frame, UInt8
-from perception.types.drive import Labels, PointTruth
+from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UInt8
 
 _WORLD, _INS, _SCAN, _IMAGE = range(4)  # streams of random numbers
 

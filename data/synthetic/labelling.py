@@ -10,8 +10,7 @@ from data.synthetic.raycasting import MovingObject, Rays, to_local
 from data.synthetic.rig import PinholeCamera
 from data.synthetic.world import World
 from perception.geometry import se3
-from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
-from perception.types.drive import Labels
+from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int, Labels
 
 _SAMPLES = 26  # along each side of a box, at most, to tell what is visible
 _EDGE_SAMPLES = 80  # the same where the image cuts an object off, to find its outline
@@ -85,7 +84,7 @@ def label(
         world_SE3_velo: pose of the LiDAR.
         time_s: when.
         is_tracking: truncation as tracking's levels 0, 1 and 2 instead of a share.
-        rules: what is labelled.
+        config: what is labelled.
     """
     camera = PinholeCamera(calibration, world_SE3_velo)
     image_objects = _objects_in_image(world, camera, time_s, config)

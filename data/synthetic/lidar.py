@@ -17,8 +17,7 @@ from data.synthetic.textures import marking_reflectance
 from data.synthetic.world import World
 from perception.geometry import se3
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64, Int
-from perception.types.drive import PointTruth
+from perception.types import Bool, Float32, Float64, Int, PointTruth
 
 _ECHOES = EchoModel()
 _BEYOND_GLASS_M = 0.02

@@ -24,7 +24,7 @@ class MovingObject:
 
     Attributes:
         shape: number of its shape in the scene.
-        thing: number of its palette and class in the scene.
+        object_row: number of its palette and class in the scene.
         world_SE3_object: (4, 4) pose.
         velocity_m_s: (3,) in world axes.
     """
@@ -59,7 +59,7 @@ class Hits:
     Attributes:
         distance_m: (N,) along the ray; infinity where it meets nothing.
         row: (N,) row of the surface table; -1 where it meets nothing.
-        thing: (N,) number of the thing met; -1 for nothing.
+        object_row: (N,) number of the thing met; -1 for nothing.
         u: (N,) barycentric coordinate of the triangle's second corner.
         v: (N,) of its third corner.
         moving: (N,) row of the list of moving things, -1 for what stands still.

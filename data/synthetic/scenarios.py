@@ -66,7 +66,7 @@ class Scenario:
 
     Attributes:
         kind: KITTI's type of the object.
-        difficulties: all that happens, each in its part of the drive.
+        challenges: all that happens, each in its part of the drive.
         duration_s: of the drive; all that happens is stretched with it.
     """
 

@@ -68,7 +68,7 @@ def lay_out_street(
     Args:
         road: the road.
         stretch_m: from and to.
-        style: how it is built up.
+        config: how it is built up.
         clearings: where nothing may stand.
         rng: draws what stands where.
         is_free: whether a plot may be built on, by where it begins, its length and its side.
@@ -95,7 +95,7 @@ class _Roadside:
     Attributes:
         road: the road.
         side: 1 to its left, -1 to its right.
-        style: how densely it is built up.
+        config: how densely it is built up.
         rng: draws what stands where.
     """
 

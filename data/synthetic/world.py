@@ -32,7 +32,7 @@ class World:
         sway_rad: (3, 2) phases of the ego body's sway in roll, pitch and heave.
         sun: (3,) unit vector towards the sun.
         shapes: numbers of each actor's shapes in the scene, by track id.
-        things: number of each actor in the scene, by track id.
+        object_rows: number of each actor in the scene, by track id.
         sensor_unit: serial number of the LiDAR, whose lasers differ from those of others.
     """
 

@@ -28,8 +28,7 @@ from data.kitti.oxts import format_oxts_packet
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import MOVING_CLASS
 from perception.sensor import sensor_to_json
-from perception.types import Float64, UInt8
-from perception.types.drive import Labels, PointTruth
+from perception.types import Float64, Labels, PointTruth, UInt8
 
 Layout = Literal["raw", "tracking", "object"]
 DATE = "2025_06_01"

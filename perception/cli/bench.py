@@ -19,7 +19,7 @@ from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_config import DetectionConfig
 from perception.sensor import HDL_64E, load_sensor
-from perception.types.drive import Drive
+from perception.types import Drive
 
 if TYPE_CHECKING:
     from benchmarks.chain import ChainMetrics
@@ -60,7 +60,7 @@ def bench(  # noqa: PLR0913 - flags of a command
         detection: which detectors are part of the pipeline.
         json: gets the same figures.
     """
-    chain, pipeline, stages, parts = _import_benchmarks()
+    chain, pipeline, stages, comparisons = _import_benchmarks()
     model = load_sensor(sensor) if sensor else HDL_64E
     needs_images = part in ("all", "pipeline", "following", "detectors")
     opened: Drive = (
@@ -89,15 +89,15 @@ def bench(  # noqa: PLR0913 - flags of a command
         }
         print(f"{_chain_table(metrics)}\n", flush=True)
         document["chain"] = metrics
-    comparisons = {**parts.COMPARISONS, **parts.ON_REQUEST}
+    known = {**comparisons.COMPARISONS, **comparisons.ON_REQUEST}
     chosen = (
-        list(parts.COMPARISONS) if part == "all" else [name for name in comparisons if name == part]
+        list(comparisons.COMPARISONS) if part == "all" else [name for name in known if name == part]
     )
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
     for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
         try:
             with limit_blas_threads():
-                comparison = comparisons[name](prepared)
+                comparison = known[name](prepared)
         except ModelError as error:  # a network that did not come with this copy
             if part != "all":
                 raise
@@ -112,7 +112,7 @@ def bench(  # noqa: PLR0913 - flags of a command
 def _import_benchmarks() -> tuple[ModuleType, ...]:
     """Return the benchmark modules, which only the source tree holds."""
     try:
-        from benchmarks import chain, parts, pipeline, stages
+        from benchmarks import chain, comparisons, pipeline, stages
     except ImportError as error:
         raise PerceptionError(
             "trifuse bench",
@@ -120,7 +120,7 @@ def _import_benchmarks() -> tuple[ModuleType, ...]:
             found=str(error),
             advice="clone the project and install it with: pip install --editable .",
         ) from error
-    return chain, pipeline, stages, parts
+    return chain, pipeline, stages, comparisons
 
 
 def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:

@@ -28,8 +28,7 @@ from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene
 from perception.render.detections import color_depth_map
 from perception.render.video import VideoSink, open_video
-from perception.types import Method
-from perception.types.drive import Drive
+from perception.types import Drive, Method
 
 log = logging.getLogger(__name__)
 

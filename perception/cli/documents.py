@@ -11,7 +11,7 @@ import yaml
 
 from data.atomic_file import write_atomically
 from perception import __version__
-from perception.types.drive import Drive
+from perception.types import Drive
 
 
 def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - anything `to_serializable` takes

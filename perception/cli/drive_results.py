@@ -5,8 +5,7 @@ from collections.abc import Generator
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import progress_bar
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.types import Result
-from perception.types.drive import Drive
+from perception.types import Drive, Result
 
 
 def drive_results(

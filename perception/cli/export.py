@@ -51,10 +51,10 @@ def export(  # noqa: PLR0913 - flags of a command
         raise UsageError("--int8", expected="--data, to find its scales with", found="none")
     input_size = None if size is None else InputSize.parse(size)
     _require_writable(out)
-    kinds = _import_exporters()
+    exporters = _import_exporters()
     drive = None if data is None else open_drive(data, sequence=sequence)
-    exported = kinds.export_network(
-        kinds.ExportConfig(
+    exported = exporters.export_network(
+        exporters.ExportConfig(
             checkpoint, drive, frames, int8=int8, size=input_size, progress=progress_bar
         )
     )
@@ -87,12 +87,12 @@ def export(  # noqa: PLR0913 - flags of a command
 def _import_exporters() -> ModuleType:
     """Return the module that needs torch."""
     try:
-        from export import kinds
+        from export import exporters
     except ImportError as error:
         raise MissingDependencyError(
             "torch, onnx and onnxscript", needed_for="trifuse export", extra="train", reason=error
         ) from error
-    return kinds
+    return exporters
 
 
 def _require_writable(out: Path) -> None:
@@ -108,7 +108,7 @@ def _require_writable(out: Path) -> None:
         raise UsageError(f"--out {out}", expected="a file that can be written", found=found)
 
 
-def _table(name: str, exported: "Exported") -> str:
+def _table(name: str, exported: "ExportResult") -> str:
     """Return size, time and differences of every form."""
     variants = exported.variants
     outputs = [
@@ -125,11 +125,11 @@ def _table(name: str, exported: "Exported") -> str:
         ]
         rows.append([form_name, size, f"{variant.fastest_ms:.1f}", *differences])
     header = ("", "MB", "ms", *(f"{output}, {kind}" for kind, output in outputs))
-    title = f"{name}: {exported.shown}; largest differences from torch"
+    title = f"{name}: {exported.timed_input}; largest differences from torch"
     return format_table(title, header, rows)
 
 
-def _precision_table(exported: "Exported") -> str:
+def _precision_table(exported: "ExportResult") -> str:
     """Return average precision of every form, by class and overlap, and by difficulty."""
     variants = exported.variants
     columns = [

@@ -1,13 +1,51 @@
-"""What several commands ask of a flag's value."""
+"""Flags that several commands share, each declared once."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
+from perception.cli.parser import FlagGroup
 from perception.errors import UsageError
+
+OnBadFrame = Literal["stop", "skip"]
+
+
+@dataclass(frozen=True)
+class DriveFlags(FlagGroup):
+    """Frames of the drive.
+
+    Attributes:
+        sequence: Sequence of a tracking folder, such as 0000; all of them where a command takes several.
+        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel; else what the
+            drive states, else HDL-64E.
+        frames: Number of frames from the start of the drive; else all.
+        on_bad_frame: Stop at a damaged frame and keep what was done, or skip the frame and report it.
+    """
+
+    sequence: str | None = None
+    sensor: str | None = None
+    frames: int | None = None
+    on_bad_frame: OnBadFrame = "stop"
+
+    def __post_init__(self) -> None:
+        """Validate the number of frames."""
+        require_positive("--frames", self.frames)
+
+
+@dataclass(frozen=True)
+class ReportFlags(FlagGroup):
+    """Report.
+
+    Attributes:
+        json: JSON file for the metrics, with protocol, data and configuration.
+    """
+
+    json: Path | None = None
 
 
 def require_positive(flag: str, count: int | None) -> None:
-    """Refuse a count below one; None is no count, and so no limit.
+    """Validate a count: at least one, or None for no limit.
 
     Raises:
         UsageError: it is below one.
@@ -17,7 +55,7 @@ def require_positive(flag: str, count: int | None) -> None:
 
 
 def require_drives(drives: Sequence[Path]) -> None:
-    """Refuse to work on no drive.
+    """Validate that there is a drive.
 
     Raises:
         UsageError: there is none.

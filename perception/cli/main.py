@@ -1,43 +1,71 @@
-"""The console script: find the command, make its flags from its signature, turn an error into a sentence.
-
-A command is a function in a module of this folder; its docstring is its help, its arguments its flags.
-Modules are imported only when their command is asked for, so that `trifuse --help` answers at once.
-"""
+"""The console script: find the command, parse its flags, turn an error into a sentence."""
 
 import importlib
 import inspect
 import json
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, get_origin
 
 from jsonargparse import auto_cli
 
 from perception import __version__
-from perception.errors import PerceptionError
+from perception.cli.parser import CommandFunction, call, help_text
+from perception.errors import PerceptionError, UsageError
 
-# command: what it does. The module of the same name holds a function of the same name, or COMMANDS.
-COMMANDS = {
-    "demo": "make a short synthetic drive and run every stage on it; needs no data",
-    "run": "run the stages on a drive; write results, a video and a summary",
-    "track": "follow one object: its trajectory, speed and box, and a video",
-    "maps": "make dense depth and reflectance maps from scans, as the camera sees them",
-    "detect": "detect vehicles by LiDAR; write KITTI's result files and pictures",
-    "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
-    "check": "read everything once; report what is missing, damaged or implausible",
-    "evaluate": "measure ground, obstacles, objects, tracks and vehicles against labels or exact truth",
-    "train": "fit to labelled drives: rules of the proposals, networks",
-    "study": "repeat one of the thesis' own studies: a picture and a table",
-    "export": "write a trained network as an ONNX file, shown to say the same",
-    "bench": "time every stage beside its plain form and the best library for it",
+
+@dataclass(frozen=True)
+class Command:
+    """A command by its words.
+
+    Attributes:
+        target: Module and function, `module:function`.
+        summary: One line of help.
+    """
+
+    target: str
+    summary: str
+
+    def load(self) -> CommandFunction:
+        """Import the function."""
+        module, _, name = self.target.partition(":")
+        function: CommandFunction = getattr(importlib.import_module(module), name)
+        return function
+
+
+# Modules are imported when their command is asked for, so that `trifuse --help` is quick.
+COMMANDS: Mapping[str, Command] = {}
+
+# Commands that have subcommands.
+GROUPS: Mapping[str, str] = {
+    "evaluate": "measure a stage against labels or exact truth",
+    "train": "train networks, or search the parameters of the proposals",
+    "study": "repeat a study of the thesis: a figure and a table",
 }
 
-_HELP = """usage: trifuse COMMAND [options]
+# TRANSITION: commands that are not yet functions of one file; each moves up into COMMANDS.
+OLD_COMMANDS = {
+    "demo": "make a short synthetic drive and run every stage on it; needs no data",
+    "run": "run the pipeline on a drive; write results, a video and a summary",
+    "track": "track one object: trajectory, speed, box and a video",
+    "maps": "write dense depth and reflectance maps as the camera sees them",
+    "detect": "detect vehicles by LiDAR; write KITTI result files and images",
+    "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
+    "check": "read a drive once; report what is missing, damaged or implausible",
+    "evaluate": "measure a stage against labels or exact truth",
+    "train": "train networks, or search the parameters of the proposals",
+    "study": "repeat a study of the thesis: a figure and a table",
+    "export": "write a trained network as an ONNX file with a parity report",
+    "bench": "time every stage beside its reference implementation and the best library",
+}
+
+_HELP = """usage: trifuse COMMAND [flags]
 
 {commands}
 
-Begin with:  trifuse demo
+Start with:  trifuse demo
 Then:        trifuse run path/to/2011_09_26/2011_09_26_drive_0005_sync --out results/0005
 Help:        trifuse COMMAND --help
 """
@@ -47,17 +75,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return 0, or 2 where the user has to act."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     if not words or words[0] in ("-h", "--help", "help"):
-        print(_help())
+        print(_overview())
         return 0
     if words[0] == "--version":
         print(f"trifuse {__version__}")
         return 0
-    if words[0] not in COMMANDS:
-        print(f"trifuse: no command {words[0]!r}; one of {', '.join(COMMANDS)}", file=sys.stderr)
-        return 2
     logging.basicConfig(stream=sys.stderr, format="%(message)s", level=logging.INFO)
     try:
-        _run(words[0], words[1:])
+        _run(words)
     except PerceptionError as error:
         print(f"trifuse {words[0]}: {error}", file=sys.stderr)
         return 2
@@ -67,14 +92,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _help() -> str:
-    width = max(map(len, COMMANDS))
-    return _HELP.format(
-        commands="\n".join(f"  {n:<{width}}  {what}" for n, what in COMMANDS.items())
-    )
+def _run(words: list[str]) -> None:
+    for count in (2, 1):
+        name = " ".join(words[:count])
+        if name in COMMANDS:
+            _run_command(name, words[count:])
+            return
+    group = words[0]
+    subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
+    if (group in OLD_COMMANDS and len(words) > 1) or (group in OLD_COMMANDS and not subcommands):
+        _run_old(group, words[1:])
+    elif subcommands and (len(words) == 1 or words[1] in ("-h", "--help")):
+        print(f"usage: trifuse {group} COMMAND [flags]\n\n{_listing(subcommands)}")
+    else:
+        known: Mapping[str, object] = subcommands or dict.fromkeys([*OLD_COMMANDS, *COMMANDS])
+        raise UsageError(
+            "command", expected=f"one of {', '.join(known)}", found=" ".join(words[:2])
+        )
 
 
-def _run(command: str, words: list[str]) -> None:
+def _run_command(name: str, words: list[str]) -> None:
+    prog = f"trifuse {name}"
+    function = COMMANDS[name].load()
+    if {"-h", "--help", "--help-all"} & set(words):
+        print(help_text(prog, function, everything="--help-all" in words))
+    else:
+        call(prog, function, words)
+
+
+def _overview() -> str:
+    single = {name: one.summary for name, one in COMMANDS.items() if " " not in name}
+    return _HELP.format(commands=_lines({**OLD_COMMANDS, **single}))
+
+
+def _listing(commands: Mapping[str, Command]) -> str:
+    return _lines({name: one.summary for name, one in commands.items()})
+
+
+def _lines(summaries: Mapping[str, str]) -> str:
+    width = max(map(len, summaries))
+    return "\n".join(f"  {name:<{width}}  {summary}" for name, summary in summaries.items())
+
+
+# TRANSITION: goes with the last entry of OLD_COMMANDS.
+
+
+def _run_old(command: str, words: list[str]) -> None:
     module = importlib.import_module(f"perception.cli.{command}")
     functions: dict[str, Callable[..., Any]] = getattr(module, "COMMANDS", {})
     target: Any = functions or getattr(module, command)
@@ -88,7 +151,6 @@ def _run(command: str, words: list[str]) -> None:
 
 
 def _with_underscores(word: str) -> str:
-    """Let --on-bad-frame be the same flag as --on_bad_frame."""
     if not word.startswith("--"):
         return word
     flag, equals, value = word.partition("=")
@@ -96,7 +158,6 @@ def _with_underscores(word: str) -> str:
 
 
 def _with_list(words: list[str], functions: dict[str, Callable[..., Any]]) -> list[str]:
-    """Let the words behind a subcommand fill the list that it begins with: train proposals ONE TWO."""
     function = functions.get(words[0]) if words else None
     if function is None:
         return words

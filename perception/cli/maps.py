@@ -14,7 +14,7 @@ from perception.maps.densify import FILL_METHODS, DenseMaps, MapMethod, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import project_frame
 from perception.render.map_plots import plot_maps
-from perception.types.drive import Drive
+from perception.types import Drive
 
 
 def maps(

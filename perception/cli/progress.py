@@ -23,7 +23,7 @@ def progress_bar(
 
     Args:
         steps: what is done one after another.
-        words: before the bar.
+        description: before the bar.
         total: how many there are, where they do not say it themselves.
         unit: what a step is.
         delay_s: show nothing of what is done before.

@@ -30,8 +30,7 @@ from perception.cli.documents import write_json
 from perception.cli.track_files import TrackFiles
 from perception.cli.vehicle_files import VehicleFiles
 from perception.geometry.grids import LocalArea
-from perception.types import Float64, GroundModel, PointState, Result
-from perception.types.drive import Drive
+from perception.types import Drive, Float64, GroundModel, PointState, Result
 
 # SemanticKITTI's numbers; its motion task calls everything that stands 9 and all that moves 251.
 SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)

@@ -22,7 +22,7 @@ from perception.render.composition import Composition
 from perception.render.timeline import plot_timeline
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
-from perception.types.drive import Drive
+from perception.types import Drive
 
 log = logging.getLogger(__name__)
 

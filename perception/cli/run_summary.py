@@ -12,8 +12,7 @@ from perception.evaluation.confusion import Confusion
 from perception.evaluation.ground import LabelledScan, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
-from perception.types import PointState, Result
-from perception.types.drive import PointTruth
+from perception.types import PointState, PointTruth, Result
 
 # From this score on a vehicle is more likely there than not.
 _MIN_SCORE = 0.5

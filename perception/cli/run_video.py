@@ -15,14 +15,13 @@ from perception.render.composition import Composition
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.trails import Trails
 from perception.render.video import VideoFile
-from perception.types import Result
-from perception.types.drive import Drive
+from perception.types import Drive, Result
 
 # So many frames wait to be drawn, at most.
 _MAX_QUEUED = 2
 
 
-class RunVideo(AbstractContextManager["Pictures"], Protocol):
+class RunVideo(AbstractContextManager["RunVideo"], Protocol):
     """What a run asks of whoever draws."""
 
     def add(self, result: Result, object_tracking: ObjectTracking) -> None:

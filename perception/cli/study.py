@@ -1,5 +1,9 @@
 """`trifuse study`: the thesis' own studies and those of its claims, a picture and a table each."""
 
-from benchmarks.studies import detectors, moving_objects, obstacles
+from benchmarks.studies import obstacle_commands, tracking_commands, training_commands
 
-COMMANDS = {**obstacles.COMMANDS, **moving_objects.COMMANDS, **detectors.COMMANDS}
+COMMANDS = {
+    **obstacle_commands.COMMANDS,
+    **tracking_commands.COMMANDS,
+    **training_commands.COMMANDS,
+}

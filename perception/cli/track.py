@@ -38,8 +38,7 @@ from perception.tracking.single_object.tracker import (
     TrackerInput,
 )
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
-from perception.types import Boxes3D, Result
-from perception.types.drive import Drive
+from perception.types import Boxes3D, Drive, Result
 
 log = logging.getLogger(__name__)
 

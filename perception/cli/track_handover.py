@@ -24,7 +24,7 @@ STAGE = "one object"
 _MAX_DRAWN_POSITIONS = 40
 
 
-class ObjectTracking(AbstractContextManager["Following"], Protocol):
+class ObjectTracking(AbstractContextManager["ObjectTracking"], Protocol):
     """What a run asks of whoever follows an object beside it."""
 
     figure: TrackedObjectFigure | None

@@ -31,7 +31,7 @@ class TrackSummary:
         out: where the results are.
         points_at_start: of the scan in the first box.
         frames: numbers of the frames.
-        answers: one a frame.
+        tracked_objects: one a frame.
         seconds: that each took.
         stamps_s: times of the frames.
         positions_world: (3,) middle of the box' bottom, of the frames with a box that is not lost.

@@ -14,10 +14,9 @@ from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline import StageClock
 from perception.sensor import LidarModel
-from perception.types import Detections, Float64, Frame, Method
-from perception.types.drive import Drive
+from perception.types import Detections, Drive, Float64, Frame, Method
 
-Output = TypeVar("Look")
+Output = TypeVar("Output")
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ def outputs(
 
     Args:
         drive: what is read.
-        look: what is made of a frame.
+        detect: what is made of a frame.
         limit: only so many frames from the start, or None.
         on_bad_frame: stop or skip.
 

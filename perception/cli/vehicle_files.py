@@ -17,8 +17,7 @@ from data.frames import file_number
 from data.kitti.tracking_rows import format_result_rows
 from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
 from perception.geometry.angles import wrap
-from perception.types import MODALITIES, Float64, Result, Vehicles
-from perception.types.drive import Drive
+from perception.types import MODALITIES, Drive, Float64, Result, Vehicles
 
 
 class VehicleFiles:

@@ -42,8 +42,8 @@ class CellHistory:
         Args:
             size: cells along each side of the window.
             scans: n, after how many scans an observation is forgotten.
-            averaged: m, how many observations of a cell count, the latest.
-            least: k, of how many observations a mean is worth naming.
+            max_observations: m, how many observations of a cell count, the latest.
+            min_observations: k, of how many observations a mean is worth naming.
         """
         self.size = size
         self._max_observations, self._min_observations = (

@@ -25,7 +25,7 @@ class ClusteringConfig:
             walkers side by side.
         min_depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
         max_depth_gap_m: along the line of sight, at most: less than from one car to the next.
-        rise: slope of the flattest surface that is bridged between two beams.
+        min_surface_slope: slope of the flattest surface that is bridged between two beams.
     """
 
     cell_m: float = 0.15
@@ -43,7 +43,7 @@ def cluster_moving_points(
     Args:
         points_velo: (N, 2+) with the sensor at the origin.
         elevation_step_rad: between two beams.
-        rules: which gaps do not part a thing.
+        config: which gaps do not part a thing.
     """
     if len(points_velo) == 0:
         return np.zeros(0, np.int64)

@@ -36,7 +36,7 @@ class DetectedObjects:
 
     Attributes:
         moving: things that move.
-        standing: things that stand, where the detector knows them.
+        static: things that stand, where the detector knows them.
     """
 
     moving: Footprints

@@ -23,7 +23,7 @@ class MotionGrids:
     """Every grid of one scan.
 
     Attributes:
-        rules: by which they were made.
+        config: by which they were made.
         work_cells: where the cells of E and S lie.
         cells: where the cells of the others lie: those over the area in which objects are wanted.
         elevation: E, over the work area.
@@ -68,7 +68,7 @@ class MotionGridDetector:
 
         Args:
             sensor: whose scans will come.
-            rules: `THESIS`, `AUTHOR`, or values of your own.
+            config: `THESIS`, `AUTHOR`, or values of your own.
         """
         self._config = config
         self._plane = LevelPlane(-sensor.height_m)

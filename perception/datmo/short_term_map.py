@@ -24,8 +24,8 @@ class ShortTermMapConfig:
 
     Attributes:
         scans: n, the length of the queue of elevation grids.
-        averaged: m, how many of a cell's observations are averaged, the latest.
-        least: k, with fewer observations a cell's value is 0.
+        max_observations: m, how many of a cell's observations are averaged, the latest.
+        min_observations: k, with fewer observations a cell's value is 0.
         includes_newest: whether the newest grid is in the queue before the mean is taken, as Algorithm 4
             and the author's code have it, or joins only after.
     """

@@ -14,7 +14,7 @@ class StaticCells:
     """The C cells that hold standing points.
 
     Attributes:
-        picture: (X, Y) 1 where a standing point is.
+        occupancy: (X, Y) 1 where a standing point is.
         first: (2,) cell of the picture's corner, counted from the sensor.
         cell_m: edge of a cell.
         rows: (C,) which cells of the flattened picture these are, rising.

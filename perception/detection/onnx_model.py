@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from perception.errors import ModelError
 
 Array = NDArray[Any]
-Value = TypeVar("Noted")
+Value = TypeVar("Value")
 # As ONNX Runtime names the types of numbers that go in.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
@@ -39,7 +39,7 @@ class ModelInput:
         name = self.type.__name__ if self.type else "another type"
         return f"{name} {' x '.join(str(n or 'any') for n in self.shape)}"
 
-    def accepts(self, other: "Input") -> bool:
+    def accepts(self, other: "ModelInput") -> bool:
         """Tell whether the other is as this one asks for."""
         return (
             other.type is self.type
@@ -56,8 +56,8 @@ class ModelContract:
     """What a caller needs a model file to be.
 
     Attributes:
-        facts: metadata that have to be there and have this value.
-        noted: names of metadata that have to be there, whatever their value.
+        metadata: metadata that have to be there and have this value.
+        required_keys: names of metadata that have to be there, whatever their value.
         inputs: by name; the file must have these and no others.
         outputs: names.
         warmup_rows: that go in at once, as many as a frame has candidates: memory for them is set aside

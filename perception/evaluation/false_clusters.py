@@ -56,7 +56,7 @@ class MovingClusters(Rows):
         frames: (K,) number of the frame.
         points: (K,) how many points.
         centers_m: (K, 2) their mean x and y in the LiDAR frame.
-        touched: (K,) `Motion` of the object whose grown box holds one of the points; NO_OBJECT where
+        object_motions: (K,) `Motion` of the object whose grown box holds one of the points; NO_OBJECT where
             none does. Of several the moving one counts, then the unknown, then the static.
         view_shares: (K,) of the points that fall in the image.
         dont_care_shares: (K,) of the points that fall in a DontCare region.
@@ -124,7 +124,7 @@ def is_false(
     Args:
         clusters: of any number of frames.
         min_points: smaller clusters do not count.
-        rule: as the clusters were made.
+        config: as the clusters were made.
         ignore_dont_care: leave out clusters with half of their points in DontCare regions.
     """
     config = config or ClusterConfig()

@@ -113,7 +113,7 @@ def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints
     Args:
         points_m: (N, 3+) points of all things, in any order.
         cluster_of: (N,) number of each point's thing, 0 to things - 1; every number occurs.
-        things: how many there are.
+        clusters: how many there are.
     """
     if clusters == 0:
         return Footprints.empty()

@@ -74,7 +74,7 @@ def align(
     Args:
         target: what stands.
         source: what is moved.
-        seed: (4, 4) first guess.
+        initial_guess: (4, 4) first guess.
         max_correspondence_m: the farthest match that counts.
         threads: more than one changes the last digits from run to run.
         kind: point to point as the thesis does, or surface to surface.

@@ -24,10 +24,10 @@ class ColumnFillingConfig:
     Attributes:
         column_width_px: image columns that are filled as one, about the step of a beam.
         max_gap_px: a surface goes on behind a hole of this size.
-        nearer: two inverse depths of a greater ratio side by side belong to two surfaces.
+        max_depth_ratio: two inverse depths of a greater ratio side by side belong to two surfaces.
         max_slope_per_m_px: most change of inverse depth from row to row on one surface. A plane that
             passes the camera at d metres has 1 / (focal length * d): at one metre on KITTI.
-        reach: how far a row goes on past its end, as a share of the way to the next beam.
+        extension_ratio: how far a row goes on past its end, as a share of the way to the next beam.
     """
 
     column_width_px: int = 2

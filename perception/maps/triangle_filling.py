@@ -15,7 +15,7 @@ class _Covered:
     """The P pixels that lie within triangles.
 
     Attributes:
-        places: (P,) row * width + column.
+        flat_indices: (P,) row * width + column.
         pixels: (P, 2) column and row.
         corners: (P, 3) the returns at the triangle's vertices.
     """

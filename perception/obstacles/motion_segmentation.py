@@ -49,7 +49,7 @@ class FreeSpaceSegmenter:
                 on a surface good to 5 cm, 15 cm still clear kerbs and three range noises.
             horizon_s: how long ago the oldest scan asked is; a walker at 0.5 m/s needs 1.5 s to leave
                 his own place.
-            rules: when a thing counts as moving.
+            config: when a thing counts as moving.
         """
         self._area = area
         self._voxel_size_m = voxel_size_m

@@ -49,9 +49,9 @@ class VoxelVotes:
     """What each of V voxels says; a voxel in none of the three was out of sight until now.
 
     Attributes:
-        came: (V,) its place was empty.
-        stood: (V,) its place was filled.
-        trails: (V,) its place was hidden, by something that has left since.
+        appeared: (V,) its place was empty.
+        persisted: (V,) its place was filled.
+        uncovered: (V,) its place was hidden, by something that has left since.
     """
 
     appeared: Bool
@@ -84,7 +84,7 @@ def moving_voxels(
         centers_m: (V, 3) where they are.
         history: what earlier scans saw there.
         moved_before_m: (B, 3) places of voxels that moved in the scan before.
-        rules: when a thing counts as moving.
+        config: when a thing counts as moving.
         gap_m: between two beams at the end of the area; nearer parts may be one thing.
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
@@ -154,7 +154,7 @@ class _VoxelColumns:
     cell_m: float
 
     @classmethod
-    def over(cls, centers_m: Float, cell_m: float) -> "_Columns":
+    def over(cls, centers_m: Float, cell_m: float) -> "_VoxelColumns":
         cells = np.floor(centers_m[:, :2] / cell_m).astype(np.int64)
         cells -= cells.min(axis=0)
         across, along = (int(cell) + 1 for cell in cells.max(axis=0))

@@ -22,10 +22,10 @@ class PipelineConfig:
         detection: which detectors look at the frames that have a camera.
         previous_scans: m, how many scans before the newest are merged (Table 7.1).
         area: where ground, obstacles and moving objects are wanted.
-        body: the vehicle's own outline; its returns are left out of every stage.
+        ego_vehicle: the vehicle's own outline; its returns are left out of every stage.
         registration: how scans are registered.
         seed: of the thesis' RANSAC.
-        overlap: whether stages that do not wait for each other run side by side, on two workers and in
+        parallel: whether stages that do not wait for each other run side by side, on two workers and in
             two processes; what they find is the same.
     """
 

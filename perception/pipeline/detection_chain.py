@@ -23,7 +23,7 @@ class DetectionResult:
     """What the detectors make of one frame, None of those that did not look.
 
     Attributes:
-        sight: of three views, fused.
+        multimodal: of three views, fused.
         depthcn: of DepthCN.
     """
 

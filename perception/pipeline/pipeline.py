@@ -149,7 +149,7 @@ class Pipeline:
     def _assemble_result(
         self,
         frame: Frame,
-        lidar_future: "Future[Surroundings]",
+        lidar_future: "Future[LidarResult]",
         lidar_clock: StageClock,
         camera_clock: StageClock,
     ) -> Result:

@@ -32,7 +32,7 @@ class ResultStream:
 
         Args:
             frames: in order; read in a thread of their own.
-            begin: starts the work on a frame, given when it arrived by `time.perf_counter`.
+            submit: starts the work on a frame, given when it arrived by `time.perf_counter`.
             policy: `every` frame, for which the source waits; or the `latest`, for a source that does not.
             max_in_flight: so many frames at most are begun and not yet taken.
         """

@@ -6,8 +6,8 @@ from typing import Any, ParamSpec, Protocol, TypeVar
 
 from perception.geometry.threads import limit_blas_threads
 
-Params = ParamSpec("Given")
-Returned = TypeVar("Made")
+Params = ParamSpec("Params")
+Returned = TypeVar("Returned")
 
 
 class Worker(Protocol):
@@ -20,7 +20,7 @@ class Worker(Protocol):
 
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
-    ) -> "Future[Made]":
+    ) -> "Future[Returned]":
         """Take a task; its result or error comes with the future."""
         ...
 
@@ -38,7 +38,7 @@ class ThreadWorker:
 
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
-    ) -> "Future[Made]":
+    ) -> "Future[Returned]":
         """Take a task; tasks wait in line."""
         return self._executor.submit(_with_limited_blas, task, *args, **kwargs)
 
@@ -55,7 +55,7 @@ class InlineWorker:
 
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
-    ) -> "Future[Made]":
+    ) -> "Future[Returned]":
         """Do the task; return what came of it."""
         future: Future[Returned] = Future()
         try:

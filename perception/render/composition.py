@@ -79,7 +79,7 @@ class Composition:
         Args:
             result: what the pipeline made of it.
             trails: where its tracks were before, or None where nobody remembers.
-            followed: one object drawn over all others, or None.
+            tracked: one object drawn over all others, or None.
         """
         width, height = self.size_px
         scene = self._scene(result, trails, tracked)
@@ -147,7 +147,7 @@ class _Scene:
         surface: its ground, sampled.
         figures: its tracks.
         style: how large tracks are drawn.
-        followed: the object that is followed by itself, or None.
+        tracked: the object that is followed by itself, or None.
         vehicles: what was detected, or None where no detector looked.
     """
 

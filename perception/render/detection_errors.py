@@ -22,7 +22,7 @@ def draw_detection_errors(
     are green where they overlap an object or something that does not count, else orange, with their scores.
 
     Args:
-        picture: (H, W, 3), or (H, W, 1) of a map.
+        image: (H, W, 3), or (H, W, 1) of a map.
         objects_px: (M, 4) what has to be found.
         ignored_px: (K, 4) what may be found: other classes alike, objects too hard to see, regions unlabelled.
         detections: sure enough to count.

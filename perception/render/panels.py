@@ -106,7 +106,7 @@ class FittedImage:
     """An image at the largest size that fits somewhere.
 
     Attributes:
-        picture: (h, w, 3).
+        canvas: (h, w, 3).
         resizing: from the image to it.
     """
 

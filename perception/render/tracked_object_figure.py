@@ -27,7 +27,7 @@ class TrackedObjectFigure:
 
     Attributes:
         figures: box, and way and arrow where they are wanted.
-        words: its state where it is not seen, and its speed.
+        text: its state where it is not seen, and its speed.
         color: of all.
     """
 
@@ -40,7 +40,7 @@ class TrackedObjectFigure:
         """Make the figure of an object; None of one without a box.
 
         Args:
-            followed: the object.
+            tracked: the object.
             path_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
             name: what it is called among other tracks, whose labels its words are then like.
         """

@@ -19,7 +19,7 @@ class TrackedObjectScene:
 
     Attributes:
         result: pose and ground of the frame.
-        followed: what the tracker says.
+        tracked: what the tracker says.
         path_velo: (K, 3) where the object was, oldest first.
         ego_path_velo: (E, 3) where the vehicle stood on the ground, oldest first.
         speeds_km_h: (F,) of each frame up to this one; NaN where there was no box.

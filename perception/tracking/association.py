@@ -48,7 +48,7 @@ def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> A
     Args:
         costs: (T, D) of each pair.
         is_allowed: (T, D) which pairs passed the gate.
-        most: cost of a pair from which on both rather stay alone.
+        max_cost: cost of a pair from which on both rather stay alone.
     """
     is_worthwhile = is_allowed & (costs < max_cost)
     tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, max_cost))

@@ -33,7 +33,7 @@ class BoxTracker:
 
         Args:
             area: outside of which nothing is seen, so that what leaves it is gone; None for no end.
-            rules: every choice.
+            config: every choice.
         """
         self._area = area
         self._config = config or BoxTrackerConfig()

@@ -30,7 +30,7 @@ def join_fragments(clusters: Footprints, is_within: Bool, max_share: float) -> F
     """Join the small things that lie within one box to the largest one there.
 
     Args:
-        things: F.
+        clusters: F.
         is_within: (T, F) which things lie within which boxes; the first box has them.
         max_share: of the points of the largest; what has more stays a thing of its own.
     """

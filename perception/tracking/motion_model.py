@@ -92,7 +92,7 @@ def position_noise(
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
-        doubts: (..., 2).
+        uncertainty: (..., 2).
         points: (...) how many were seen; a side is known as well as they lie close.
         yaw_rad: (...) the heading.
         model: how well sides are seen.

@@ -148,7 +148,7 @@ class PointTracker:
             stamp_s: time of the scan; one not later than the last repeats the last answer's moment.
             world_SE3_velo: (4, 4) pose of the scan.
             moving: things that move, in the LiDAR frame of the scan.
-            standing: not used.
+            static: not used.
         """
         elapsed_s = _NOMINAL_STEP_S if self._stamp_s is None else stamp_s - self._stamp_s
         if elapsed_s > 0:

@@ -71,7 +71,7 @@ def remember(
         tracks: T.
         seen_m: (T, 2) length and width of what was seen now.
         is_complete: (T, 2) whether from end to end.
-        rules: what is believed.
+        config: what is believed.
     """
     limited_m = np.minimum(seen_m, config.largest_m)
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)

@@ -26,7 +26,7 @@ class TrackTable(GroundPlaneTracks):
         first_seen_world_m: (T, 2) place of the first sight.
         last_seen_s: (T,) stamp of the last sight.
         last_moved_s: (T,) stamp of the last sight as something that moves.
-        sights: (T,) how often it was seen moving.
+        hits: (T,) how often it was seen moving.
         points: (T,) how many points it has shown in all.
         is_confirmed: (T,)
     """

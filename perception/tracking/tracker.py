@@ -18,7 +18,7 @@ class MultiObjectTracker(Protocol):
             stamp_s: time of the scan; one not later than the last repeats the last answer's moment.
             world_SE3_velo: (4, 4) pose of the scan.
             moving: things that move, in the LiDAR frame of the scan; only these begin tracks.
-            standing: things that stand; they may keep a track alive whose object has stopped.
+            static: things that stand; they may keep a track alive whose object has stopped.
         """
         ...
 

@@ -50,7 +50,7 @@ def measure_extents(clusters: Footprints, yaw_rad: Float64, sensor_xy_m: Float64
     """Measure F outlines along T headings.
 
     Args:
-        things: F, at least one.
+        clusters: F, at least one.
         yaw_rad: (T,) headings.
         sensor_xy_m: (2,) place of the sensor in the frame of the things.
     """

@@ -15,6 +15,7 @@ from perception.types.detections import (
     Modality,
     ModalityDetections,
 )
+from perception.types.drive import Drive, Labels, PointTruth
 from perception.types.frame import Calibration, Frame
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
@@ -30,6 +31,7 @@ __all__ = [
     "Calibration",
     "Complex64",
     "Detections",
+    "Drive",
     "Float",
     "Float32",
     "Float64",
@@ -37,12 +39,14 @@ __all__ = [
     "FusedDetections",
     "GroundModel",
     "Int",
+    "Labels",
     "MapModality",
     "Method",
-    "ModalityDetections",
     "Modality",
+    "ModalityDetections",
     "Obstacles",
     "PointState",
+    "PointTruth",
     "Progress",
     "Result",
     "StageSpan",

@@ -61,8 +61,8 @@ class FusedDetections:
 
     Attributes:
         detections: (M)
-        parts: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector saw nothing.
-        carriers: (M,) column of the modality that carried the detection most.
+        source_indices: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector saw nothing.
+        dominant_modality: (M,) column of the modality that carried the detection most.
     """
 
     detections: Detections

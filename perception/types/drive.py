@@ -3,12 +3,16 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from perception.sensor import LidarModel
-from perception.types import Bool, Boxes3D, Calibration, Float64, Frame, Int
+from perception.types.arrays import Bool, Float64, Int
+from perception.types.boxes import Boxes3D
+from perception.types.frame import Calibration, Frame
+
+if TYPE_CHECKING:  # the sensor's module needs the types
+    from perception.sensor import LidarModel
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Drive(Protocol):
         ...
 
     @property
-    def sensor(self) -> LidarModel:
+    def sensor(self) -> "LidarModel":
         """The LiDAR."""
         ...
 

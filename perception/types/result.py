@@ -22,7 +22,7 @@ class Result:
         ground: the ground surface in the LiDAR frame.
         obstacles: static and moving.
         tracks: what moves, as objects with an identity.
-        modal: what each detector saw by itself; empty where detection is off.
+        modality_detections: what each detector saw by itself; empty where detection is off.
         map_images: (H, W) of each map that they looked at, 0 where nothing is known.
         vehicles: what they say together, None where detection is off.
         depthcn: what DepthCN saw, None where it is off.

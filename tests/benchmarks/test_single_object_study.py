@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.studies import following
+from benchmarks.studies import single_object
 from benchmarks.studies.report import publish
 from benchmarks.studies.single_object import (
     SingleObjectStudyConfig,
@@ -92,7 +92,7 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
         Scenario("Car", challenges, 0.5)
         for challenges in (frozenset[ScenarioChallenge](), frozenset([ScenarioChallenge.POSE]))
     ]
-    monkeypatch.setattr(following, "all_scenarios", lambda *_: scenarios)
+    monkeypatch.setattr(single_object, "all_scenarios", lambda *_: scenarios)
     config = SingleObjectStudyConfig(("default", "3d-kf"), "Car", 0.5, sensor=VLP_16)
     plot_path = tmp_path / "following.png"
     publish(study_single_object(plot_path, config), plot_path)

@@ -11,8 +11,7 @@ from data.open_drive import open_drive
 from perception.cli.vehicle_detector import DepthCnConfig, VehicleDetectorOutput
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_scan
-from perception.types import Detections, Frame
-from perception.types.drive import Drive
+from perception.types import Detections, Drive, Frame
 from tests.car_frames import write_car_frames
 
 

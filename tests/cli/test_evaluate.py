@@ -21,8 +21,18 @@ from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
-from perception.types import Float, Float64, Frame, Obstacles, PointState, Result, UInt8, Voxels
-from perception.types.drive import Drive, PointTruth
+from perception.types import (
+    Drive,
+    Float,
+    Float64,
+    Frame,
+    Obstacles,
+    PointState,
+    PointTruth,
+    Result,
+    UInt8,
+    Voxels,
+)
 
 AREA = LocalArea()
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)

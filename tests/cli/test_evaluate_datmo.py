@@ -22,8 +22,7 @@ from perception.cli.main import main
 from perception.datmo.detector import SegmentedScan
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
-from perception.types import Boxes3D, Frame, Obstacles, Result, Tracks, Voxels
-from perception.types.drive import Drive
+from perception.types import Boxes3D, Drive, Frame, Obstacles, Result, Tracks, Voxels
 
 FRAMES = 6
 NO_VOXELS = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)

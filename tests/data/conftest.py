@@ -15,8 +15,7 @@ from data.kitti.calibration import (
 from data.kitti.labels import format_object_labels, format_tracking_labels
 from data.kitti.oxts import Mercator, format_oxts_packet
 from perception.geometry.se3 import from_euler
-from perception.types import Boxes3D, Calibration
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Calibration, Labels
 
 FRAMES = 6
 SPEED_M_S = 10.0

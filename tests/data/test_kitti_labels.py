@@ -12,8 +12,7 @@ from data.kitti.labels import (
     read_tracking_labels,
 )
 from perception.errors import LabelError
-from perception.types import Boxes3D, Calibration
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Calibration, Labels
 
 # Camera axes 8 cm over and 27 cm before the LiDAR.
 CALIBRATION = Calibration(

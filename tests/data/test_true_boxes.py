@@ -1,8 +1,7 @@
 import numpy as np
 
 from data.true_boxes import true_boxes
-from perception.types import Boxes3D
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Labels
 
 
 def labels(types: list[str], regions: int) -> Labels:

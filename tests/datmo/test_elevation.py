@@ -69,7 +69,7 @@ def test_an_empty_scan_sees_nothing():
     assert grid.height_m.shape == (30, 30)
 
 
-@pytest.mark.parametrize("rules", [THESIS.elevation, AUTHOR.elevation], ids=["thesis", "author"])
+@pytest.mark.parametrize("config", [THESIS.elevation, AUTHOR.elevation], ids=["thesis", "author"])
 def test_the_fast_form_equals_the_loop(config):
     rng = np.random.default_rng(3)
     points = rng.uniform((-3, -4, -2.5, 0), (5, 4, 1, 1), (4000, 4)).astype(np.float32)

@@ -18,7 +18,7 @@ from perception.geometry.se3 import from_euler, inverse
 from perception.sensor import HDL_64E
 
 ROAD = LevelPlane(-HDL_64E.height_m)
-PRESETS = pytest.mark.parametrize("rules", [THESIS, AUTHOR], ids=["thesis", "author"])
+PRESETS = pytest.mark.parametrize("config", [THESIS, AUTHOR], ids=["thesis", "author"])
 
 
 def box_points(x_m, y_m, length_m, width_m, height_m=1.5):

@@ -86,7 +86,7 @@ CONFIG = {
 }
 
 
-@pytest.mark.parametrize("rules", CONFIG.values(), ids=CONFIG)
+@pytest.mark.parametrize("config", CONFIG.values(), ids=CONFIG)
 def test_both_forms_are_equal_where_the_vehicle_moves_by_whole_cells(config):
     rng = np.random.default_rng(11)
     fast, reference = ShortTermMap(CELLS, config), ReferenceShortTermMap(CELLS, config)

@@ -52,7 +52,7 @@ def low(height: float, box: tuple = FAR) -> tuple:
 
 
 @pytest.mark.parametrize(
-    ("label", "answered", "expected"),
+    ("label", "predicted", "expected"),
     [
         ((1, "Car", 0, 0, BOX), BOX, ([1], [7])),
         ((1, "CAR", 0, 2, BOX), BOX, ([1], [7])),

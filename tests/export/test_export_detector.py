@@ -157,7 +157,7 @@ def variant(ms, ap=None):
 
 
 @pytest.mark.parametrize(
-    ("full", "short", "chosen", "reason"),
+    ("full", "int8_name", "chosen", "reason"),
     [
         (variant(20, 60.0), variant(7, 59.2), "int8 percentile", "loses 0.80 points"),
         (variant(20, 60.0), variant(7, 58.8), "fp32", "loses 1.20 points"),

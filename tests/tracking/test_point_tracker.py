@@ -10,7 +10,7 @@ from perception.geometry.se3 import from_euler, inverse, transform_points
 from perception.tracking.point_tracker import AUTHOR, THESIS, PointTracker
 from perception.types import Tracks
 
-PRESETS = pytest.mark.parametrize("rules", [THESIS, AUTHOR], ids=["thesis", "author"])
+PRESETS = pytest.mark.parametrize("config", [THESIS, AUTHOR], ids=["thesis", "author"])
 HERE = np.eye(4)
 NOTHING = Footprints.empty()
 # Five points of a thing 2 m long, 1 m wide, from 1.5 m below the LiDAR to its height.

@@ -177,7 +177,7 @@ def test_half_precision_is_computed_in_full():
 
 
 @pytest.mark.parametrize(
-    "options",
+    "config",
     [DetectionLossConfig(), DetectionLossConfig(box="ciou", objectness="focal")],
     ids=["published", "ciou, focal"],
 )

@@ -218,7 +218,7 @@ def other_form(**changes):
 
 
 @pytest.mark.parametrize(
-    ("plan", "sentence"),
+    ("config", "sentence"),
     [
         (other_form(modality="rm"), "a detector whose modality is rm, found dm"),
         (other_form(class_names=("Van",)), "a detector whose classes is Van, found Car"),

@@ -87,7 +87,7 @@ def detection_loss(
         raw: (B, A, 5 + classes, rows, columns) predictions.
         labels: of the B pictures.
         head: which made the predictions.
-        options: what is summed.
+        config: what is summed.
         images_seen: how many pictures were trained on before.
     """
     with torch.autocast(raw.device.type, enabled=False):

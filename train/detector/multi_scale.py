@@ -53,7 +53,7 @@ def resize_images(images: Tensor, size: InputSize, interpolation: Interpolation)
     """Return float pictures (B, C, H, W) of another size.
 
     Args:
-        pictures: of 0..255.
+        images: of 0..255.
         size: wanted.
         interpolation: `nearest` for maps, where a mean of two depths is a place where nothing is.
     """

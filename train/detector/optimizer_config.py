@@ -24,7 +24,7 @@ class OptimizerConfig:
         momentum: of SGD.
         weight_decay: of the weights of convolutions only.
         schedule: `cosine` a short rise and a long fall, `published` that of `yolo-voc.cfg`.
-        averaging: share that the running mean of the weights keeps at every step; 0 takes the last ones.
+        ema_decay: share that the running mean of the weights keeps at every step; 0 takes the last ones.
         gradient_clip_norm: longer ones are cut to this length; 0 leaves them.
     """
 
@@ -58,7 +58,7 @@ class TrainingPreset:
     """All that a word stands for.
 
     Attributes:
-        descent: the way down.
+        optimizer_config: the way down.
         loss: what it makes small.
         batch_size: pictures a step.
     """

@@ -75,7 +75,7 @@ def train_detector(
 
     Args:
         data: labelled pictures of one modality.
-        plan: which network, and how it descends.
+        config: which network, and how it descends.
         trainer_config: how long and on what.
         out: the folder.
         resume: a checkpoint to go on from.

@@ -39,8 +39,8 @@ class DetectorTrainingConfig:
     """Which detector is trained, and how.
 
     Attributes:
-        form: what it looks at and for.
-        descent: the way down.
+        network_config: what it looks at and for.
+        optimizer_config: the way down.
         loss: what it makes small.
         anchors: `auto` fits them to the training labels, `default` takes those that the network has.
         scales: smallest and largest height of the pictures trained on, over that of the form.

@@ -17,7 +17,7 @@ class FusionTrainingConfig:
     """Which network is fitted, and how.
 
     Attributes:
-        form: the network.
+        network_config: the network.
         optimiser: lm, Levenberg-Marquardt over all rows at once; adamw, in small steps.
         damping: of lm.
         checks: lm ends when the error on what was kept back has not fallen for so many steps.

@@ -58,9 +58,9 @@ def fit_levenberg_marquardt(
 
     Args:
         sets: combinations.
-        plan: the network, and when to stop.
+        config: the network, and when to stop.
         watch: is told of each step and of its error on what was kept back.
-        begun: a descent to go on with, from its last step.
+        resumed_state: a descent to go on with, from its last step.
     """
     network = config.initial_network(sets.training)
     problem, validation_problem = (

@@ -24,7 +24,7 @@ class NormalEquations:
     Attributes:
         mean_square: of the residuals.
         gradient: (P,) Jᵀr / n.
-        curvature: (P, P) JᵀJ / n.
+        normal_matrix: (P, P) JᵀJ / n.
     """
 
     mean_square: float

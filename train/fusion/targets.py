@@ -73,7 +73,7 @@ def fusion_rows(frames: DetectedFrames, variant: Variant, score_jitters: int = 0
     Args:
         frames: with what is true.
         variant: what is said of a combination.
-        doubts: how often, for the default.
+        score_jitters: how often, for the default.
 
     Raises:
         UsageError: there is no combination.

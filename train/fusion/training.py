@@ -55,7 +55,7 @@ def fit_fusion(
 
     Args:
         sets: combinations.
-        plan: the network, and how it is fitted.
+        config: the network, and how it is fitted.
         out: the folder.
         trainer: how long and on what.
         resume: a checkpoint of the same fit to go on from.

@@ -9,8 +9,7 @@ from perception.detection.depthcn.proposals import ProposalConfig, cluster_point
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
-from perception.types import Frame, Method
-from perception.types.drive import Drive, Labels
+from perception.types import Drive, Frame, Labels, Method
 from train.proposal_search.survey import FrameSet, is_of_class
 
 
@@ -57,7 +56,7 @@ class ProposalCount:
     reached: tuple[int, ...]
     proposals: int
 
-    def __add__(self, other: "Count") -> "Count":
+    def __add__(self, other: "ProposalCount") -> "ProposalCount":
         """Put two chunks together."""
         return ProposalCount(
             self.rules,

@@ -12,14 +12,13 @@ from perception.detection.depthcn.proposals import ProposalConfig, propose
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
-from perception.types import Detections, Frame, Method
-from perception.types.drive import Labels
+from perception.types import Detections, Frame, Labels, Method
 from train.proposal_search.counting import read_or_skip
 from train.proposal_search.search import SearchConfig
 from train.proposal_search.survey import FrameSet
 from train.proposal_search.workers import run_parts
 
-CollectedProposals = Iterable[tuple["Gathering", "list[Candidates]"]]
+CollectedProposals = Iterable[tuple["RecallTask", "list[FrameProposals]"]]
 RecallProgress = Callable[[CollectedProposals, int], CollectedProposals]
 
 

@@ -98,8 +98,8 @@ def search(
     The best reaches most objects at the first overlap (6.1.4); of several, it has the fewest proposals.
 
     Args:
-        plan: what is tried.
-        ledger: file that keeps the counts, and from which a search that was ended goes on.
+        config: what is tried.
+        search_log: file that keeps the counts, and from which a search that was ended goes on.
         workers: how many processes.
         progress: goes through the finished parts and may show how far it is: it is told how many were
             done before, and how many there are.

@@ -10,8 +10,7 @@ import numpy as np
 
 from data.open_drive import open_drive, sequences_in
 from perception.errors import DriveError, LabelError, UsageError
-from perception.types import Bool, Progress
-from perception.types.drive import Drive, Labels
+from perception.types import Bool, Drive, Labels, Progress
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ def train_verifier(
 
     Args:
         data: candidates.
-        plan: which network, and how it descends.
+        config: which network, and how it descends.
         trainer_config: how long and on what.
         out: the folder.
         resume: a checkpoint to go on from.

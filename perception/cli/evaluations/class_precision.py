@@ -41,8 +41,8 @@ class MetricConfig:
     """How detections are measured.
 
     Attributes:
-        overlaps: that a detection must exceed, one measure after the other.
-        averaged: over how many points precision is averaged.
+        iou_thresholds: that a detection must exceed, one measure after the other.
+        recall_points: over how many points precision is averaged.
         resampling: which gives intervals.
     """
 

@@ -28,8 +28,7 @@ from perception.evaluation.multi_object.track_assignment import (
     assign_tracks,
     similarity_frames,
 )
-from perception.types import Float64, Frame, Result, Tracks
-from perception.types.drive import Drive
+from perception.types import Drive, Float64, Frame, Result, Tracks
 
 PROTOCOL_WORDS = {
     "objects": (
@@ -76,7 +75,7 @@ class DatmoProtocol:
     """How tracks of moving objects are judged.
 
     Attributes:
-        rule: which objects must be tracked.
+        targets: which objects must be tracked.
         motion: which objects move, by the labels.
         view: judge what the camera sees, or everything around, which takes exact truth.
         distance_threshold: likeness by distance from which on CLEAR and identity take a track for right;

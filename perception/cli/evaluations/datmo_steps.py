@@ -11,8 +11,7 @@ from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
-from perception.types import Tracks
-from perception.types.drive import Drive
+from perception.types import Drive, Tracks
 
 
 def datmo_steps(

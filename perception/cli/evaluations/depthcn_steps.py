@@ -9,8 +9,7 @@ from perception.cli.evaluations.labelled_drives import LabelledDrive, ReadingCon
 from perception.cli.vehicle_detector import VehicleDetector, VehicleDetectorOutput
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.box_rows import DetectedBoxes
-from perception.types import Detections, Float64
-from perception.types.drive import Drive
+from perception.types import Detections, Drive, Float64
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def detect_cars(
         name: of the drive in the figures.
         drive: what is read.
         detector: what looks at it.
-        rules: which frames.
+        config: which frames.
 
     Raises:
         PerceptionError: a frame or its labels cannot be read or used, or no frame can.

@@ -191,9 +191,9 @@ def _describe(results: Path, found: DetectionSet) -> str:
             f"{len(found.missing_results)} frames have no result file, the first "
             f"{found.missing_results[0]:06d}: counted as nothing detected"
         )
-    if found.beyond:
+    if found.extra_results:
         lines.append(
-            f"{len(found.beyond)} result files are of none of these frames, the first "
-            f"{found.beyond[0]:06d}: not read"
+            f"{len(found.extra_results)} result files are of none of these frames, the first "
+            f"{found.extra_results[0]:06d}: not read"
         )
     return "\n".join(lines)

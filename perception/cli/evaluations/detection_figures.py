@@ -19,9 +19,9 @@ class DetectionReport:
     """What the detections of all frames are worth.
 
     Attributes:
-        figures: of all classes at all difficulties.
+        metrics: of all classes at all difficulties.
         samples: on other choices of the frames: for each class, by difficulty; empty if not asked for.
-        averaged: over how many recall points, one average after the other.
+        recall_points: over how many recall points, one average after the other.
     """
 
     metrics: DetectionMetrics

@@ -14,8 +14,7 @@ from perception.evaluation.detection.evaluation_boxes import evaluation_mask, pa
 from perception.evaluation.detection.frame_errors import count_frame_errors
 from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
 from perception.render.detection_errors import draw_detection_errors
-from perception.types import UInt8
-from perception.types.drive import Drive
+from perception.types import Drive, UInt8
 
 _DIFFICULTY = DIFFICULTIES[-1]  # where most objects count
 

@@ -12,8 +12,7 @@ from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
-from perception.types import Detections, Float64, Frame, Modality
-from perception.types.drive import Drive
+from perception.types import Detections, Drive, Float64, Frame, Modality
 
 _THREADS = 2
 
@@ -39,7 +38,7 @@ class MeasuredDetector:
 
     Attributes:
         modality: that it looks at.
-        seen: what it saw, and what is true.
+        detected: what it saw, and what is true.
         precision: by class.
     """
 

@@ -56,7 +56,7 @@ def write_evaluation(
         path: of the JSON file.
         data: which were evaluated: `DatasetInfo` of a drive.
         configuration: of what was evaluated.
-        figures: what was measured.
+        evaluation: what was measured.
         split: in words, what was trained on and what left out.
     """
     document = {

@@ -11,8 +11,7 @@ from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_e
 from perception.cli.flags import require_positive
 from perception.errors import DriveError
 from perception.pipeline import PipelineConfig
-from perception.types import Result
-from perception.types.drive import Drive
+from perception.types import Drive, Result
 
 
 @dataclass(frozen=True)

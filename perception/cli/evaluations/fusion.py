@@ -18,8 +18,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
 from perception.render.fusion_plots import plot_reliability
 from perception.render.precision_plots import plot_precision
-from perception.types import Frame
-from perception.types.drive import Drive
+from perception.types import Drive, Frame
 
 _OWN_WORDS = {
     "gain": (

@@ -49,7 +49,7 @@ class MeasuredFusion:
         data: which frames.
         modalities: that they have.
         rows: of Table 7.10, by name; the single modalities first.
-        losses: our fusion of what is left where modalities are lost, by what is left.
+        missing_modalities: our fusion of what is left where modalities are lost, by what is left.
         steps: of our fusion, by name (Fig. 7.14).
         reliability: at the first IoU, of every row but the merged one, whose scores no network gave.
     """

@@ -21,8 +21,7 @@ from perception.evaluation.ground import (
 )
 from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
-from perception.types import Result
-from perception.types.drive import Drive
+from perception.types import Drive, Result
 
 PROTOCOL = {
     "mDE": (

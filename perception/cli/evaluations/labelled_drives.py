@@ -13,10 +13,9 @@ from perception.cli.flags import require_drives, require_positive
 from perception.cli.vehicle_detector import outputs
 from perception.errors import DriveError
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.types import Detections, Frame
-from perception.types.drive import Drive, Labels
+from perception.types import Detections, Drive, Frame, Labels
 
-Output = TypeVar("Look")
+Output = TypeVar("Output")
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class DetectedDrive(Generic[Output]):
         data: which frames.
         numbers: (F) by which their files are named.
         truths: labelled boxes; frames are counted by their place.
-        looks: (F) what was made of them.
+        outputs: (F) what was made of them.
     """
 
     data: LabelledDrive
@@ -64,7 +63,7 @@ class DetectedDrive(Generic[Output]):
     def with_labels(self, detections: Sequence[Detections]) -> DetectionSet:
         """Put the detections of the F frames beside what is true."""
         found = DetectedBoxes.of_frames(detections)
-        return DetectionSet(self.numbers, self.truths, found, missing_results=(), beyond=())
+        return DetectionSet(self.numbers, self.truths, found, missing_results=(), extra_results=())
 
 
 @dataclass(frozen=True)
@@ -150,8 +149,8 @@ def detect_drive(
     Args:
         name: of the drive in the figures.
         drive: what is read.
-        look: what is made of a frame, and kept.
-        rules: which frames.
+        detect: what is made of a frame, and kept.
+        config: which frames.
 
     Raises:
         PerceptionError: a frame or its labels cannot be read or used, or no frame can.

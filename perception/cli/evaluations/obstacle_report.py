@@ -27,8 +27,7 @@ from perception.evaluation.obstacles import (
 )
 from perception.evaluation.shadows import ShadowConfig, ShadowDetector, Shadows
 from perception.geometry.grids import LocalArea
-from perception.types import Frame, Result
-from perception.types.drive import Drive, Labels
+from perception.types import Drive, Frame, Labels, Result
 
 PROTOCOL_WORDS = {
     "objects": (

@@ -102,7 +102,7 @@ class ObjectDatasetInfo:
     """Which data the figures are of.
 
     Attributes:
-        request: what was asked for.
+        config: what was asked for.
         drives: name, LiDAR and number of frames of each drive that was read.
     """
 

@@ -29,7 +29,7 @@ class OtdProtocol:
     """How trackers of one object are judged.
 
     Attributes:
-        follow: what counts as right.
+        metrics: what counts as right.
         challenges: from where on a variation of the labels is one.
     """
 
@@ -45,7 +45,7 @@ class ObjectReport:
         sequence: which, and in which of the frames at hand.
         labelled: frames in which its place is known.
         total_frames: that the sequence would have were all of its frames at hand.
-        varies: how much.
+        variation: how much.
         challenges: which of its variations are.
         errors: by name of the tracker; without those that refused.
         scores: the same.
@@ -105,8 +105,8 @@ def evaluate_object(
     """Compare what every tracker answered with the object.
 
     Args:
-        wanted: the object.
-        followings: by name of the tracker, how it did.
+        target: the object.
+        runs: by name of the tracker, how it did.
         camera: of the drive, or None.
         protocol: how it is judged.
     """

@@ -20,7 +20,7 @@ from perception.tracking.single_object.tracker import (
     TrackerInput,
 )
 from perception.tracking.single_object.trackers import single_object_tracker
-from perception.types.drive import Drive
+from perception.types import Drive
 
 TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
 

@@ -72,7 +72,7 @@ class _Comparison:
 
     Attributes:
         title: what it is, and by which protocol.
-        figure: taken from the scores.
+        metric: taken from the scores.
         printed: the name under which a sequence states what the thesis prints of H-Fus, if it does.
     """
 

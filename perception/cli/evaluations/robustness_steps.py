@@ -29,7 +29,7 @@ class Corruption:
 
     Attributes:
         name: with its unit.
-        disturb: returns a frame at a level.
+        corrupt: returns a frame at a level.
         modalities: which see other pictures for it.
         levels: rising, above 0.
     """
@@ -62,7 +62,7 @@ class CorruptionLevels:
     degrees: tuple[float, ...] = (0.25, 0.5, 1, 2)
     pixels: tuple[float, ...] = (2, 4, 8, 16)
 
-    def disturbances(self, *, has_images: bool) -> tuple[Corruption, ...]:
+    def corruptions(self, *, has_images: bool) -> tuple[Corruption, ...]:
         """Return what is measured of a drive with images or without.
 
         Raises:

@@ -101,7 +101,7 @@ class TracksReport:
     Attributes:
         frame_counts: of each sequence.
         by_class: scores by class, then by sequence.
-        rules: of the benchmark.
+        config: of the benchmark.
         threshold: of CLEAR and identity.
     """
 

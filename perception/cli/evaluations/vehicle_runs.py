@@ -13,8 +13,7 @@ from perception.detection.vehicles.locate import locate
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_config import DetectionConfig
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
-from perception.types import MODALITIES, Detections, Frame, FusedDetections, Result
-from perception.types.drive import Drive
+from perception.types import MODALITIES, Detections, Drive, Frame, FusedDetections, Result
 
 VehicleSource = Literal["fused", "depthcn", "labels"]
 # Of what labels call so, detectors of cars find most.
@@ -43,7 +42,7 @@ class VehicleFrame:
 
     Attributes:
         frame: with its scan.
-        followed: vehicles and moving objects.
+        tracked: vehicles and moving objects.
     """
 
     frame: Frame

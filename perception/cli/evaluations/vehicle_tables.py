@@ -29,8 +29,8 @@ class VehiclesReport:
         frames: how many.
         scores: of their tracks in the image.
         errors: of their places on the road.
-        met: moving objects that share their place with a vehicle that has an id, frame by frame.
-        agreed: of these, those that share its id.
+        colocated: moving objects that share their place with a vehicle that has an id, frame by frame.
+        same_id: of these, those that share its id.
     """
 
     frames: int

@@ -28,7 +28,7 @@ from perception.evaluation.multi_object.mot_metrics import evaluate_tracks
 from perception.evaluation.vehicle_location import LocationErrors, location_errors
 from perception.geometry.box_overlap_bev import iou_bev
 from perception.maps.projection import camera_of
-from perception.types.drive import Drive
+from perception.types import Drive
 
 # KITTI's moderate: visible or partly hidden, hardly cut off.
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3

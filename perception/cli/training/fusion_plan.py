@@ -80,7 +80,7 @@ class TrainedFusion:
 
     Attributes:
         file: the model.
-        facts: what it says of itself.
+        metadata: what it says of itself.
         fitted: its errors.
         swept: sizes that were tried.
         counts: frames and combinations of both parts.

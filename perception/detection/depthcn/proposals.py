@@ -116,7 +116,7 @@ def cluster_points(
     """Return (K,) the cluster of each point that stands, from 0, or -1 for none.
 
     Args:
-        standing: what stands on the ground.
+        above_ground: what stands on the ground.
         radius_m: of DBSCAN's neighbourhood.
         min_points: within it.
         method: default or thesis.

@@ -65,7 +65,7 @@ class MultimodalOutput:
     """What the detectors make of one frame.
 
     Attributes:
-        modal: what each saw by itself; one that had nothing to look at has no entry.
+        modality_detections: what each saw by itself; one that had nothing to look at has no entry.
         fused: what they say together.
         dense: the maps that were looked at, None where none was.
         pictures: (H, W) of each map that a detector looked at, 0 where nothing is known.
@@ -174,7 +174,9 @@ class MultimodalDetector:
     def _map_image(self, modality: MapModality, maps: Mapping[MapFilling, DenseMaps]) -> UInt8:
         return map_image(maps[self.detectors[modality].filling], modality)
 
-    def _start(self, modality: Modality, image: Callable[[], UInt8]) -> "Future[_Timed[_Look]]":
+    def _start(
+        self, modality: Modality, image: Callable[[], UInt8]
+    ) -> "Future[_Timed[_ModalOutput]]":
         """Let a detector look at a picture, which is made by whoever does this, too."""
 
         def detect() -> _ModalOutput:

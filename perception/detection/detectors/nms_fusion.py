@@ -29,7 +29,7 @@ class NmsFusion:
         """Return the best of each place; its parts are what the other detectors say of the same place.
 
         Args:
-            modal: what each detector saw.
+            modality_detections: what each detector saw.
             size_px: width and height of the image, which makes no difference here.
             dense: neither do the maps.
             camera: nor does it.

@@ -50,7 +50,7 @@ class DetectedScene:
     """What the detectors saw in one frame.
 
     Attributes:
-        modal: detections by modality; of a detector that did not look there is no entry.
+        modality_detections: detections by modality; of a detector that did not look there is no entry.
         size_px: width and height of the picture.
         depths_m: of the boxes of each modality; empty where there is no depth map.
         known_focal_px: focal length of the camera, down; None where nobody says.
@@ -116,7 +116,7 @@ def scene_of(
     """Return a frame's detections with the depths of their boxes.
 
     Args:
-        modal: detections by modality.
+        modality_detections: detections by modality.
         size_px: width and height of the picture.
         dense: maps of the same frame; without, distances are not known.
         camera: that took it; without, a usual one is assumed.

@@ -97,7 +97,7 @@ class Fusion:
         """Return what the detectors say together, best first.
 
         Args:
-            modal: detections by modality; any may be missing.
+            modality_detections: detections by modality; any may be missing.
             size_px: width and height of the picture.
             dense: maps of the same frame, for distances; the thesis' variants do without.
             camera: that took it, for angles; the thesis' variants do without.

@@ -35,7 +35,7 @@ class BetaCalibration:
         return f"{self.a!r},{self.b!r},{self.c!r}"
 
     @classmethod
-    def parse(cls, text: str) -> "Calibration":
+    def parse(cls, text: str) -> "BetaCalibration":
         """Read what a model file says; ValueError where it is no curve."""
         a, b, c = map(float, text.split(","))
         return cls(a, b, c)
@@ -65,7 +65,7 @@ class FusionCalibration:
         return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.alone.items())])
 
     @classmethod
-    def parse(cls, text: str) -> "Calibrations":
+    def parse(cls, text: str) -> "FusionCalibration":
         """Read what a model file says; ValueError where it is something else."""
         joint, *alone = text.split(" ")
         named = dict(entry.split("=") for entry in alone)

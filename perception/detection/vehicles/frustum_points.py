@@ -16,7 +16,7 @@ class VehiclePointsConfig:
 
     Attributes:
         max_depth_m: beyond it along the optical axis no point is looked at.
-        beyond: where the image's border cuts a box, so many of its heights farther out its vehicle may go on:
+        border_extension: where the image's border cuts a box, so many of its heights farther out its vehicle may go on:
             the LiDAR sees it there, too.
         cell_m: edge of the cells in which the lowest point is looked for.
         ground_search_radius_m: how far around; under a car some ground is seen from one side or the other.
@@ -25,14 +25,14 @@ class VehiclePointsConfig:
         model_error_m: by which the lowest point around may miss a ground model that is true there.
         model_reach_m: from the LiDAR, beyond which a ground model knows no better than the scan.
         height_m: of a common car.
-        nearer: standard deviation of the logarithm of depth over the depth at which a box would hold a
+        near_deviation: standard deviation of the logarithm of depth over the depth at which a box would hold a
             common car, for nearer ones: small cars, and boxes that are drawn too high.
-        farther: the same for farther ones: vans and lorries.
+        far_deviation: the same for farther ones: vans and lorries.
         cut_deviation: the same for nearer ones where the image's border cuts the box.
-        centrality: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
+        center_deviation: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
         cluster_gap_m: between two points of one vehicle, seen from above, close to the sensor.
         cluster_gap_per_m: by which the gap grows with distance, as beams spread.
-        samples: points of a box that have a say, evenly picked of more.
+        max_samples: points of a box that have a say, evenly picked of more.
     """
 
     max_depth_m: float = 100.0
@@ -86,7 +86,7 @@ def find_frustum_points(
         boxes_px: where to look, in the image or beside it.
         camera: its calibration, and (width, height) of its image.
         ground: the ground below, or None: then what is lowest around is the ground.
-        rules: every choice.
+        config: every choice.
     """
     around_px = _with_ground_before(boxes_px, camera[1])
     low_px, size_px = _window(around_px)

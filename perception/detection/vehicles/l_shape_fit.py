@@ -22,7 +22,7 @@ class LShapeFitConfig:
     Attributes:
         min_points: of a vehicle that is given a box.
         samples: points of each vehicle that are looked at.
-        trimmed: share of them at either end that does not tell where the end is.
+        trim_share: share of them at either end that does not tell where the end is.
         directions: in a quarter of a turn, looked at first.
         finer: directions looked at around the best one.
         kept: directions of which sizes and places are tried.
@@ -106,7 +106,7 @@ class _Extents:
     high_m: Float32
     costs: Float32
 
-    def best(self, count: int) -> "_Reaches":
+    def best(self, count: int) -> "_Extents":
         """Return the best directions of each vehicle."""
         if count >= self.costs.shape[1]:
             return self
@@ -126,7 +126,7 @@ def fit_rectangles(
         xy_m: (K, 2) points around a sensor at the origin.
         owners: (K,) rising from 0 to F - 1; each owns at least one.
         spans: where they are in the image.
-        rules: every choice.
+        config: every choice.
     """
     # Single precision is a tenth of a millimetre at most, and takes half of the time.
     samples = _sampled(xy_m, owners, config.samples).astype(np.float32)

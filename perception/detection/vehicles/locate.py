@@ -53,7 +53,7 @@ def locate(
         fused: M detections.
         frame: whose scan it is; the image matters by its size only, where the calibration does not say it.
         ground: below the scan, or None: then what is lowest around a vehicle is its ground.
-        rules: every choice.
+        config: every choice.
 
     Raises:
         CalibrationError: the frame has no camera, or nothing says how large its image is.

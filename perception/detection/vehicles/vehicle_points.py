@@ -54,7 +54,7 @@ def find_points(
         boxes_px: x1 y1 x2 y2.
         camera: its calibration, and (width, height) of its image.
         ground: the ground below, or None: then what is lowest around is the ground.
-        rules: every choice.
+        config: every choice.
     """
     if not len(boxes_px):
         none = np.zeros(0, np.int64)
@@ -83,7 +83,7 @@ class _Claims:
         point: (L,).
         along_m: (L,) how far along the line of sight to the box.
         left_m: (L,) how far to the left of it.
-        some: (S,) rows of pairs.
+        sampled: (S,) rows of pairs.
         labels: (S,) their clusters; no two boxes have one in common.
     """
 

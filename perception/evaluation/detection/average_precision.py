@@ -50,7 +50,7 @@ class DetectionStatistics:
         frames: how many there are.
         has_orientation: whether every detection tells its heading.
         classes: in the order asked for.
-        tallies: for each class, by name of the difficulty; empty where nothing was detected of it.
+        statistics: for each class, by name of the difficulty; empty where nothing was detected of it.
     """
 
     frames: int

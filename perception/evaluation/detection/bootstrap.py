@@ -55,7 +55,7 @@ def resample_precision(
     """Measure choices of frames, each the same for all classes and difficulties.
 
     Args:
-        tallies: of all frames.
+        statistics: of all frames.
         resamples: how many choices.
         generator: draws them.
         progress: goes through the numbers of the choices, and may show how far it is.

@@ -17,7 +17,7 @@ class FrameErrors:
 
     Attributes:
         threshold: detections of this score and above count.
-        misses: (F,) objects of each frame that none of them finds.
+        false_negatives: (F,) objects of each frame that none of them finds.
         false_positives: (F,) of them that find nothing.
     """
 

@@ -32,7 +32,7 @@ def assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
     Args:
         truths: (P,) who chooses; the pairs of one truth lie together, its first choice first.
         detections: (P,) who is chosen, numbered from 0.
-        turns: (P,) when the truth chooses, from 0.
+        rounds: (P,) when the truth chooses, from 0.
 
     Returns:
         (P,) which pairs are matched.

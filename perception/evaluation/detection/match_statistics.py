@@ -69,7 +69,7 @@ class MatchStatistics:
     Attributes:
         truths_of_frames: (F,) valid truths of each frame.
         matches: from which the thresholds are chosen.
-        changes: which add up to the counts at a threshold.
+        increments: which add up to the counts at a threshold.
     """
 
     truths_of_frames: Int

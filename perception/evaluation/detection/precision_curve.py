@@ -60,7 +60,7 @@ def compute_curve(
     """Choose the thresholds, and count at each.
 
     Args:
-        tally: of one class at one difficulty.
+        match_statistics: of one class at one difficulty.
         has_orientation: whether similarity of the headings means anything.
         frame_weights: (F,) how often each frame is in the set; None for once.
     """

@@ -53,7 +53,7 @@ class ThresholdSweep:
     Attributes:
         pairs: (P) by group; then in the order of the truths, the first choice of each first.
         groups: (P,) of the pairs.
-        turns: (P,) when the truth of each pair is served.
+        rounds: (P,) when the truth of each pair is served.
         steps: (S,) the detection whose score the threshold falls to: by group, then by falling score.
         step_groups: (S,) its group.
         places: (D,) of each detection within its group, from 0.

@@ -93,10 +93,10 @@ def kitti_frames(
 
     Args:
         truth: labels of all classes, with regions of type DontCare.
-        answers: of a tracker.
+        predictions: of a tracker.
         class_name: car, pedestrian or cyclist.
         frame_count: of the sequence.
-        rules: of the benchmark.
+        config: of the benchmark.
     """
     if class_name not in NEIGHBOURS:
         known = ", ".join(NEIGHBOURS)

@@ -27,7 +27,7 @@ class BoxPairs:
         tracks: (C,) number of the track.
         truth_boxes: (C,) number of the true box.
         track_boxes: (C,) number of the answered box.
-        moments: (C,) number of the frame, among those with both true and answered boxes.
+        timesteps: (C,) number of the frame, among those with both true and answered boxes.
         similarity: (C,) above 0.
     """
 

@@ -45,11 +45,11 @@ class FrameAssignment:
     """Which objects and tracks of one frame count, and which belong together.
 
     Attributes:
-        must: (G,) rows of the objects that must be tracked.
-        judged: (T,) rows of the tracks that are right or wrong.
+        targets: (G,) rows of the objects that must be tracked.
+        evaluated: (T,) rows of the tracks that are right or wrong.
         matched_objects: (P,) rows of objects that are tracked.
         matched_tracks: (P,) rows of the tracks that follow them.
-        excused: (E,) rows of tracks that follow an object which need not be tracked.
+        ignored: (E,) rows of tracks that follow an object which need not be tracked.
         on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
     """
 

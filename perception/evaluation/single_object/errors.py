@@ -70,7 +70,7 @@ def single_object_errors(
 
     Args:
         truth: the object.
-        followed: by a tracker, over the same frames or more.
+        predicted_track: by a tracker, over the same frames or more.
         camera: that sees both; None where there is none.
     """
     _, truth_rows, track_rows = np.intersect1d(

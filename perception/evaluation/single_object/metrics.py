@@ -75,7 +75,7 @@ class SingleObjectMetrics:
         seen: share of frames that the tracker calls so.
         predicted: the same.
         lost: the same.
-        off: share of frames that share nothing with the object.
+        drifted: share of frames that share nothing with the object.
         lost_from_frame: frame from which on nothing is shared, or None where the last is not off.
         ms_per_frame: mean.
         ms_p99: 99th percentile.

@@ -92,7 +92,7 @@ class LastPosition:
     """The memory of a tracker without a filter: a point stays where it was last found.
 
     Attributes:
-        place: (3,).
+        position: (3,).
         velocity: (3,) by which it got there.
         elapsed_s: since it was found.
     """
@@ -128,7 +128,7 @@ class CentroidTracker:
         Args:
             localizer: finds the point.
             sensor: the LiDAR.
-            rules: what all trackers of a point have in common.
+            config: what all trackers of a point have in common.
             motion: how its motion is filtered; without, the point is where it was found.
         """
         self._localizer, self._sensor = localizer, sensor

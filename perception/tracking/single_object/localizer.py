@@ -14,8 +14,8 @@ class LocalizerInput:
     """What a localizer is shown.
 
     Attributes:
-        moment: what the sensors saw.
-        around: the obstacles near the expected object.
+        tracker_input: what the sensors saw.
+        obstacles: the obstacles near the expected object.
         window: the box at its expected place, in the world.
         gate: where the object may be, in the world.
         elapsed_s: since the last view.

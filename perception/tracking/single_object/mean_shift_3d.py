@@ -31,7 +31,7 @@ def mean_shift_3d(
     Args:
         points_m: (N, 3) of obstacles.
         window: where the object is expected.
-        rules: when to stop.
+        config: when to stop.
         weights: (N,) how much each point counts; all the same where None.
 
     Returns:

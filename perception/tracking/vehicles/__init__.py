@@ -1,1 +1,1 @@
-"""TODO."""
+"""Tracking of detected vehicles over time."""

@@ -52,7 +52,7 @@ class VehicleTracker:
         """Begin without a track.
 
         Args:
-            rules: how vehicles are followed.
+            config: how vehicles are followed.
             sharing: when a vehicle and a moving object are one.
         """
         self._config = config or VehicleTrackerConfig()
@@ -145,7 +145,7 @@ class VehicleTracker:
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
         boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
-        ids, moving = self._shared_ids.agree(tracks.ids, is_new, boxes, moving)
+        ids, moving = self._shared_ids.share(tracks.ids, is_new, boxes, moving)
         self._tracks = replace(tracks, ids=ids)
         return moving
 
@@ -170,7 +170,7 @@ def _side_distances(
     Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
     """
     sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
-    deviations_px = config.side_share * np.tile(sizes_px, 2)[:, None]
+    deviations_px = config.side_deviation_share * np.tile(sizes_px, 2)[:, None]
     off = (seen_px - expected_px[:, None]) / deviations_px
     return np.asarray((off**2).sum(axis=2))
 

@@ -32,7 +32,7 @@ class VehicleTrackerConfig:
         position_noise_m: standard deviation of the place of a box, whatever its distance.
         position_noise_per_m: by which it grows with distance.
         sparse_noise_m: of the place of a box around one point; over the root of how many there are.
-        replacing_s: how long a track may be seen elsewhere than expected before it is believed to be there.
+        relocate_after_s: how long a track may be seen elsewhere than expected before it is believed to be there.
         heading_memory: share of what is known of a heading that is left after the next sight.
         course_speed_m_s: faster, the velocity tells the heading, too.
         sign_speed_m_s: faster, it tells front from rear.
@@ -55,7 +55,7 @@ class VehicleTrackerConfig:
     position_noise_m: float = 0.2
     position_noise_per_m: float = 0.01
     sparse_noise_m: float = 1.2
-    replacing_s: float = 0.35
+    relocate_after_s: float = 0.35
     heading_memory: float = 0.7
     course_speed_m_s: float = 2.0
     sign_speed_m_s: float = 1.0
@@ -70,7 +70,7 @@ class VehicleTable(GroundPlaneTracks):
 
     Attributes:
         ids: (T,) -1 before they are believed.
-        evidence: (T,) sum of their scores.
+        score_sum: (T,) sum of their scores.
         last_seen_s: (T,) stamp of the last sight.
         boxes_px: (T, 4) in the image at the last sight.
         speeds_px_s: (T, 4) of its sides.
@@ -80,7 +80,7 @@ class VehicleTable(GroundPlaneTracks):
         axis: (T, 2) sum of sights of the heading, as cosine and sine of twice the angle.
         yaw_rad: (T,) heading in the world.
         sizes_m: (T, 3) length, width, height: means so far.
-        sizings: (T,) over how many sights.
+        size_samples: (T,) over how many sights.
         low_world_m: (T,) z of the ground below.
     """
 

@@ -13,8 +13,7 @@ from data.kitti.labels import format_object_labels
 from data.open_drive import open_drive
 from perception.geometry.boxes import corners
 from perception.geometry.camera import project
-from perception.types import Boxes3D, Calibration
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Calibration, Labels
 
 CAMERA = Calibration(
     image_P_cam=np.array([[180.0, 0, 155, 0], [0, 180, 45, 0], [0, 0, 1, 0]]),

@@ -81,7 +81,7 @@ def test_switching_one_off_leaves_the_others_as_drawn():
     assert (part.depth, part.aspect, part.shift) == (whole.depth, whole.aspect, whole.shift)
 
 
-@pytest.mark.parametrize(("name", "strength"), [("scale", -0.1), ("cover", 1.0), ("flip", 2.0)])
+@pytest.mark.parametrize(("name", "magnitude"), [("scale", -0.1), ("cover", 1.0), ("flip", 2.0)])
 def test_strengths_that_cannot_be_are_refused(name: str, magnitude: float):
     with pytest.raises(UsageError, match=f"augmentation {name}: expected a strength from 0 to"):
         CropAugmentationConfig(**{name: magnitude})

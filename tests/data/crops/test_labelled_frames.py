@@ -59,7 +59,7 @@ def test_all_is_kept_and_read_again(street: LabelledFrames, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("rules", "pictures", "scenes"),
+    ("config", "images", "scenes"),
     [
         pytest.param(FrameConfig(), 0, 0, id="nothing"),
         pytest.param(FrameConfig("thesis"), 1, 1, id="method"),

@@ -62,7 +62,7 @@ def test_all_draws_together_keep_the_box_on_the_pixels():
 
 
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("transform", "expected"),
     [
         # Of the window's centre 212, 106 and size 224, 132.
         pytest.param(CropTransform(), (0.3125, 0.303, 0.714, 0.758), id="none"),

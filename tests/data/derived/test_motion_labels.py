@@ -14,8 +14,7 @@ from data.kitti.oxts import Mercator, parse_oxts_packet
 from perception.errors import UsageError
 from perception.evaluation.objects import MotionState
 from perception.geometry.se3 import from_euler, inverse
-from perception.types import Boxes3D
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Labels
 
 SCAN_S = 0.1
 

@@ -13,7 +13,7 @@ from perception.errors import DriveError, PoseError
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
-from perception.types.drive import Drive
+from perception.types import Drive
 
 FRAMES = 8
 

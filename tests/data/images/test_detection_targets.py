@@ -5,8 +5,7 @@ import pytest
 
 from data.images.targets import DetectionTargets, detection_targets, labels_within_image
 from perception.detection.detectors.input_size import InputSize
-from perception.types import Boxes3D
-from perception.types.drive import Labels
+from perception.types import Boxes3D, Labels
 
 SIZE_PX, HALF = (640, 192), InputSize(96, 320)
 BOX = (100.0, 50.0, 160.0, 90.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from data.array_store import ArrayStore
-from data.images import labelled_pictures
+from data.images import labelled_images
 from data.images.input_images import ImageConfig
 from data.images.labelled_images import LabelledImages
 from data.open_drive import open_drive
@@ -58,7 +58,7 @@ def test_both_maps_are_kept_at_once_and_read_again(
     def never(*args: object) -> None:
         raise AssertionError("it was there already")
 
-    monkeypatch.setattr(labelled_pictures, "make_images", never)
+    monkeypatch.setattr(labelled_images, "make_images", never)
     reflectance = make_images("rm", root, class_names=("Van",)).image(0)
     assert (reflectance > 0).sum() == pytest.approx((depth > 0).sum(), rel=0.2)
     np.testing.assert_array_equal(make_images("dm", root).image(0), depth)
@@ -201,7 +201,7 @@ def test_boxes_without_an_area_are_left_out_and_told_once(
 
 
 @pytest.mark.parametrize(
-    ("rules", "sentence"),
+    ("config", "sentence"),
     [
         ({"modality": "ir"}, "modality: expected one of"),
         ({"class_names": ()}, "class names: expected at least one, each once, found none"),

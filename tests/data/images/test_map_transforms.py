@@ -141,7 +141,7 @@ def test_noise_is_normal_and_of_any_size():
     np.testing.assert_array_equal(normal_noise((100, 200), rng()), noise)
 
 
-@pytest.mark.parametrize("strength", [{"lost": 1.0}, {"range_noise_m": -0.1}])
+@pytest.mark.parametrize("magnitude", [{"lost": 1.0}, {"range_noise_m": -0.1}])
 def test_a_strength_that_cannot_be_is_refused(magnitude: dict[str, float]):
     with pytest.raises(UsageError, match=f"augmentation {next(iter(magnitude))}: expected"):
         MapAugmentationConfig(**magnitude)

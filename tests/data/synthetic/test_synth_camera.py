@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.synthetic import meshes
-from data.synthetic.camera import CameraFiles
+from data.synthetic.camera import Camera
 from data.synthetic.exposure import Exposure, develop
 from data.synthetic.lidar import velo_poses
 from data.synthetic.light import Daylight
@@ -20,7 +20,7 @@ STILL = Exposure(gain=1.0, noise=0.0, blur_px=0.0)
 
 def take(world, *, is_sunny: bool) -> tuple[np.ndarray, PinholeCamera]:
     pose = velo_poses(world, HDL_64E, np.zeros(1))[0]
-    camera = CameraFiles(world, CALIBRATION, Daylight(SUN_FROM_THE_LEFT, is_sunny, 0.0))
+    camera = Camera(world, CALIBRATION, Daylight(SUN_FROM_THE_LEFT, is_sunny, 0.0))
     image = camera.take(pose, 0.0, STILL, np.random.default_rng(0))
     return image.astype(float), PinholeCamera(CALIBRATION, pose)
 

@@ -12,7 +12,7 @@ from data.synthetic.world import World
 from perception.geometry.boxes import corners, points_inside, transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
-from perception.types.drive import Labels
+from perception.types import Labels
 
 
 def label(world: World, *, is_tracking: bool = False) -> Labels:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from data.synthetic import meshes
-from data.synthetic.camera import CameraFiles
+from data.synthetic.camera import Camera
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.exposure import Exposure, develop, draw_exposure
 from data.synthetic.lidar import velo_poses
@@ -30,9 +30,7 @@ def sun_at(azimuth_rad: float, elevation_rad: float = np.pi / 4) -> np.ndarray:
 
 def grey_at(world, daylight: Daylight, place: tuple[float, float, float]) -> float:
     pose = velo_poses(world, HDL_64E, np.zeros(1))[0]
-    image = CameraFiles(world, CALIBRATION, daylight).take(
-        pose, 0.0, PLAIN, np.random.default_rng(0)
-    )
+    image = Camera(world, CALIBRATION, daylight).take(pose, 0.0, PLAIN, np.random.default_rng(0))
     u, v = np.round(PinholeCamera(CALIBRATION, pose).project(np.array([place]))[0][0]).astype(int)
     return float(image[v - 1 : v + 2, u - 1 : u + 2].mean())
 

@@ -11,7 +11,7 @@ WALKER = heading_freeze_config_for(np.array([0.8, 0.6, 1.8]))
 
 
 @pytest.mark.parametrize(
-    ("rules", "displacement_m", "last_rad", "expected_rad"),
+    ("config", "displacement_m", "last_rad", "expected_rad"),
     [
         pytest.param(CAR, (0.0, 0.5), 0.0, np.pi / 2, id="fast car turns"),
         pytest.param(CAR, (0.0, 0.3), 0.0, 0.0, id="slow car keeps its heading"),

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Trackers of one object that the thesis compares with (7.1.3)."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The default tracker of one object: a box fitted to its returns."""

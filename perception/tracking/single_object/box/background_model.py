@@ -30,7 +30,7 @@ class BackgroundModel:
         recent: how far back what was seen beside the object counts.
         kept: how many scans are kept to see what stays.
         min_hidden: so many scans tell what stays.
-        staying: in this share of them.
+        static_share: in this share of them.
     """
 
     scans: tuple[_BackgroundScan, ...] = ()
@@ -39,7 +39,7 @@ class BackgroundModel:
     min_hidden: int = 6
     static_share: float = 0.7
 
-    def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "Surroundings":
+    def seen(self, points_xy_m: Float64, *, is_hidden: bool) -> "BackgroundModel":
         """Return the surroundings after one more scan."""
         scans = (_BackgroundScan(points_xy_m, is_hidden), *self.scans)[: self.kept]
         return BackgroundModel(scans, self.recent, self.kept, self.min_hidden, self.static_share)

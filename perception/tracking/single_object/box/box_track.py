@@ -29,7 +29,7 @@ class BoxTrack:
         state: where it is and how it moves.
         ground: below it.
         shape: of its box, and what was seen in it.
-        surroundings: what stands around it.
+        background: what stands around it.
         reference_reward: what its points are worth, times the squared distance.
         reference_top_m: of its highest point over the ground; 0 before any.
     """

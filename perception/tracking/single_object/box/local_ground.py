@@ -63,7 +63,7 @@ def update_ground(
         ground: as expected.
         position_world: (3,) the middle of the object's bottom.
         length_m: of the object.
-        moment: with the ground of the stage, or without.
+        tracker_input: with the ground of the stage, or without.
         around_world: (N, 3) points around the object.
     """
     x, y = np.abs(around_world[:, :2].T - position_world[:2, None])

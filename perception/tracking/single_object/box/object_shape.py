@@ -69,7 +69,7 @@ class ObjectShape:
         size_m: (3,) length, width, height.
         seen: (U, V) how much was seen in each cell, along the heading and to the left.
         scans: how many scans it was seen in.
-        rules: what points are worth.
+        config: what points are worth.
     """
 
     size_m: Float64

@@ -35,7 +35,7 @@ class ObjectObservation:
         """Return how far (2,) a place is from the sensor, at least 5 m: nearer, points get no denser."""
         return max(float(np.hypot(*(self.sensor_xy_m - xy_m))), 5.0)
 
-    def near(self, xy_m: Float64, radius_m: float, max_cells: int) -> "Sight":
+    def near(self, xy_m: Float64, radius_m: float, max_cells: int) -> "ObjectObservation":
         """Return what lies near a place, thinned evenly to at most so many cells."""
         off = self.points_xy_m - xy_m
         rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
@@ -48,7 +48,7 @@ class ObjectObservation:
             weights=self.weights[rows] * stride,
         )
 
-    def downweighted(self, rows: Bool, share: float) -> "Sight":
+    def downweighted(self, rows: Bool, share: float) -> "ObjectObservation":
         """Return the sight with only a share of the weight of some cells."""
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
 

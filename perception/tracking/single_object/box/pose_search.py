@@ -36,9 +36,9 @@ class PoseSearchConfig:
         finest_rad: the same of angles.
         saturation_points: so many points say all; more say the same again.
         sharpness: what one such point says.
-        surplus: what e times as many points as usual say.
+        surplus_weight: what e times as many points as usual say.
         max_points: of one lattice; more are thinned evenly.
-        possible: poses whose score is this far below the best may still be it.
+        score_margin: poses whose score is this far below the best may still be it.
         min_deviation_m: standard deviation of a pose that fits perfectly.
         min_deviation_rad: of its yaw.
     """
@@ -109,10 +109,10 @@ def search(
 
     Args:
         shape: of the object.
-        sight: what the scan shows.
+        observation: what the scan shows.
         priors: what is believed before: one of these, the first as a rule.
         reference_reward: what the object's points used to be worth, at this distance.
-        rules: how to search.
+        config: how to search.
     """
     table = shape.rewards(observation.sensor_xy_m, priors[0].pose)
     lattice = _first_lattice(priors[0], shape, config)

@@ -1,1 +1,1 @@
-"""TODO."""
+"""H-Fus, the fusion tracker of the thesis (5.3)."""

@@ -38,7 +38,7 @@ class ColorLocalizer:
         The climb begins where the object is expected in this image, as the vehicle may have turned.
 
         Args:
-            moment: with the next image.
+            tracker_input: with the next image.
             expected_world: (3,) where the object is expected.
         """
         self.regions = ()
@@ -59,7 +59,7 @@ class ColorLocalizer:
         """Take in how the object looks, by (N, 3+) its points; nothing where they span no area.
 
         Args:
-            moment: with the image.
+            tracker_input: with the image.
             points_velo: of the object.
             position_world: (3,) where it is.
         """

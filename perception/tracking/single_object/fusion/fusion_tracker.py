@@ -30,7 +30,7 @@ class FusedLocalizerConfig:
     ones, 1, 5 and 5, the fused point lags behind what speeds up.
 
     Attributes:
-        climb: the mean shift in the scan.
+        mean_shift_3d: the mean shift in the scan.
         noise: of the state, which moves as (5.17) has it.
         lidar_variance: of a place found in the scan, in m².
         image_variance: of a place found in the image.

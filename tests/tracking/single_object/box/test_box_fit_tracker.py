@@ -107,7 +107,7 @@ def test_is_the_default() -> None:
 
 @pytest.mark.parametrize("ground", [True, False])
 @pytest.mark.parametrize(
-    "thing",
+    "target",
     [
         _MovingBox(CAR_M, (8.0, 6.0), 0.2, 8.0),
         _MovingBox(CAR_M, (20.0, -4.0), 3.0, 6.0),
