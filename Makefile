@@ -3,20 +3,24 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint bench weights format clean help
+.PHONY: demo test quick lint bench weights format clean help
 
 help:
 	@echo "make demo   install, drive through a synthetic street, leave a video in results/demo"
-	@echo "make test   install with the developers' tools, lint, and run the tests"
+	@echo "make test   install with the developers' tools, lint, and run all tests on all cores"
+	@echo "make quick  the tests that take less than five seconds, read no KITTI frames and train nothing"
 	@echo "make lint   ruff and mypy"
 	@echo "make weights train the networks that ship, on synthetic drives: about two hours on two cores"
-	@echo "make bench  every stage beside its plain form and the best library for it"
+	@echo "make bench  every stage beside its reference implementation and the best library"
 
 demo: $(VENV)/.installed
 	$(BIN)/trifuse demo
 
 test: $(VENV)/.installed-dev lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
+
+quick: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not kitti and not train"
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

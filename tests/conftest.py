@@ -1,19 +1,63 @@
-"""Where the real frames are, and how tests train."""
+"""Markers, threads and shared data of all tests."""
 
 import os
+
+# One thread a process: the test processes share the cores. Set before the numeric libraries load.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import pytest
+from filelock import FileLock
+
+from tests.car_frames import write_car_frames
+
+cv2.setNumThreads(1)
 
 _SHARED = Path(__file__).parents[2] / "shared" / "kitti"
+_TRAINING = ("tests/train/", "tests/cli/test_train")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that read real frames, and those that train."""
+    for item in items:
+        if "kitti_root" in getattr(item, "fixturenames", ()):
+            item.add_marker("kitti")
+        if item.nodeid.startswith(_TRAINING):
+            item.add_marker("train")
+
+
+@pytest.fixture(scope="session")
+def make_once(
+    tmp_path_factory: pytest.TempPathFactory, worker_id: str
+) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Return a function that makes a folder once for all test processes, and returns it.
+
+    Tests may not write to what it returns.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shared = (base if worker_id == "master" else base.parent) / "shared"
+    shared.mkdir(exist_ok=True)
+
+    def make(name: str, write: Callable[[Path], object]) -> Path:
+        folder, done = shared / name, shared / f"{name}.done"
+        with FileLock(shared / f"{name}.lock"):
+            if not done.exists():
+                write(folder)
+                done.touch()
+        return folder
+
+    return make
 
 
 @pytest.fixture(scope="session")
 def kitti_root() -> Path:
-    """Return the root of real KITTI frames: KITTI_ROOT, else unpacked once into a cache folder."""
+    """Return the root of real KITTI frames: KITTI_ROOT, else unpacked once into the cache folder."""
     if "KITTI_ROOT" in os.environ:
         root = Path(os.environ["KITTI_ROOT"])
         if not root.is_dir():
@@ -21,20 +65,23 @@ def kitti_root() -> Path:
         return root
     if not (_SHARED / "unpack.py").is_file():
         pytest.skip("no real frames: set KITTI_ROOT to a folder with raw/, tracking/ and object/")
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    root = cache / "trifuse" / "kitti"
-    subprocess.run(
-        [sys.executable, str(_SHARED / "unpack.py"), str(root)], check=True, capture_output=True
-    )
-    return root
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "trifuse"
+    cache.mkdir(parents=True, exist_ok=True)
+    with FileLock(cache / "kitti.lock"):
+        unpack = [sys.executable, str(_SHARED / "unpack.py"), str(cache / "kitti")]
+        subprocess.run(unpack, check=True, capture_output=True)
+    return cache / "kitti"
 
 
 @pytest.fixture
-def one_torch_thread() -> Iterator[None]:
-    """Share no work of a few milliseconds between threads that have to be waited for."""
-    import torch
+def one_torch_thread() -> None:
+    """Train on one thread, as all tests do."""
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+
+@pytest.fixture
+def car_frames(tmp_path: Path) -> Path:
+    """Return object frames 0, 2 and 3, without images, with two cars each."""
+    root = write_car_frames(tmp_path / "cars", frames=4)
+    for file in root.rglob("000001.*"):
+        file.unlink()
+    return root

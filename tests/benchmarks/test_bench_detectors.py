@@ -5,8 +5,6 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
 from benchmarks.detector_files import write_detector
 from benchmarks.detectors import Workload
 from benchmarks.openvino_peer import openvino_network
@@ -36,7 +34,6 @@ def test_networks_to_time_see_as_much_as_trained_ones(tmp_path):
 
 
 def test_openvino_says_the_same(tmp_path):
-    pytest.importorskip("openvino")
     (tmp_path / "dm.onnx").write_bytes(bright_cells("dm", size=SIZE))
     ours = ModalityDetector(tmp_path / "dm.onnx")
     inputs = {"pictures": ours.preprocess(images(1)[0])}

@@ -12,7 +12,6 @@ from perception.cli.vehicle_detector import DepthCnConfig, VehicleDetectorOutput
 from perception.maps.densify import densify
 from perception.maps.projection import camera_of, project_scan
 from perception.types import Detections, Drive, Frame
-from tests.car_frames import write_car_frames
 
 
 @dataclass
@@ -49,12 +48,3 @@ def label_reader(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
         monkeypatch.setattr(DepthCnConfig, "open", lambda self, sensor: reader)
 
     return install
-
-
-@pytest.fixture
-def car_frames(tmp_path: Path) -> Path:
-    """Return object frames 0, 2 and 3, without images, with two cars each."""
-    root = write_car_frames(tmp_path / "cars", frames=4)
-    for file in root.rglob("000001.*"):
-        file.unlink()
-    return root

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from sklearn.cluster import DBSCAN
 
 from benchmarks.reference.dbscan import cluster_by_definition
 from perception.detection import clustering, point_cells
@@ -51,9 +52,8 @@ def test_labels_are_those_of_the_definition(shape, count, min_points):
 @pytest.mark.parametrize("count", [40, 600])
 @pytest.mark.parametrize("min_points", [2, 5, 20])
 def test_labels_are_those_of_scikit_learn(shape, count, min_points):
-    dbscan = pytest.importorskip("sklearn.cluster").DBSCAN
     xy_m = shape(np.random.default_rng(count + min_points), count)
-    expected = dbscan(eps=0.5, min_samples=min_points).fit_predict(xy_m)
+    expected = DBSCAN(eps=0.5, min_samples=min_points).fit_predict(xy_m)
     assert cluster(xy_m, 0.5, min_points).tolist() == expected.tolist()
 
 

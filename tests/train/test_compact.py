@@ -1,11 +1,9 @@
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-
-from torch import nn  # noqa: E402
-
-from train.networks.compact import CompactDetector  # noqa: E402
-from train.networks.yolov2 import YOLOv2  # noqa: E402
+from train.networks.compact import CompactDetector
+from train.networks.yolov2 import YOLOv2
 
 
 def test_at_most_three_million_parameters():

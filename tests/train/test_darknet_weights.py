@@ -1,12 +1,11 @@
 import struct
 
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-from torch import nn  # noqa: E402
-
-from perception.errors import ModelError  # noqa: E402
-from train.detector.darknet_weights import (  # noqa: E402
+from perception.errors import ModelError
+from train.detector.darknet_weights import (
     DarknetHeader,
     load_darknet_weights,
     save_darknet_weights,

@@ -1,19 +1,19 @@
 import math
 
 import pytest
+import torch
+from torchvision import ops
 
-torch = pytest.importorskip("torch")
-
-from train.box_overlap import (  # noqa: E402
+from train.box_overlap import (
     paired_complete_iou,
     paired_iou,
     pairwise_iou,
     pairwise_share,
 )
-from train.detector.losses import DetectionLossConfig, detection_loss  # noqa: E402
-from train.detector.targets import BatchLabels, ImageLabels, pad_labels  # noqa: E402
-from train.networks.compact import CompactDetector  # noqa: E402
-from train.networks.yolo_head import YoloHead  # noqa: E402
+from train.detector.losses import DetectionLossConfig, detection_loss
+from train.detector.targets import BatchLabels, ImageLabels, pad_labels
+from train.networks.compact import CompactDetector
+from train.networks.yolo_head import YoloHead
 
 LATER = 12_800
 HEAD = YoloHead(4, 32, [(16, 16), (64, 32)], ["Car", "Van"])
@@ -142,7 +142,6 @@ def test_complete_iou_by_hand():
 
 
 def test_complete_iou_is_that_of_torchvision():
-    ops = pytest.importorskip("torchvision.ops")
     generator = torch.Generator().manual_seed(0)
     corners = torch.rand(2, 50, 2, generator=generator) * 20
     a, b = torch.cat([corners, corners + 1 + 20 * torch.rand(2, 50, 2, generator=generator)], dim=2)

@@ -1,18 +1,17 @@
 import math
 
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from perception.detection.detectors.input_size import InputSize  # noqa: E402
-from perception.errors import UsageError  # noqa: E402
-from train.detector.multi_scale import (  # noqa: E402
+from perception.detection.detectors.input_size import InputSize
+from perception.errors import UsageError
+from train.detector.multi_scale import (
     resize_images,
     resize_labels,
     scaled_sizes,
     size_of_batch,
 )
-from train.detector.targets import (  # noqa: E402
+from train.detector.targets import (
     ImageLabels,
     PredictionGrid,
     assign_targets,

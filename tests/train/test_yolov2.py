@@ -1,12 +1,11 @@
 import pytest
+import torch
+from torch import nn
 
-torch = pytest.importorskip("torch")
-from torch import nn  # noqa: E402
-
-from perception.errors import ModelError, UsageError  # noqa: E402
-from train.networks.darknet19 import Darknet19  # noqa: E402
-from train.networks.yolo_head import YoloHead  # noqa: E402
-from train.networks.yolov2 import (  # noqa: E402
+from perception.errors import ModelError, UsageError
+from train.networks.darknet19 import Darknet19
+from train.networks.yolo_head import YoloHead
+from train.networks.yolov2 import (
     COCO_ANCHORS_CELLS,
     VOC_ANCHORS_CELLS,
     YOLOv2,

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("lightning")
-
 import torch
 from lightning.pytorch import LightningModule, Trainer
 from torch.utils.data import DataLoader
