@@ -10,7 +10,8 @@ import numpy as np
 from benchmarks.measure import Contender, Timing, time_interleaved
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import inverse
-from perception.tracking.point_tracker import THESIS, PointTracker, PointTrackerConfig
+from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
+from perception.tracking.point_tracker import PointTracker
 from perception.types import Boxes3D, Float64, Tracks
 
 
@@ -79,7 +80,7 @@ class _ReferenceTrack:
 class ReferencePointTracker:
     """`PointTracker` with a loop over tracks in every place; implements `MultiObjectTracker`."""
 
-    def __init__(self, config: PointTrackerConfig = THESIS) -> None:
+    def __init__(self, config: PointTrackerConfig = THESIS_POINT_TRACKER) -> None:
         self.config = config
         self._next_id = 0
         self.clear()

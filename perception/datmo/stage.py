@@ -8,8 +8,8 @@ from perception.datmo.grid_detector import MotionGridDetector
 from perception.datmo.point_detector import PointDetector
 from perception.geometry.grids import LocalArea
 from perception.sensor import LidarModel
-from perception.tracking import point_tracker
 from perception.tracking.box_tracker import BoxTracker
+from perception.tracking.config import AUTHOR_POINT_TRACKER, THESIS_POINT_TRACKER
 from perception.tracking.point_tracker import PointTracker
 from perception.tracking.tracker import MultiObjectTracker
 from perception.types import Tracks
@@ -54,10 +54,10 @@ def datmo_stage(
     """
     if method == "thesis":
         detector = MotionGridDetector(sensor, grid_rules.THESIS)
-        return Datmo(detector, PointTracker(point_tracker.THESIS), uses_ins_poses=True)
+        return Datmo(detector, PointTracker(THESIS_POINT_TRACKER), uses_ins_poses=True)
     if method == "author":
         detector = MotionGridDetector(sensor, grid_rules.AUTHOR)
-        return Datmo(detector, PointTracker(point_tracker.AUTHOR), uses_ins_poses=True)
+        return Datmo(detector, PointTracker(AUTHOR_POINT_TRACKER), uses_ins_poses=True)
     if method == "default":
         return Datmo(PointDetector(sensor), BoxTracker(area))
     return None

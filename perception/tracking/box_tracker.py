@@ -12,7 +12,7 @@ from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
 from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
-from perception.tracking.box_tracker_config import BoxTrackerConfig
+from perception.tracking.config import BoxTrackerConfig
 from perception.tracking.fragments import is_inside_boxes, join_fragments
 from perception.tracking.heading import update_from_course
 from perception.tracking.size_estimate import likely_sizes_m, with_sides_swapped
@@ -63,7 +63,7 @@ class BoxTracker:
 
     def _predict(self, elapsed_s: float) -> None:
         """Move the tracks to now; over a long gap in time nothing is carried."""
-        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config.life)]
+        tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config.lifecycle)]
         headings = update_from_course(tracks, elapsed_s, self._config.heading)
         states = motion_model.predict(tracks.states, elapsed_s, self._config.motion)
         turn_rad = np.abs(wrap(headings.yaw_rad - tracks.yaw_rad, np.pi))
@@ -105,7 +105,7 @@ class BoxTracker:
     def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
         """Let standing things continue confirmed tracks that nothing moving continued."""
         is_new = self._is_newly_static(clusters)
-        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.life))
+        rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.lifecycle))
         if len(clusters) == 0 or len(rows) == 0:
             return
         tracks = self._tracks[rows]
@@ -144,7 +144,7 @@ class BoxTracker:
             last_moved_s=stamps_s if is_moving else tracks.last_moved_s,
             hits=tracks.hits + is_moving,
         )
-        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.life))
+        tracks = replace(tracks, is_confirmed=is_confirmed(tracks, self._config.lifecycle))
         self._tracks = self._tracks.replaced(rows, tracks)
 
     def _init_tracks(self, clusters: Footprints, sensor_m: Float64) -> None:
@@ -165,7 +165,7 @@ class BoxTracker:
             self._is_inside_boxes(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
         )
         is_doubled &= tracks.ids[:, None] < tracks.ids
-        goes_on = is_alive(tracks, self._stamp, self._config.life) & ~is_doubled.any(axis=0)
+        goes_on = is_alive(tracks, self._stamp, self._config.lifecycle) & ~is_doubled.any(axis=0)
         if self._area is not None:
             positions_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
             positions_velo = se3.transform_points(se3.inverse(world_SE3_velo), positions_m)
@@ -178,7 +178,7 @@ class BoxTracker:
 
     def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
         """Report the tracks in the frame of the scan."""
-        tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.life)]
+        tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
         sizes_m = likely_sizes_m(tracks, self._config.size)
         boxes_world = Boxes3D(
             np.column_stack([tracks.mean[:, :2], tracks.low_world_m]),

@@ -6,42 +6,12 @@ import numpy as np
 
 from perception.geometry.angles import wrap
 from perception.geometry.footprints import Footprints
+from perception.tracking.config import HeadingConfig
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import measure_extents
 from perception.types import Bool, Float64
 
 UNKNOWN_VARIANCE = np.pi**2 / 3  # of an angle that may be any
-
-
-@dataclass(frozen=True)
-class HeadingConfig:
-    """What tells a heading.
-
-    Attributes:
-        turn_rate_rad_s: standard deviation of how fast a heading changes; a car at a corner makes 0.5 rad/s.
-        min_speed_m_s: slower, the velocity's direction is mostly noise.
-        sign_speed_m_s: faster, the velocity tells front from rear though it does not tell the heading.
-        max_deviation_rad: of a velocity's direction that is still worth hearing.
-        course_deviation_rad: of a heading from the direction of a well-known velocity.
-        shape_deviation_rad: of a vehicle's heading from its outline's rectangle.
-        shape_length_m: the longer side of an outline that has a direction.
-        face_width_m: of fronts and rears, from the smallest car to a van.
-        unsettled_variance: above it, a heading is replaced rather than corrected.
-        reverse_speed_m_s: slower vehicles may drive backwards; nothing goes faster that way.
-        vehicle_length_m: what is shorter does not drive backwards.
-    """
-
-    turn_rate_rad_s: float = 0.4
-    min_speed_m_s: float = 0.7
-    sign_speed_m_s: float = 0.3
-    max_deviation_rad: float = 0.5
-    course_deviation_rad: float = 0.06
-    shape_deviation_rad: float = 0.2
-    shape_length_m: float = 1.5
-    face_width_m: tuple[float, float] = (1.3, 2.2)
-    unsettled_variance: float = 0.3
-    reverse_speed_m_s: float = 3.0
-    vehicle_length_m: float = 2.4
 
 
 @dataclass(frozen=True)
@@ -107,7 +77,7 @@ def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConf
 def _course_side(tracks: TrackTable, course_rad: Float64, config: HeadingConfig) -> Float64:
     """Return (T,) of both headings along the shape the one nearer to a way that is not known well."""
     is_ahead = np.abs(wrap(course_rad - tracks.yaw_rad)) <= np.pi / 2
-    is_slow = tracks.speeds_m_s < config.sign_speed_m_s
+    is_slow = tracks.speeds_m_s < config.front_speed_m_s
     return np.where(is_ahead | is_slow, tracks.yaw_rad, tracks.yaw_rad + np.pi)
 
 

@@ -9,38 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.tracking import kalman
+from perception.tracking.config import MotionModelConfig
 from perception.tracking.kalman import Gaussians
 from perception.types import Float64, Int
 
 OBSERVE_PLACE = np.eye(2, 4)
-
-
-@dataclass(frozen=True)
-class MotionModelConfig:
-    """How things move, and how well their sides are seen.
-
-    Attributes:
-        velocity_noise_m_s: standard deviation of how much a velocity changes in a second, along x and along y.
-        initial_speed_m_s: standard deviation of the velocity, along x and along y, of what was seen once.
-        small_initial_speed_m_s: the same of small things: walkers and cyclists.
-        small_length_m: length and width of what is small.
-        side_noise_m: standard deviation of a side's place: pose, range, and swinging arms.
-        sampling: share of a thing's size by which an end may be missed between two of its points.
-        slack_share: of the part of a thing that is missing, by which its centre may be off: evenly spread
-            over the missing length, it would be 1 / sqrt(12) = 0.29.
-        max_swing_rad: deviation of a heading that only the shape tells.
-        gate: squared Mahalanobis distance; 99 % of true pairs are closer (chi-squared, 2 degrees).
-    """
-
-    velocity_noise_m_s: float = 0.9
-    initial_speed_m_s: float = 6.0
-    small_initial_speed_m_s: float = 3.0
-    small_length_m: float = 1.3
-    side_noise_m: float = 0.06
-    sampling: float = 0.5
-    slack_share: float = 0.3
-    max_swing_rad: float = 0.3
-    gate: float = 9.21
 
 
 def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Gaussians:

@@ -4,81 +4,24 @@ A detection that no track claims begins a track; the next frame confirms it or d
 finds no detection is predicted. Nothing but leaving the local grid ends a confirmed one.
 
 The author's released program does several of these otherwise. Each difference is a rule, so that either
-can be had, and `THESIS` and `AUTHOR` name the two whole.
+can be had, and `THESIS_POINT_TRACKER` and `AUTHOR_POINT_TRACKER` name the two whole.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 
-from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
-from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.geometry.se3 import inverse
 from perception.tracking.association import Association, assign_greedily
+from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
 from perception.tracking.kalman import Gaussians, predict, update
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 # What the filters know of an object, in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
 _OBSERVATION = np.eye(2, 4)
 _NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, which the released noise belongs to
-
-
-@dataclass(frozen=True)
-class PointTrackerConfig:
-    """What the tracker does where the thesis and the released program differ or the thesis is silent.
-
-    Attributes:
-        step_s: time from frame to frame that the filters assume; None takes it from the stamps. The
-            released program assumes 0.1 s.
-        process_variance: Q = this times I, added every 0.1 s, in m² and (m/s)² (released program; the
-            thesis gives none).
-        measurement_variance_m2: R = this times I (released program; the thesis gives none).
-        initial_variance: P0 = this times I, with a speed of 0 (released program; the thesis gives none).
-        gate_m: a detection farther than this is not a track's (released program; the thesis gives none).
-        gate_around: what the distance is measured from: where the track should be now, as a filter "used
-            for the prediction of each object's location in the next frames" implies, or where it was
-            last (released program).
-        on_miss: without a detection take the prediction (thesis), or correct it with the last position,
-            which brakes the track to a halt (released program).
-        confirms: whether a new track is dropped when the next frame does not detect it (thesis).
-        area: the local grid, in the LiDAR frame (5.2.2: 10 m behind, 30 m ahead, 10 m to each side). No
-            track outside is shown.
-        kept_beyond_area_m: how far outside a track ends.
-    """
-
-    step_s: float | None = None
-    process_variance: float = 5.0
-    measurement_variance_m2: float = 0.5
-    initial_variance: float = 5.0
-    gate_m: float = 4.0
-    gate_around: Literal["prediction", "last estimate"] = "prediction"
-    on_miss: Literal["predict", "hold"] = "predict"
-    confirms: bool = True
-    area: LocalArea = MOVING_OBJECT_AREA
-    kept_beyond_area_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Refuse what no filter and no gate could work with."""
-        positive = (self.process_variance, self.measurement_variance_m2, self.initial_variance)
-        if min(*positive, self.gate_m, 1.0 if self.step_s is None else self.step_s) <= 0:
-            raise UsageError(
-                "point tracker", expected="a step, variances and a gate above 0", found=str(self)
-            )
-
-
-THESIS = PointTrackerConfig()
-# The released program ends no track, so its cost grows with the drive. A detection lies in the local
-# grid, and so nothing beyond the gate around it can matter unless the vehicle comes back; 40 m, as much
-# as the grid is long, lets it turn round and still find its tracks.
-AUTHOR = PointTrackerConfig(
-    step_s=0.1,
-    gate_around="last estimate",
-    on_miss="hold",
-    confirms=False,
-    kept_beyond_area_m=40.0,
-)
 
 
 @dataclass(frozen=True)
@@ -129,7 +72,7 @@ class _PointTracks:
 class PointTracker:
     """Follows objects as points, all filters of a frame in one computation."""
 
-    def __init__(self, config: PointTrackerConfig = THESIS) -> None:
+    def __init__(self, config: PointTrackerConfig = THESIS_POINT_TRACKER) -> None:
         self.config = config
         self._next_id = 0
         self.clear()

@@ -1,48 +1,10 @@
 """When a track is believed, when it is told of, and when it ends."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from perception.tracking.config import TrackLifecycleConfig
 from perception.tracking.track_table import TrackTable
 from perception.types import Bool
-
-
-@dataclass(frozen=True)
-class TrackLifecycleConfig:
-    """When a track is believed, and when it ends.
-
-    Attributes:
-        min_hits: M, how often a plain thing must be seen moving before it is told of.
-        min_hits_poorly_observed: the same of a thing of few points.
-        min_points_well_observed: in all sights together, from which on a thing is plain.
-        max_unseen_unconfirmed_s: how long a track lives unseen before it is confirmed: with a scan every 0.1 s every
-            second scan may miss it.
-        min_travel_m: how far a thing must have come since it was first seen, beyond the jitter of its sides.
-        min_speed_m_s: how fast, all in all: slower than the slowest walkers. What comes to light here
-            and there in a hedge gets nowhere.
-        max_unseen_s: how long a confirmed track lives unseen; a car in between passes a walker within it.
-        max_unseen_reported_s: how long a track that was seen often is told of unseen.
-        min_hits_reported_unseen: how often.
-        max_static_reported_s: how long a track that lives on standing things is told of.
-        max_static_s: how long such a track lives.
-        max_stopping_s: how long after its last sight a track may be continued by a standing thing.
-        max_stopping_speed_m_s: how slow it must be; what brakes is slower than it was seen to be.
-    """
-
-    min_hits: int = 2
-    min_hits_poorly_observed: int = 5
-    min_points_well_observed: int = 50
-    max_unseen_unconfirmed_s: float = 0.25
-    min_travel_m: float = 0.15
-    min_speed_m_s: float = 0.5
-    max_unseen_s: float = 1.2
-    max_unseen_reported_s: float = 0.3
-    min_hits_reported_unseen: int = 5
-    max_static_reported_s: float = 1.0
-    max_static_s: float = 3.0
-    max_stopping_s: float = 0.35
-    max_stopping_speed_m_s: float = 3.0
 
 
 def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:

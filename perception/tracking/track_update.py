@@ -9,9 +9,9 @@ import numpy as np
 
 from perception.geometry.footprints import Footprints
 from perception.tracking import motion_model
-from perception.tracking.box_tracker_config import BoxTrackerConfig
+from perception.tracking.config import BoxTrackerConfig, SizeEstimateConfig
 from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
-from perception.tracking.size_estimate import SizeEstimateConfig, likely_sizes_m, remember
+from perception.tracking.size_estimate import likely_sizes_m, remember
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
     Extents,
@@ -79,8 +79,9 @@ def update_tracks(
         tracks,
         mean=states.mean,
         covariance=states.covariance,
-        heights_m=tracks.heights_m + config.height_gain * (heights_m - tracks.heights_m),
-        low_world_m=tracks.low_world_m + config.height_gain * (clusters.low_m - tracks.low_world_m),
+        heights_m=tracks.heights_m + config.size.height_gain * (heights_m - tracks.heights_m),
+        low_world_m=tracks.low_world_m
+        + config.size.height_gain * (clusters.low_m - tracks.low_world_m),
         points=tracks.points + clusters.points,
     )
 

@@ -7,7 +7,9 @@ from benchmarks.reference.point_tracker import ReferencePointTracker
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.geometry.se3 import from_euler, inverse, transform_points
-from perception.tracking.point_tracker import AUTHOR, THESIS, PointTracker
+from perception.tracking.config import AUTHOR_POINT_TRACKER as AUTHOR
+from perception.tracking.config import THESIS_POINT_TRACKER as THESIS
+from perception.tracking.point_tracker import PointTracker
 from perception.types import Tracks
 
 PRESETS = pytest.mark.parametrize("config", [THESIS, AUTHOR], ids=["thesis", "author"])

@@ -5,52 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.detection.height_cells import HeightCells
+from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.geometry.camera import project
 from perception.maps.projection import may_be_in_view
 from perception.types import Bool, Calibration, Float32, Float64, GroundModel, Int
-
-
-@dataclass(frozen=True)
-class VehiclePointsConfig:
-    """What tells the points of a vehicle.
-
-    Attributes:
-        max_depth_m: beyond it along the optical axis no point is looked at.
-        border_extension: where the image's border cuts a box, so many of its heights farther out its vehicle may go on:
-            the LiDAR sees it there, too.
-        cell_m: edge of the cells in which the lowest point is looked for.
-        ground_search_radius_m: how far around; under a car some ground is seen from one side or the other.
-        clearance_m: over the ground, from which on a point stands on it.
-        max_height_m: over the ground, of lorries and buses.
-        model_error_m: by which the lowest point around may miss a ground model that is true there.
-        model_reach_m: from the LiDAR, beyond which a ground model knows no better than the scan.
-        height_m: of a common car.
-        near_deviation: standard deviation of the logarithm of depth over the depth at which a box would hold a
-            common car, for nearer ones: small cars, and boxes that are drawn too high.
-        far_deviation: the same for farther ones: vans and lorries.
-        cut_deviation: the same for nearer ones where the image's border cuts the box.
-        center_deviation: standard deviation of how far from the middle of a box, 1 at its sides, its points lie.
-        cluster_gap_m: between two points of one vehicle, seen from above, close to the sensor.
-        cluster_gap_per_m: by which the gap grows with distance, as beams spread.
-        max_samples: points of a box that have a say, evenly picked of more.
-    """
-
-    max_depth_m: float = 100.0
-    border_extension: float = 3.0
-    cell_m: float = 0.5
-    ground_search_radius_m: float = 1.5
-    clearance_m: float = 0.2
-    max_height_m: float = 3.5
-    model_error_m: float = 0.3
-    model_reach_m: float = 30.0
-    height_m: float = 1.5
-    near_deviation: float = 0.25
-    far_deviation: float = 0.5
-    cut_deviation: float = 1.0
-    center_deviation: float = 0.5
-    cluster_gap_m: float = 0.4
-    cluster_gap_per_m: float = 0.012
-    max_samples: int = 256
 
 
 @dataclass(frozen=True)
@@ -100,7 +58,7 @@ def find_frustum_points(
     around = np.flatnonzero((depths_m > 0) & (depths_m <= config.max_depth_m) & is_around)
     rows, xyz_m, depths_m = rows[around], xyz_m.take(around, axis=0), depths_m[around]
     pixels = pixels.T.take(around, axis=1).T + low_px
-    cells = HeightCells.of(xyz_m, config.cell_m)
+    cells = HeightCells.of(xyz_m, config.ground_cell_m)
     lowest_around_m = cells.lowest_around_m(config.ground_search_radius_m)
     ground_m = lowest_around_m
     if ground is not None and len(rows):

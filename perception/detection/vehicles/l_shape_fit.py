@@ -12,50 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.detection.vehicles.config import LShapeFitConfig
 from perception.types import Float32, Float64, Int
-
-
-@dataclass(frozen=True)
-class LShapeFitConfig:
-    """What is believed of vehicles, and of what is measured of them.
-
-    Attributes:
-        min_points: of a vehicle that is given a box.
-        samples: points of each vehicle that are looked at.
-        trim_share: share of them at either end that does not tell where the end is.
-        directions: in a quarter of a turn, looked at first.
-        finer: directions looked at around the best one.
-        kept: directions of which sizes and places are tried.
-        side_m: standard deviation of points on a side from it.
-        inner_m: points farther inside are of roofs and seats, and all alike.
-        side_weight: how many independent points all together are worth.
-        lengths_m: that are tried.
-        length_m: mean and standard deviation over common cars.
-        width_m: likewise.
-        height_m: of common cars.
-        edge_px: deviation of a side of the box in the image.
-        edge_share: the same, as a share of its width, to be added.
-        hidden: cost of a box whose side towards the sensor is unseen.
-        middle: cost of one that goes on to both sides of what is seen.
-    """
-
-    min_points: int = 3
-    samples: int = 64
-    trim_share: float = 0.02
-    directions: int = 18
-    finer: int = 7
-    kept: int = 4
-    side_m: float = 0.15
-    inner_m: float = 0.4
-    side_weight: float = 12.0
-    lengths_m: tuple[float, ...] = (3.5, 4.0, 4.5)
-    length_m: tuple[float, float] = (4.0, 0.5)
-    width_m: tuple[float, float] = (1.65, 0.15)
-    height_m: float = 1.5
-    edge_px: float = 2.0
-    edge_share: float = 0.07
-    hidden: float = 4.0
-    middle: float = 2.0
 
 
 @dataclass(frozen=True)
@@ -118,7 +76,7 @@ class _Extents:
 
 
 def fit_rectangles(
-    xy_m: Float64, owners: Int, spans: ImageSpans, config: LShapeFitConfig = LShapeFitConfig()
+    xy_m: Float64, owners: Int, spans: ImageSpans, config: LShapeFitConfig
 ) -> Rectangles:
     """Fit a rectangle to the points of each of F vehicles.
 
@@ -133,7 +91,9 @@ def fit_rectangles(
     step_rad = np.pi / 2 / config.directions
     coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
     first, first_rad = _best_rectangles(_measure_extents(samples, coarse, config), spans, config)
-    turns_rad = np.linspace(-step_rad, step_rad, config.finer + 2)[1:-1].astype(np.float32)
+    turns_rad = np.linspace(-step_rad, step_rad, config.fine_directions + 2)[1:-1].astype(
+        np.float32
+    )
     finer = _measure_extents(samples, first_rad[:, None] + turns_rad, config)
     return _best_rectangles(finer, spans, config)[0] if len(samples) else first
 
@@ -159,7 +119,7 @@ def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig
     side_m = np.where(low_m > 0, low_m, np.where(high_m < 0, high_m, np.inf))
     off_m = np.abs(turned - side_m[..., None])
     off_m = np.minimum(off_m[:, :, 0], off_m[:, :, 1])
-    off = np.minimum(off_m, config.inner_m) / config.side_m
+    off = np.minimum(off_m, config.max_side_distance_m) / config.side_deviation_m
     costs = config.side_weight * (off**2).mean(axis=-1)
     return _Extents(yaw_rad, low_m, high_m, costs)
 
@@ -174,7 +134,7 @@ def _best_rectangles(
     extents: _Extents, spans: ImageSpans, config: LShapeFitConfig
 ) -> tuple[Rectangles, Float32]:
     """Try sizes and places; return the best and the direction (F,) along which it was measured."""
-    extents = extents.best(config.kept)
+    extents = extents.best(config.kept_directions)
     # Few numbers of many: what there are few of comes first, and vehicles and directions come last.
     sizes_m, size_costs = _sizes(extents, config)  # (2, O, F, T), (O, F, T)
     centers_m, place_costs = _places(extents, sizes_m, config)  # (3, 2, O, F, T), (3, 2, F, T)
@@ -231,9 +191,9 @@ def _places(
     places_m[2] = high_m[:, None] - half_m
     costs = np.empty((3, *low_m.shape), np.float32)
     is_low_seen, is_high_seen = low_m > 0, high_m < 0
-    costs[0] = np.where(is_high_seen, config.hidden, 0.0)
-    costs[1] = np.where(is_low_seen | is_high_seen, config.middle, 0.0)
-    costs[2] = np.where(is_low_seen, config.hidden, 0.0)
+    costs[0] = np.where(is_high_seen, config.hidden_side_cost, 0.0)
+    costs[1] = np.where(is_low_seen | is_high_seen, config.centered_cost, 0.0)
+    costs[2] = np.where(is_low_seen, config.hidden_side_cost, 0.0)
     return places_m, costs
 
 
@@ -258,7 +218,7 @@ def _span_costs(
     u, w = np.stack([middle + sums, middle - sums, middle + differences, middle - differences], 1)
     columns = u / np.maximum(w, np.float32(0.1))  # (4, 3, 3, O, F, T)
     left_px, right_px = spans.left_right_px.astype(np.float32).T[:, :, None]
-    deviation_px = config.edge_px + config.edge_share * (right_px - left_px)
+    deviation_px = config.edge_deviation_px + config.edge_deviation_share * (right_px - left_px)
     # Of what is beyond the image's sides, the box ends there.
     off_left = np.clip(columns.min(axis=0), 0, spans.width_px - 1) - left_px
     off_right = np.clip(columns.max(axis=0), 0, spans.width_px - 1) - right_px

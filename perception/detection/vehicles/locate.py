@@ -1,11 +1,11 @@
 """Detections become objects on the road: their points, how far they are, and the box around each."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from perception.detection.vehicles.frustum_points import VehiclePointsConfig
-from perception.detection.vehicles.l_shape_fit import ImageSpans, LShapeFitConfig, fit_rectangles
+from perception.detection.vehicles.config import LShapeFitConfig, VehicleConfig
+from perception.detection.vehicles.l_shape_fit import ImageSpans, fit_rectangles
 from perception.detection.vehicles.vehicle_points import VehiclePoints, find_points
 from perception.geometry.angles import wrap
 from perception.maps.projection import camera_of
@@ -21,28 +21,11 @@ from perception.types import (
 )
 
 
-@dataclass(frozen=True)
-class LocateConfig:
-    """Every choice of `locate`.
-
-    Attributes:
-        points: what tells the points of a vehicle.
-        fit: what tells its box.
-        min_score: of a detection that is looked for in the scan. Others are left open: a detector that
-            tells of everything says a hundred times a frame what is not there, and the time of each would
-            be taken from what may be.
-    """
-
-    points: VehiclePointsConfig = field(default_factory=VehiclePointsConfig)
-    fit: LShapeFitConfig = field(default_factory=LShapeFitConfig)
-    min_score: float = 0.1
-
-
 def locate(
     fused: FusedDetections,
     frame: Frame,
     ground: GroundModel | None,
-    config: LocateConfig | None = None,
+    config: VehicleConfig | None = None,
 ) -> Vehicles:
     """Find each detection in the scan.
 
@@ -58,9 +41,9 @@ def locate(
     Raises:
         CalibrationError: the frame has no camera, or nothing says how large its image is.
     """
-    config, camera, count = config or LocateConfig(), camera_of(frame), len(fused)
+    config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
-    likely = np.flatnonzero(fused.detections.scores >= config.min_score)
+    likely = np.flatnonzero(fused.detections.scores >= config.tracker.min_score)
     found = find_points(frame.points_velo, boxes_px[likely], camera, ground, config.points)
     found = replace(found, owners=likely[found.owners])
     owners = np.full(len(frame.points_velo), -1)
@@ -95,7 +78,7 @@ def _boxes(
         xyz_m, starts = found.xyz_m[order], np.searchsorted(owners, np.arange(len(shown)))
         ground_m = np.add.reduceat(found.ground_m[order], starts) / counts[shown]
         top_m = np.maximum.reduceat(xyz_m[:, 2], starts)
-        heights_m = np.maximum(top_m - ground_m, config.height_m)
+        heights_m = np.maximum(top_m - ground_m, config.min_height_m)
         calibration, size_px = camera
         spans = ImageSpans(
             boxes_px[shown][:, [0, 2]],

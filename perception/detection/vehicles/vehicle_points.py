@@ -13,9 +13,9 @@ import numpy as np
 
 from perception.detection.clustering import connected_parts
 from perception.detection.point_cells import expand_ranges
+from perception.detection.vehicles.config import VehiclePointsConfig
 from perception.detection.vehicles.frustum_points import (
     FrustumPoints,
-    VehiclePointsConfig,
     extend_beyond_borders,
     find_frustum_points,
 )
@@ -156,7 +156,7 @@ def _likelihoods(
         half_px = np.maximum((high_px - low_px) / 2, 0.5)
         off_center += ((place_px[point] - ((low_px + high_px) / 2)[box]) / half_px[box]) ** 2
     focal_px = float(calibration.image_P_cam[1, 1])
-    expected_m = focal_px * config.height_m / np.maximum(y2 - y1, 1.0)
+    expected_m = focal_px * config.car_height_m / np.maximum(y2 - y1, 1.0)
     is_cut = (y1 <= 1) | (y2 >= size_px[1] - 2)
     ratio = np.log(near.depths_m[point] / expected_m[box])
     near_deviation = np.where(is_cut, config.cut_deviation, config.near_deviation)[box]

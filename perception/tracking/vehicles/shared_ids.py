@@ -7,29 +7,15 @@ the vehicle's. So the id of a vehicle never changes, and that of a moving object
 vehicle that it turns out to be. They stay bound until they have been apart for as many scans.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from perception.geometry.box_overlap_bev import iou_bev
 from perception.tracking.association import assign_hungarian
+from perception.tracking.vehicles.config import SharedIdsConfig
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 # More moving objects than are ever told of at once, and those of the last while.
 _REMEMBERED = 1000
-
-
-@dataclass(frozen=True)
-class SharedIdsConfig:
-    """When a vehicle and a moving object are one.
-
-    Attributes:
-        min_iou: on the ground.
-        scans: for so many in a row where both have an id; and so many apart until they are two again.
-    """
-
-    min_iou: float = 0.15
-    scans: int = 3
 
 
 class SharedIds:

@@ -10,7 +10,8 @@ from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.tracking import motion_model
-from perception.tracking.vehicles.vehicle_table import VehicleTable, VehicleTrackerConfig
+from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
 from perception.types import Bool, Boxes3D, Float64, Int, Vehicles
 
@@ -241,7 +242,7 @@ def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> Veh
     tells = (excess_m_s >= config.course_speed_m_s)[:, None]
     axis = tracks.axis + np.where(tells, _doubled(course_rad), 0.0)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
-    ahead_rad = np.where(excess_m_s >= config.sign_speed_m_s, course_rad, tracks.yaw_rad)
+    ahead_rad = np.where(excess_m_s >= config.front_speed_m_s, course_rad, tracks.yaw_rad)
     return replace(tracks, axis=axis, yaw_rad=_nearer_end(yaw_rad, ahead_rad))
 
 

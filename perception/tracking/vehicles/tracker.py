@@ -12,7 +12,8 @@ import numpy as np
 from perception.geometry.box_overlap_px import iou_px
 from perception.maps.projection import camera_of
 from perception.tracking.association import Association, assign_with_max_cost
-from perception.tracking.vehicles.shared_ids import SharedIds, SharedIdsConfig
+from perception.tracking.vehicles.config import VehicleTrackerConfig
+from perception.tracking.vehicles.shared_ids import SharedIds
 from perception.tracking.vehicles.track_update import (
     FrameGeometry,
     VehicleObservations,
@@ -24,7 +25,7 @@ from perception.tracking.vehicles.track_update import (
     update_tracks,
     velocities_in_scan,
 )
-from perception.tracking.vehicles.vehicle_table import VehicleTable, VehicleTrackerConfig
+from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.types import Boxes3D, Float64, Frame, Int, Tracks, Vehicles
 
 _ROUNDING_S = 1e-3
@@ -46,17 +47,9 @@ class VehicleTrackerResult:
 class VehicleTracker:
     """Follows detected vehicles, and gives ids to them and to what moves."""
 
-    def __init__(
-        self, config: VehicleTrackerConfig | None = None, sharing: SharedIdsConfig | None = None
-    ) -> None:
-        """Begin without a track.
-
-        Args:
-            config: how vehicles are followed.
-            sharing: when a vehicle and a moving object are one.
-        """
+    def __init__(self, config: VehicleTrackerConfig | None = None) -> None:
         self._config = config or VehicleTrackerConfig()
-        self._shared_ids = SharedIds(sharing)
+        self._shared_ids = SharedIds(self._config.shared_ids)
         self.clear()
 
     def clear(self) -> None:
@@ -138,7 +131,7 @@ class VehicleTracker:
         # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, observations.boxes_px, config)
-        return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.most_apart)
+        return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.max_cost)
 
     def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
         """Give ids to what is believed from now on; return what moves by its shared ids."""

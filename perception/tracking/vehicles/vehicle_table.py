@@ -1,67 +1,12 @@
 """What is remembered of detected vehicles, and every choice that the tracker of them makes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from perception.tracking.columns import GroundPlaneTracks
-from perception.tracking.motion_model import MotionModelConfig
 from perception.types import Bool, Float64, Int
-
-
-@dataclass(frozen=True)
-class VehicleTrackerConfig:
-    """Every choice of the tracker of vehicles.
-
-    Attributes:
-        motion: how vehicles move over the ground.
-        min_score: of a detection that may continue a track.
-        new_track_score: of one that may begin a track.
-        high_score: of one that chooses its track before the others.
-        min_score_sum: sum of scores from which on a track is believed; one sight is never enough.
-        max_unseen_unconfirmed_s: how long a track lives unseen before it is believed.
-        max_unseen_s: how long afterwards.
-        min_iou: in the image, of a detection and the track that it continues.
-        side_deviation_share: standard deviation of the sides of a box in the image from where they are expected, as a
-            share of its width and height.
-        min_size_px: of boxes that are smaller, sides are no better known than of such.
-        most_apart: squared distance of four sides and a place on the ground, in standard deviations, from
-            which on a detection continues no track; of true pairs 1 in 20,000 is farther (chi-squared, 6
-            degrees).
-        position_noise_m: standard deviation of the place of a box, whatever its distance.
-        position_noise_per_m: by which it grows with distance.
-        sparse_noise_m: of the place of a box around one point; over the root of how many there are.
-        relocate_after_s: how long a track may be seen elsewhere than expected before it is believed to be there.
-        heading_memory: share of what is known of a heading that is left after the next sight.
-        course_speed_m_s: faster, the velocity tells the heading, too.
-        sign_speed_m_s: faster, it tells front from rear.
-        max_size_samples: over so many, sizes are averaged.
-        max_reported_speed_deviation_m_s: standard deviation of a velocity that is told.
-        image_speed_gain: share of the way to a new motion in the image of what is nowhere on the ground.
-    """
-
-    motion: MotionModelConfig = field(default_factory=MotionModelConfig)
-    min_score: float = 0.1
-    new_track_score: float = 0.3
-    high_score: float = 0.5
-    min_score_sum: float = 1.2
-    max_unseen_unconfirmed_s: float = 0.25
-    max_unseen_s: float = 1.5
-    min_iou: float = 0.1
-    side_deviation_share: float = 0.12
-    min_size_px: float = 4.0
-    most_apart: float = 30.0
-    position_noise_m: float = 0.2
-    position_noise_per_m: float = 0.01
-    sparse_noise_m: float = 1.2
-    relocate_after_s: float = 0.35
-    heading_memory: float = 0.7
-    course_speed_m_s: float = 2.0
-    sign_speed_m_s: float = 1.0
-    max_size_samples: int = 12
-    max_reported_speed_deviation_m_s: float = 2.0
-    image_speed_gain: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.vehicles.locate import LocateConfig, locate
+from perception.detection.vehicles.config import VehicleConfig
+from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError
 from perception.geometry.angles import wrap
 from perception.geometry.camera import project
+from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.types import Boxes3D, Frame, FusedDetections
 from tests.vehicle_scenes import (
     CALIBRATION,
@@ -134,7 +136,7 @@ def test_what_is_hardly_believed_is_not_looked_for():
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
     assert np.isfinite(found.boxes.yaw_rad).tolist() == [False, True]
     assert set(found.owners.tolist()) == {-1, 1}
-    all_of_them = LocateConfig(min_score=0.0)
+    all_of_them = VehicleConfig(tracker=VehicleTrackerConfig(min_score=0.0))
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND, all_of_them)
     assert np.isfinite(found.boxes.yaw_rad).all()
 

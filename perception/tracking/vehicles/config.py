@@ -1,0 +1,74 @@
+"""Configuration of the tracker of detected vehicles."""
+
+from dataclasses import dataclass, field
+
+from perception.tracking.config import MotionModelConfig
+
+
+@dataclass(frozen=True)
+class SharedIdsConfig:
+    """When a detected vehicle and a track of a moving object are one object, with one id.
+
+    Attributes:
+        min_iou: Minimum IoU on the ground of the vehicle and the track.
+        scans: Number of consecutive scans together before two ids become one, and apart before one becomes two.
+    """
+
+    min_iou: float = 0.15
+    scans: int = 3
+
+
+@dataclass(frozen=True)
+class VehicleTrackerConfig:
+    """Tracker of detected vehicles, in the image and on the ground.
+
+    Attributes:
+        min_score: Minimum score of a detection that is located in the scan and may continue a track.
+        new_track_score: Minimum score of a detection that may begin a track.
+        high_score: Minimum score of a detection that is assigned before the others.
+        min_score_sum: Minimum sum of the scores of a confirmed track; one detection is never enough.
+        max_unseen_unconfirmed_s: Time without a detection after which an unconfirmed track is deleted.
+        max_unseen_s: Time without a detection after which a confirmed track is deleted.
+        min_iou: Minimum IoU in the image of a detection and the track that it continues.
+        side_deviation_share: Standard deviation of the sides of a 2D box from their prediction, as a share of its
+            width and height.
+        min_size_px: Minimum width and height in that share.
+        max_cost: Maximum squared distance of a detection, four sides and a position, in standard deviations; 30
+            leaves out 1 of 20,000 true pairs (chi-squared, 6 degrees of freedom).
+        position_noise_m: Standard deviation of a located position, at any distance.
+        position_noise_per_m: Increase of that standard deviation with distance.
+        sparse_noise_m: Standard deviation of a position located by one point; divided by the root of the number
+            of points.
+        relocate_after_s: Time located elsewhere than predicted after which a track moves there.
+        heading_memory: Share of the past observations of the heading that the next one leaves.
+        course_speed_m_s: Minimum speed at which the course corrects the heading.
+        front_speed_m_s: Minimum speed at which the course tells the front from the rear.
+        max_size_samples: Maximum number of observations that a size is averaged over.
+        max_reported_speed_deviation_m_s: Maximum standard deviation of a reported velocity.
+        image_speed_gain: Gain of a correction of the motion in the image.
+        motion: Motion model on the ground and its gate.
+        shared_ids: Common ids with the tracks of moving objects.
+    """
+
+    min_score: float = 0.1
+    new_track_score: float = 0.3
+    high_score: float = 0.5
+    min_score_sum: float = 1.2
+    max_unseen_unconfirmed_s: float = 0.25
+    max_unseen_s: float = 1.5
+    min_iou: float = 0.1
+    side_deviation_share: float = 0.12
+    min_size_px: float = 4.0
+    max_cost: float = 30.0
+    position_noise_m: float = 0.2
+    position_noise_per_m: float = 0.01
+    sparse_noise_m: float = 1.2
+    relocate_after_s: float = 0.35
+    heading_memory: float = 0.7
+    course_speed_m_s: float = 2.0
+    front_speed_m_s: float = 1.0
+    max_size_samples: int = 12
+    max_reported_speed_deviation_m_s: float = 2.0
+    image_speed_gain: float = 0.5
+    motion: MotionModelConfig = field(default_factory=MotionModelConfig)
+    shared_ids: SharedIdsConfig = field(default_factory=SharedIdsConfig)
