@@ -5,7 +5,6 @@ from perception.cli.evaluations.depthcn import depthcn
 from perception.cli.evaluations.detection import detection
 from perception.cli.evaluations.detector import detector
 from perception.cli.evaluations.fusion import fusion
-from perception.cli.evaluations.ground import ground
 from perception.cli.evaluations.obstacles import obstacles
 from perception.cli.evaluations.otd import otd
 from perception.cli.evaluations.robustness import robustness
@@ -13,7 +12,6 @@ from perception.cli.evaluations.tracks import tracks
 from perception.cli.evaluations.vehicles import vehicles
 
 COMMANDS = {
-    "ground": ground,
     "obstacles": obstacles,
     "datmo": datmo,
     "tracks": tracks,

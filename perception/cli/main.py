@@ -36,7 +36,11 @@ class Command:
 
 
 # Modules are imported when their command is asked for, so that `trifuse --help` is quick.
-COMMANDS: Mapping[str, Command] = {}
+COMMANDS: Mapping[str, Command] = {
+    "evaluate ground": Command(
+        "perception.cli.evaluate_ground:ground", "error of the estimated ground at labelled objects"
+    ),
+}
 
 # Commands that have subcommands.
 GROUPS: Mapping[str, str] = {

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.cli.confusion_table import confusion_metrics, confusion_table
 from perception.cli.stage_times import STAGE_HEADER, StageTimes
 from perception.cli.table import format_table
-from perception.evaluation.confusion import Confusion
+from perception.evaluation.confusion import Confusion, confusion_table
 from perception.evaluation.ground import LabelledScan, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
 from perception.geometry.grids import LocalArea
@@ -109,7 +108,7 @@ class RunSummary:
         return confusion_table(
             "points against the exact truth of this synthetic drive",
             {"ground": self.ground, "static": self.motion.static, "moving": self.motion.moving},
-        )
+        ).text()
 
     def to_json(self) -> dict[str, object]:
         """Return the same figures for summary.json."""
@@ -119,9 +118,9 @@ class RunSummary:
             "elapsed_s": round(self.elapsed_s, 3),
             "stages_ms": self.times.to_json(),
             "points_against_truth": {
-                "ground": confusion_metrics(self.ground),
-                "static": confusion_metrics(self.motion.static),
-                "moving": confusion_metrics(self.motion.moving),
+                "ground": self.ground.to_json(),
+                "static": self.motion.static.to_json(),
+                "moving": self.motion.moving.to_json(),
             }
             if self.ground.true_positives
             else None,

@@ -1,21 +1,23 @@
-"""Counts of right and wrong points, and the four ratios made of them."""
+"""Confusion counts of a binary classification of points, and the ratios made of them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Self
 
 import numpy as np
 
+from perception.evaluation.report import Column, Table
 from perception.types import Bool
 
 
 @dataclass(frozen=True)
 class Confusion:
-    """How a yes-or-no answer for each point compares with the truth; add them up over frames.
+    """Counts of predictions against targets; the counts of several frames are added.
 
     Attributes:
-        true_positives: answered yes, is yes.
-        false_positives: answered yes, is no.
-        false_negatives: answered no, is yes.
+        true_positives: Number of positive points predicted positive.
+        false_positives: Number of negative points predicted positive.
+        false_negatives: Number of positive points predicted negative.
     """
 
     true_positives: int = 0
@@ -32,12 +34,12 @@ class Confusion:
 
     @property
     def precision(self) -> float:
-        """Share of the yes answers that are right; NaN without any."""
+        """Share of the positive predictions that are right; NaN without any."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
     def recall(self) -> float:
-        """Share of the true points that were found; NaN without any."""
+        """Share of the positive points that were found; NaN without any."""
         return _ratio(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
@@ -48,13 +50,37 @@ class Confusion:
 
     @property
     def iou(self) -> float:
-        """Intersection over union of the answered and the true points."""
+        """Intersection over union of the predicted and the true points."""
         wrong = self.false_positives + self.false_negatives
         return _ratio(self.true_positives, self.true_positives + wrong)
 
+    def to_json(self) -> dict[str, float]:
+        """Return the counts and the ratios by name."""
+        ratios = {
+            "precision": self.precision,
+            "recall": self.recall,
+            "f1": self.f1,
+            "iou": self.iou,
+        }
+        return {**asdict(self), **ratios}
+
+
+_COLUMNS = (
+    Column[Confusion]("precision", lambda c: c.precision, ".3f"),
+    Column[Confusion]("recall", lambda c: c.recall, ".3f"),
+    Column[Confusion]("F1", lambda c: c.f1, ".3f"),
+    Column[Confusion]("IoU", lambda c: c.iou, ".3f"),
+    Column[Confusion]("true points", lambda c: c.true_positives + c.false_negatives),
+)
+
+
+def confusion_table(title: str, counts: Mapping[str, Confusion]) -> Table[Confusion]:
+    """Return the table of several counts by name."""
+    return Table(title, _COLUMNS, counts)
+
 
 def confusion(predicted: Bool, target: Bool) -> Confusion:
-    """Count (N,) answers against (N,) truths."""
+    """Count (N,) predictions against (N,) targets."""
     return Confusion(
         int(np.count_nonzero(predicted & target)),
         int(np.count_nonzero(predicted & ~target)),

@@ -1,20 +1,34 @@
-"""How far the estimated ground is from the true one (thesis 7.1.1), and which points it rightly claims.
+"""Error of the estimated ground against labelled objects (thesis 7.1.1) and against exact point classes.
 
-Two measures. Where objects are labelled, their boxes stand on the true ground, so that the distance
-of a box's bottom centre to the estimated surface is an error (Fig. 3.3); any `GroundModel` can be
-asked, whoever made it. Where every point has an exact class, the points called ground are counted.
+Two metrics. Labelled boxes stand on the true ground, so the distance of a box's bottom centre from the
+estimated surface is an error (Fig. 3.3); this takes any `GroundModel`. Where every point has an exact class,
+the points classified as ground are counted against the true ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from perception.evaluation.confusion import Confusion, confusion
+from perception.evaluation.confusion import Confusion, confusion, confusion_table
+from perception.evaluation.report import Column, Table
 from perception.evaluation.rows import Rows
 from perception.geometry.grids import LocalArea
-from perception.types import Float, Float64, GroundModel, Int, PointState, UInt8
+from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
+from perception.sensor import LidarModel
+from perception.types import (
+    Float,
+    Float64,
+    GroundModel,
+    Int,
+    Labels,
+    PointState,
+    PointTruth,
+    Result,
+    UInt8,
+)
 
 # SemanticKITTI's classes that lie on the ground: road, parking, sidewalk, other ground, lane marking,
 # terrain. Their class decides, not their slope: the face of a kerb is sidewalk, so a kerb called an
@@ -23,6 +37,23 @@ GROUND_CLASSES = (40, 44, 48, 49, 60, 72)
 UNLABELLED_CLASSES = (0, 1)  # unlabelled, outlier: neither right nor wrong
 
 RANGE_EDGES_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
+
+
+PROTOCOL = {
+    "mDE": (
+        "distance along the ground's normal from the bottom centre of each labelled 3D box to the "
+        "estimated ground, averaged over the objects of a frame, then over the frames that have any "
+        "(7.1)-(7.2); every type but DontCare, bottom centre within the local area"
+    ),
+    "bias": "the same with signs, positive where the estimated ground lies too low",
+    "range": "horizontal distance from the LiDAR",
+    "slices": "intervals of x between the edges of (5.2) with the thesis' eta",
+    "points": (
+        "points classified as ground against points of the classes of the ground, over the local area, "
+        "summed over frames; unlabelled points do not count, the faces of kerbs are ground"
+    ),
+    "ground_classes": GROUND_CLASSES,
+}
 
 
 def displacement_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
@@ -39,12 +70,12 @@ def signed_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
 
 @dataclass(frozen=True)
 class GroundErrors(Rows):
-    """The errors at the feet of K labelled objects, of one frame or of many.
+    """Errors at the bottom centres of K labelled objects, of one frame or of many.
 
     Attributes:
-        frames: (K,) number of the frame.
-        bottom_centers_m: (K, 2) x and y of the foot in the LiDAR frame.
-        errors_m: (K,) signed: positive where the estimated ground lies too low.
+        frames: (K,) Number of the frame.
+        bottom_centers_m: (K, 2) x and y of the bottom centre in the LiDAR frame.
+        errors_m: (K,) Signed error, positive where the estimated ground lies too low.
     """
 
     frames: Int
@@ -53,31 +84,31 @@ class GroundErrors(Rows):
 
     @property
     def ranges_m(self) -> Float64:
-        """(K,) horizontal distance of the foot from the LiDAR."""
+        """(K,) horizontal distance of the bottom centre from the LiDAR."""
         return np.asarray(np.linalg.norm(self.bottom_centers_m, axis=-1))
 
 
 def ground_errors(
     frame: int, ground: GroundModel, bottom_centers: Float, area: LocalArea
 ) -> GroundErrors:
-    """Measure one frame at the (K, 3) feet of its labelled objects, as far as they are in the area."""
-    feet = bottom_centers[area.contains_xy(bottom_centers)]
+    """Measure one frame at the (K, 3) bottom centres of its labelled objects that are in the area."""
+    inside = bottom_centers[area.contains_xy(bottom_centers)]
     return GroundErrors(
-        frames=np.full(len(feet), frame, np.int64),
-        bottom_centers_m=feet[:, :2].astype(np.float64),
-        errors_m=signed_errors(ground, feet),
+        frames=np.full(len(inside), frame, np.int64),
+        bottom_centers_m=inside[:, :2].astype(np.float64),
+        errors_m=signed_errors(ground, inside),
     )
 
 
 @dataclass(frozen=True)
 class MeanDisplacementError:
-    """The mean of displacement errors, and what it rests on.
+    """Mean displacement error, and the number of frames and objects that it rests on.
 
     Attributes:
-        mde_m: mean over the frames of each frame's mean over its objects (7.1)-(7.2); NaN without any.
-        bias_m: the same with signs: positive where the estimated ground lies too low.
-        frames: that have an object.
-        objects: in all frames.
+        mde_m: Mean over the frames of each frame's mean over its objects (7.1)-(7.2); NaN without any.
+        bias_m: The same mean of signed errors, positive where the estimated ground lies too low.
+        frames: Number of frames that have an object.
+        objects: Number of objects in all frames.
     """
 
     mde_m: float
@@ -103,31 +134,31 @@ def mean_displacement_error(errors: GroundErrors) -> MeanDisplacementError:
 def displacement_by_interval(
     errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
 ) -> list[MeanDisplacementError]:
-    """Return one figure for each interval between rising edges, and one for what lies beyond the last.
+    """Return the error in each interval between rising edges, and beyond the last edge.
 
     Args:
-        errors: of K objects.
-        positions_m: (K,) where each lies: its range, or its x for slices (5.2), which end at lines of x.
-        edges_m: of the intervals.
+        errors: Errors of K objects.
+        positions_m: (K,) Range of each object, or its x for slices (5.2), which end at lines of x.
+        edges_m: Rising edges of the intervals.
     """
     interval = _interval_of(positions_m, edges_m)
     return [mean_displacement_error(errors[interval == number]) for number in range(len(edges_m))]
 
 
 def interval_names(edges_m: Sequence[float]) -> list[str]:
-    """Name the intervals between rising edges, and what lies beyond the last."""
+    """Name the intervals between rising edges, and the one beyond the last edge."""
     bounded = [f"{low:.4g} to {high:.4g} m" for low, high in pairwise(edges_m)]
     return [*bounded, f"over {edges_m[-1]:.4g} m"]
 
 
 @dataclass(frozen=True)
 class LabelledScan:
-    """What was said of the N points of one scan, and what is true.
+    """Predicted and true classes of the N points of one scan.
 
     Attributes:
-        points_velo: (N, 3+).
-        states: (N,) one `PointState` each.
-        classes: (N,) SemanticKITTI's class numbers.
+        points_velo: (N, 3+) Points in the LiDAR frame.
+        states: (N,) Predicted `PointState` of each point.
+        classes: (N,) True SemanticKITTI class number of each point.
     """
 
     points_velo: Float
@@ -138,10 +169,10 @@ class LabelledScan:
 def ground_confusion(
     scan: LabelledScan, area: LocalArea, edges_m: Sequence[float] = RANGE_EDGES_M
 ) -> list[Confusion]:
-    """Compare the points called ground with the true ones, for each interval of horizontal range.
+    """Compare the points classified as ground with the true ones, for each interval of horizontal range.
 
-    All labelled points over the area count, whatever their height: a true ground point that was taken
-    for too low or too high to matter is a missed one.
+    All labelled points over the area count, whatever their height: a true ground point that was left out
+    as too low or too high is a missed one.
     """
     counts = area.contains_xy(scan.points_velo) & ~np.isin(scan.classes, UNLABELLED_CLASSES)
     points, states, classes = scan.points_velo[counts], scan.states[counts], scan.classes[counts]
@@ -155,3 +186,113 @@ def ground_confusion(
 def _interval_of(ranges_m: Float, edges_m: Sequence[float]) -> Int:
     """Return 0 between the first two edges, and so on; -1 below the first."""
     return np.asarray(np.searchsorted(np.asarray(edges_m), ranges_m, side="right") - 1)
+
+
+_COLUMNS = (
+    Column[MeanDisplacementError]("mDE [m]", lambda e: e.mde_m, ".4f", "mde_m"),
+    Column[MeanDisplacementError]("bias [m]", lambda e: e.bias_m, "+.4f", "bias_m"),
+    Column[MeanDisplacementError]("frames", lambda e: e.frames, "", "frames"),
+    Column[MeanDisplacementError]("objects", lambda e: e.objects, "", "objects"),
+)
+
+
+@dataclass(frozen=True)
+class GroundReport:
+    """Metrics of the ground of one drive.
+
+    Attributes:
+        total: Error over all objects, or None without labels.
+        by_range: Error by horizontal range.
+        by_slice: Error by the thesis' slices.
+        points: Confusion of ground points by horizontal range; empty without exact truth.
+    """
+
+    total: MeanDisplacementError | None
+    by_range: Mapping[str, MeanDisplacementError]
+    by_slice: Mapping[str, MeanDisplacementError]
+    points: Mapping[str, Confusion]
+
+    @property
+    def all_points(self) -> Confusion:
+        """Confusion of all ground points."""
+        return sum(self.points.values(), Confusion())
+
+    def tables(self) -> list[Table[Any]]:
+        """Return the errors by range and by slice, and the confusion of points."""
+        tables: list[Table[Any]] = []
+        if self.total is not None:
+            by_range = {"all": self.total, **self.by_range}
+            tables.append(Table("Ground at labelled bottom centres, by range", _COLUMNS, by_range))
+            tables.append(Table("The same by slices of x (5.2)", _COLUMNS, self.by_slice))
+        if self.points:
+            points = {"all": self.all_points, **self.points}
+            tables.append(confusion_table("Ground points against exact truth", points))
+        return tables
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the errors and the confusion of points by name."""
+        document: dict[str, Any] = {}
+        if self.total is not None:
+            document["mde"] = self.total
+            document["mde_by_range"] = self.by_range
+            document["mde_by_slice"] = self.by_slice
+        if self.points:
+            document["points"] = self.all_points.to_json()
+            document["points_by_range"] = {n: one.to_json() for n, one in self.points.items()}
+        return document
+
+
+class GroundMeasure:
+    """Accumulates the errors of the estimated ground over the frames of a drive."""
+
+    def __init__(self, area: LocalArea, slice_edges_m: Sequence[float]) -> None:
+        """Start without a frame.
+
+        Args:
+            area: Area over which objects and points count.
+            slice_edges_m: Rising edges in x of the slices that errors are grouped by.
+        """
+        self._area, self._slice_edges_m = area, slice_edges_m
+        self._errors: list[GroundErrors] = []
+        self._points: list[list[Confusion]] = []
+
+    def update(self, result: Result, labels: Labels | None, truth: PointTruth | None) -> None:
+        """Add one frame."""
+        if labels is not None:
+            bottom_m = labels.boxes_velo.bottom_m
+            index = result.frame.index
+            self._errors.append(ground_errors(index, result.ground, bottom_m, self._area))
+        if truth is not None:
+            states = result.obstacles.point_states
+            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
+            self._points.append(ground_confusion(scan, self._area))
+
+    def compute(self) -> GroundReport:
+        """Return the metrics of all frames so far."""
+        points = [sum(interval, Confusion()) for interval in zip(*self._points, strict=True)]
+        by_points = dict(zip(interval_names(RANGE_EDGES_M), points, strict=True)) if points else {}
+        if not self._errors:
+            return GroundReport(None, {}, {}, by_points)
+        errors = GroundErrors.concatenate(self._errors)
+        along_x_m = errors.bottom_centers_m[:, 0]
+        return GroundReport(
+            total=mean_displacement_error(errors),
+            by_range=_named(errors, errors.ranges_m, RANGE_EDGES_M),
+            by_slice=_named(errors, along_x_m, self._slice_edges_m),
+            points=by_points,
+        )
+
+
+def _named(
+    errors: GroundErrors, positions_m: Float64, edges_m: Sequence[float]
+) -> dict[str, MeanDisplacementError]:
+    metrics = displacement_by_interval(errors, positions_m, edges_m)
+    return dict(zip(interval_names(edges_m), metrics, strict=True))
+
+
+def thesis_slice_edges_m(sensor: LidarModel, area: LocalArea) -> list[float]:
+    """Return the rising edges in x of the thesis' slices (5.2) for a sensor."""
+    edges_m = slice_edges_m(
+        sensor.height_m, sensor.elevation_step_rad, area.ahead_m, PiecewisePlanesConfig()
+    )
+    return [-area.behind_m, *slice_starts_m(edges_m, area.ahead_m).tolist()]

@@ -1,5 +1,5 @@
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +12,11 @@ from data.open_drive import open_drive
 from perception.cli import drive_results
 from perception.cli.documents import to_serializable
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
-from perception.cli.evaluations.ground_report import ground_results, ground_tables, measure_ground
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
 from perception.cli.evaluations.obstacle_tables import obstacle_results, obstacle_tables
 from perception.cli.main import main
 from perception.errors import UsageError
+from perception.evaluation.ground import GroundMeasure, GroundReport, thesis_slice_edges_m
 from perception.evaluation.objects import MotionState
 from perception.evaluation.obstacles import ObjectMatchConfig
 from perception.geometry.boxes import points_inside
@@ -96,19 +96,27 @@ def knowing_results(drive: KittiSequence, frames: int) -> Iterator[Result]:
         yield result_of(frame, states)
 
 
+def measure_ground(drive: Drive, results: Iterable[Result]) -> GroundReport:
+    measure = GroundMeasure(AREA, thesis_slice_edges_m(drive.sensor, AREA))
+    for result in results:
+        index = result.frame.index
+        labels = drive.labels(index) if drive.has_labels else None
+        measure.update(result, labels, drive.point_truth(index))
+    return measure.compute()
+
+
 def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
     results = (result_of(sequence_0000[i], np.zeros(1, np.uint8)) for i in (0, 40, 80))
-    report = measure_ground(sequence_0000, results, AREA)
+    report = measure_ground(sequence_0000, results)
     feet = [sequence_0000.labels(i).boxes_velo.bottom_m for i in (0, 40, 80)]
     by_hand = [np.abs(foot[AREA.contains_xy(foot), 2] + 1.73).mean() for foot in feet]
-    assert report.frames == 3
-    assert report.points is None
+    assert not report.points
     assert report.total.mde_m == pytest.approx(np.mean(by_hand), abs=1e-9)
     objects = report.total.objects
-    assert sum(metric.objects for metric in report.by_range().values()) == objects
-    assert sum(metric.objects for metric in report.by_slice().values()) == objects
-    assert set(ground_results(report)) == {"mde", "mde_by_range", "mde_by_slice"}
-    assert f"{report.total.mde_m:.4f}" in ground_tables(report)
+    assert sum(metric.objects for metric in report.by_range.values()) == objects
+    assert sum(metric.objects for metric in report.by_slice.values()) == objects
+    assert set(report.to_json()) == {"mde", "mde_by_range", "mde_by_slice"}
+    assert f"{report.total.mde_m:.4f}" in report.tables()[0].text()
 
 
 def test_who_knows_the_labels_misses_nothing(sequence_0000: KittiSequence):
@@ -175,9 +183,9 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
     frame = Frame(0, 0.0, points.astype(np.float32))
     states = np.array([1, 2, 3, 2], np.uint8)  # ground, static, moving, static
     drive = WithTruth(sequence_0000)
-    ground = measure_ground(drive, [result_of(frame, states)], AREA)
+    ground = measure_ground(drive, [result_of(frame, states)])
     assert ground.total is None
-    metrics = ground_results(ground)
+    metrics = ground.to_json()
     assert metrics["points"]["recall"] == 0.5
     assert metrics["points_by_range"]["0 to 5 m"]["recall"] == 1
     obstacles = measure_obstacles(drive, [result_of(frame, states)], AREA, ObstacleProtocol())

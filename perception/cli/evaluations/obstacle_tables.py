@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from perception.cli.confusion_table import confusion_metrics, confusion_table
 from perception.cli.evaluations.obstacle_report import ObstacleReport
 from perception.cli.table import Cell, format_table, percent
+from perception.evaluation.confusion import confusion_table
 from perception.evaluation.false_clusters import is_false
 from perception.evaluation.obstacles import ObjectCounts, missed_moving
 
@@ -28,7 +28,7 @@ def obstacle_tables(report: ObstacleReport) -> str:
     if report.points is not None:
         points = {"moving": report.points.moving, "static": report.points.static}
         tables.append(
-            confusion_table("Points called moving or static, against exact truth", points)
+            confusion_table("Points called moving or static, against exact truth", points).text()
         )
     return "\n\n".join([*tables, *_what_is_missing(report)])
 
@@ -137,6 +137,6 @@ def obstacle_results(report: ObstacleReport) -> dict[str, Any]:
         results["shadow_voxels"] = int(report.shadows.voxels.sum())
         results["shadows_per_frame"] = float(report.shadows.clusters.mean())
     if report.points is not None:
-        results["points_moving"] = confusion_metrics(report.points.moving)
-        results["points_static"] = confusion_metrics(report.points.static)
+        results["points_moving"] = report.points.moving.to_json()
+        results["points_static"] = report.points.static.to_json()
     return results

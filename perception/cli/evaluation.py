@@ -1,0 +1,159 @@
+"""What the `evaluate` commands share: a drive with truth, the pipeline, a measure, and the report that comes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from perception import __version__
+from perception.cli.flags import DriveFlags
+from perception.errors import DriveError
+from perception.evaluation.report import Measure, Report
+from perception.pipeline import PipelineConfig
+from perception.types import Drive
+
+AnyReport = TypeVar("AnyReport", bound=Report)
+
+_NO_SPLIT = "none: no frame was trained on, and none left out between the first and the last"
+
+
+@dataclass(frozen=True)
+class EvaluatedDrive:
+    """Frames that the metrics of one drive rest on.
+
+    Attributes:
+        root: Folder of the drive.
+        drive: Name of the drive or sequence.
+        sensor: Name of the LiDAR model.
+        frames: Number of frames of the drive.
+        first_frames: Number of frames asked for, from the start.
+        frames_evaluated: Number of these frames that could be read.
+    """
+
+    root: Path
+    drive: str
+    sensor: str
+    frames: int
+    first_frames: int
+    frames_evaluated: int
+
+    @classmethod
+    def of(cls, drive: Drive, frames: int | None, evaluated: int) -> "EvaluatedDrive":
+        """Describe a drive of which the first frames were evaluated, all where `frames` is None."""
+        asked = len(drive) if frames is None else min(frames, len(drive))
+        root = drive.root.resolve()
+        return cls(root, drive.name, drive.sensor.name, len(drive), asked, evaluated)
+
+    def __str__(self) -> str:
+        """Return the drive, its frames and its LiDAR in one line."""
+        return f"{self.drive}: {self.frames_evaluated} of {self.frames} frames, {self.sensor}"
+
+
+@dataclass(frozen=True)
+class Evaluated(Generic[AnyReport]):
+    """Report of a measure over one drive.
+
+    Attributes:
+        report: Metrics.
+        data: Frames that the metrics rest on.
+    """
+
+    report: AnyReport
+    data: EvaluatedDrive
+
+
+@dataclass(frozen=True)
+class EvaluationDocument:
+    """Everything that `--json` states beside the metrics, so that they can be reproduced.
+
+    Attributes:
+        measure: Name of the command, such as ground.
+        data: Frames or files that were evaluated.
+        protocol: Rules of the measure in words and values.
+        configuration: Configuration of what was evaluated.
+        split: Data that were trained on or left out, in words.
+    """
+
+    measure: str
+    data: object
+    protocol: Mapping[str, Any]
+    configuration: object
+    split: str = _NO_SPLIT
+
+
+def open_labelled_drive(root: Path, flags: DriveFlags, *, images: bool = False) -> Drive:
+    """Open a drive that has labels or exact truth to measure against.
+
+    Args:
+        root: Folder of the drive, or of several of which the flags choose one.
+        flags: Sequence and sensor.
+        images: Whether frames carry images.
+
+    Raises:
+        DriveError: the path holds no such drive.
+    """
+    from data.open_drive import open_drive
+
+    drive = open_drive(root, sequence=flags.sequence, sensor=flags.sensor, images=images)
+    if not drive.has_labels and drive.point_truth(0) is None:
+        raise DriveError(
+            drive.root,
+            expected="labelled boxes or exact point truth to measure against",
+            found="neither in this drive",
+            advice="name the same drive in the tracking or object layout, or one that "
+            "`trifuse synth` wrote",
+        )
+    return drive
+
+
+def evaluate_drive(
+    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, measure: Measure[AnyReport]
+) -> Evaluated[AnyReport]:
+    """Run the pipeline over a drive and feed every frame to a measure, with a progress bar.
+
+    Args:
+        drive: Drive with labels or exact truth.
+        flags: Number of frames, and what to do at a damaged one.
+        pipeline: Pipeline configuration.
+        measure: Measure that is updated frame by frame.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    from perception.cli.drive_results import drive_results
+
+    count = 0
+    results = drive_results(drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame)
+    for result in results:
+        index = result.frame.index
+        labels = drive.labels(index) if drive.has_labels else None
+        measure.update(result, labels, drive.point_truth(index))
+        count += 1
+    return Evaluated(measure.compute(), EvaluatedDrive.of(drive, flags.frames, count))
+
+
+def publish_report(
+    heading: str, report: Report, document: EvaluationDocument, json: Path | None
+) -> None:
+    """Print the tables of a report below a heading; write its metrics where a JSON file is asked for.
+
+    Args:
+        heading: First line on the screen: what was evaluated.
+        report: Metrics.
+        document: Everything that the JSON file states beside the metrics.
+        json: JSON file, or None.
+    """
+    from perception.cli.documents import write_json
+
+    print("\n\n".join([heading, *(table.text() for table in report.tables())]))
+    if json is not None:
+        written = {
+            "measure": document.measure,
+            "program": f"trifuse {__version__}",
+            "data": document.data,
+            "split": document.split,
+            "protocol": document.protocol,
+            "configuration": document.configuration,
+            "results": report.to_json(),
+        }
+        write_json(json, written)
