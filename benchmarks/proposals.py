@@ -10,8 +10,9 @@ from benchmarks.reference.proposals import boxes_by_loop
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from perception.cli.table import Cell
 from perception.detection.clustering import cluster
+from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.above_ground import find_above_ground
-from perception.detection.depthcn.proposals import ProposalConfig, propose
+from perception.detection.depthcn.proposals import propose
 from perception.detection.height_cells import HeightCells
 from perception.errors import MissingDependencyError
 from perception.geometry.box_overlap_px import iou_px
@@ -27,7 +28,7 @@ def compare_clusters(prepared: PreparedDrive) -> Comparison:
     """DBSCAN of what stands in the camera's view (6.1.2), and whether all give it the same labels."""
     places_m = []
     for frame in prepared.frames:
-        rules = _RULES.cell_m, _RULES.least_variance_m2
+        rules = _RULES.cell_m, _RULES.min_variance_m2
         places_m.append(
             find_above_ground(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m
         )
@@ -40,7 +41,7 @@ def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
     places_m = []
     for frame in prepared.frames:
         cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
-        above_ground = frame.points_velo[cells.has_variance(_RULES.least_variance_m2)]
+        above_ground = frame.points_velo[cells.has_variance(_RULES.min_variance_m2)]
         places_m.append(above_ground[:, :2].astype(np.float64))
     return _compare("clusters of a full turn", places_m, [])
 

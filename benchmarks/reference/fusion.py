@@ -4,8 +4,8 @@ from itertools import product
 
 import numpy as np
 
+from perception.detection.config import TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.tri_boxes import TriBoxConfig
 from perception.types import MODALITIES, Detections, Float64, Int
 
 # A box: column of its modality, row within it.

@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 
 from benchmarks.reference.dbscan import cluster_by_definition
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.types import Calibration, Float, Float64
 
 
@@ -52,7 +52,7 @@ def _in_varied_cells(points: list[list[float]], rules: ProposalConfig) -> list[l
         cells[_cell(point, rules.cell_m)].append(point)
     is_varied = {
         cell: len(of_cell) > 1
-        and statistics.variance([point[2] for point in of_cell]) >= rules.least_variance_m2
+        and statistics.variance([point[2] for point in of_cell]) >= rules.min_variance_m2
         for cell, of_cell in cells.items()
     }
     return [point for point in points if is_varied[_cell(point, rules.cell_m)]]

@@ -16,8 +16,9 @@ import perception.detection.depthcn
 import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
+from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.image import encode_channels
-from perception.detection.depthcn.proposals import ProposalConfig, propose
+from perception.detection.depthcn.proposals import propose
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import project
 from perception.maps.densify import densify

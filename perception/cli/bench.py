@@ -14,10 +14,10 @@ from data.synthetic.drive import SyntheticDrive
 from perception.cli.documents import write_json
 from perception.cli.machine import describe_machine
 from perception.cli.table import format_table
+from perception.detection.config import DetectionConfig
 from perception.errors import ModelError, PerceptionError
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_config import DetectionConfig
 from perception.sensor import HDL_64E, load_sensor
 from perception.types import Drive
 

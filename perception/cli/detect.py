@@ -21,8 +21,7 @@ from perception.cli.vehicle_detector import (
     VehicleDetectorOutput,
     detect_frames,
 )
-from perception.detection.depthcn.detector import NmsConfig
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import NmsConfig, ProposalConfig
 from perception.errors import PerceptionError
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.render.detection_composition import DetectionComposition, DetectionScene

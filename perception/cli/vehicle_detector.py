@@ -7,8 +7,8 @@ from typing import Protocol, TypeVar
 
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.progress import progress_bar
-from perception.detection.depthcn.detector import DepthCn, NmsConfig
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import NmsConfig, ProposalConfig
+from perception.detection.depthcn.detector import DepthCn
 from perception.geometry.threads import limit_blas_threads
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
@@ -109,8 +109,8 @@ class DepthCnConfig:
         detector = DepthCn(
             self.model or self.method,
             sensor,
-            proposal_config=self.rules,
-            nms_config=NmsConfig(min_score=self.min_score),
+            proposals=self.rules,
+            nms=NmsConfig(min_score=self.min_score),
         )
         return TimedDepthCn(detector)
 

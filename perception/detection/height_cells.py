@@ -35,7 +35,7 @@ class HeightCells:
         shape = int(x.max()) + 1, int(y.max()) + 1
         return cls(points_velo[:, 2].astype(np.float64), x * shape[1] + y, shape, cell_m)
 
-    def has_variance(self, least_variance_m2: float) -> Bool:
+    def has_variance(self, min_variance_m2: float) -> Bool:
         """Tell which points lie in a cell whose heights vary at least so much (6.1.2).
 
         The variance is that of a sample, over n - 1, as the author's code takes it; a single point has
@@ -45,7 +45,7 @@ class HeightCells:
         counts = np.bincount(self.cell_of, minlength=count)
         mean_m = np.bincount(self.cell_of, self.z_m, count) / np.maximum(counts, 1)
         squares = np.bincount(self.cell_of, (self.z_m - mean_m[self.cell_of]) ** 2, count)
-        has_variance = squares / np.maximum(counts - 1, 1) >= least_variance_m2
+        has_variance = squares / np.maximum(counts - 1, 1) >= min_variance_m2
         return np.asarray(has_variance[self.cell_of])
 
     def lowest_around_m(self, reach_m: float) -> Float64:

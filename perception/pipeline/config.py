@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from typing import Self
 
 from perception.datmo.stage import DatmoMethod
+from perception.detection.config import NO_DETECTION, DetectionConfig
 from perception.errors import UsageError
 from perception.geometry.grids import MOVING_OBJECT_AREA, EgoVehicle, LocalArea
 from perception.localization.registration import RegistrationConfig
-from perception.pipeline.detection_config import NO_DETECTION, DetectionConfig
 from perception.types import Method
 
 

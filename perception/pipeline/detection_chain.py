@@ -5,15 +5,20 @@ Frames know nothing of each other here, except where vehicles are followed.
 
 from dataclasses import dataclass
 
+from perception.detection.config import DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.detection.detectors.multimodal import MultimodalDetector, MultimodalOutput
+from perception.detection.detectors.multimodal import (
+    DetectionFusion,
+    MultimodalDetector,
+    MultimodalOutput,
+)
+from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.pipeline.clock import StageClock
-from perception.pipeline.detection_config import DetectionConfig
 from perception.sensor import LidarModel
 from perception.types import MODALITIES, Detections, Frame, Modality
 
@@ -85,18 +90,18 @@ def load_detectors(config: DetectionConfig, sensor: LidarModel) -> DetectionChai
         ModelError: a file is missing, or does not hold the network that it was named for.
     """
     detectors = {
-        modality: ModalityDetector(config.files[modality] or modality, threads=1)
+        modality: ModalityDetector(config.models[modality] or modality, threads=1, nms=config.nms)
         for modality in enabled_modalities(config)
     }
     return DetectionChain(
         multimodal=MultimodalDetector(detectors, _open_fusion(config)) if detectors else None,
-        depthcn=DepthCn(config.depthcn_model or "default", sensor) if config.depthcn else None,
+        depthcn=_open_depthcn(config, sensor) if config.depthcn.enabled else None,
     )
 
 
 def is_detection_enabled(config: DetectionConfig) -> bool:
     """Tell whether a choice asks for any detector."""
-    return config.depthcn or len(enabled_modalities(config)) > 0
+    return config.depthcn.enabled or len(enabled_modalities(config)) > 0
 
 
 def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
@@ -106,12 +111,25 @@ def enabled_modalities(config: DetectionConfig) -> tuple[Modality, ...]:
     return tuple(
         modality
         for modality in MODALITIES
-        if config.files[modality] or shipped_model(f"{modality}_compact").is_file()
+        if config.models[modality] or shipped_model(f"{modality}_compact").is_file()
     )
 
 
-def _open_fusion(config: DetectionConfig) -> Fusion | None:
+def _open_depthcn(config: DetectionConfig, sensor: LidarModel) -> DepthCn:
+    return DepthCn(
+        config.depthcn.model or "default",
+        sensor,
+        proposals=config.depthcn.proposals,
+        nms=config.nms,
+    )
+
+
+def _open_fusion(config: DetectionConfig) -> DetectionFusion:
     """Open the network that weighs the detectors; without one, the best box of each place stays."""
-    if config.fusion_model is None and not shipped_model("fusion_default").is_file():
-        return None
-    return Fusion(config.fusion_model or "default")
+    if config.fusion.model is None and not shipped_model("fusion_default").is_file():
+        return NmsFusion(config.nms.max_iou)
+    return Fusion(
+        config.fusion.model or "default",
+        max_iou=config.nms.max_iou,
+        tri_boxes=config.fusion.tri_boxes,
+    )

@@ -97,7 +97,12 @@ def test_an_image_that_nobody_draws_is_looked_at_all_the_same(networks, tmp_path
 def test_without_detectors_there_are_no_files_of_vehicles(car_frames, tmp_path):
     out = tmp_path / "out"
     words = ["run", str(car_frames), "--out", str(out), "--video", "false"]
-    none = ["--pipeline.detection.modalities", "[]", "--pipeline.detection.depthcn", "false"]
+    none = [
+        "--pipeline.detection.modalities",
+        "[]",
+        "--pipeline.detection.depthcn.enabled",
+        "false",
+    ]
     assert main([*words, *none]) == 0
     names = {path.name for path in out.iterdir()}
     assert not names & {"data", "vehicles", "vehicles.jsonl"}

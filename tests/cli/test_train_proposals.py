@@ -9,11 +9,11 @@ import yaml
 from jsonargparse import auto_cli
 
 from perception.cli.main import main
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from tests.car_frames import write_car_frames
 
 GRID = (
-    *("--grid.cell-m", "[0.5]", "--grid.least_variance_m2", "[0.01]"),
+    *("--grid.cell-m", "[0.5]", "--grid.min_variance_m2", "[0.01]"),
     *("--grid.least-points", "[2,5]", "--grid.radius-m", "[0.05,0.5]"),
 )
 

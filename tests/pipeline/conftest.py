@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from data.synthetic.drive import SyntheticDrive
+from perception.detection.config import DetectionConfig
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_config import DetectionConfig
 from perception.types import MODALITIES
 from tests.detection.bright_cells import bright_cells
 

@@ -7,14 +7,14 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
+from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
 from perception.detection.depthcn import detector as depthcn_detector
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import modality_image
-from perception.errors import ModelError, PoseError, UsageError
+from perception.errors import ModelError, PoseError
 from perception.maps.densify import densify
 from perception.pipeline import Pipeline, PipelineConfig, detection_chain
-from perception.pipeline.detection_config import NO_DETECTION, DetectionConfig
 from perception.pipeline.obstacle_process import ObstacleProcess
 from perception.types import MODALITIES
 
@@ -87,7 +87,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
     has_detected, waited = threading.Event(), []
     verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
 
-    def examine_and_tell(*given):
+    def verify_and_signal(*given):
         verified = verify_frame(*given)
         has_detected.set()
         return verified
@@ -96,7 +96,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         waited.append(has_detected.wait(timeout=20))
         return step(*given)
 
-    monkeypatch.setattr(DepthCn, "examine", examine_and_tell)
+    monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
     monkeypatch.setattr(ObstacleProcess, "step", step_late)
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
@@ -191,7 +191,9 @@ def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames
 
 def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
     nowhere = tmp_path / "nowhere.onnx"
-    unused = replace(NO_DETECTION, rgb_model=nowhere, depthcn_model=nowhere)
+    unused = replace(
+        NO_DETECTION, rgb_model=nowhere, depthcn=DepthCnConfig(enabled=False, model=nowhere)
+    )
     Pipeline(config=PipelineConfig(detection=unused)).close()
     with pytest.raises(ModelError, match=r"nowhere\.onnx"):
         Pipeline(config=PipelineConfig(detection=DetectionConfig(rgb_model=nowhere)))
@@ -210,8 +212,3 @@ def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
             config=PipelineConfig(detection=DetectionConfig(rgb_model=tmp_path / "nowhere.onnx"))
         )
     assert len(ended) == 1
-
-
-def test_a_modality_twice_is_refused():
-    with pytest.raises(UsageError, match="each once"):
-        DetectionConfig(modalities=(*MODALITIES, "dm"))

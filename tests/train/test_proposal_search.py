@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalConfig, propose
+from perception.detection.config import ProposalConfig
+from perception.detection.depthcn.proposals import propose
 from perception.errors import (
     CalibrationError,
     DriveError,
@@ -136,7 +137,7 @@ def test_a_file_that_ends_in_its_first_row_begins_anew(config, tmp_path):
 def test_more_values_go_on_from_fewer(config, frames, tmp_path):
     search_log = tmp_path / "counts.jsonl"
     search(config, search_log)
-    more = SearchGrid(GRID.cell_m, GRID.least_variance_m2, GRID.min_points, (0.05, 0.5, 0.6))
+    more = SearchGrid(GRID.cell_m, GRID.min_variance_m2, GRID.min_points, (0.05, 0.5, 0.6))
     wider = SearchConfig(config.survey, more, "thesis", chunk_frames=3)
     assert search(wider, search_log) == search(wider, tmp_path / "fresh.jsonl")
 

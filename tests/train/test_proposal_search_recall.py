@@ -1,6 +1,6 @@
 """The curves of a few settings rest on the same frames and proposals as the counts of the search."""
 
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from tests.car_frames import write_car_frames
 from train.proposal_search.grid import SearchGrid
 from train.proposal_search.recall import ProposalSetting, measure_recall

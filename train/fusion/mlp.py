@@ -7,7 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from perception.detection.fusion.features import FEATURES, Variant
+from perception.detection.config import FusionVariant
+from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.score_calibration import FusionCalibration
 from perception.errors import ModelError, UsageError
 from perception.types import MODALITIES, Float32
@@ -25,7 +26,7 @@ class MlpConfig:
         hidden: sizes of the hidden layers.
     """
 
-    variant: Variant = "default"
+    variant: FusionVariant = "default"
     hidden: tuple[int, ...] = (30,)
 
     def __post_init__(self) -> None:

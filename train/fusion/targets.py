@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.detections.detected_frames import DetectedFrames
+from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.features import Variant, tri_box_features
-from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
+from perception.detection.fusion.features import tri_box_features
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
@@ -63,7 +63,9 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     return BoxTargets(ious, (ious > _LIKE) | ((in_alike <= _LIKE) & (in_region <= _LIKE)))
 
 
-def fusion_rows(frames: DetectedFrames, variant: Variant, score_jitters: int = 0) -> FusionRows:
+def fusion_rows(
+    frames: DetectedFrames, variant: FusionVariant, score_jitters: int = 0
+) -> FusionRows:
     """Return all combinations of all frames with what is true of them.
 
     The default also sees every frame as it would be without any one of the detectors, and all of these again
@@ -92,7 +94,7 @@ def fusion_rows(frames: DetectedFrames, variant: Variant, score_jitters: int = 0
     return rows
 
 
-def _rows_of(frames: DetectedFrames, variant: Variant, weight: float) -> Sequence[FusionRows]:
+def _rows_of(frames: DetectedFrames, variant: FusionVariant, weight: float) -> Sequence[FusionRows]:
     return [
         _scene_rows(scene, frames.truth_of(number), variant, weight)
         for number, scene in enumerate(frames.scenes)
@@ -101,7 +103,7 @@ def _rows_of(frames: DetectedFrames, variant: Variant, weight: float) -> Sequenc
 
 
 def _scene_rows(
-    scene: DetectedScene, truth: TrueBoxes, variant: Variant, weight: float
+    scene: DetectedScene, truth: TrueBoxes, variant: FusionVariant, weight: float
 ) -> FusionRows:
     rows = tri_boxes(scene, TRI_BOX_CONFIGS[variant])
     places = scene.merged.places(rows)

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from data.frames import OnBadFrame
+from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.above_ground import find_above_ground
-from perception.detection.depthcn.proposals import ProposalConfig, cluster_points, fit_boxes
+from perception.detection.depthcn.proposals import cluster_points, fit_boxes
 from perception.errors import PerceptionError
 from perception.evaluation.detection.proposal_recall import count_recalled
 from perception.maps.projection import camera_of
@@ -103,7 +104,7 @@ def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[Pro
         frame.points_velo,
         *camera_of(frame),
         part.rules[0].cell_m,
-        part.rules[0].least_variance_m2,
+        part.rules[0].min_variance_m2,
         part.method,
     )
     for rules in part.rules:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import product
 
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.errors import UsageError
 
 
@@ -14,13 +14,13 @@ class SearchGrid:
 
     Attributes:
         cell_m: edges of a cell of the ground removal.
-        least_variance_m2: of the heights in a cell that is not ground.
+        min_variance_m2: of the heights in a cell that is not ground.
         min_points: within the radius of a core of a cluster.
         radius_m: of DBSCAN's neighbourhood.
     """
 
     cell_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.7)
-    least_variance_m2: tuple[float, ...] = (0.0025, 0.005, 0.01, 0.02, 0.04)
+    min_variance_m2: tuple[float, ...] = (0.0025, 0.005, 0.01, 0.02, 0.04)
     min_points: tuple[int, ...] = (1, 3, 5, 10)
     radius_m: tuple[float, ...] = (0.2, 0.3, 0.4, 0.5, 0.7)
 
@@ -44,7 +44,7 @@ class SearchGrid:
 
     def grounds(self) -> Iterator[list[ProposalConfig]]:
         """Yield the combinations that share their ground removal: one cell, one least variance."""
-        for cell_m, variance_m2 in product(self.cell_m, self.least_variance_m2):
+        for cell_m, variance_m2 in product(self.cell_m, self.min_variance_m2):
             yield [
                 ProposalConfig(cell_m, variance_m2, points, radius_m)
                 for points, radius_m in product(self.min_points, self.radius_m)

@@ -7,8 +7,9 @@ import numpy as np
 
 from data.frames import OnBadFrame
 from data.true_boxes import true_boxes
+from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
-from perception.detection.depthcn.proposals import ProposalConfig, propose
+from perception.detection.depthcn.proposals import propose
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of

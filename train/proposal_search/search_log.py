@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from data.atomic_file import write_atomically
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.errors import UsageError
 from train.proposal_search.counting import ProposalCount, SearchTask
 

@@ -15,7 +15,7 @@ from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.labelled_drives import drive_sources, open_labelled
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.cli.vehicle_detector import DepthCnConfig
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES

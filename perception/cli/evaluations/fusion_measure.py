@@ -17,8 +17,8 @@ from perception.cli.evaluations.fusion_steps import (
     table_rows,
 )
 from perception.cli.evaluations.labelled_drives import DetectedDrive, LabelledDrive
+from perception.detection.config import FusionVariant
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.bootstrap import Interval, percentile_interval
 from perception.evaluation.detection.protocol import DetectionClass
@@ -78,7 +78,7 @@ class MeasuredFusion:
 
 def measure_fusion(
     detected: DetectedDrive[DetectedScene],
-    fusions: Mapping[Variant, Fusion],
+    fusions: Mapping[FusionVariant, Fusion],
     of_class: DetectionClass,
     config: MetricConfig,
 ) -> MeasuredFusion:

@@ -7,18 +7,18 @@ from pathlib import Path
 
 from perception.cli.evaluations.labelled_drives import DetectedDrive
 from perception.cli.training.fusion_data import DetectorModelPaths
+from perception.detection.config import FusionVariant
 from perception.detection.detectors.multimodal import MultimodalDetector
 from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.detector_fingerprints import warn_of_detector_mismatch
-from perception.detection.fusion.features import Variant
 from perception.detection.fusion.rescoring import Fusion
 from perception.detection.onnx_model import shipped_model
 from perception.types import MODALITIES, Detections, Modality
 
 # As Table 7.10 names them.
 MODALITY_NAMES: Mapping[Modality, str] = {"rgb": "color", "dm": "depth", "rm": "reflectance"}
-VARIANT_NAMES: Mapping[Variant, str] = {
+VARIANT_NAMES: Mapping[FusionVariant, str] = {
     "scores": "fusion on scores",
     "features": "fusion on all features",
     "default": "fusion, ours",
@@ -54,13 +54,13 @@ class FusionFiles(DetectorModelPaths):
         """
         return MultimodalDetector(self.open())
 
-    def open_fusions(self, detector: MultimodalDetector) -> dict[Variant, Fusion]:
+    def open_fusions(self, detector: MultimodalDetector) -> dict[FusionVariant, Fusion]:
         """Open the networks that rescore what a detector sees: all that are named or ship.
 
         Raises:
             ModelError: a file holds no such network.
         """
-        files: dict[Variant, Path | None] = {
+        files: dict[FusionVariant, Path | None] = {
             "scores": self.scores,
             "features": self.features,
             "default": self.default,
@@ -85,7 +85,7 @@ def modalities_of(detected: DetectedDrive[DetectedScene]) -> tuple[Modality, ...
 
 
 def table_rows(
-    detected: DetectedDrive[DetectedScene], fusions: Mapping[Variant, Fusion]
+    detected: DetectedDrive[DetectedScene], fusions: Mapping[FusionVariant, Fusion]
 ) -> Iterator[tuple[str, Sequence[Detections]]]:
     """Yield the rows of Table 7.10: each modality by itself, all of them merged, and each fusion."""
     for modality in modalities_of(detected):

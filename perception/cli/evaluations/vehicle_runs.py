@@ -8,10 +8,10 @@ import numpy as np
 
 from data.frames import OnBadFrame
 from perception.cli.drive_results import drive_results
+from perception.detection.config import DepthCnConfig, DetectionConfig
 from perception.detection.depthcn.detector import DepthCn
 from perception.detection.vehicles.locate import locate
 from perception.pipeline import PipelineConfig
-from perception.pipeline.detection_config import DetectionConfig
 from perception.tracking.vehicles.tracker import VehicleTracker, VehicleTrackerResult
 from perception.types import MODALITIES, Detections, Drive, Frame, FusedDetections, Result
 
@@ -70,7 +70,7 @@ def vehicle_frames(
         PerceptionError: a frame cannot be read or used.
     """
     if source == "fused":
-        config = PipelineConfig(detection=DetectionConfig(depthcn=False))
+        config = PipelineConfig(detection=DetectionConfig(depthcn=DepthCnConfig(enabled=False)))
         for result in drive_results(drive, config, limit=limit, on_bad_frame=on_bad_frame):
             if result.vehicles is not None:
                 yield VehicleFrame(

@@ -27,7 +27,7 @@ from perception.cli.training.fusion_plots import (
     draw_steps,
 )
 from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
-from perception.detection.fusion.features import Variant
+from perception.detection.config import FusionVariant
 from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.precision_curve import PrecisionCurve
 from perception.evaluation.detection.protocol import DIFFICULTIES
@@ -42,7 +42,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
     validation: Path | list[Path] | None = None,
     validation_fraction: float = 0.25,
     split: SplitBy = "frames",
-    variant: Variant = "default",
+    variant: FusionVariant = "default",
     hidden: int | tuple[int, ...] | None = None,
     optimiser: Literal["lm", "adamw"] | None = None,
     sweep: tuple[int, ...] = (),

@@ -10,7 +10,7 @@ from data.atomic_file import write_atomically
 from perception.cli.progress import progress_bar
 from perception.cli.training.fusion_data import FusionDataConfig, SplitDetections
 from perception.cli.training.trainer_choice import write_training_configuration
-from perception.detection.fusion.features import Variant
+from perception.detection.config import FusionVariant
 from perception.types import MODALITIES
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class FusionModelConfig:
         sweep_two: sizes of two layers, likewise.
     """
 
-    variant: Variant = "default"
+    variant: FusionVariant = "default"
     hidden: tuple[int, ...] | None = None
     optimiser: Optimiser | None = None
     sweep: tuple[int, ...] = ()
@@ -43,7 +43,7 @@ class FusionModelConfig:
 
 _SCORE_JITTERS = 2  # of every frame, for the default
 # The thesis' own: 41 neurons on scores, 23 on all features, by Levenberg-Marquardt (7.2.2).
-_USUAL: Mapping[Variant, tuple[tuple[int, ...], Optimiser]] = {
+_USUAL: Mapping[FusionVariant, tuple[tuple[int, ...], Optimiser]] = {
     "scores": ((41,), "lm"),
     "features": ((23,), "lm"),
     "default": ((32, 16), "adamw"),

@@ -13,8 +13,9 @@ from data.detections.fused_frames import (
     judged,
     precision_curves,
 )
+from perception.detection.config import TRI_BOX_CONFIGS
 from perception.detection.fusion.features import tri_box_features
-from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS, Fusion
+from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.evaluation.detection.reliability import Reliability, measure_reliability

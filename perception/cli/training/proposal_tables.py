@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from perception.cli.table import Cell, format_table, percent
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.evaluation.detection.proposal_recall import IOU_STEPS, ProposalRecall, RecallMetrics
 from train.proposal_search.counting import ProposalCount
 from train.proposal_search.recall import ProposalSetting
@@ -99,7 +99,7 @@ def _any_difficulty(recalls: Mapping[str, ProposalRecall]) -> RecallMetrics:
 def _rule_cells(rules: ProposalConfig) -> list[Cell]:
     return [
         f"{rules.cell_m:g}",
-        f"{rules.least_variance_m2:g}",
+        f"{rules.min_variance_m2:g}",
         rules.min_points,
         f"{rules.radius_m:g}",
     ]

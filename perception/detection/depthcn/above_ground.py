@@ -65,7 +65,7 @@ def find_above_ground(
     calibration: Calibration,
     size_px: tuple[int, int],
     cell_m: float,
-    least_variance_m2: float,
+    min_variance_m2: float,
     method: Method = "default",
 ) -> AboveGroundPoints:
     """Find the points of an (N, 4) scan that can belong to a candidate.
@@ -75,12 +75,12 @@ def find_above_ground(
         calibration: of the camera.
         size_px: (width, height) of its image.
         cell_m: edge of a cell.
-        least_variance_m2: of heights that are not those of flat ground.
+        min_variance_m2: of heights that are not those of flat ground.
         method: default or thesis.
     """
     image_P_velo = calibration.image_P_velo
     candidates = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
-    chosen = _GROUND_REMOVALS[method](points_velo[candidates], cell_m, least_variance_m2)
+    chosen = _GROUND_REMOVALS[method](points_velo[candidates], cell_m, min_variance_m2)
     points = points_velo[candidates[chosen.rows], :3]
     exact_px, depths_m = project(image_P_velo, points)
     ground_points = np.column_stack([points[:, :2], chosen.ground_m])
@@ -113,21 +113,21 @@ def _ahead(points_velo: Float32, _: Float64, __: tuple[int, int]) -> Int:
     return np.flatnonzero(is_ahead)
 
 
-def _above_lowest(points: Float32, cell_m: float, least_variance_m2: float) -> _GroundRemoval:
+def _above_lowest(points: Float32, cell_m: float, min_variance_m2: float) -> _GroundRemoval:
     cells = HeightCells.of(points, cell_m)
     ground_m = cells.lowest_around_m(_REACH_M)
     over_m = cells.z_m - ground_m
-    min_m = _DEVIATIONS * np.sqrt(least_variance_m2)
+    min_m = _DEVIATIONS * np.sqrt(min_variance_m2)
     rows = np.flatnonzero((over_m >= min_m) & (over_m <= _HIGHEST_M))
     return _GroundRemoval(rows, ground_m[rows])
 
 
 def _in_cells_of_high_variance(
-    points: Float32, cell_m: float, least_variance_m2: float
+    points: Float32, cell_m: float, min_variance_m2: float
 ) -> _GroundRemoval:
     """Cut off outliers, then flat cells, as the author's code does."""
     typical = np.flatnonzero(_is_typical(points))
-    has_variance = HeightCells.of(points[typical], cell_m).has_variance(least_variance_m2)
+    has_variance = HeightCells.of(points[typical], cell_m).has_variance(min_variance_m2)
     rows = typical[has_variance]
     return _GroundRemoval(rows, points[rows, 2].astype(np.float64))
 

@@ -9,38 +9,16 @@ from importlib.abc import Traversable
 
 import numpy as np
 
+from perception.detection.config import DEFAULT_NMS, NmsConfig, ProposalConfig
 from perception.detection.depthcn.image import encode_channels
-from perception.detection.depthcn.proposals import ProposalConfig, Proposals, propose
+from perception.detection.depthcn.proposals import Proposals, propose
 from perception.detection.depthcn.verifier import VEHICLE, Verifier, VerifierPrediction
 from perception.detection.depthcn.windows import windows_px
 from perception.detection.suppression import suppress
-from perception.errors import UsageError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import camera_of, project_frame
 from perception.sensor import HDL_64E, LidarModel
 from perception.types import Calibration, Detections, Float64, Frame, Int, Method
-
-
-@dataclass(frozen=True)
-class NmsConfig:
-    """Which of the candidates that the network has judged are detections.
-
-    Attributes:
-        min_score: low, since the measure draws the whole curve; pictures show fewer.
-        max_iou: with a better detection (6.2.4).
-    """
-
-    min_score: float = 0.01
-    max_iou: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot work."""
-        if not (0 <= self.min_score <= 1 and 0 < self.max_iou <= 1):
-            raise UsageError(
-                "rules of the detections",
-                expected="a score and an overlap from 0 to 1",
-                found=f"{self.min_score:g} and {self.max_iou:g}",
-            )
 
 
 @dataclass(frozen=True)
@@ -80,8 +58,8 @@ class DepthCn:
         model: Traversable | Method = "default",
         sensor: LidarModel = HDL_64E,
         *,
-        proposal_config: ProposalConfig | None = None,
-        nms_config: NmsConfig | None = None,
+        proposals: ProposalConfig | None = None,
+        nms: NmsConfig = DEFAULT_NMS,
         threads: int = 2,
     ) -> None:
         """Open the network.
@@ -89,8 +67,8 @@ class DepthCn:
         Args:
             model: file of a network, or default for the one that ships.
             sensor: LiDAR that the scans are from.
-            proposal_config: how candidates are found; else as the network's method does.
-            nms_config: which of them are detections.
+            proposals: Proposal parameters; else those of the network's method.
+            nms: Score threshold and suppression.
             threads: that the network runs on.
 
         Raises:
@@ -99,8 +77,8 @@ class DepthCn:
         self.verifier = Verifier(model, threads)
         self._sensor = sensor
         self._method = self.verifier.method
-        self._proposal_config = proposal_config
-        self._nms_config = nms_config or NmsConfig()
+        self._proposals = proposals
+        self._nms = nms
 
     def detect(self, frame: Frame) -> Detections:
         """Return the vehicles in view of a frame's camera, best first; its image is not needed.
@@ -125,7 +103,7 @@ class DepthCn:
     def propose(self, frame: Frame) -> Proposals:
         """Find the candidates of a frame."""
         calibration, size_px = camera_of(frame)
-        return propose(frame.points_velo, calibration, size_px, self._proposal_config, self._method)
+        return propose(frame.points_velo, calibration, size_px, self._proposals, self._method)
 
     def densify(self, frame: Frame) -> DenseMaps:
         """Make the maps of a frame."""
@@ -148,9 +126,9 @@ class DepthCn:
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
         """Return the rows that are likely, show in the image, and are the best of their place."""
         shows = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(shows & (scores >= self._nms_config.min_score))
+        rows = np.flatnonzero(shows & (scores >= self._nms.min_score))
         likely = _vehicles(boxes_px[rows], scores[rows])
-        return np.asarray(rows[suppress(likely, self._nms_config.max_iou)])
+        return np.asarray(rows[suppress(likely, self._nms.max_iou)])
 
 
 def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:

@@ -5,66 +5,22 @@
 The three steps are apart, so that a search over the parameters of one need not repeat those before it.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from perception.detection.clustering import cluster
+from perception.detection.config import PROPOSAL_CONFIGS, ProposalConfig
 from perception.detection.depthcn.above_ground import AboveGroundPoints, find_above_ground
-from perception.errors import UsageError
 from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 
-_SMALLEST_CELL_M = 0.05
 _TOP_MARGIN_PX = 5  # the author's code: the beam above the highest hit passes over the roof
 _NEAR_SIDE = 0.1  # quantile of the depths
 # The default's neighbourhood grows with the range, as beams part: by this share of it.
 _RADIUS_PER_M = 0.025
 _LONGEST_M = 5.0  # of a car; what is longer may be two
 _SPLIT = 0.5  # of the radius
-
-
-@dataclass(frozen=True)
-class ProposalConfig:
-    """The four parameters that the thesis searches for jointly (6.1.4).
-
-    The values are the author's, but for the radius: the search prefers a smaller one where it grows with
-    the range; `RULES` holds those of each method.
-
-    Attributes:
-        cell_m: edge of a cell of the ground removal, the thesis' upsilon.
-        least_variance_m2: a cell whose heights vary less is ground, delta. By the default, a point is that
-            stays within three such deviations of the lowest one around.
-        min_points: within the radius make a point a core of a cluster, eta.
-        radius_m: of DBSCAN's neighbourhood, epsilon; at the vehicle, where it grows with the range.
-    """
-
-    cell_m: float = 0.5
-    least_variance_m2: float = 0.01
-    min_points: int = 5
-    radius_m: float = 0.3
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot work."""
-        fits = self.cell_m >= _SMALLEST_CELL_M and self.least_variance_m2 >= 0
-        if not (fits and self.radius_m > 0 and self.min_points > 0):
-            found = (
-                f"{self.cell_m:g} m, {self.least_variance_m2:g} m2, "
-                f"{self.radius_m:g} m, {self.min_points}"
-            )
-            raise UsageError(
-                "rules of the proposals",
-                expected=f"a cell of {_SMALLEST_CELL_M:g} m or more, a least variance of zero or "
-                "more, radius and least points above zero",
-                found=found,
-            )
-
-
-PROPOSAL_CONFIGS: Mapping[Method, ProposalConfig] = {
-    "default": ProposalConfig(),
-    "thesis": ProposalConfig(radius_m=0.5),
-}
 
 
 @dataclass(frozen=True)
@@ -103,7 +59,7 @@ def propose(
     """Find the candidates of an (N, 4) scan in an image of (width, height), by the method's own rules or others."""
     config = config or PROPOSAL_CONFIGS[method]
     above_ground = find_above_ground(
-        points_velo, calibration, size_px, config.cell_m, config.least_variance_m2, method
+        points_velo, calibration, size_px, config.cell_m, config.min_variance_m2, method
     )
     return fit_boxes(
         above_ground, cluster_points(above_ground, config.radius_m, config.min_points, method)

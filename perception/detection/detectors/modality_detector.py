@@ -10,6 +10,7 @@ from importlib.abc import Traversable
 import cv2
 import numpy as np
 
+from perception.detection.config import DEFAULT_NMS, NmsConfig
 from perception.detection.detectors.input_size import InputSize, boxes_in_image, stretch
 from perception.detection.detectors.modalities import CHANNELS, MapFilling
 from perception.detection.detectors.postprocess import postprocess_detections
@@ -43,13 +44,15 @@ class ModalityDetector:
         model: Traversable | Modality,
         threads: int = 2,
         class_names: Sequence[str] | None = None,
+        nms: NmsConfig = DEFAULT_NMS,
     ) -> None:
         """Open it.
 
         Args:
             model: a file, or a modality for the network that ships.
             threads: that it runs on.
-            class_names: what it has to detect, in this order; else whatever the file says.
+            class_names: Classes that the network has to detect, in this order; else those of the file.
+            nms: Score threshold and suppression.
 
         Raises:
             ModelError: the file does not hold a detector, or one of other pictures or classes.
@@ -68,6 +71,7 @@ class ModalityDetector:
         """What it detects."""
         self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
         """Of the pictures that go in; whatever it is shown is stretched to it."""
+        self._nms = nms
         self._check_input()
         self._check_classes()
 
@@ -107,7 +111,7 @@ class ModalityDetector:
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
         """Return what the network's answer to an (H, W, C) picture says, as `detect` does."""
         seen = postprocess_detections(
-            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size
+            outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size, self._nms
         )
         height, width = image.shape[:2]
         # To the centres of the outermost pixels, as KITTI's labels are.

@@ -13,16 +13,13 @@ boxes, which are the same to cameras of every field of view, overlaps, and what 
 """
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
+from perception.detection.config import FusionVariant
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.geometry.box_overlap_px import paired_iou_px
 from perception.types import MODALITIES, Float64, Int
-
-# By what a combination is judged: its scores, the thesis' 23 features, or all that we can say.
-Variant = Literal["scores", "features", "default"]
 
 _PAIRS = ((0, 1), (0, 2), (1, 2))
 _SCORES = tuple(f"score_{name}" for name in MODALITIES)
@@ -40,14 +37,14 @@ _ADDED = (
     *(f"{what}_{name}" for what in ("seen", "looked") for name in MODALITIES),
     "has_depth",
 )
-FEATURES: Mapping[Variant, tuple[str, ...]] = {
+FEATURES: Mapping[FusionVariant, tuple[str, ...]] = {
     "scores": _SCORES,
     "features": (*_SCORES, *_PLACED),
     "default": (*_SCORES, *_ADDED),
 }
 
 
-def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: Variant) -> Float64:
+def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: FusionVariant) -> Float64:
     """Return (T, F) the features of (T, 3) combinations, in the order of `FEATURES`."""
     found = scene.merged.detections
     # Feature by feature, (F, T) until the end: numpy is fast along the many, not along three. The place of

@@ -4,16 +4,16 @@ boxes of three detectors - tri-boxes - features - network - three scores a tri-b
                          - mean of each box's scores - the best box of each neighbourhood
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.abc import Traversable
 
 import numpy as np
 
+from perception.detection.config import TRI_BOX_CONFIGS, FusionVariant, NmsConfig, TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
-from perception.detection.fusion.features import FEATURES, Variant, tri_box_features
+from perception.detection.fusion.features import FEATURES, tri_box_features
 from perception.detection.fusion.score_calibration import FusionCalibration
-from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
+from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.detection.onnx_model import ModelContract, ModelInput, OnnxModel, shipped_model
 from perception.detection.suppression import suppress
 from perception.errors import ModelError, UsageError
@@ -37,12 +37,6 @@ CONTRACT = ModelContract(
     inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
-TRI_BOX_CONFIGS: Mapping[Variant, TriBoxConfig] = {
-    "scores": TriBoxConfig(),
-    "features": TriBoxConfig(),
-    "default": TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
-}
-MAX_IOU = 0.5  # of two detections that both stay (6.2.4)
 _MIN_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
 
 
@@ -66,11 +60,19 @@ class RescoredBoxes:
 class Fusion:
     """Rescores and joins the detections of three modalities, or of those that there are."""
 
-    def __init__(self, model: Traversable | Variant = "default") -> None:
+    def __init__(
+        self,
+        model: Traversable | FusionVariant = "default",
+        *,
+        max_iou: float = NmsConfig.max_iou,
+        tri_boxes: TriBoxConfig | None = None,
+    ) -> None:
         """Open the network.
 
         Args:
-            model: a file, or the variant of the one that ships.
+            model: Model file, or the variant of a model of this package.
+            max_iou: Overlap (IoU) above which two boxes show the same object.
+            tri_boxes: Combinations of boxes; else those that the variant was trained with.
 
         Raises:
             ModelError: the file does not hold a network that rescores combinations of boxes.
@@ -82,8 +84,10 @@ class Fusion:
         """Of the file."""
         self.metadata = self._model.metadata
         """What the file says of itself."""
-        self.variant: Variant = _variant(self._model)
+        self.variant: FusionVariant = _variant(self._model)
         """What the network is told of a combination."""
+        self._max_iou = max_iou
+        self._tri_boxes = tri_boxes or TRI_BOX_CONFIGS[self.variant]
         self.calibrations = _calibrations(self._model)
         """From scores to probabilities."""
 
@@ -118,7 +122,7 @@ class Fusion:
             scene: with at least one box.
         """
         merged = scene.merged
-        rows = tri_boxes(scene, TRI_BOX_CONFIGS[self.variant])
+        rows = tri_boxes(scene, self._tri_boxes)
         places = merged.places(rows)
         tri_scores = self._tri_scores(scene, rows)
         flat, is_observed = places.ravel(), places.ravel() >= 0
@@ -132,7 +136,7 @@ class Fusion:
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
         """Keep the best box of each neighbourhood, with what it was made of."""
-        kept = suppress(rescored.detections, MAX_IOU)
+        kept = suppress(rescored.detections, self._max_iou)
         rows = rescored.best[kept]
         source_indices = rescored.tri_boxes[rows]
         detections = rescored.detections[kept]
@@ -140,8 +144,9 @@ class Fusion:
         if self.variant == "default":
             places = scene.merged.places(source_indices)
             others_px = scene.merged.detections.boxes_px[places]
-            is_own = places == kept[:, None]
-            boxes_px = _blended(others_px, is_own, places >= 0, rescored.tri_scores[rows])
+            is_own, is_present = places == kept[:, None], places >= 0
+            is_same = is_own | (is_present & (_overlaps(others_px, is_own) > self._max_iou))
+            boxes_px = _weighted_mean(others_px, is_same, rescored.tri_scores[rows])
         scores = self.calibrations.of(scene.modality_detections).probabilities(detections.scores)
         return FusedDetections(
             Detections(boxes_px, scores, detections.types),
@@ -179,26 +184,28 @@ def _best_rows(places: Int, scores: Float64, count: int) -> Int:
     return best[:count]
 
 
-def _blended(others_px: Float64, is_own: Bool, is_observed: Bool, ious: Float64) -> Float64:
-    """Return (M, 4) for each box the mean of those in its combination that show the same as it does.
+def _overlaps(boxes_px: Float64, is_own: Bool) -> Float64:
+    """Return the (M, 3) overlaps (IoU) of the (M, 3, 4) boxes of a combination with the one marked in (M, 3)."""
+    own_px = np.repeat(boxes_px[is_own], len(MODALITIES), axis=0)
+    return paired_iou_px(own_px, boxes_px.reshape(-1, 4)).reshape(is_own.shape)
 
-    Errors of boxes are independent between modalities, and go with 1 - IoU: weights are its inverse square.
+
+def _weighted_mean(boxes_px: Float64, is_same: Bool, ious: Float64) -> Float64:
+    """Return the (M, 4) means of those of (M, 3, 4) boxes that show the same object.
+
+    Errors of boxes are independent between modalities and proportional to 1 - IoU: weights are its inverse square.
 
     Args:
-        others_px: (M, 3, 4) boxes of the combination.
-        is_own: (M, 3) which of them is the box itself.
-        is_observed: (M, 3) which are there.
-        ious: (M, 3) what they are expected to overlap the object by.
+        boxes_px: (M, 3, 4) boxes of each combination.
+        is_same: (M, 3) mask of the boxes that count.
+        ious: (M, 3) expected overlap of each box with the object.
     """
-    own_px = np.repeat(others_px[is_own], len(MODALITIES), axis=0)
-    overlaps = paired_iou_px(own_px, others_px.reshape(-1, 4)).reshape(is_own.shape)
-    counts = is_own | (is_observed & (overlaps > MAX_IOU))
-    weights = np.where(counts, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
+    weights = np.where(is_same, np.maximum(1 - ious, _MIN_ERROR) ** -2, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
-    return np.asarray((weights[..., None] * others_px).sum(axis=1))
+    return np.asarray((weights[..., None] * boxes_px).sum(axis=1))
 
 
-def _variant(model: OnnxModel) -> Variant:
+def _variant(model: OnnxModel) -> FusionVariant:
     """Return what the file says that it is told, if that is what we can tell it."""
     value, taken = model.metadata["variant"], model.inputs["features"].shape[1]
     for variant, names in FEATURES.items():

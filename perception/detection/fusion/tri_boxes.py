@@ -8,43 +8,15 @@ rgb 0 overlaps dm 0 and dm 1; no box of the reflectance map is near; rm 0 is alo
      -1  -1   0
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from perception.detection.config import TRI_BOX_CONFIGS, TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.errors import UsageError
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import MODALITIES, Bool, Float64, Int
 
 
-@dataclass(frozen=True)
-class TriBoxConfig:
-    """Which boxes are combined.
-
-    Attributes:
-        min_iou: boxes that overlap by more may show the same object.
-        by_set: combine all boxes of a set that is connected by overlaps, as the thesis does; else only
-            those that overlap each other.
-        max_partners: of each other modality a box is combined with, those that it overlaps most. Within
-            this bound, all combinations of a set are made.
-    """
-
-    min_iou: float = 0.0
-    by_set: bool = True
-    max_partners: int = 4
-
-    def __post_init__(self) -> None:
-        """Refuse what leaves nothing to combine."""
-        if not (0 <= self.min_iou < 1 and self.max_partners >= 1):
-            raise UsageError(
-                "rules of tri-boxes",
-                expected="an overlap from 0 to below 1 and at least 1 partner",
-                found=f"{self.min_iou:g} and {self.max_partners}",
-            )
-
-
-def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TriBoxConfig()) -> Int:
+def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["features"]) -> Int:
     """Return (T, 3) rows in the detections of each of `MODALITIES`, -1 where a modality has no box there.
 
     Each of the M boxes is in at least one combination. There are at most K² for each, of K partners.

@@ -11,7 +11,7 @@ from data.array_store import ArrayStore
 from data.crops import labelled_frames
 from data.crops.labelled_frames import FrameConfig, LabelledFrames
 from data.open_drive import open_drive
-from perception.detection.depthcn.proposals import ProposalConfig
+from perception.detection.config import ProposalConfig
 from perception.errors import CalibrationError, DriveError
 
 

@@ -5,11 +5,12 @@ import pytest
 
 from benchmarks.reference.depthcn import detect_one_by_one, suppress_by_loop, verify_one_by_one
 from data.open_drive import open_drive
-from perception.detection.depthcn.detector import DepthCn, NmsConfig
+from perception.detection.config import NmsConfig
+from perception.detection.depthcn.detector import DepthCn
 from perception.detection.depthcn.image import encode_channels
 from perception.detection.depthcn.proposals import Proposals
 from perception.detection.depthcn.windows import windows_px
-from perception.errors import CalibrationError, ModelError, PerceptionError, UsageError
+from perception.errors import CalibrationError, ModelError, PerceptionError
 from perception.maps.densify import DenseMaps, densify
 from perception.maps.projection import project_frame
 from perception.types import Calibration, Frame
@@ -76,7 +77,7 @@ def test_what_leaves_the_image_is_no_detection(write_model, three_places):
     dense, boxes = three_places
     outside = proposals_at([*boxes[:2], [200, 20, 260, 60]])
     model = write_model(channels="reflectance", planes=1)
-    detector = DepthCn(model, nms_config=NmsConfig(min_score=0.0))
+    detector = DepthCn(model, nms=NmsConfig(min_score=0.0))
     verified = detector.verify(outside, dense, CALIBRATION)
     assert verified.kept.tolist() == [1, 0]
 
@@ -84,8 +85,8 @@ def test_what_leaves_the_image_is_no_detection(write_model, three_places):
 def test_rules_decide_what_is_kept(write_model, three_places):
     dense, boxes = three_places
     model = write_model(channels="reflectance", planes=1)
-    strict = DepthCn(model, nms_config=NmsConfig(min_score=0.9))
-    lenient = DepthCn(model, nms_config=NmsConfig(min_score=0.0, max_iou=0.95))
+    strict = DepthCn(model, nms=NmsConfig(min_score=0.9))
+    lenient = DepthCn(model, nms=NmsConfig(min_score=0.0, max_iou=0.95))
     assert strict.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1]
     assert lenient.verify(proposals_at(boxes), dense, CALIBRATION).kept.tolist() == [1, 3, 2, 0]
 
@@ -139,7 +140,7 @@ def street():
 
 
 def test_whole_way_from_scan_to_detections(write_model):
-    detector = DepthCn(write_model(), nms_config=NmsConfig(min_score=0.0))
+    detector = DepthCn(write_model(), nms=NmsConfig(min_score=0.0))
     frame = street()
     verified = detector.verify_frame(frame)
     assert len(verified.proposals) == 2
@@ -186,12 +187,6 @@ def test_real_frame_is_detected_in_without_its_image(kitti_root, write_model):
 def test_network_of_another_kind_is_refused(write_model, changes, sentence):
     with pytest.raises(ModelError, match=sentence):
         DepthCn(write_model(**changes))
-
-
-@pytest.mark.parametrize("rules", [{"min_score": -0.1}, {"max_iou": 0.0}, {"max_iou": 1.5}])
-def test_rules_that_cannot_work(rules):
-    with pytest.raises(UsageError, match="expected a score and an overlap from 0 to 1"):
-        NmsConfig(**rules)
 
 
 def test_window_that_is_not_finite_is_refused(detector, three_places):

@@ -124,7 +124,7 @@ def test_fusion_is_asked_with_all_that_was_seen(detectors, frame):
     output = MultimodalDetector(detectors, Silent()).detect(frame)
     assert len(output.fused) == 0
     assert asked == {
-        "modal": output.modality_detections,
+        "modality_detections": output.modality_detections,
         "size_px": SIZE_PX,
         "dense": output.dense,
         "camera": frame.calibration,
@@ -141,7 +141,7 @@ def test_detectors_that_a_fusion_was_not_fitted_to_are_named_once(detectors, tmp
 
     fitted_to = detector_fingerprints(detectors)
     assert open_with(fitted_to) == open_with("unknown") == []
-    others = fitted_to.replace(detectors["dm"].model.mark, "0123456789abcdef")
+    others = fitted_to.replace(detectors["dm"].model.fingerprint, "0123456789abcdef")
     (message,) = open_with(others)
     assert message == (
         f"fusion.onnx was fitted to other detectors than {detectors['dm'].model.name}: its scores "

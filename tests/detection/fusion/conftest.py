@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from perception.detection.fusion.features import FEATURES, Variant
+from perception.detection.config import FusionVariant
+from perception.detection.fusion.features import FEATURES
 
 AS_IT_WAS = np.eye(3)
 Write = Callable[..., Path]
 
 
-def weighted_sums(variant: Variant, weights, **metadata: str) -> bytes:
+def weighted_sums(variant: FusionVariant, weights, **metadata: str) -> bytes:
     """Return a file of: scores = (the first 3 features) @ weights."""
     names = FEATURES[variant]
     matrix = np.zeros((len(names), 3), np.float32)
@@ -42,7 +43,7 @@ def weighted_sums(variant: Variant, weights, **metadata: str) -> bytes:
 def fusion_file(tmp_path) -> Write:
     """Return a function that writes such a file: variant, (3, 3) weights, other facts by name."""
 
-    def write(variant: Variant = "features", weights=AS_IT_WAS, **metadata: str) -> Path:
+    def write(variant: FusionVariant = "features", weights=AS_IT_WAS, **metadata: str) -> Path:
         path = tmp_path / f"fusion_{variant}.onnx"
         path.write_bytes(weighted_sums(variant, weights, **metadata))
         return path

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.fusion import reference_tri_boxes
+from perception.detection.config import TRI_BOX_CONFIGS, TriBoxConfig
 from perception.detection.fusion.detected_scene import DetectedScene
-from perception.detection.fusion.rescoring import TRI_BOX_CONFIGS
-from perception.detection.fusion.tri_boxes import TriBoxConfig, tri_boxes
-from perception.errors import UsageError
+from perception.detection.fusion.tri_boxes import tri_boxes
 from tests.detection.fusion.scenes import SIZE_PX, clumped_scene, detections
 
 CONFIGS_TO_TRY = [
@@ -79,8 +78,3 @@ def test_a_crowd_is_bounded_and_keeps_every_box_and_its_best_partners(rules):
         assert set(range(len(found))) <= set(rows[:, column].tolist())
     best = reference_tri_boxes(scene, TriBoxConfig(rules.min_iou, rules.by_set, 1))
     assert set(map(tuple, best.tolist())) <= set(map(tuple, rows.tolist()))
-
-
-def test_rules_that_combine_nothing_are_refused():
-    with pytest.raises(UsageError, match="at least 1 partner, found 0 and 0"):
-        TriBoxConfig(max_partners=0)

@@ -1,0 +1,204 @@
+"""Configuration of the vehicle detectors: networks, proposals, suppression, fusion and score thresholds.
+
+Two thresholds on scores hold for all detectors and for what is made of their detections:
+
+    min_score       below it a detector reports nothing; low, since a precision-recall curve needs the whole range
+    display_score   from it on a detection is drawn, and counted as a vehicle in summaries
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from perception.errors import UsageError
+from perception.types import MODALITIES, Method, Modality
+
+_SMALLEST_CELL_M = 0.05
+
+# Input of the fusion network: scores alone, the thesis' 23 features, or all features.
+FusionVariant = Literal["scores", "features", "default"]
+
+
+@dataclass(frozen=True)
+class ProposalConfig:
+    """Vehicle proposals of DepthCN: the four parameters of the thesis' joint search (6.1.4).
+
+    The values are those of the author's code, but for the radius: the default method grows it with the range,
+    and its search prefers a smaller one. `PROPOSAL_CONFIGS` holds the values of each method.
+
+    Attributes:
+        cell_m: Edge of a cell of the ground removal in metres, υ.
+        min_variance_m2: Variance of the heights in a cell below which the cell is ground, in square metres, δ.
+            The default method removes the points within three such deviations of the lowest one around.
+        min_points: Number of points within the radius that make a point a core of a DBSCAN cluster, η.
+        radius_m: Radius of DBSCAN's neighbourhood in metres, ε; of the default method at the sensor.
+    """
+
+    cell_m: float = 0.5
+    min_variance_m2: float = 0.01
+    min_points: int = 5
+    radius_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        is_ground_valid = self.cell_m >= _SMALLEST_CELL_M and self.min_variance_m2 >= 0
+        if not (is_ground_valid and self.radius_m > 0 and self.min_points > 0):
+            raise UsageError(
+                "proposals",
+                expected=f"a cell of at least {_SMALLEST_CELL_M:g} m, a variance of at least 0 m², "
+                "and a radius and number of points above 0",
+                found=f"{self.cell_m:g} m, {self.min_variance_m2:g} m², {self.radius_m:g} m, "
+                f"{self.min_points}",
+            )
+
+
+PROPOSAL_CONFIGS: Mapping[Method, ProposalConfig] = {
+    "default": ProposalConfig(),
+    "thesis": ProposalConfig(radius_m=0.5),
+}
+
+
+@dataclass(frozen=True)
+class NmsConfig:
+    """Score threshold and non-maximum suppression, the same for all detectors (6.2.4).
+
+    Attributes:
+        min_score: Score below which a detector reports nothing, 0 to 1.
+        max_iou: Overlap (IoU) with a better detection of the same class above which a detection is suppressed.
+        max_candidates: Number of best boxes of the image and map detectors that enter the suppression.
+        max_detections: Number of best boxes of the image and map detectors that are kept after it.
+    """
+
+    min_score: float = 0.01
+    max_iou: float = 0.5
+    # Measured with the networks of this package: average precision stays within 0.3 points of keeping all of
+    # some 450 boxes, in a third of the time.
+    max_candidates: int = 300
+    max_detections: int = 64
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not (0 <= self.min_score <= 1 and 0 < self.max_iou <= 1):
+            raise UsageError(
+                "non-maximum suppression",
+                expected="min_score and max_iou from 0 to 1, max_iou above 0",
+                found=f"{self.min_score:g} and {self.max_iou:g}",
+            )
+        if not 1 <= self.max_detections <= self.max_candidates:
+            raise UsageError(
+                "non-maximum suppression",
+                expected="max_detections of at least 1 and at most max_candidates",
+                found=f"{self.max_detections} and {self.max_candidates}",
+            )
+
+
+DEFAULT_NMS = NmsConfig()
+
+
+@dataclass(frozen=True)
+class DepthCnConfig:
+    """DepthCN: LiDAR proposals that a network verifies (6.1).
+
+    Attributes:
+        enabled: Whether DepthCN runs.
+        model: ONNX file of another network than the one of this package.
+        proposals: Proposal parameters; else those of the network's method.
+    """
+
+    enabled: bool = True
+    model: Path | None = None
+    proposals: ProposalConfig | None = None
+
+
+@dataclass(frozen=True)
+class TriBoxConfig:
+    """Combinations of one box of each modality, tri-boxes (6.2.4).
+
+    Attributes:
+        min_iou: Overlap (IoU) above which two boxes may show the same object.
+        by_set: Combine all boxes of a set that overlaps connect, as the thesis does; else only boxes that
+            overlap each other.
+        max_partners: Number of boxes of each other modality that a box is combined with, those of the
+            largest overlap.
+    """
+
+    min_iou: float = 0.0
+    by_set: bool = True
+    max_partners: int = 4
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not (0 <= self.min_iou < 1 and self.max_partners >= 1):
+            raise UsageError(
+                "tri-boxes",
+                expected="min_iou from 0 to below 1 and max_partners of at least 1",
+                found=f"{self.min_iou:g} and {self.max_partners}",
+            )
+
+
+TRI_BOX_CONFIGS: Mapping[FusionVariant, TriBoxConfig] = {
+    "scores": TriBoxConfig(),
+    "features": TriBoxConfig(),
+    "default": TriBoxConfig(min_iou=0.3, by_set=False, max_partners=1),
+}
+
+
+@dataclass(frozen=True)
+class FusionConfig:
+    """Fusion of the image, depth map and reflectance map detections (6.2.4).
+
+    Attributes:
+        model: ONNX file of another network than the one of this package.
+        tri_boxes: Combinations of boxes; else those that the network was trained with.
+    """
+
+    model: Path | None = None
+    tri_boxes: TriBoxConfig | None = None
+
+
+@dataclass(frozen=True)
+class DetectionConfig:
+    """Vehicle detectors that run on each frame with a camera.
+
+    Attributes:
+        modalities: Modalities to detect in and fuse: rgb (image), dm (depth map), rm (reflectance map);
+            an empty list for none; else all that have a network.
+        rgb_model: ONNX file of another image detector than the one of this package.
+        dm_model: ONNX file of another depth map detector.
+        rm_model: ONNX file of another reflectance map detector.
+        depthcn: DepthCN, the LiDAR detector.
+        fusion: Fusion of the modalities.
+        nms: Score threshold and suppression of every detector and of the fusion.
+        display_score: Score from which a detection is drawn, and counted as a vehicle in summaries, 0 to 1.
+    """
+
+    modalities: tuple[Modality, ...] | None = None
+    rgb_model: Path | None = None
+    dm_model: Path | None = None
+    rm_model: Path | None = None
+    depthcn: DepthCnConfig = field(default_factory=DepthCnConfig)
+    fusion: FusionConfig = field(default_factory=FusionConfig)
+    nms: NmsConfig = field(default_factory=NmsConfig)
+    display_score: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Validate modalities and display score."""
+        if self.modalities is not None and len(set(self.modalities)) < len(self.modalities):
+            raise UsageError(
+                "modalities",
+                expected=f"some of {', '.join(MODALITIES)}, each once",
+                found=", ".join(self.modalities),
+            )
+        if not 0 <= self.display_score <= 1:
+            raise UsageError(
+                "display_score", expected="a score from 0 to 1", found=f"{self.display_score:g}"
+            )
+
+    @property
+    def models(self) -> dict[Modality, Path | None]:
+        """ONNX file of each modality's detector, where one is named."""
+        return {"rgb": self.rgb_model, "dm": self.dm_model, "rm": self.rm_model}
+
+
+NO_DETECTION = DetectionConfig(modalities=(), depthcn=DepthCnConfig(enabled=False))
