@@ -8,12 +8,11 @@ import numpy as np
 
 from benchmarks.chain import back_and_forth
 from benchmarks.measure import resident_mib
-from perception.cli.stage_times import StageTimes
 from perception.cli.table import format_table
+from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame, Result
 
-_NAMES = ("median", "p99")
 # So many frames of a drive are kept in memory, so that reading is not measured: 16 s as they were driven. From
 # there on it goes back, where for some frames all moves otherwise than it did.
 _KEPT = 160
@@ -39,7 +38,7 @@ class PipelineTiming:
     frames_per_s: float
     median_ms: float
     p99_ms: float
-    stages: dict[str, dict[str, float]]
+    stages: Mapping[str, StageTime]
     memory_start_mib: float
     memory_end_mib: float
 
@@ -84,7 +83,7 @@ def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
     stages = [
         [
             stage,
-            *(f"{of[stage][name]:.1f}" for of in (alone.stages, beside.stages) for name in _NAMES),
+            *(f"{ms:.1f}" for of in (alone, beside) for ms in _p50_p99(of.stages[stage])),
         ]
         for stage in alone.stages
     ]
@@ -105,11 +104,15 @@ def _at_sensor_rate(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
         yield frame
 
 
+def _p50_p99(time: StageTime) -> tuple[float, float]:
+    return time.p50_ms, time.p99_ms
+
+
 def _measure(results: Iterable[Result], frames: int) -> PipelineTiming:
     times, latencies_s, start_s = StageTimes(), [], time.perf_counter()
     memory_start = resident_mib()
     for number, result in enumerate(results):
-        times.add(result)
+        times.update(result)
         latencies_s.append(result.latency_s)
         if number == frames // 5:
             memory_start = resident_mib()
@@ -120,7 +123,7 @@ def _measure(results: Iterable[Result], frames: int) -> PipelineTiming:
         frames_per_s=len(times.spans) / elapsed_s,
         median_ms=1e3 * float(np.median(latencies_s)),
         p99_ms=1e3 * float(np.percentile(latencies_s, 99)),
-        stages=times.to_json(),
+        stages=times.table("").rows,
         memory_start_mib=memory_start,
         memory_end_mib=resident_mib(),
     )

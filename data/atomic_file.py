@@ -1,6 +1,10 @@
-"""Files that are whole, or not there."""
+"""Files that are complete, or not there."""
 
 from pathlib import Path
+
+import cv2
+
+from perception.types import UInt8
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -9,3 +13,9 @@ def write_atomically(path: Path, data: bytes) -> None:
     part = path.with_name(f".{path.name}.part")
     part.write_bytes(data)
     part.replace(path)
+
+
+def write_jpeg(path: Path, image: UInt8, quality: int = 90) -> None:
+    """Write an (H, W, 3) RGB image atomically as JPEG."""
+    _, encoded = cv2.imencode(".jpg", image[:, :, ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality))
+    write_atomically(path, encoded.tobytes())

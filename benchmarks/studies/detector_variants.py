@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from data.atomic_file import write_atomically
-from perception.cli.documents import to_serializable, write_json
+from data.results.documents import to_serializable, write_json
 from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.evaluations.detector_steps import MeasuredDetector, measure_detector
 from perception.cli.evaluations.labelled_drives import (

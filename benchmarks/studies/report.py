@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from data.results.documents import write_json
 from perception import __version__
-from perception.cli.documents import write_json
 
 RESULTS = Path("results") / "study"
 """Where pictures go, unless another place is named."""

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Literal
 from tqdm import tqdm
 
 from data.open_drive import open_drive
+from data.results.documents import describe_machine, write_json
 from data.synthetic.drive import SyntheticDrive
-from perception.cli.documents import write_json
-from perception.cli.machine import describe_machine
 from perception.cli.table import format_table
 from perception.detection.config import DetectionConfig
 from perception.errors import ModelError, PerceptionError

@@ -6,15 +6,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from data.atomic_file import write_atomically
+from data.atomic_file import write_atomically, write_jpeg
 from data.frames import OnBadFrame, file_number, frame_count
 from data.kitti.detection_rows import format_result_rows
 from data.open_drive import open_drive
+from data.results.documents import write_config, write_json
+from data.results.run_folder import make_results_folder
 from perception.cli.detect_summary import DetectSummary
-from perception.cli.documents import write_config, write_json
 from perception.cli.flags import require_positive
-from perception.cli.image_file import write_jpeg
-from perception.cli.results_folder import new_results_folder
 from perception.cli.vehicle_detector import (
     DepthCnConfig,
     VehicleDetector,
@@ -69,7 +68,7 @@ def detect(  # noqa: PLR0913 - flags of a command
     plan = DetectConfig(choice, frames, shown_score, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
     detector = choice.open(opened.sensor)
-    summary = detect_in_drive(opened, detector, out or new_results_folder(Path("results")), plan)
+    summary = detect_in_drive(opened, detector, out or make_results_folder(), plan)
     print(summary.table())
 
 

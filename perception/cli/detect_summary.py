@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.cli.stage_times import STAGE_HEADER, median_frame_s, stage_metrics, stage_rows
-from perception.cli.table import format_table
 from perception.cli.vehicle_detector import VehicleDetectorOutput
+from perception.evaluation.stage_times import median_frame_s, stage_table
 
 
 @dataclass
@@ -50,7 +49,7 @@ class DetectSummary:
         title = f"{self.drive}: {frames} frames"
         proposals, detections, shown = map(np.mean, (self.proposals, self.detections, self.shown))
         lines = [
-            format_table(title, STAGE_HEADER, stage_rows(self.seconds)),
+            stage_table(title, self.seconds).text(),
             "",
             f"a frame: {proposals:.1f} proposals, {detections:.1f} written as vehicles, "
             f"{shown:.1f} of these with a score of {self.shown_score:g} or more; "
@@ -66,7 +65,7 @@ class DetectSummary:
             "drive": self.drive,
             "frames": len(self.detections),
             "elapsed_s": round(self.elapsed_s, 3),
-            "stages_ms": stage_metrics(self.seconds),
+            "stages_ms": stage_table("", self.seconds).to_json(),
             "proposals": sum(self.proposals),
             "detections": sum(self.detections),
             "shown": {"min_score": self.shown_score, "detections": sum(self.shown)},

@@ -143,7 +143,7 @@ def publish_report(
         document: Everything that the JSON file states beside the metrics.
         json: JSON file, or None.
     """
-    from perception.cli.documents import write_json
+    from data.results.documents import write_json
 
     print("\n\n".join([heading, *(table.text() for table in report.tables())]))
     if json is not None:

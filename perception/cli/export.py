@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from data.atomic_file import write_atomically
 from data.open_drive import open_drive
-from perception.cli.documents import write_json
-from perception.cli.machine import describe_machine
+from data.results.documents import describe_machine, write_json
 from perception.cli.progress import progress_bar
 from perception.cli.table import Cell, format_table
 from perception.detection.detectors.input_size import InputSize

@@ -6,8 +6,8 @@ import cv2
 
 from data.frames import file_number, read_frames
 from data.open_drive import open_drive
+from data.results.run_folder import make_results_folder
 from perception.cli.progress import progress_bar
-from perception.cli.results_folder import new_results_folder
 from perception.cli.table import format_table
 from perception.errors import DriveError, UsageError
 from perception.maps.densify import FILL_METHODS, DenseMaps, MapMethod, densify
@@ -39,7 +39,7 @@ def maps(
         out: folder for the pictures; else results/<time>.
     """
     opened = open_drive(drive, sequence=sequence)
-    folder = out or new_results_folder(Path("results"))
+    folder = out or make_results_folder()
     if all:
         for one in progress_bar(read_frames(opened), "frames", len(opened)):
             name = f"{file_number(opened, one.index):06d}.png"

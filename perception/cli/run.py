@@ -8,10 +8,10 @@ from pathlib import Path
 
 from data.frames import OnBadFrame, frame_count
 from data.open_drive import open_drive
-from perception.cli.documents import write_config
+from data.results.documents import write_config
+from data.results.run_folder import RunFolderWriter, make_results_folder
 from perception.cli.drive_results import drive_results
 from perception.cli.flags import require_positive
-from perception.cli.results_folder import ResultsFolder, new_results_folder
 from perception.cli.run_summary import RunSummary
 from perception.cli.run_video import NoRunVideo, RunVideo, RunVideoWriter
 from perception.cli.track_handover import HandoverTracking, NoObjectTracking, ObjectTracking
@@ -59,7 +59,7 @@ def run(  # noqa: PLR0913 - flags of a command
     needs_images = "rgb" in enabled_modalities(pipeline.detection) or follow is not None
     opened = open_drive(drive, sequence=sequence, sensor=sensor, images=video or needs_images)
     plan = RunConfig(frames, video, on_bad_frame, pipeline, follow)
-    summary = run_drive(opened, out or new_results_folder(Path("results")), plan)
+    summary = run_drive(opened, out or make_results_folder(), plan)
     print(summary.table())
 
 
@@ -97,7 +97,7 @@ def run_drive(drive: Drive, out: Path, plan: RunConfig) -> RunSummary:
     results = drive_results(drive, plan.pipeline, limit=plan.frames, on_bad_frame=plan.on_bad_frame)
     start = time.perf_counter()
     with ExitStack() as files:
-        folder = files.enter_context(ResultsFolder(out, drive, area))
+        folder = files.enter_context(RunFolderWriter(out, drive, area))
         write_config(out, drive, plan=plan)
         video_writer = files.enter_context(_video_writer(drive, out, plan))
         object_tracking = files.enter_context(_object_tracking(drive, out, plan))
@@ -134,4 +134,4 @@ def _object_tracking(drive: Drive, out: Path, plan: RunConfig) -> ObjectTracking
         return NoObjectTracking()
     tracker = single_object_tracker(TRACKERS[0], drive.sensor)
     handover = TrackHandover(plan.follow, tracker, plan.pipeline.ego_vehicle)
-    return HandoverTracking(out / "followed.jsonl", handover)
+    return HandoverTracking(out, handover)

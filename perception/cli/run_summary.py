@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from perception.cli.stage_times import STAGE_HEADER, StageTimes
-from perception.cli.table import format_table
 from perception.evaluation.confusion import Confusion, confusion_table
 from perception.evaluation.ground import LabelledScan, ground_confusion
 from perception.evaluation.obstacles import PointMotion, point_motion
+from perception.evaluation.stage_times import StageTimes
 from perception.geometry.grids import LocalArea
 from perception.types import PointState, PointTruth, Result
 
@@ -51,7 +50,7 @@ class RunSummary:
 
     def add(self, result: Result, truth: PointTruth | None, area: LocalArea) -> None:
         """Count one frame."""
-        self.times.add(result)
+        self.times.update(result)
         self.points += np.bincount(result.obstacles.point_states, minlength=len(PointState))
         self.moving_voxels.append(len(result.obstacles.moving))
         self.track_ids.update(result.tracks.ids.tolist())
@@ -75,11 +74,7 @@ class RunSummary:
         """Return what is printed at the end."""
         if not self.frames:
             return f"{self.drive}: no frame was done"
-        stages = format_table(
-            f"{self.drive}: {self.frames} frames",
-            STAGE_HEADER,
-            self.times.rows(),
-        )
+        stages = self.times.table(f"{self.drive}: {self.frames} frames").text()
         seen = self.points / self.frames
         lines = [
             stages,
@@ -116,7 +111,7 @@ class RunSummary:
             "drive": self.drive,
             "frames": self.frames,
             "elapsed_s": round(self.elapsed_s, 3),
-            "stages_ms": self.times.to_json(),
+            "stages_ms": self.times.table("").to_json(),
             "points_against_truth": {
                 "ground": self.ground.to_json(),
                 "static": self.motion.static.to_json(),

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self
 
-from perception.cli.image_file import write_jpeg
+from data.atomic_file import write_jpeg
 from perception.cli.track_handover import ObjectTracking
 from perception.pipeline.workers import ThreadWorker
 from perception.render.composition import Composition
@@ -51,7 +51,7 @@ class _DrawnFrame:
 
 
 class RunVideoWriter:
-    """Writes video.mp4 and picture.jpg of a run; a context manager."""
+    """Writes video.mp4 and preview.jpg of a run; a context manager."""
 
     def __init__(self, out: Path, drive: Drive, composition: Composition, frames: int) -> None:
         """Begin without a picture.
@@ -104,5 +104,5 @@ class RunVideoWriter:
         )
         self._video.add(image)
         if self._count == self._middle:
-            write_jpeg(self._out / "picture.jpg", image, quality=88)
+            write_jpeg(self._out / "preview.jpg", image, quality=88)
         self._count += 1

@@ -11,13 +11,13 @@ import numpy as np
 
 from data.frames import OnBadFrame, frame_count, read_frames
 from data.open_drive import open_drive
-from perception.cli.documents import write_config, write_json
+from data.results.documents import write_config, write_json
+from data.results.run_folder import make_results_folder
+from data.results.trajectory import TrajectoryRecord, TrajectoryRows, trajectory_writer
 from perception.cli.flags import require_positive
 from perception.cli.progress import progress_bar
-from perception.cli.results_folder import new_results_folder
 from perception.cli.track_start import TrackStart, TrackStartConfig, find_start
 from perception.cli.track_summary import TrackSummary
-from perception.cli.trajectory_files import TrajectoryFile, TrajectoryRows
 from perception.evaluation.single_object.track import TrueTrack
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
@@ -82,7 +82,7 @@ def track(  # noqa: PLR0913 - flags of a command
     plan = TrackConfig(tracker, frames, video, on_bad_frame)
     opened = open_drive(drive, sequence=sequence, sensor=sensor)
     start = find_start(opened, start_config)
-    summary = track_object(opened, start, out or new_results_folder(Path("results")), plan)
+    summary = track_object(opened, start, out or make_results_folder(), plan)
     print(summary.table(opened.calibration))
 
 
@@ -125,7 +125,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
     frames = read_frames(drive, on_bad_frame=plan.on_bad_frame, limit=last, first=start.frame)
     shown = progress_bar(frames, drive.name, last - start.frame)
     with ExitStack() as files:
-        lines = files.enter_context(closing(TrajectoryFile(out / "trajectory.jsonl")))
+        lines = files.enter_context(trajectory_writer(out))
         rows = files.enter_context(
             closing(
                 TrajectoryRows(
@@ -148,7 +148,7 @@ def track_object(drive: Drive, start: TrackStart, out: Path, plan: TrackConfig) 
                 timed = timed_tracker.update(tracker_input)
                 if not summary.frames:
                     summary.points_at_start = _points_in(start.box_velo, tracker_input)
-                lines.write(result, timed.tracked)
+                lines.write(TrajectoryRecord.of(result, timed.tracked))
                 rows.write(result, timed.tracked)
                 summary.add(result, timed.tracked, timed.seconds)
                 if plan.video:

@@ -10,7 +10,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from perception.cli.trajectory_files import TrajectoryFile
+from data.results.trajectory import TrajectoryRecord, trajectory_writer
 from perception.geometry.threads import limit_blas_threads
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.tracked_object_scene import TrackedObjectTrail
@@ -64,16 +64,16 @@ class HandoverTracking:
         figure: of the last frame, or None while there is nothing to draw.
     """
 
-    def __init__(self, path: Path, handover: TrackHandover) -> None:
+    def __init__(self, folder: Path, handover: TrackHandover) -> None:
         """Open the file.
 
         Args:
-            path: gets a line a frame from the first that has the track.
+            folder: Folder of the results, which gets `trajectory.jsonl`.
             handover: that waits for it.
         """
         self.figure: TrackedObjectFigure | None = None
         self._handover, self._trail = handover, TrackedObjectTrail()
-        self._file = TrajectoryFile(path)
+        self._file = trajectory_writer(folder)
 
     def __enter__(self) -> Self:
         return self
@@ -100,7 +100,7 @@ class HandoverTracking:
             tracked = self._handover.update(result)
         seconds = time.perf_counter() - start_s
         if tracked is not None:
-            self._file.write(result, tracked)
+            self._file.write(TrajectoryRecord.of(result, tracked))
             self._trail.add(result, tracked)
             path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
             name = str(self._handover.track_id)

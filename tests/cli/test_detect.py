@@ -71,7 +71,7 @@ def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, t
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["frames"], summary["proposals"], summary["detections"]) == (2, 4, 6)
     assert summary["shown"] == {"min_score": 0.85, "detections": 2}
-    assert summary["stages_ms"]["all stages"]["median"] == 3.0
+    assert summary["stages_ms"]["all stages"]["p50"] == 3.0
 
 
 def test_a_sequence_without_images_becomes_a_video_of_depths(street, label_reader, tmp_path):

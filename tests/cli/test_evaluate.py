@@ -9,8 +9,8 @@ import pytest
 
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
+from data.results.documents import to_serializable
 from perception.cli import drive_results
-from perception.cli.documents import to_serializable
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
 from perception.cli.evaluations.obstacle_tables import obstacle_results, obstacle_tables

@@ -52,7 +52,7 @@ def frames_of(video: Path) -> int:
 def test_every_file_of_a_run_is_there(results):
     names = {path.name for path in results.iterdir()}
     assert names == {
-        "config.yaml", "data", "frames.jsonl", "poses.txt", "labels", "obstacles", "picture.jpg",
+        "config.yaml", "data", "frames.jsonl", "poses.txt", "labels", "obstacles", "preview.jpg",
         "summary.json", "timeline.png", "tracks", "tracks.jsonl", "vehicles", "vehicles.jsonl",
         "video.mp4",
     }  # fmt: skip

@@ -63,8 +63,8 @@ def test_every_vehicle_says_who_saw_it(run_of_cars):
         assert set(one["scores"]) == set(MODALITIES)
         # There is no image, so that the LiDAR's two detectors look.
         assert one["scores"]["rgb"] is None
-        assert one["carrier"] in ("dm", "rm")
-        assert one["scores"][one["carrier"]] is not None
+        assert one["dominant_modality"] in ("dm", "rm")
+        assert one["scores"][one["dominant_modality"]] is not None
 
 
 def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):

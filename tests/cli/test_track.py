@@ -13,12 +13,12 @@ import yaml
 from data.derived.object_truth import DriveObjects
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
+from data.results.trajectory import TrajectoryRecord, TrajectoryRows
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.cli.track import TrackConfig, track_object
 from perception.cli.track_start import TrackStart, TrackStartConfig, find_start, parse_box
 from perception.cli.track_summary import TrackSummary, path_length_m
-from perception.cli.trajectory_files import TrajectoryRows, trajectory_line
 from perception.errors import PerceptionError, UsageError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
@@ -262,7 +262,7 @@ def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     rows.write(result, tracked)
     rows.close()
     assert not (tmp_path / "rows.txt").exists()
-    assert trajectory_line(result, replace(tracked, box_velo=None))["speed_m_s"] is None
+    assert TrajectoryRecord.of(result, replace(tracked, box_velo=None)).speed_m_s is None
 
 
 def test_real_cyclist_from_its_label(kitti_root, tmp_path, capsys):

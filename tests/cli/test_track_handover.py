@@ -55,8 +55,8 @@ def hand_over_of(track_id: int) -> TrackHandover:
 
 
 def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(result, tmp_path):
-    path = tmp_path / "followed.jsonl"
-    with HandoverTracking(path, hand_over_of(8)) as object_tracking:
+    path = tmp_path / "trajectory.jsonl"
+    with HandoverTracking(tmp_path, hand_over_of(8)) as object_tracking:
         before = object_tracking.update(replace(result, tracks=Tracks.empty()))
         assert STAGE in before.timings_s
         assert object_tracking.figure is None
@@ -71,7 +71,7 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
 
 
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
-    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(99)) as object_tracking:
+    with HandoverTracking(tmp_path, hand_over_of(99)) as object_tracking:
         object_tracking.update(result)
     assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
 
@@ -88,8 +88,8 @@ def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tm
         owners=np.full(len(result.frame.points_velo), -1),
     )
     located = replace(unlocated, boxes=result.tracks.boxes)
-    path = tmp_path / "followed.jsonl"
-    with HandoverTracking(path, hand_over_of(5)) as object_tracking:
+    path = tmp_path / "trajectory.jsonl"
+    with HandoverTracking(tmp_path, hand_over_of(5)) as object_tracking:
         # Where the LiDAR says too little of it, there is nothing to begin with.
         object_tracking.update(replace(result, tracks=Tracks.empty(), vehicles=unlocated))
         assert object_tracking.figure is None
@@ -109,7 +109,7 @@ def test_where_nobody_is_followed_nothing_changes(result):
 
 
 def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
-    with HandoverTracking(tmp_path / "followed.jsonl", hand_over_of(8)) as object_tracking:
+    with HandoverTracking(tmp_path, hand_over_of(8)) as object_tracking:
         object_tracking.update(result)
         plain = Composition().draw(result)
         picture = Composition().draw(
@@ -128,7 +128,7 @@ def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
     given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     ids = [[track["id"] for track in line["tracks"]] for line in given]
     first = next(number for number, there in enumerate(ids) if 0 in there)
-    lines = [json.loads(line) for line in (tmp_path / "followed.jsonl").read_text().splitlines()]
+    lines = [json.loads(line) for line in (tmp_path / "trajectory.jsonl").read_text().splitlines()]
     assert [line["frame"] for line in lines] == list(range(first, FRAMES))
     track = next(track for track in given[first]["tracks"] if track["id"] == 0)
     np.testing.assert_allclose(

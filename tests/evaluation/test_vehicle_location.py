@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data.kitti.vehicle_results import to_vehicle_rows
+from data.results.vehicles import to_vehicle_rows
 from perception.detection.vehicles.locate import locate
 from perception.evaluation.vehicle_location import location_errors
 from tests.vehicle_scenes import CALIBRATION, FlatRoad, cars, detected, frame_of, road, sides

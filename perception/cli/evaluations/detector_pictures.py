@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from data.atomic_file import write_jpeg
 from perception.cli.evaluations.detector_steps import MeasuredDetector
-from perception.cli.image_file import write_jpeg
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.evaluation.detection.box_rows import DetectedBoxes

@@ -4,8 +4,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from data.results.documents import write_json
 from perception import __version__
-from perception.cli.documents import write_json
 
 
 @dataclasses.dataclass(frozen=True)

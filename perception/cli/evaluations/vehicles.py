@@ -8,7 +8,7 @@ import numpy as np
 from data.frames import OnBadFrame
 from data.kitti.sequence import KittiSequence
 from data.kitti.tracking_rows import TrackingRows, read_label_rows
-from data.kitti.vehicle_results import to_vehicle_rows
+from data.results.vehicles import to_vehicle_rows
 from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
 from perception.cli.evaluations.drive_run import open_labelled_drive
 from perception.cli.evaluations.vehicle_runs import (

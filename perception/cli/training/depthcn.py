@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from data.frames import OnBadFrame
-from perception.cli.documents import write_json
+from data.results.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.trainer_choice import as_path_tuple, trainer_config
 from perception.cli.training.verifier_plan import VerifierDataConfig, run_training

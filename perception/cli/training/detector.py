@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from data.frames import OnBadFrame
+from data.results.documents import write_json
 from data.splitting import SplitBy
-from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.detector_plan import (
     DetectorDataConfig,

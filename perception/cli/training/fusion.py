@@ -6,8 +6,8 @@ from typing import Literal
 
 from data.detections.fused_frames import curves_beside, fuse_frames
 from data.frames import OnBadFrame
+from data.results.documents import write_json
 from data.splitting import SplitBy
-from perception.cli.documents import write_json
 from perception.cli.table import Cell, format_table
 from perception.cli.training.fusion_data import (
     DetectorModelPaths,

@@ -6,9 +6,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from data.frames import OnBadFrame
+from data.results.documents import usable_cores, write_json, write_yaml
 from perception import __version__
-from perception.cli.documents import write_json, write_yaml
-from perception.cli.machine import usable_cores
 from perception.cli.progress import frame_progress_bar, progress_bar
 from perception.cli.training.proposal_tables import (
     best_table,

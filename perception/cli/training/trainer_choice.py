@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from data.results.documents import write_yaml
 from perception import __version__
-from perception.cli.documents import write_yaml
 from perception.errors import MissingDependencyError
 
 if TYPE_CHECKING:

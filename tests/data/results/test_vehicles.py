@@ -6,7 +6,7 @@ import pytest
 from data.kitti.detection_rows import read_detection_set
 from data.kitti.labels import read_object_labels
 from data.kitti.tracking_rows import format_result_rows, read_result_rows
-from data.kitti.vehicle_results import format_object_rows, to_vehicle_rows
+from data.results.vehicles import format_object_rows, to_vehicle_rows
 from perception.types import Boxes3D, Calibration, Detections, FusedDetections, Vehicles
 
 CALIBRATION = Calibration(

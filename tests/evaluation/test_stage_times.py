@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from perception.cli.stage_times import StageTimes
+from perception.evaluation.stage_times import StageTimes
 from perception.types import StageSpan
 
 
@@ -29,20 +29,22 @@ def spans_at(begun_s, **starts_s):
 @pytest.fixture
 def times():
     collected = StageTimes()
-    collected.add(Timed(spans_at(0.5, ground=0.0)))
+    collected.update(Timed(spans_at(0.5, ground=0.0)))
     for begun_s, maps_s in ((0.0, 0.005), (0.3, 0.010), (0.1, 0.0)):
-        collected.add(Timed(spans_at(begun_s, ground=0.0, maps=maps_s)))
+        collected.update(Timed(spans_at(begun_s, ground=0.0, maps=maps_s)))
     return collected
 
 
 def test_what_overlaps_counts_twice_in_the_sum_and_once_in_the_frame(times):
-    assert times.rows() == [
+    table = times.table("2 stages")
+    assert [line.split() for line in table.text().splitlines()[3:]] == [
         ["ground", "10.0", "10.0", "57"],
         ["maps", "10.0", "10.0", "43"],
-        ["all stages", "20.0", "20.0", "100"],
-        ["first to last stage", "12.5", "19.9", ""],
+        ["all", "stages", "20.0", "20.0", "100"],
+        ["end", "to", "end", "12.5", "19.9", "-"],
     ]
-    assert times.to_json()["first to last stage"] == {"median": 12.5, "p99": 19.9}
+    written = table.to_json()["end to end"]
+    assert written == {"p50": 12.5, "p99": 19.9, "share_percent": None}
 
 
 def test_a_typical_frame_has_all_stages_and_takes_neither_long_nor_short(times):
@@ -50,5 +52,5 @@ def test_a_typical_frame_has_all_stages_and_takes_neither_long_nor_short(times):
     assert spans == pytest.approx({"ground": 0.0, "maps": 0.005})
 
 
-def test_no_frames_have_no_figures():
-    assert StageTimes().to_json() == {}
+def test_no_frames_have_no_rows():
+    assert StageTimes().table("").to_json() == {}

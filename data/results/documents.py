@@ -1,0 +1,85 @@
+"""Configurations and metrics as JSON and YAML documents, and the machine they were measured on."""
+
+import dataclasses
+import json
+import math
+import os
+import platform
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from data.atomic_file import write_atomically
+from perception import __version__
+from perception.types import Drive
+
+
+def write_json(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
+    """Write a JSON document atomically and make its folder; NaN becomes null."""
+    text = json.dumps(to_serializable(document), indent=1, allow_nan=False)
+    write_atomically(path, f"{text}\n".encode())
+
+
+def write_yaml(path: Path, document: Any) -> None:  # noqa: ANN401 - see `to_serializable`
+    """Write a YAML document atomically, with its fields in their order."""
+    write_atomically(path, _yaml(document).encode())
+
+
+def write_config(out: Path, drive: Drive, **flags: object) -> None:
+    """Write `config.yaml` into a folder of results; `--config` takes the file back.
+
+    Args:
+        out: Folder of the results.
+        drive: Drive of the run, named in comments at the top.
+        flags: Effective value of each flag; dataclasses become sections.
+    """
+    header = (
+        f"# trifuse {__version__}\n"
+        f"# drive: {drive.root.resolve()}\n"
+        f"# name: {drive.name}, sensor: {drive.sensor.name}\n"
+    )
+    write_atomically(out / "config.yaml", f"{header}{_yaml(flags)}".encode())
+
+
+def to_serializable(value: Any) -> Any:  # noqa: ANN401 - walks any configuration or report
+    """Return dataclasses, arrays and paths as types that JSON and YAML have; NaN as None."""
+    if dataclasses.is_dataclass(value):
+        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(key): to_serializable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [to_serializable(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def describe_machine() -> str:
+    """Return the processor, the number of usable cores, and the version of Python."""
+    return f"{_processor()}, {usable_cores()} cores, Python {platform.python_version()}"
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _yaml(document: object) -> str:
+    text: str = yaml.safe_dump(to_serializable(document), sort_keys=False)
+    return text
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return " ".join(line.partition(":")[2].split())
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

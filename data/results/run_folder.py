@@ -1,0 +1,232 @@
+"""The folder of results that `trifuse run` writes; every file is complete, whenever the run ends.
+
+config.yaml           effective flags; `--config` takes the file back
+frames.jsonl          one `FrameRecord` a line: time, position, counts, seconds of each stage
+poses.txt             world_SE3_velo after registration, 12 numbers a row, as KITTI's odometry benchmark has them
+tracks/NAME.txt       KITTI tracking rows of all tracks in the image; only with a camera
+tracks.jsonl          one `FrameTracks` a line
+data/NNNNNN.txt       KITTI object rows of the detected vehicles; this and the next two only with detectors
+vehicles/NAME.txt     KITTI tracking rows of the tracked vehicles
+vehicles.jsonl        one `FrameVehicles` a line
+trajectory.jsonl      one `TrajectoryRecord` a line; only with `--track`
+labels/NNNNNN.label   one uint32 a point in SemanticKITTI's classes: 40 ground, 9 static, 251 moving
+obstacles/NNNNNN.npz  one `ObstacleArrays`: static and moving voxels, and ground heights on a 1 m grid
+video.mp4             camera, 3D and bird's-eye view
+preview.jpg           image of the frame in the middle
+timeline.png          start and end of each stage in a typical frame
+summary.json          the printed summary
+"""
+
+import json
+import time
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Self, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data.atomic_file import write_atomically
+from data.results.documents import write_json
+from data.results.records import RecordWriter, read_records
+from data.results.tracks import FrameTracks, TrackWriter, read_tracks
+from data.results.vehicles import FrameVehicles, VehicleWriter, read_vehicles
+from perception.errors import DriveError
+from perception.geometry.grids import LocalArea
+from perception.types import Drive, Float, Float64, GroundModel, Int, PointState, Result
+
+# Classes of SemanticKITTI; its moving-object benchmark maps all static classes to 9, all moving ones to 251.
+SEMANTIC_KITTI = np.zeros(len(PointState), np.uint32)
+SEMANTIC_KITTI[PointState.GROUND] = 40
+SEMANTIC_KITTI[PointState.STATIC] = 9
+SEMANTIC_KITTI[PointState.MOVING] = 251
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """One line of `frames.jsonl`.
+
+    Attributes:
+        frame: Index of the frame.
+        stamp_s: Time of the scan.
+        position_m: Position of the LiDAR in the world frame x, y, z.
+        points: Number of points by state: outside, ground, static, moving.
+        voxels: Number of static and of moving voxels.
+        tracks: Number of tracks.
+        vehicles: Number of detected vehicles; null without detectors.
+        latency_s: Time from the start of the first stage to the end of the last.
+        seconds: Time of each stage.
+    """
+
+    frame: int
+    stamp_s: float
+    position_m: list[float]
+    points: dict[str, int]
+    voxels: dict[str, int]
+    tracks: int
+    vehicles: int | None
+    latency_s: float | None
+    seconds: dict[str, float]
+
+    @classmethod
+    def of(cls, result: Result) -> Self:
+        """Return the record of one result."""
+        states = np.bincount(result.obstacles.point_states, minlength=len(PointState))
+        obstacles = result.obstacles
+        return cls(
+            frame=result.frame.index,
+            stamp_s=round(result.frame.stamp_s, 6),
+            position_m=[round(float(x), 4) for x in result.world_SE3_velo[:3, 3]],
+            points={state.name.lower(): int(states[state]) for state in PointState},
+            voxels={"static": len(obstacles.static), "moving": len(obstacles.moving)},
+            tracks=len(result.tracks),
+            vehicles=None if result.vehicles is None else len(result.vehicles),
+            latency_s=round(result.latency_s, 6) if result.spans else None,
+            seconds={stage: round(seconds, 6) for stage, seconds in result.timings_s.items()},
+        )
+
+
+@dataclass(frozen=True)
+class ObstacleArrays:
+    """Arrays of one `obstacles/NNNNNN.npz`, in the LiDAR frame of the scan.
+
+    Attributes:
+        static_centers_m: (S, 3) centres of the static voxels.
+        static_counts: (S,) number of points in each.
+        moving_centers_m: (V, 3) centres of the moving voxels.
+        moving_counts: (V,) number of points in each.
+        ground_xy_m: (K, 2) positions on a 1 m grid over the local area.
+        ground_height_m: (K,) height of the ground there.
+    """
+
+    static_centers_m: Float
+    static_counts: Int
+    moving_centers_m: Float
+    moving_counts: Int
+    ground_xy_m: Float64
+    ground_height_m: Float64
+
+    @classmethod
+    def of(cls, result: Result, area: LocalArea) -> Self:
+        """Return the arrays of one result."""
+        static, moving = result.obstacles.static, result.obstacles.moving
+        xy_m, heights_m = sample_ground(result.ground, area)
+        return cls(
+            static.centers_m, static.counts, moving.centers_m, moving.counts, xy_m, heights_m
+        )
+
+
+def make_results_folder(parent: Path = Path("results")) -> Path:
+    """Make results/<time> and let results/latest point to it."""
+    folder = parent / time.strftime("%Y-%m-%d_%H-%M-%S")
+    folder.mkdir(parents=True, exist_ok=True)
+    latest = parent / "latest"
+    if latest.is_symlink() or not latest.exists():
+        latest.unlink(missing_ok=True)
+        latest.symlink_to(folder.name)
+    return folder
+
+
+class RunFolderWriter:
+    """Writes the results of one run, frame by frame; a context manager."""
+
+    def __init__(self, out: Path, drive: Drive, area: LocalArea) -> None:
+        """Make the folder and open the files.
+
+        Args:
+            out: Folder of the results.
+            drive: Drive of the run.
+            area: Area in which ground heights are written.
+        """
+        self.out, self._area = out, area
+        (out / "labels").mkdir(parents=True, exist_ok=True)
+        (out / "obstacles").mkdir(exist_ok=True)
+        self._frames = RecordWriter(out / "frames.jsonl")
+        self._poses: TextIO = (out / "poses.txt").open("w", buffering=1)
+        self._tracks = TrackWriter(out, drive.name, drive.calibration)
+        self._vehicles = VehicleWriter(out, drive)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for file in (self._frames, self._poses, self._tracks, self._vehicles):
+            file.close()
+
+    def write(self, result: Result) -> None:
+        """Write the result of one frame."""
+        name = f"{result.frame.index:06d}"
+        labels = SEMANTIC_KITTI[result.obstacles.point_states]
+        write_atomically(self.out / "labels" / f"{name}.label", labels.tobytes())
+        arrays = BytesIO()
+        np.savez(arrays, **vars(ObstacleArrays.of(result, self._area)))
+        write_atomically(self.out / "obstacles" / f"{name}.npz", arrays.getvalue())
+        self._poses.write(" ".join(f"{x:.9g}" for x in result.world_SE3_velo[:3].ravel()) + "\n")
+        self._tracks.write(result)
+        self._vehicles.write(result)
+        self._frames.write(FrameRecord.of(result))
+
+    def write_summary(self, summary: object) -> None:
+        """Write `summary.json`."""
+        write_json(self.out / "summary.json", summary)
+
+
+class RunFolder:
+    """Reads the results of one run."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a folder.
+
+        Args:
+            path: Folder that `trifuse run --out` wrote.
+
+        Raises:
+            DriveError: the folder holds no results of a run.
+        """
+        if not (path / "frames.jsonl").is_file():
+            raise DriveError(
+                path, expected="a folder that `trifuse run` wrote", found="no frames.jsonl"
+            )
+        self.path = path
+
+    def frames(self) -> list[FrameRecord]:
+        """Read `frames.jsonl`."""
+        return read_records(self.path / "frames.jsonl", FrameRecord)
+
+    def poses(self) -> Float64:
+        """Read the (F, 4, 4) world_SE3_velo of `poses.txt`."""
+        rows = np.loadtxt(self.path / "poses.txt", ndmin=2).reshape(-1, 3, 4)
+        last = np.tile([[[0.0, 0, 0, 1]]], (len(rows), 1, 1))
+        return np.concatenate([rows, last], axis=1)
+
+    def tracks(self) -> list[FrameTracks]:
+        """Read `tracks.jsonl`."""
+        return read_tracks(self.path / "tracks.jsonl")
+
+    def vehicles(self) -> list[FrameVehicles]:
+        """Read `vehicles.jsonl`; no frames where the run had no detectors."""
+        path = self.path / "vehicles.jsonl"
+        return read_vehicles(path) if path.exists() else []
+
+    def labels(self, frame: int) -> NDArray[np.uint32]:
+        """Read the (N,) SemanticKITTI classes of the points of a frame."""
+        return np.fromfile(self.path / "labels" / f"{frame:06d}.label", np.uint32)
+
+    def obstacles(self, frame: int) -> ObstacleArrays:
+        """Read the voxels and ground heights of a frame."""
+        with np.load(self.path / "obstacles" / f"{frame:06d}.npz") as arrays:
+            return ObstacleArrays(**arrays)
+
+    def summary(self) -> dict[str, Any]:
+        """Read `summary.json`."""
+        document: dict[str, Any] = json.loads((self.path / "summary.json").read_text())
+        return document
+
+
+def sample_ground(ground: GroundModel, area: LocalArea) -> tuple[Float64, Float64]:
+    """Return (K, 2) positions on a 1 m grid over an area and the (K,) ground heights there."""
+    x = np.arange(-area.behind_m, area.ahead_m + 0.5)
+    y = np.arange(-area.side_m, area.side_m + 0.5)
+    xy_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    return xy_m, ground.height_m(xy_m)

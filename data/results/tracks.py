@@ -1,0 +1,252 @@
+"""Tracks of a run: `tracks.jsonl` for all of them, and KITTI's tracking rows for those in the image.
+
+    tracks.jsonl     one `FrameTracks` a line
+    tracks/NAME.txt  result rows of KITTI's tracking benchmark (18 columns); NAME is the drive's name, such as 0000
+
+`trifuse evaluate results` reads the folder `tracks`.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self, TextIO
+
+import numpy as np
+
+from data.kitti.labels import alphas_rad, boxes_to_cam
+from data.kitti.tracking_rows import TrackingRows, format_result_rows
+from data.results.records import RecordWriter, read_records
+from perception.geometry.angles import wrap
+from perception.geometry.boxes import edges, transform_boxes
+from perception.geometry.segments import outlines_px, project_segments
+from perception.types import Bool, Boxes3D, Calibration, Float64, Result, Tracks
+
+# Upper volumes of the author's classes, height x width x length; a larger box is a car.
+_PEDESTRIAN_M3 = 1.8
+_CYCLIST_M3 = 4.0
+# Scores of a track that is measured in the scan, and of one that is predicted.
+_OBSERVED_SCORE = 1.0
+_PREDICTED_SCORE = 0.5
+# Truncation and occlusion are not estimated.
+_UNKNOWN = -1.0
+
+
+@dataclass(frozen=True)
+class VeloPlace:
+    """Place of a box in the LiDAR frame of the scan.
+
+    Attributes:
+        position_m: Centre of the bottom face x, y, z.
+        yaw_rad: Heading from -pi to pi.
+    """
+
+    position_m: list[float]
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class WorldPlace:
+    """Place and velocity of a box in the world frame of `poses.txt`.
+
+    Attributes:
+        position_m: Centre of the bottom face x, y, z.
+        yaw_rad: Heading from -pi to pi.
+        velocity_m_s: Velocity over the ground x, y, z.
+    """
+
+    position_m: list[float]
+    yaw_rad: float
+    velocity_m_s: list[float]
+
+
+@dataclass(frozen=True)
+class TrackRecord:
+    """One track in one frame.
+
+    Attributes:
+        id: Track id.
+        is_observed: Whether the track is measured in this scan, not predicted.
+        size_m: Length, width and height.
+        speed_m_s: Speed over the ground.
+        velo: Place in the LiDAR frame.
+        world: Place in the world frame.
+    """
+
+    id: int
+    is_observed: bool
+    size_m: list[float]
+    speed_m_s: float
+    velo: VeloPlace
+    world: WorldPlace
+
+
+@dataclass(frozen=True)
+class FrameTracks:
+    """One line of `tracks.jsonl`.
+
+    Attributes:
+        frame: Index of the frame.
+        stamp_s: Time of the scan.
+        tracks: All tracks of the frame.
+    """
+
+    frame: int
+    stamp_s: float
+    tracks: list[TrackRecord]
+
+    @classmethod
+    def of(cls, result: Result) -> Self:
+        """Return the tracks of one result."""
+        tracks = result.tracks
+        boxes_world = transform_boxes(result.world_SE3_velo, tracks.boxes)
+        velocities_world = tracks.velocities_m_s @ result.world_SE3_velo[:3, :2].T
+        records = [
+            TrackRecord(
+                id=int(tracks.ids[row]),
+                is_observed=bool(tracks.is_observed[row]),
+                size_m=_rounded(tracks.boxes.size_m[row]),
+                speed_m_s=round(float(np.linalg.norm(tracks.velocities_m_s[row])), 4),
+                velo=VeloPlace(
+                    _rounded(tracks.boxes.bottom_m[row]), _angle(tracks.boxes.yaw_rad[row])
+                ),
+                world=WorldPlace(
+                    _rounded(boxes_world.bottom_m[row]),
+                    _angle(boxes_world.yaw_rad[row]),
+                    _rounded(velocities_world[row]),
+                ),
+            )
+            for row in range(len(tracks))
+        ]
+        return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
+
+
+def read_tracks(path: Path) -> list[FrameTracks]:
+    """Read `tracks.jsonl`.
+
+    Raises:
+        LabelError: the file or one of its lines cannot be read.
+    """
+    return read_records(path, FrameTracks)
+
+
+class TrackWriter:
+    """Writes the tracks of one run, frame by frame."""
+
+    def __init__(self, out: Path, name: str, calibration: Calibration | None) -> None:
+        """Open the files.
+
+        Args:
+            out: Folder of the results.
+            name: Name of the drive.
+            calibration: Camera calibration; without it, or without an image size, no rows are written.
+        """
+        self._camera = calibration
+        self._records = RecordWriter(out / "tracks.jsonl")
+        self._rows = RowWriter(out / "tracks" / f"{name}.txt", has_camera(calibration))
+
+    def close(self) -> None:
+        """Close the files."""
+        self._records.close()
+        self._rows.close()
+
+    def write(self, result: Result) -> None:
+        """Write the tracks of one frame."""
+        self._records.write(FrameTracks.of(result))
+        if self._camera is not None and self._camera.image_size_px is not None:
+            size_px = self._camera.image_size_px
+            rows = to_tracking_rows(result.frame.index, result.tracks, self._camera, size_px)
+            self._rows.write(rows)
+
+
+class RowWriter:
+    """Writes rows of KITTI's tracking benchmark, either all rows of a frame or none."""
+
+    def __init__(self, path: Path, is_enabled: bool = True) -> None:
+        """Remove the file of an earlier run, and open it.
+
+        Args:
+            path: File to write.
+            is_enabled: Whether rows are written; else the file is not made.
+        """
+        path.unlink(missing_ok=True)
+        self._rows: TextIO | None = None
+        if is_enabled:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._rows = path.open("w")
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._rows is not None:
+            self._rows.close()
+
+    def write(self, rows: TrackingRows) -> None:
+        """Write the rows of one frame."""
+        if self._rows is not None:
+            self._rows.write(format_result_rows(rows))
+            self._rows.flush()
+
+
+def has_camera(calibration: Calibration | None) -> bool:
+    """Return whether boxes can be projected into an image of known size."""
+    return calibration is not None and calibration.image_size_px is not None
+
+
+def to_tracking_rows(
+    frame: int, tracks: Tracks, calibration: Calibration, image_size_px: tuple[int, int]
+) -> TrackingRows:
+    """Return a row for each track of which the image shows a part.
+
+    Args:
+        frame: Index of the frame.
+        tracks: Tracks in the LiDAR frame of the scan.
+        calibration: Camera calibration.
+        image_size_px: Width and height of the image.
+    """
+    boxes_px = image_boxes(tracks.boxes, calibration, image_size_px)
+    is_in_view: Bool = np.asarray((boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1))
+    tracks, boxes_px = tracks[is_in_view], boxes_px[is_in_view]
+    columns = boxes_to_cam(tracks.boxes, calibration)
+    unknown = np.full(len(tracks), _UNKNOWN)
+    return TrackingRows(
+        frames=np.full(len(tracks), frame, np.int64),
+        ids=tracks.ids,
+        types=types_by_volume(tracks.boxes),
+        truncation=unknown,
+        occlusion=unknown,
+        alphas_rad=alphas_rad(tracks.boxes, columns[:, 6]),
+        boxes_px=boxes_px,
+        sizes_hwl_m=columns[:, :3],
+        bottoms_cam_m=columns[:, 3:6],
+        headings_rad=columns[:, 6],
+        scores=np.where(tracks.is_observed, _OBSERVED_SCORE, _PREDICTED_SCORE),
+    )
+
+
+def types_by_volume(boxes: Boxes3D) -> np.ndarray:
+    """Classify each box as Pedestrian, Cyclist or Car by its volume, as the author's program does."""
+    volumes_m3 = boxes.size_m.prod(axis=1)
+    return np.select(
+        [volumes_m3 <= _PEDESTRIAN_M3, volumes_m3 <= _CYCLIST_M3], ["Pedestrian", "Cyclist"], "Car"
+    )
+
+
+def image_boxes(
+    boxes_velo: Boxes3D, calibration: Calibration, image_size_px: tuple[int, int]
+) -> Float64:
+    """Return the (M, 4) x1 y1 x2 y2 of each box in the image; x1 >= x2 or y1 >= y2 where it is not in view.
+
+    Parts behind the camera are clipped before the projection.
+    """
+    segments = edges(boxes_velo)
+    projected = project_segments(calibration.image_P_velo, segments.reshape(-1, 2, 3))
+    owners = projected.rows // segments.shape[1]
+    outlines = outlines_px(projected.ends_px, owners, len(boxes_velo))
+    last_px = np.array(image_size_px) - 1.0
+    return np.asarray(np.clip(outlines, 0, np.tile(last_px, 2)))
+
+
+def _rounded(numbers: Float64) -> list[float]:
+    return [round(float(number), 4) for number in numbers]
+
+
+def _angle(angle_rad: float) -> float:
+    return round(float(wrap(angle_rad)), 6)

@@ -1,0 +1,222 @@
+"""Detected vehicles of a run: `vehicles.jsonl`, and rows of KITTI's object and tracking benchmarks.
+
+    vehicles.jsonl     one `FrameVehicles` a line
+    data/NNNNNN.txt    result rows of KITTI's object benchmark (16 columns), named as the frame; empty without a detection
+    vehicles/NAME.txt  result rows of KITTI's tracking benchmark (18 columns), for the vehicles that are tracked
+
+None of these files is written where no detector runs.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from data.atomic_file import write_atomically
+from data.frames import file_number
+from data.kitti.labels import alphas_rad, boxes_to_cam
+from data.kitti.tracking_rows import TrackingRows, format_result_rows
+from data.results.records import RecordWriter, read_records
+from data.results.tracks import RowWriter
+from perception.geometry.angles import wrap
+from perception.types import MODALITIES, Calibration, Drive, Float64, Result, Vehicles
+
+# Values of KITTI's columns that are not known.
+_NO_LEVEL, _NO_SIZE, _NO_PLACE, _NO_ANGLE = -1.0, -1.0, -1000.0, -10.0
+
+Number = float | None
+
+
+@dataclass(frozen=True)
+class VehiclePlace:
+    """Box of a vehicle in the LiDAR frame of the scan; null where the LiDAR does not locate it.
+
+    Attributes:
+        position_m: Centre of the bottom face x, y, z.
+        size_m: Length, width and height.
+        yaw_rad: Heading from -pi to pi.
+    """
+
+    position_m: list[Number]
+    size_m: list[Number]
+    yaw_rad: Number
+
+
+@dataclass(frozen=True)
+class VehicleRecord:
+    """One detected vehicle in one frame; null where a value is not known.
+
+    Attributes:
+        id: Track id; null before the vehicle is tracked.
+        type: KITTI type.
+        score: Fused score.
+        box_px: Rectangle x1 y1 x2 y2 in the image.
+        dominant_modality: Modality of the detector with the largest weight in the fused score.
+        scores: Score of each detector by modality; null where it has no detection.
+        points: Number of LiDAR points on the vehicle.
+        distance_m: Distance from the LiDAR to the nearest return.
+        velocity_m_s: Velocity over the ground along x and y of the LiDAR frame.
+        velo: Box in the LiDAR frame.
+    """
+
+    id: int | None
+    type: str
+    score: Number
+    box_px: list[Number]
+    dominant_modality: str
+    scores: dict[str, Number]
+    points: int
+    distance_m: Number
+    velocity_m_s: list[Number]
+    velo: VehiclePlace
+
+
+@dataclass(frozen=True)
+class FrameVehicles:
+    """One line of `vehicles.jsonl`.
+
+    Attributes:
+        frame: Index of the frame.
+        stamp_s: Time of the scan.
+        vehicles: Detected vehicles of the frame.
+    """
+
+    frame: int
+    stamp_s: float
+    vehicles: list[VehicleRecord]
+
+    @classmethod
+    def of(cls, result: Result, vehicles: Vehicles) -> Self:
+        """Return the vehicles of one result."""
+        points = vehicles.point_counts.tolist()
+        records = [_record(result, vehicles, row, points[row]) for row in range(len(vehicles))]
+        return cls(result.frame.index, round(result.frame.stamp_s, 6), records)
+
+
+def read_vehicles(path: Path) -> list[FrameVehicles]:
+    """Read `vehicles.jsonl`.
+
+    Raises:
+        LabelError: the file or one of its lines cannot be read.
+    """
+    return read_records(path, FrameVehicles)
+
+
+class VehicleWriter:
+    """Writes the vehicles of one run, frame by frame; each file is opened with its first content."""
+
+    def __init__(self, out: Path, drive: Drive) -> None:
+        """Open no file yet.
+
+        Args:
+            out: Folder of the results.
+            drive: Drive of the run.
+        """
+        self._out, self._drive = out, drive
+        self._records: RecordWriter | None = None
+        self._rows: RowWriter | None = None
+
+    def close(self) -> None:
+        """Close the files that are open."""
+        for file in (self._records, self._rows):
+            if file is not None:
+                file.close()
+
+    def write(self, result: Result) -> None:
+        """Write the vehicles of one frame, if a detector ran on it."""
+        vehicles, calibration = result.vehicles, result.frame.calibration
+        if vehicles is None or calibration is None:
+            return
+        frame = result.frame.index
+        file = self._out / "data" / f"{file_number(self._drive, frame):06d}.txt"
+        write_atomically(file, format_object_rows(vehicles, calibration).encode())
+        self._records = self._records or RecordWriter(self._out / "vehicles.jsonl")
+        self._records.write(FrameVehicles.of(result, vehicles))
+        if self._drive.is_sequence:
+            path = self._out / "vehicles" / f"{self._drive.name}.txt"
+            self._rows = self._rows or RowWriter(path)
+            self._rows.write(to_vehicle_rows(frame, vehicles, calibration))
+
+
+def to_vehicle_rows(
+    frame: int, vehicles: Vehicles, calibration: Calibration, min_score: float = 0.0
+) -> TrackingRows:
+    """Return a row for each vehicle that has an id; without a 3D box, only the rectangle is known.
+
+    Args:
+        frame: Index of the frame.
+        vehicles: Vehicles of the frame.
+        calibration: Camera calibration.
+        min_score: Lowest score of a row.
+    """
+    rows = _all_rows(frame, vehicles, calibration)
+    return rows[(rows.ids >= 0) & (rows.scores >= min_score)]
+
+
+def format_object_rows(vehicles: Vehicles, calibration: Calibration) -> str:
+    """Return the rows of one frame for the object benchmark, 16 columns each.
+
+    Every vehicle has a row, tracked or not: average precision needs the whole range of scores.
+    """
+    # The columns of the tracking benchmark without frame and id.
+    lines = format_result_rows(_all_rows(0, vehicles, calibration)).splitlines()
+    return "".join(f"{line.split(' ', 2)[2]}\n" for line in lines)
+
+
+def _all_rows(frame: int, vehicles: Vehicles, calibration: Calibration) -> TrackingRows:
+    detections, boxes = vehicles.fused.detections, vehicles.boxes
+    columns = boxes_to_cam(boxes, calibration)
+    unknown = np.full(len(vehicles), _NO_LEVEL)
+    return TrackingRows(
+        frames=np.full(len(vehicles), frame, np.int64),
+        ids=vehicles.ids,
+        types=detections.types,
+        truncation=unknown,
+        occlusion=unknown,
+        alphas_rad=_known(alphas_rad(boxes, columns[:, 6]), _NO_ANGLE),
+        boxes_px=detections.boxes_px,
+        sizes_hwl_m=_known(columns[:, :3], _NO_SIZE),
+        bottoms_cam_m=_known(columns[:, 3:6], _NO_PLACE),
+        headings_rad=_known(columns[:, 6], _NO_ANGLE),
+        scores=detections.scores,
+    )
+
+
+def _known(values: Float64, otherwise: float) -> Float64:
+    return np.where(np.isfinite(values), values, otherwise)
+
+
+def _record(result: Result, vehicles: Vehicles, row: int, points: int) -> VehicleRecord:
+    fused, track = vehicles.fused, int(vehicles.ids[row])
+    sources = zip(MODALITIES, fused.source_indices[row].tolist(), strict=True)
+    return VehicleRecord(
+        id=track if track >= 0 else None,
+        type=str(fused.detections.types[row]),
+        score=_rounded(fused.detections.scores[row]),
+        box_px=_numbers(fused.detections.boxes_px[row]),
+        dominant_modality=MODALITIES[int(fused.dominant_modality[row])],
+        scores={
+            modality: _rounded(result.modality_detections[modality].scores[index])
+            if index >= 0
+            else None
+            for modality, index in sources
+        },
+        points=points,
+        distance_m=_rounded(vehicles.distances_m[row]),
+        velocity_m_s=_numbers(vehicles.velocities_m_s[row]),
+        velo=VehiclePlace(
+            position_m=_numbers(vehicles.boxes.bottom_m[row]),
+            size_m=_numbers(vehicles.boxes.size_m[row]),
+            yaw_rad=_rounded(float(wrap(vehicles.boxes.yaw_rad[row]))),
+        ),
+    )
+
+
+def _numbers(values: Float64) -> list[Number]:
+    return [_rounded(value) for value in values.tolist()]
+
+
+def _rounded(value: float) -> Number:
+    return round(float(value), 4) if math.isfinite(value) else None
