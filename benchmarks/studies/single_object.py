@@ -12,7 +12,7 @@ from data.synthetic.scenario_truth import true_track
 from data.synthetic.scenarios import TARGET_ID, Scenario, ScenarioDrive, TargetClass, all_scenarios
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun, track_objects
 from perception.cli.table import Cell, format_table
-from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
 from perception.evaluation.single_object.track import TrueTrack

@@ -15,44 +15,13 @@ import numpy as np
 from scipy import ndimage
 
 from data.kitti.sequence import KittiSequence
-from perception.errors import PoseError, UsageError
+from perception.errors import PoseError
+from perception.evaluation.config import MotionLabelConfig
 from perception.evaluation.objects import MotionState
 from perception.geometry.boxes import transform_boxes
 from perception.types import Bool, Float64, Int, Labels
 
 _TIME_SLACK_S = 1e-3  # stamps a frame apart differ by rounding
-
-
-@dataclass(frozen=True)
-class MotionLabelConfig:
-    """When a labelled object counts as moving, in physical units.
-
-    Boxes of parked cars travel at up to 0.56 m/s in KITTI's sequence 0000, as annotation and INS
-    drift; the slowest walkers of sequences 0000, 0016 and 0017 make 1.04 m/s. The pair of thresholds
-    lies between the two.
-
-    Attributes:
-        start_m_s: an object moves at this speed and above.
-        stop_m_s: an object that moves goes on moving until it is slower than this; below, it stands.
-        window_s: over which a speed is measured: ten scans, so that the jitter of boxes averages out.
-        min_duration_s: within which nobody can tell that an object stands; a shorter track moves or is unknown.
-        min_travel_m: the way an object must have gone within the window to move, beyond any jitter of its box.
-    """
-
-    start_m_s: float = 0.8
-    stop_m_s: float = 0.6
-    window_s: float = 1.0
-    min_duration_s: float = 0.5
-    min_travel_m: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Refuse thresholds out of order."""
-        if not (0 < self.stop_m_s <= self.start_m_s and 0 < self.min_duration_s <= self.window_s):
-            raise UsageError(
-                "motion thresholds",
-                expected="0 < stop_m_s <= start_m_s and 0 < min_duration_s <= window_s",
-                found=str(self),
-            )
 
 
 @dataclass(frozen=True)

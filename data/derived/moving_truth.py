@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from data.derived.motion_labels import (
-    MotionLabelConfig,
     MotionLabels,
     PosedLabels,
     gather_tracks,
@@ -19,6 +17,7 @@ from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.truth_files import read_truth, truth_files
 from perception.errors import CalibrationError, DriveError
+from perception.evaluation.config import EvaluationView, MotionLabelConfig
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
     MovingScene,
@@ -26,8 +25,6 @@ from perception.evaluation.multi_object.moving_scene import (
 )
 from perception.evaluation.objects import LabelledObjects
 from perception.types import Bool, Drive, Float64, Frame, Int
-
-EvaluationView = Literal["camera", "all"]
 
 
 @dataclass(frozen=True)

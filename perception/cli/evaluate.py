@@ -5,14 +5,12 @@ from perception.cli.evaluations.depthcn import depthcn
 from perception.cli.evaluations.detection import detection
 from perception.cli.evaluations.detector import detector
 from perception.cli.evaluations.fusion import fusion
-from perception.cli.evaluations.obstacles import obstacles
 from perception.cli.evaluations.otd import otd
 from perception.cli.evaluations.robustness import robustness
 from perception.cli.evaluations.tracks import tracks
 from perception.cli.evaluations.vehicles import vehicles
 
 COMMANDS = {
-    "obstacles": obstacles,
     "datmo": datmo,
     "tracks": tracks,
     "otd": otd,

@@ -40,6 +40,9 @@ COMMANDS: Mapping[str, Command] = {
     "evaluate ground": Command(
         "perception.cli.evaluate_ground:ground", "error of the estimated ground at labelled objects"
     ),
+    "evaluate obstacles": Command(
+        "perception.cli.evaluate_obstacles:obstacles", "objects missed, false moving clusters"
+    ),
 }
 
 # Commands that have subcommands.

@@ -1,10 +1,11 @@
-"""What was found to move, as clusters on the ground plane, and which of them nothing explains."""
+"""False moving clusters: clusters of moving points on the ground plane that no labelled object explains."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from perception.evaluation.config import ClusterConfig
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside
@@ -15,31 +16,14 @@ NO_OBJECT = -1
 
 
 @dataclass(frozen=True)
-class ClusterConfig:
-    """How moving points become clusters, and what excuses one.
-
-    Attributes:
-        cell_m: edge of a cell of the ground plane.
-        closing_m: gaps up to about this width between cells do not part a cluster.
-        margin_m: a labelled object explains what lies within its box grown by so much on every side.
-        view_share: of a cluster's points that must be in the image, since nothing else is labelled.
-    """
-
-    cell_m: float = 0.2
-    closing_m: float = 0.5
-    margin_m: float = 0.5
-    view_share: float = 0.5
-
-
-@dataclass(frozen=True)
 class FrameAnnotations:
-    """What was labelled around the K clusters of a frame.
+    """Annotations of one frame, and the camera in whose image they were made.
 
     Attributes:
-        objects: all that are labelled, in the area or not.
-        dont_care_px: (D, 4) image regions in which nothing was labelled.
-        calibration: of the camera whose view was labelled.
-        image_size_px: (width, height).
+        objects: Labelled objects, in the area or not.
+        dont_care_px: (D, 4) Image regions x1 y1 x2 y2 without labels.
+        calibration: Calibration of the camera.
+        image_size_px: Image size (width, height) in px.
     """
 
     objects: LabelledObjects
@@ -50,16 +34,16 @@ class FrameAnnotations:
 
 @dataclass(frozen=True)
 class MovingClusters(Rows):
-    """K clusters of points that were found to move, of one frame or of many.
+    """K clusters of points classified as moving, of one frame or of many.
 
     Attributes:
-        frames: (K,) number of the frame.
-        points: (K,) how many points.
-        centers_m: (K, 2) their mean x and y in the LiDAR frame.
-        object_motions: (K,) `Motion` of the object whose grown box holds one of the points; NO_OBJECT where
-            none does. Of several the moving one counts, then the unknown, then the static.
-        view_shares: (K,) of the points that fall in the image.
-        dont_care_shares: (K,) of the points that fall in a DontCare region.
+        frames: (K,) Number of the frame.
+        points: (K,) Number of points.
+        centers_m: (K, 2) Mean x and y of the points in the LiDAR frame.
+        object_motions: (K,) `MotionState` of the object whose grown box holds one of the points; NO_OBJECT
+            where none does. Of several objects the moving one counts, then the unknown, then the static.
+        view_shares: (K,) Share of the points that fall in the image.
+        dont_care_shares: (K,) Share of the points that fall in a DontCare region.
     """
 
     frames: Int
@@ -71,7 +55,7 @@ class MovingClusters(Rows):
 
 
 def cluster_ids(points_xy: Float, config: ClusterConfig) -> Int:
-    """Return (P,) the cluster, 0 to K - 1, of every (P, 2+) point: cells joined over eight neighbours."""
+    """Return (P,) the cluster, 0 to K - 1, of every (P, 2+) point: connected cells with eight neighbours."""
     if len(points_xy) == 0:
         return np.zeros(0, np.int64)
     reach = max(round(config.closing_m / config.cell_m / 2), 0)
@@ -93,13 +77,13 @@ def moving_clusters(
     annotations: FrameAnnotations,
     config: ClusterConfig | None = None,
 ) -> MovingClusters:
-    """Cluster the points of one scan that were found to move, and note what lies around each."""
+    """Cluster the moving points of one scan, and look up the labels around each cluster."""
     config = config or ClusterConfig()
     moving = points_velo[states == PointState.MOVING]
     numbers = cluster_ids(moving, config)
     counts = np.bincount(numbers)
     in_view = is_in_view(annotations.calibration, moving, annotations.image_size_px)
-    uncared = _is_in_regions(annotations, moving)
+    in_dont_care = _is_in_regions(annotations, moving)
     return MovingClusters(
         frames=np.full(len(counts), frame, np.int64),
         points=counts,
@@ -108,7 +92,7 @@ def moving_clusters(
         ),
         object_motions=_object_motions(numbers, moving, annotations.objects, config),
         view_shares=np.bincount(numbers, in_view) / counts,
-        dont_care_shares=np.bincount(numbers, uncared) / counts,
+        dont_care_shares=np.bincount(numbers, in_dont_care) / counts,
     )
 
 
@@ -119,13 +103,13 @@ def is_false(
     *,
     ignore_dont_care: bool,
 ) -> Bool:
-    """Tell which clusters nothing explains: in view, and on no object that moves or may move.
+    """Tell which clusters are false: in view, and on no object that moves or may move.
 
     Args:
-        clusters: of any number of frames.
-        min_points: smaller clusters do not count.
-        config: as the clusters were made.
-        ignore_dont_care: leave out clusters with half of their points in DontCare regions.
+        clusters: Clusters of any number of frames.
+        min_points: Number of points of the smallest cluster that counts.
+        config: Configuration with which the clusters were made.
+        ignore_dont_care: Whether clusters with half of their points in DontCare regions are left out.
     """
     config = config or ClusterConfig()
     unexplained = ~np.isin(clusters.object_motions, (MotionState.MOVING, MotionState.UNKNOWN))

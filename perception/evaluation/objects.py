@@ -1,4 +1,4 @@
-"""The labelled objects of one frame, as the obstacle evaluation needs them."""
+"""Labelled objects of one frame and their motion."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,11 +8,9 @@ from perception.types import Boxes3D, Int
 
 
 class MotionState(IntEnum):
-    """What the labels say of an object at one moment."""
+    """Motion of a labelled object at one moment."""
 
-    UNKNOWN = (
-        0  # seen too briefly, or creeping at a speed that the labels cannot tell from standing
-    )
+    UNKNOWN = 0  # too short a track, or a speed that the labels cannot distinguish from zero
     STATIC = 1
     MOVING = 2
 
@@ -23,8 +21,8 @@ class LabelledObjects:
 
     Attributes:
         boxes_velo: (M) 3D boxes in the LiDAR frame.
-        motions: (M,) one `Motion` each.
-        track_ids: (M,) -1 where the labels have no tracks.
+        motions: (M,) `MotionState` of each object.
+        track_ids: (M,) Track id, -1 where the labels have no tracks.
     """
 
     boxes_velo: Boxes3D
@@ -32,7 +30,7 @@ class LabelledObjects:
     track_ids: Int
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
+        """Validate that the arrays have one length."""
         lengths = {len(self.boxes_velo), len(self.motions), len(self.track_ids)}
         if len(lengths) > 1:
             raise PerceptionError(

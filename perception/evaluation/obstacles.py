@@ -1,4 +1,4 @@
-"""Labelled objects found and missed, standing and moving; and the motion of every point where known.
+"""Labelled objects found and missed as obstacles and as moving, and the motion of every point where known.
 
 The protocol, which the thesis leaves to a human observer (Table 7.2):
 
@@ -7,9 +7,9 @@ The protocol, which the thesis leaves to a human observer (Table 7.2):
   The box says where the ground is, so that a wrong ground hides nothing.
 - It is found as an obstacle when `found_share` of these points are STATIC or MOVING.
 - A moving object is found to move when `moving_share` of those obstacle points are MOVING. An object
-  that slides along itself, as a van does, need not look new all over, and a quarter is more than the
+  that slides along itself, as a van does, need not change all over, and a quarter is more than the
   stray points at its edges make; other shares are counted beside it.
-- A static object of which as many move is a false one.
+- A static object with the same share of moving points is a false positive.
 - Objects whose motion is unknown count as obstacles only.
 """
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from perception.errors import UsageError
+from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.objects import LabelledObjects, MotionState
@@ -28,44 +28,17 @@ from perception.types import Bool, Float, Float64, Int, PointState, UInt8
 
 
 @dataclass(frozen=True)
-class ObjectMatchConfig:
-    """When a labelled object counts, and when it is found.
-
-    Attributes:
-        min_points: that its box must hold; fewer than these are hardly seen.
-        clearance_m: over the box's bottom, below which points are taken for ground; the thesis' d_min.
-        found_share: of the object's points that must be called obstacle.
-        moving_share: of the obstacle points that must be called moving.
-    """
-
-    min_points: int = 20
-    clearance_m: float = 0.2
-    found_share: float = 0.5
-    moving_share: float = 0.25
-
-    def __post_init__(self) -> None:
-        """Refuse shares beyond 0 to 1, and objects without a point."""
-        shares = (self.found_share, self.moving_share)
-        if self.min_points < 1 or not all(0 <= share <= 1 for share in shares):
-            raise UsageError(
-                "labelled objects",
-                expected="min_points of at least 1 and shares from 0 to 1",
-                found=str(self),
-            )
-
-
-@dataclass(frozen=True)
 class ObjectObservations(Rows):
     """K objects in the area, each in one frame.
 
     Attributes:
-        frames: (K,) number of the frame.
-        track_ids: (K,) -1 where the labels have no tracks.
-        motions: (K,) `Motion` by the labels.
-        ranges_m: (K,) horizontal distance of the box's bottom centre from the LiDAR.
-        points: (K,) points of the scan that the object must be found by.
-        obstacle_points: (K,) of these called STATIC or MOVING.
-        moving_points: (K,) of these called MOVING.
+        frames: (K,) Number of the frame.
+        track_ids: (K,) Track id, -1 where the labels have no tracks.
+        motions: (K,) `MotionState` by the labels.
+        ranges_m: (K,) Horizontal distance of the box's bottom centre from the LiDAR.
+        points: (K,) Number of scan points in the box above the clearance.
+        obstacle_points: (K,) Number of these points classified as STATIC or MOVING.
+        moving_points: (K,) Number of these points classified as MOVING.
     """
 
     frames: Int
@@ -81,7 +54,7 @@ class ObjectObservations(Rows):
         return np.asarray((self.points > 0) & (self.obstacle_points >= share * self.points))
 
     def is_moving(self, share: float) -> Bool:
-        """Tell which objects are found to move at a share of their obstacle points; 0 asks for any."""
+        """Tell which objects are found to move at a share of their obstacle points; 0 asks for any point."""
         enough = self.moving_points >= share * self.obstacle_points
         return np.asarray((self.moving_points > 0) & enough)
 
@@ -94,7 +67,7 @@ def observe_objects(
     area: LocalArea,
     config: ObjectMatchConfig,
 ) -> ObjectObservations:
-    """Count the points of every labelled object in the area by what was said of them."""
+    """Count the points of every labelled object in the area by their predicted state."""
     bottom_m = objects.boxes_velo.bottom_m
     present = area.contains_xy(bottom_m)
     boxes, bottom_m = objects.boxes_velo[present], bottom_m[present]
@@ -102,32 +75,32 @@ def observe_objects(
     in_area = area.contains_xy(points_velo)
     holds = points_inside(boxes, points_velo) & in_area
     holds &= (rise_m >= config.clearance_m) & (rise_m < area.height_m)
-    stands = np.isin(states, (PointState.STATIC, PointState.MOVING))
+    is_obstacle = np.isin(states, (PointState.STATIC, PointState.MOVING))
     return ObjectObservations(
         frames=np.full(len(boxes), frame, np.int64),
         track_ids=objects.track_ids[present],
         motions=objects.motions[present],
         ranges_m=np.hypot(bottom_m[:, 0], bottom_m[:, 1]),
         points=np.count_nonzero(holds, axis=1),
-        obstacle_points=np.count_nonzero(holds & stands, axis=1),
+        obstacle_points=np.count_nonzero(holds & is_obstacle, axis=1),
         moving_points=np.count_nonzero(holds & (states == PointState.MOVING), axis=1),
     )
 
 
 @dataclass(frozen=True)
 class ObjectCounts:
-    """How many labelled objects were found, missed and mistaken; each counts once a frame.
+    """Numbers of labelled objects found, missed and misclassified; each object counts once per frame.
 
     Attributes:
-        min_points: that an object must hold to count.
-        objects: that count, of any motion.
-        missed_objects: of these not found as obstacles.
-        moving: objects that move.
-        missed_moving: of these not found to move.
-        moving_tracks: how many different objects these are.
-        tracks_never_moving: of these tracks found to move in no frame.
-        static: objects that stand.
-        false_moving: of these found to move.
+        min_points: Number of points that an object must hold to count.
+        objects: Number of objects of any motion.
+        missed_objects: Number of objects not found as obstacles.
+        moving: Number of moving objects.
+        missed_moving: Number of moving objects not found to move.
+        moving_tracks: Number of different tracks of the moving objects.
+        tracks_never_moving: Number of these tracks found to move in no frame.
+        static: Number of static objects.
+        false_moving: Number of static objects found to move.
     """
 
     min_points: int
@@ -144,7 +117,7 @@ class ObjectCounts:
 def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> ObjectCounts:
     """Apply the protocol of this file to the objects of any number of frames."""
     counted = observed[observed.points >= config.min_points]
-    moves, stands = counted.motions == MotionState.MOVING, counted.motions == MotionState.STATIC
+    moves, is_static = counted.motions == MotionState.MOVING, counted.motions == MotionState.STATIC
     found_moving = counted.is_moving(config.moving_share)
     tracks = np.unique(counted.track_ids[moves])
     found_tracks = np.unique(counted.track_ids[moves & found_moving])
@@ -156,8 +129,8 @@ def count_objects(observed: ObjectObservations, config: ObjectMatchConfig) -> Ob
         missed_moving=int(np.count_nonzero(moves & ~found_moving)),
         moving_tracks=len(tracks),
         tracks_never_moving=len(tracks) - len(found_tracks),
-        static=int(np.count_nonzero(stands)),
-        false_moving=int(np.count_nonzero(stands & found_moving)),
+        static=int(np.count_nonzero(is_static)),
+        false_moving=int(np.count_nonzero(is_static & found_moving)),
     )
 
 
@@ -169,11 +142,11 @@ def missed_moving(observed: ObjectObservations, config: ObjectMatchConfig) -> Ob
 
 @dataclass(frozen=True)
 class PointMotion:
-    """How the points of the area compare with the exact truth of a synthetic scan.
+    """Confusion of the points of the area against the exact truth of a synthetic scan.
 
     Attributes:
-        moving: points called MOVING against points of objects that move at this moment.
-        static: points called STATIC against all other points above the true ground.
+        moving: Points classified as MOVING against points of objects that move at this moment.
+        static: Points classified as STATIC against all other points above the true ground.
     """
 
     moving: Confusion = field(default_factory=Confusion)
@@ -187,13 +160,13 @@ class PointMotion:
 def point_motion(states: UInt8, classes: Int, is_moving: Bool) -> PointMotion:
     """Count (N,) states against (N,) classes and motions, for the labelled points of the local area.
 
-    The area ends at a height, so points above it are left out. What is less than the clearance over
-    the ground is called ground by design; where it belongs to an object (feet, tyres) it costs recall.
+    The area ends at a height, so points above it are left out. A point less than the clearance over
+    the ground is classified as ground by design; where it belongs to an object (feet, tyres) it costs recall.
     """
     counts = (states != PointState.OUTSIDE) & ~np.isin(classes, UNLABELLED_CLASSES)
     states, classes, moves = states[counts], classes[counts], is_moving[counts]
-    stands = ~moves & ~np.isin(classes, GROUND_CLASSES)
+    is_static = ~moves & ~np.isin(classes, GROUND_CLASSES)
     return PointMotion(
         moving=confusion(states == PointState.MOVING, moves),
-        static=confusion(states == PointState.STATIC, stands),
+        static=confusion(states == PointState.STATIC, is_static),
     )

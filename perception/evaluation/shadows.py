@@ -1,8 +1,8 @@
-"""False static obstacles: what a moving object leaves behind in the static model (Table 7.2's false ones).
+"""Shadows: false static obstacles that moving objects leave behind in the static model (Table 7.2).
 
-Where a labelled object has been a moment ago, nothing static can stand: the object was there. So static
-voxels in a place that a moving object has left are its shadow, the thesis' main kind of false obstacle
-with slow objects, and the only kind that KITTI's labels can prove.
+A place that a moving object occupied a moment ago cannot hold a static obstacle. Static voxels in it are the
+object's shadow: the thesis' main kind of false obstacle with slow objects, and the only kind that KITTI's
+labels can prove.
 """
 
 from collections import deque
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.false_clusters import ClusterConfig, FrameAnnotations, cluster_ids
+from perception.evaluation.config import ClusterConfig, ShadowConfig
+from perception.evaluation.false_clusters import FrameAnnotations, cluster_ids
 from perception.evaluation.objects import MotionState
 from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside, transform_boxes
@@ -20,32 +21,13 @@ from perception.types import Bool, Boxes3D, Float32, Int, Result
 
 
 @dataclass(frozen=True)
-class ShadowConfig:
-    """What counts as a shadow.
-
-    Attributes:
-        memory_s: how long ago an object may have left its place.
-        shrink_m: taken off the boxes of the past on every side, since labels are loose.
-        clearance_m: over a box's bottom, below which voxels may be ground.
-        margin_m: what lies within a box of now, grown by so much, belongs to that object.
-        min_voxels: a cluster of fewer is no shadow.
-    """
-
-    memory_s: float = 2.0
-    shrink_m: float = 0.1
-    clearance_m: float = 0.3
-    margin_m: float = 0.5
-    min_voxels: int = 5
-
-
-@dataclass(frozen=True)
 class Shadows(Rows):
     """Shadows in F frames.
 
     Attributes:
-        frames: (F,) number of the frame.
-        voxels: (F,) static voxels in places that moving objects have left.
-        clusters: (F,) how many shadows these make.
+        frames: (F,) Number of the frame.
+        voxels: (F,) Number of static voxels in places that moving objects have left.
+        clusters: (F,) Number of clusters of these voxels.
     """
 
     frames: Int
@@ -54,13 +36,13 @@ class Shadows(Rows):
 
 
 class ShadowDetector:
-    """Remembers for a while where labelled objects have moved, in the world."""
+    """Remembers for a while where labelled objects have moved, in the world frame."""
 
     def __init__(self, config: ShadowConfig | None = None) -> None:
         self._config = config or ShadowConfig()
         self._past: deque[tuple[float, Boxes3D]] = deque()
 
-    def shadows(self, result: Result, annotations: FrameAnnotations) -> Shadows:
+    def update(self, result: Result, annotations: FrameAnnotations) -> Shadows:
         """Find the shadows among the static voxels of one frame, then remember its moving objects."""
         static_velo, stamp_s = result.obstacles.static.centers_m, result.frame.stamp_s
         world_SE3_velo = result.world_SE3_velo

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError
+from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.evaluation.obstacles import (
-    ObjectMatchConfig,
     ObjectObservations,
     count_objects,
     missed_moving,

@@ -1,8 +1,8 @@
 import numpy as np
 
+from perception.evaluation.config import ClusterConfig
 from perception.evaluation.false_clusters import (
     NO_OBJECT,
-    ClusterConfig,
     FrameAnnotations,
     MovingClusters,
     cluster_ids,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, UsageError
-from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
+from perception.evaluation.config import KittiTrackingConfig
+from perception.evaluation.multi_object.kitti_protocol import kitti_frames
 from perception.evaluation.multi_object.sequence import TrackedFrame
 
 BOX = (100.0, 100.0, 150.0, 150.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, UsageError
+from perception.evaluation.config import MovingObjectConfig
 from perception.evaluation.multi_object.false_tracks import (
     TrackOutcomes,
     find_false_tracks,
@@ -12,7 +13,6 @@ from perception.evaluation.multi_object.false_tracks import (
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 from perception.evaluation.multi_object.moving_scene import (
     LabelledView,
-    MovingObjectConfig,
     MovingScene,
     is_target,
     points_above_bottom,

@@ -1,8 +1,9 @@
 import numpy as np
 
+from perception.evaluation.config import ShadowConfig
 from perception.evaluation.false_clusters import FrameAnnotations
 from perception.evaluation.objects import LabelledObjects, MotionState
-from perception.evaluation.shadows import ShadowConfig, ShadowDetector, Shadows
+from perception.evaluation.shadows import ShadowDetector, Shadows
 from perception.geometry.se3 import from_euler
 from perception.types import (
     Boxes3D,
@@ -54,7 +55,7 @@ def step(
     nothing = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.int64), 0.1)
     scan = Frame(frame, 0.1 * frame, np.zeros((1, 4), np.float32))
     obstacles = Obstacles(np.zeros(1, np.uint8), static, nothing)
-    return shadow_detector.shadows(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
+    return shadow_detector.update(Result(scan, world_SE3_velo, Level(), obstacles), annotations)
 
 
 def figures(shadows: Shadows) -> tuple[int, int]:

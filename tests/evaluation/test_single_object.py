@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from perception.errors import PerceptionError, UsageError
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.curves import (
-    SingleObjectMetricsConfig,
     area_under_curve,
     correct_frames,
     cumulative_success,

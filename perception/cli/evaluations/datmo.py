@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import cast, get_args
 
-from data.derived.moving_truth import EvaluationView
 from data.frames import OnBadFrame
 from perception.cli.evaluations.datmo_report import PROTOCOL_WORDS, DatmoProtocol, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
@@ -12,7 +11,7 @@ from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
 from perception.datmo.stage import DatmoMethod
 from perception.errors import UsageError
-from perception.evaluation.multi_object.moving_scene import MovingObjectConfig
+from perception.evaluation.config import EvaluationView, MovingObjectConfig
 from perception.pipeline import PipelineConfig
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from data.derived.motion_labels import MotionLabelConfig
-from data.derived.moving_truth import EvaluationView, MovingTruth, moving_truth
+from data.derived.moving_truth import MovingTruth, moving_truth
+from perception.evaluation.config import EvaluationView, MotionLabelConfig, MovingObjectConfig
 from perception.evaluation.multi_object.false_tracks import (
     FalseTracks,
     TrackOutcomes,
@@ -14,7 +14,7 @@ from perception.evaluation.multi_object.false_tracks import (
     track_outcomes,
 )
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
-from perception.evaluation.multi_object.moving_scene import MovingObjectConfig, MovingScene
+from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.multi_object.target_errors import (
     ObjectSummary,
     TargetErrors,

@@ -12,7 +12,7 @@ from data.derived.challenges import (
 )
 from data.derived.single_object import ObjectSequence
 from perception.cli.evaluations.otd_steps import TargetObject, TrackerRun
-from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import PROTOCOL_WORDS as METRIC_WORDS
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics

@@ -9,7 +9,7 @@ from data.derived.challenges import Challenge
 from perception.cli.evaluations.otd_objects import AbsentObject
 from perception.cli.evaluations.otd_report import ObjectReport, OtdReport
 from perception.cli.table import Cell, format_table
-from perception.evaluation.single_object.curves import SingleObjectMetricsConfig
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.metrics import SingleObjectMetrics
 
 _TOGETHER = "together"

@@ -15,13 +15,9 @@ from perception.cli.evaluations.document import Evaluation, write_evaluation
 from perception.cli.evaluations.mot_results import mot_results, mot_table
 from perception.cli.progress import progress_bar
 from perception.errors import UsageError
+from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object.hota import ALPHAS
-from perception.evaluation.multi_object.kitti_protocol import (
-    NEIGHBOURS,
-    KittiClass,
-    KittiTrackingConfig,
-    kitti_frames,
-)
+from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS, KittiClass, kitti_frames
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks
 
 _COMBINED = "COMBINED"

@@ -23,7 +23,8 @@ from perception.cli.evaluations.vehicle_tables import (
     vehicle_tables,
 )
 from perception.errors import DriveError
-from perception.evaluation.multi_object.kitti_protocol import KittiTrackingConfig, kitti_frames
+from perception.evaluation.config import KittiTrackingConfig
+from perception.evaluation.multi_object.kitti_protocol import kitti_frames
 from perception.evaluation.multi_object.mot_metrics import evaluate_tracks
 from perception.evaluation.vehicle_location import LocationErrors, location_errors
 from perception.geometry.box_overlap_bev import iou_bev

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from perception.errors import PerceptionError, UsageError
+from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float64, Int
@@ -27,25 +28,6 @@ NEIGHBOURS: dict[KittiClass, tuple[str, ...]] = {
 }
 _DONT_CARE = "dontcare"
 _ROUNDING = np.finfo(np.float64).eps
-
-
-@dataclass(frozen=True)
-class KittiTrackingConfig:
-    """The values of the benchmark.
-
-    Attributes:
-        min_iou: from which on an answer is matched to a true box.
-        max_truncation: of a true box that is judged.
-        max_occlusion: of a true box that is judged.
-        min_height_px: an unmatched answer must be higher to be wrong.
-        max_dont_care: an unmatched answer must have no more of its area in one region without labels.
-    """
-
-    min_iou: float = 0.5
-    max_truncation: int = 0
-    max_occlusion: int = 2
-    min_height_px: float = 25.0
-    max_dont_care: float = 0.5
 
 
 class BoxRows(Protocol):
@@ -87,7 +69,7 @@ def kitti_frames(
     predictions: BoxRows,
     class_name: KittiClass,
     frame_count: int,
-    config: KittiTrackingConfig = KittiTrackingConfig(),
+    config: KittiTrackingConfig | None = None,
 ) -> list[TrackedFrame]:
     """Return what is judged of each frame, its similarity the IoU in the image.
 
@@ -98,6 +80,7 @@ def kitti_frames(
         frame_count: of the sequence.
         config: of the benchmark.
     """
+    config = config or KittiTrackingConfig()
     if class_name not in NEIGHBOURS:
         known = ", ".join(NEIGHBOURS)
         raise UsageError("class", expected=f"one of {known}", found=repr(class_name))

@@ -4,43 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.errors import PerceptionError, UsageError
+from perception.errors import PerceptionError
+from perception.evaluation.config import MovingObjectConfig
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.geometry.grids import MOVING_OBJECT_AREA, LocalArea
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
 
 _DONT_CARE_SHARE = 0.5  # of a box in the image, from which on it is in a DontCare region
-
-
-@dataclass(frozen=True)
-class MovingObjectConfig:
-    """Which objects must be tracked, and how near a track must be.
-
-    Attributes:
-        area: outside of which nothing is judged.
-        min_points: that an object's box must hold.
-        clearance_m: over the box's bottom, below which points are taken for ground.
-        max_distance_m: between centres, at which a track is no longer like an object.
-        min_similarity: from which on a track may follow an object: 0.25 is a distance of three quarters of
-            the reach, or an overlap (IoU) of as much.
-    """
-
-    area: LocalArea = MOVING_OBJECT_AREA
-    min_points: int = 20
-    clearance_m: float = 0.2
-    max_distance_m: float = 2.0
-    min_similarity: float = 0.25
-
-    def __post_init__(self) -> None:
-        """Refuse objects without a point, and likeness of nothing."""
-        if self.min_points < 1 or self.max_distance_m <= 0 or not 0 < self.min_similarity <= 1:
-            raise UsageError(
-                "moving objects",
-                expected="min_points of at least 1, max_distance_m over 0, min_similarity over 0 and up to 1",
-                found=f"{self.min_points}, {self.max_distance_m:g}, {self.min_similarity:g}",
-            )
 
 
 @dataclass(frozen=True)

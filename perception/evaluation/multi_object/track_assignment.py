@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from perception.evaluation.config import MovingObjectConfig
 from perception.evaluation.multi_object.moving_scene import (
-    MovingObjectConfig,
     MovingScene,
     is_labelled_region,
     is_target,

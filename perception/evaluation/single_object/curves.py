@@ -4,38 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.errors import UsageError
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.types import Bool, Float64
-
-
-@dataclass(frozen=True)
-class SingleObjectMetricsConfig:
-    """What counts as right.
-
-    Attributes:
-        overlap: that must be exceeded (A.1).
-        heading_deg: below which a heading is right (A.2).
-        location_px: below which a place in the image is right (A.3).
-        max_center_error_m: of the centre error, up to which precision is measured.
-        steps: thresholds of success and precision.
-    """
-
-    overlap: float = 0.25
-    heading_deg: float = 10.0
-    location_px: float = 20.0
-    max_center_error_m: float = 2.0
-    steps: int = 21
-
-    def __post_init__(self) -> None:
-        """Refuse thresholds at which nothing could be right."""
-        limits = (self.heading_deg, self.location_px, self.max_center_error_m)
-        if not 0 <= self.overlap < 1 or min(limits) <= 0 or self.steps < 2:
-            raise UsageError(
-                "rule of single objects",
-                expected="an overlap from 0 to 1, limits over 0 and at least 2 steps",
-                found=str(self),
-            )
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.single_object.curves import (
-    SingleObjectMetricsConfig,
     area_under_curve,
     correct_frames,
     precision_curve,

@@ -1,17 +1,12 @@
 import numpy as np
 import pytest
 
-from data.derived.motion_labels import (
-    MotionLabelConfig,
-    PosedLabels,
-    TrackPositions,
-    gather_tracks,
-    label_motion,
-)
+from data.derived.motion_labels import PosedLabels, TrackPositions, gather_tracks, label_motion
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import read_tracking_labels
 from data.kitti.oxts import Mercator, parse_oxts_packet
 from perception.errors import UsageError
+from perception.evaluation.config import MotionLabelConfig
 from perception.evaluation.objects import MotionState
 from perception.geometry.se3 import from_euler, inverse
 from perception.types import Boxes3D, Labels

@@ -7,18 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from data.derived.motion_labels import label_drive_motion
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive
 from data.results.documents import to_serializable
 from perception.cli import drive_results
-from perception.cli.evaluations.document import DatasetInfo, Evaluation, write_evaluation
-from perception.cli.evaluations.obstacle_report import ObstacleProtocol, measure_obstacles
-from perception.cli.evaluations.obstacle_tables import obstacle_results, obstacle_tables
+from perception.cli.evaluation import AnyReport, EvaluationDocument, publish_report
 from perception.cli.main import main
 from perception.errors import UsageError
+from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.ground import GroundMeasure, GroundReport, thesis_slice_edges_m
 from perception.evaluation.objects import MotionState
-from perception.evaluation.obstacles import ObjectMatchConfig
+from perception.evaluation.obstacle_measure import ObstacleMeasure, ObstacleReport
+from perception.evaluation.report import Measure, Report
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
 from perception.types import (
@@ -96,13 +97,26 @@ def knowing_results(drive: KittiSequence, frames: int) -> Iterator[Result]:
         yield result_of(frame, states)
 
 
-def measure_ground(drive: Drive, results: Iterable[Result]) -> GroundReport:
-    measure = GroundMeasure(AREA, thesis_slice_edges_m(drive.sensor, AREA))
+def measure(drive: Drive, results: Iterable[Result], measure: Measure[AnyReport]) -> AnyReport:
     for result in results:
         index = result.frame.index
         labels = drive.labels(index) if drive.has_labels else None
         measure.update(result, labels, drive.point_truth(index))
     return measure.compute()
+
+
+def measure_ground(drive: Drive, results: Iterable[Result]) -> GroundReport:
+    edges_m = thesis_slice_edges_m(drive.sensor, AREA)
+    return measure(drive, results, GroundMeasure(AREA, edges_m))
+
+
+def measure_obstacles(drive: Drive, results: Iterable[Result]) -> ObstacleReport:
+    motion = label_drive_motion(drive) if isinstance(drive, KittiSequence) else None
+    return measure(drive, results, ObstacleMeasure(AREA, motion=motion))
+
+
+def text_of(report: Report) -> str:
+    return "\n\n".join(table.text() for table in report.tables())
 
 
 def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
@@ -120,15 +134,13 @@ def test_a_level_ground_under_real_labels(sequence_0000: KittiSequence):
 
 
 def test_who_knows_the_labels_misses_nothing(sequence_0000: KittiSequence):
-    report = measure_obstacles(
-        sequence_0000, knowing_results(sequence_0000, 12), AREA, ObstacleProtocol()
-    )
+    report = measure_obstacles(sequence_0000, knowing_results(sequence_0000, 12))
     counts = report.counts()
     assert counts.moving > 12
     assert (counts.missed_objects, counts.missed_moving, counts.false_moving) == (0, 0, 0)
-    assert [false.clusters for false in report.false_clusters()] == [0, 0, 0]
-    assert "missed_moving" in obstacle_results(report)
-    assert "False moving clusters" in obstacle_tables(report)
+    assert [false.clusters for false in report.false_clusters().values()] == [0, 0, 0]
+    assert "missed_moving" in report.to_json()
+    assert "False moving clusters" in text_of(report)
 
 
 def test_who_sees_no_motion_misses_it_and_a_ghost_is_false(sequence_0000: KittiSequence):
@@ -142,11 +154,11 @@ def test_who_sees_no_motion_misses_it_and_a_ghost_is_false(sequence_0000: KittiS
     ghost &= ~points_inside(boxes, frame.points_velo, 2.0).any(axis=0)
     assert ghost.sum() > 20
     haunted = result_of(frame, np.where(ghost, PointState.MOVING, states).astype(np.uint8))
-    report = measure_obstacles(sequence_0000, [static, haunted], AREA, ObstacleProtocol())
+    report = measure_obstacles(sequence_0000, [static, haunted])
     counts = report.counts()
     assert counts.missed_moving == counts.moving > 0
     assert counts.tracks_never_moving == counts.moving_tracks
-    false = report.false_clusters()[0]
+    false = report.false_clusters()["1 points and more"]
     assert false.clusters >= 1
     assert false.per_frame == false.clusters / 2
 
@@ -155,11 +167,11 @@ def test_object_frames_have_obstacles_of_unknown_motion(kitti_root: Path):
     drive = open_drive(kitti_root / "object", images=False)
     frame = drive[0]
     results = [result_of(frame, states_by_height(frame.points_velo))]
-    report = measure_obstacles(drive, results, AREA, ObstacleProtocol())
+    report = measure_obstacles(drive, results)
     assert report.clusters is None
     assert (report.observed.motions == MotionState.UNKNOWN).all()
-    assert report.counts(min_points=1).moving == 0
-    assert "it takes tracks and INS poses to tell what moves" in obstacle_tables(report)
+    assert report.counts(ObjectMatchConfig(min_points=1)).moving == 0
+    assert "No motion of objects" in text_of(report)
 
 
 class WithTruth:
@@ -188,11 +200,11 @@ def test_exact_truth_adds_figures_per_point(sequence_0000: KittiSequence):
     metrics = ground.to_json()
     assert metrics["points"]["recall"] == 0.5
     assert metrics["points_by_range"]["0 to 5 m"]["recall"] == 1
-    obstacles = measure_obstacles(drive, [result_of(frame, states)], AREA, ObstacleProtocol())
-    metrics = obstacle_results(obstacles)
+    obstacles = measure_obstacles(drive, [result_of(frame, states)])
+    metrics = obstacles.to_json()
     assert metrics["points_moving"]["recall"] == 0.5
     assert metrics["points_static"]["false_positives"] == 2
-    assert "Points called moving" in obstacle_tables(obstacles)
+    assert "Moving and static points against exact truth" in text_of(obstacles)
 
 
 @pytest.mark.parametrize("measure", ["ground", "obstacles"])
@@ -230,7 +242,7 @@ def test_options_that_cannot_work(kitti_root: Path, capsys):
     tracking = str(kitti_root / "tracking")
     words = ["evaluate", "obstacles", tracking, "--sequence", "0000"]
     assert main([*words, "--frames", "0"]) == 2
-    assert main([*words, "--moving_share", "1.5"]) == 2
+    assert main([*words, "--protocol.objects.moving-share", "1.5"]) == 2
     assert "shares from 0 to 1" in capsys.readouterr().err
     with pytest.raises(UsageError):
         ObjectMatchConfig(min_points=0)
@@ -247,7 +259,7 @@ def test_json_holds_what_numpy_and_nan_are():
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path = tmp_path / "figures.json"
     path.write_text("old")
-    data = DatasetInfo(tmp_path, "0000", "HDL-64E", 1, 1, 1)
+    document = EvaluationDocument("ground", {}, {"unwritable": object()}, None)
     with pytest.raises(TypeError):
-        write_evaluation(path, data, None, Evaluation("ground", {}, {"unwritable": object()}))
+        publish_report("0000", GroundReport(None, {}, {}, {}), document, path)
     assert path.read_text() == "old"
