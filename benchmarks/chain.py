@@ -53,7 +53,7 @@ def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainMet
         times.append(pipeline.step(frame).timings_s)
         if number == frames // 5:
             memory_start = resident_mib()
-    measured = times[min(config.previous_scans, frames - 1) :]
+    measured = times[min(config.motion.previous_scans, frames - 1) :]
     total = np.array([sum(stages.values()) for stages in measured])
     return ChainMetrics(
         frames=len(measured),

@@ -8,10 +8,10 @@ from benchmarks.reference.datmo import ReferenceShortTermMap
 from benchmarks.reference.point_tracker import time_trackers
 from benchmarks.stages import Comparison, PreparedDrive
 from perception.datmo.cell_grid import CellGrid
+from perception.datmo.config import THESIS, DatmoConfig, DatmoMethod
 from perception.datmo.elevation import LevelPlane, elevation_grid
-from perception.datmo.grid_config import THESIS
 from perception.datmo.short_term_map import ShortTermMap
-from perception.datmo.stage import DatmoMethod, datmo_stage
+from perception.datmo.stage import datmo_stage
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Float32
@@ -30,7 +30,7 @@ def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
     scans = [chain.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:
-        stage = datmo_stage(method, prepared.drive.sensor, config.area)
+        stage = datmo_stage(DatmoConfig(method=method), prepared.drive.sensor, config.area)
         return Contender(name, lambda i: stage.update(scans[i]) if stage else None)
 
     contenders = [contender(name, method) for name, method in _METHODS.items()]

@@ -17,10 +17,10 @@ from perception.evaluation.ground import GroundErrors, ground_errors, mean_displ
 from perception.geometry.se3 import inverse
 from perception.localization.registration import LidarOdometry
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
+from perception.obstacles.ground import ground_estimator
 from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.obstacles.voxels import count_voxels
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ground_estimator
 from perception.types import Drive, Frame, GroundModel
 
 log = logging.getLogger(__name__)
@@ -76,8 +76,8 @@ def prepare(drive: Drive, frames: int, config: PipelineConfig) -> PreparedDrive:
         raise DriveError(drive.root, expected="at least two frames", found=str(len(scans)))
     windows = []
     for newest in range(len(scans)):
-        window = ScanWindow(config.previous_scans)
-        for scan in scans[max(0, newest - config.previous_scans) : newest + 1]:
+        window = ScanWindow(config.motion.previous_scans)
+        for scan in scans[max(0, newest - config.motion.previous_scans) : newest + 1]:
             window.push(scan)
         windows.append(window)
     return PreparedDrive(drive, read, windows, config)
@@ -119,8 +119,8 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
 def compare_ground(prepared: PreparedDrive) -> Comparison:
     """Ours and the thesis' planes on merged scans; one plane and Patchwork++ on the newest scan."""
     sensor, config = prepared.drive.sensor, prepared.config
-    default = ground_estimator(sensor, config, "default")
-    thesis = ground_estimator(sensor, config, "thesis")
+    default = ground_estimator(config.ground, "default", sensor, config.area)
+    thesis = ground_estimator(config.ground, "thesis", sensor, config.area)
 
     def newest(i: int) -> Any:  # noqa: ANN401 - a float32 array
         return prepared.frames[i].points_velo
@@ -175,10 +175,10 @@ def compare_voxels(prepared: PreparedDrive) -> Comparison:
 def compare_motion(prepared: PreparedDrive) -> Comparison:
     """Free space beside the thesis' counters, on the same ground."""
     sensor, config = prepared.drive.sensor, prepared.config
-    estimator = ground_estimator(sensor, config, "default")
+    estimator = ground_estimator(config.ground, "default", sensor, config.area)
     grounds = [estimator.update(window) for window in prepared.windows]
-    free_space = motion_segmenter(sensor, config.area, "default")
-    counters = motion_segmenter(sensor, config.area, "thesis")
+    free_space = motion_segmenter(config.motion, "default", sensor, config.area)
+    counters = motion_segmenter(config.motion, "thesis", sensor, config.area)
     contenders = [
         Contender("ours", lambda i: free_space.update(prepared.windows[i], grounds[i])),
         Contender(

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
-from perception.datmo.elevation import ElevationGrid, ElevationGridConfig
-from perception.datmo.short_term_map import ShortTermMapConfig
+from perception.datmo.config import ElevationGridConfig, ShortTermMapConfig
+from perception.datmo.elevation import ElevationGrid
 from perception.geometry.se3 import inverse
 from perception.types import Float32, Float64, GroundModel
 

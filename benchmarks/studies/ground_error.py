@@ -13,8 +13,9 @@ from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.grids import LocalArea
 from perception.localization.registration import LidarOdometry
+from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.dense_cloud import DenseCloud, PosedScan, ScanWindow, merge
-from perception.obstacles.ground_planes import PiecewisePlanesConfig, PiecewisePlanesEstimator
+from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.plots import ValueGrid, plot_grid
 from perception.types import Drive, Float64, Frame
 

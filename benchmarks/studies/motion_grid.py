@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.studies.report import Study
 from perception.cli.table import Cell, format_table
-from perception.datmo.grid_config import AUTHOR, THESIS
+from perception.datmo.config import AUTHOR, THESIS
 from perception.datmo.grid_detector import MotionGridDetector, MotionGrids
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints

@@ -9,7 +9,7 @@ import numpy as np
 
 from perception.cli.evaluations.datmo_report import DatmoProtocol, DatmoReport, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
-from perception.datmo.stage import DatmoMethod
+from perception.datmo.config import DatmoMethod
 from perception.evaluation.multi_object.mot_metrics import MotMetrics
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64

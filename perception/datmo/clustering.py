@@ -5,34 +5,13 @@ bonnet or a windscreen, far in front or behind. So gaps within one thing lie alo
 and gaps to its neighbour lie across.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from perception.datmo.config import ClusteringConfig
 from perception.types import Bool, Float, Float64, Int
-
-
-@dataclass(frozen=True)
-class ClusteringConfig:
-    """Which gaps do not part a thing.
-
-    Attributes:
-        cell_m: points so close are one.
-        lateral_gap_m: across the line of sight: more than between a walker's legs, less than between two
-            walkers side by side.
-        min_depth_gap_m: along the line of sight, at least: a bonnet to a windscreen.
-        max_depth_gap_m: along the line of sight, at most: less than from one car to the next.
-        min_surface_slope: slope of the flattest surface that is bridged between two beams.
-    """
-
-    cell_m: float = 0.15
-    lateral_gap_m: float = 0.4
-    min_depth_gap_m: float = 0.6
-    max_depth_gap_m: float = 1.5
-    min_surface_slope: float = 1 / 3
 
 
 def cluster_moving_points(

@@ -1,38 +1,13 @@
 """The local elevation grid: the height of what stands in each cell, without the ground (5.6)."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
+from perception.datmo.config import ElevationGridConfig
 from perception.types import Bool, Float, Float32, Float64, GroundModel, Int
-
-# Which height of a cell is held against the threshold: the thesis writes the mean (5.6), the author's
-# code compares the highest point.
-HeightStatistic = Literal["mean", "max"]
-
-
-@dataclass(frozen=True)
-class ElevationGridConfig:
-    """Which points count, and when a cell is ground.
-
-    Attributes:
-        ground_variance_m2: T_σ; a cell of ground varies less than this ...
-        ground_height_m: T_μ; ... and is lower than this.
-        ground_statistic: which height of the cell that is.
-        low_m: points lower than this over the ground are left out.
-        high_m: points higher than this over the ground are left out.
-        min_range_m: points within this distance of the LiDAR, seen from above, are left out.
-    """
-
-    ground_variance_m2: float
-    ground_height_m: float
-    ground_statistic: HeightStatistic
-    low_m: float
-    high_m: float
-    min_range_m: float
 
 
 @dataclass(frozen=True)

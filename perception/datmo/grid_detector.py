@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
+from perception.datmo.config import THESIS, MotionGridDetectorConfig
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.elevation import ElevationGrid, LevelPlane, elevation_grid
-from perception.datmo.grid_config import THESIS, MotionGridDetectorConfig
 from perception.datmo.grid_objects import LabelledCells, find_objects
 from perception.datmo.motion_grid import motion_grid
 from perception.datmo.short_term_map import ShortTermMap

@@ -5,31 +5,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from perception.datmo.config import GridObjectsConfig
 from perception.types import Bool, Float32, Int
 
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-
-
-@dataclass(frozen=True)
-class GridObjectsConfig:
-    """How motion becomes things. Table 7.4 is silent on all of it; the values are the author's code's.
-
-    Attributes:
-        long_cells: the long side of the rectangles s_x and s_y.
-        short_cells: their short side.
-        least_product_m2: a cell stays in the core of a thing where the product of the two dilated
-            heights is greater; the code erodes it with a ball this high.
-        min_moving_area_m2: a thing with fewer moving cells is dropped.
-        min_area_m2: a smaller thing is dropped.
-        max_area_m2: a larger thing is dropped.
-    """
-
-    long_cells: int = 10
-    short_cells: int = 2
-    least_product_m2: float = 0.5
-    min_moving_area_m2: float = 0.5
-    min_area_m2: float = 1.2
-    max_area_m2: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -81,7 +60,7 @@ def join_cells(motion_m: Float32, config: GridObjectsConfig) -> Bool:
     core = cv2.erode(
         (joined > 0).astype(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=1
     )
-    return np.asarray((core > 0) & (joined > config.least_product_m2))
+    return np.asarray((core > 0) & (joined > config.min_product_m2))
 
 
 def _dilate(grid: Float32, rows: int, columns: int) -> Float32:

@@ -1,39 +1,14 @@
 """Moving objects straight from the points: what the obstacle stage says moves, cut into things."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from perception.datmo.clustering import ClusteringConfig, cluster_moving_points
+from perception.datmo.clustering import cluster_moving_points
+from perception.datmo.config import PointDetectorConfig
 from perception.datmo.detector import DetectedObjects, SegmentedScan
 from perception.datmo.static_cells import StaticCells
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, GroundModel, Int, PointState
-
-
-@dataclass(frozen=True)
-class PointDetectorConfig:
-    """Which things of a scan are worth telling of.
-
-    Attributes:
-        min_points: fewer are no thing.
-        static_min_points: of a thing that stands, of which there are many and most do not matter.
-        static_cell_m: edge of the cells in which standing points are joined.
-        static_max_length_m: a standing thing that is longer is a wall or a hedge, no vehicle.
-        max_attached_ratio: of a thing's points that may touch what stands. What moves keeps clear of it; what
-            comes to light between two beams of a parked car or a hedge does not. In drives with truth
-            one in twenty moving things, and three in four false ones, touch with more than a tenth.
-        min_beams_across: a thing that so many beams cross, one over the other, may touch what stands: between
-            beams that are so close nothing comes to light by chance.
-    """
-
-    min_points: int = 3
-    static_min_points: int = 5
-    static_cell_m: float = 0.2
-    static_max_length_m: float = 12.0
-    max_attached_ratio: float = 0.4
-    min_beams_across: float = 12.0
 
 
 class PointDetector:
@@ -42,12 +17,15 @@ class PointDetector:
     def __init__(
         self,
         sensor: LidarModel,
-        clustering: ClusteringConfig | None = None,
         config: PointDetectorConfig | None = None,
     ) -> None:
-        """Take the sensor whose scans will come, and the rules."""
+        """Start without a scan.
+
+        Args:
+            sensor: LiDAR model of the scans.
+            config: Point detector configuration.
+        """
         self._sensor = sensor
-        self._clustering = clustering or ClusteringConfig()
         self._config = config or PointDetectorConfig()
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
@@ -56,7 +34,7 @@ class PointDetector:
         static = _points_of(scan, PointState.STATIC)
         config = self._config
         cluster_of = cluster_moving_points(
-            moving, self._sensor.elevation_step_rad, self._clustering
+            moving, self._sensor.elevation_step_rad, config.clustering
         )
         static_clusters = Footprints.empty()
         if len(static):

@@ -5,44 +5,15 @@ once into cells that are fixed to the earth, and only the finished map is turned
 the queue costs memory and no time.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
 from perception.datmo.cell_grid import CellGrid
 from perception.datmo.cell_history import CellHistory
+from perception.datmo.config import ShortTermMapConfig
 from perception.datmo.elevation import ElevationGrid
-from perception.errors import UsageError
 from perception.geometry.se3 import inverse
 from perception.types import Float32, Float64, Int
-
-
-@dataclass(frozen=True)
-class ShortTermMapConfig:
-    """What the map remembers.
-
-    Attributes:
-        scans: n, the length of the queue of elevation grids.
-        max_observations: m, how many of a cell's observations are averaged, the latest.
-        min_observations: k, with fewer observations a cell's value is 0.
-        includes_newest: whether the newest grid is in the queue before the mean is taken, as Algorithm 4
-            and the author's code have it, or joins only after.
-    """
-
-    scans: int
-    max_observations: int
-    min_observations: int
-    includes_newest: bool = True
-
-    def __post_init__(self) -> None:
-        """Refuse a queue that could never fill a cell."""
-        if not 1 <= self.min_observations <= min(self.max_observations, self.scans):
-            raise UsageError(
-                "short-term map",
-                expected="1 <= least <= averaged and least <= scans",
-                found=f"least {self.min_observations}, averaged {self.max_observations}, scans {self.scans}",
-            )
 
 
 class ShortTermMap:

@@ -1,20 +1,15 @@
 """The DATMO stage: a detector of moving objects, and a tracker behind it."""
 
-from typing import Literal
-
-from perception.datmo import grid_config as grid_rules
+from perception.datmo.config import DatmoConfig
 from perception.datmo.detector import ObjectDetector, SegmentedScan
 from perception.datmo.grid_detector import MotionGridDetector
 from perception.datmo.point_detector import PointDetector
 from perception.geometry.grids import LocalArea
 from perception.sensor import LidarModel
 from perception.tracking.box_tracker import BoxTracker
-from perception.tracking.config import AUTHOR_POINT_TRACKER, THESIS_POINT_TRACKER
 from perception.tracking.point_tracker import PointTracker
 from perception.tracking.tracker import MultiObjectTracker
 from perception.types import Tracks
-
-DatmoMethod = Literal["default", "thesis", "author", "none"]
 
 
 class Datmo:
@@ -42,22 +37,24 @@ class Datmo:
 
 
 def datmo_stage(
-    method: DatmoMethod, sensor: LidarModel, area: LocalArea | None = None
+    config: DatmoConfig, sensor: LidarModel, area: LocalArea | None = None
 ) -> Datmo | None:
-    """Make the stage of a method with its default values; `none` is no stage.
+    """Make the stage of the configured method; `none` is no stage.
 
     Args:
-        method: `thesis` is 5.2 with the values of Table 7.4, `author` the same with those of the released
-            program; their grids know their own area.
-        sensor: whose scans will come.
-        area: that the scans' points were segmented in; the default ends tracks that leave it.
+        config: DATMO configuration.
+        sensor: LiDAR model of the scans.
+        area: Area in which the scans were segmented; the default method ends tracks that leave it, the grids have
+            an area of their own.
     """
-    if method == "thesis":
-        detector = MotionGridDetector(sensor, grid_rules.THESIS)
-        return Datmo(detector, PointTracker(THESIS_POINT_TRACKER), uses_ins_poses=True)
-    if method == "author":
-        detector = MotionGridDetector(sensor, grid_rules.AUTHOR)
-        return Datmo(detector, PointTracker(AUTHOR_POINT_TRACKER), uses_ins_poses=True)
-    if method == "default":
-        return Datmo(PointDetector(sensor), BoxTracker(area))
+    if config.method == "thesis":
+        detector = MotionGridDetector(sensor, config.thesis)
+        return Datmo(detector, PointTracker(config.thesis_tracker), uses_ins_poses=True)
+    if config.method == "author":
+        detector = MotionGridDetector(sensor, config.author)
+        return Datmo(detector, PointTracker(config.author_tracker), uses_ins_poses=True)
+    if config.method == "default":
+        return Datmo(
+            PointDetector(sensor, config.point_detector), BoxTracker(area, config.box_tracker)
+        )
     return None

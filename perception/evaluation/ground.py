@@ -16,7 +16,8 @@ from perception.evaluation.confusion import Confusion, confusion, confusion_tabl
 from perception.evaluation.report import Column, Table
 from perception.evaluation.rows import Rows
 from perception.geometry.grids import LocalArea
-from perception.obstacles.ground_planes import PiecewisePlanesConfig, slice_edges_m, slice_starts_m
+from perception.obstacles.config import PiecewisePlanesConfig
+from perception.obstacles.ground_planes import slice_edges_m, slice_starts_m
 from perception.sensor import LidarModel
 from perception.types import (
     Float,

@@ -5,9 +5,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cache
+from typing import TYPE_CHECKING
 
-import cv2
-from threadpoolctl import ThreadpoolController
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 
 def set_passive_openmp_wait() -> None:
@@ -23,6 +24,8 @@ def limit_opencv_threads() -> None:
 
     Measured with two stages at a time on two cores: 87 ms a frame instead of 103, and a sixth less processor time.
     """
+    import cv2
+
     cv2.setNumThreads(1)
 
 
@@ -64,5 +67,7 @@ _LIMIT = _SharedLimit()
 
 
 @cache
-def _thread_pools() -> ThreadpoolController:
+def _thread_pools() -> "ThreadpoolController":
+    from threadpoolctl import ThreadpoolController
+
     return ThreadpoolController()

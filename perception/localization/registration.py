@@ -26,48 +26,8 @@ from perception.localization.alignment import (
     align,
     preprocess_points,
 )
+from perception.localization.config import RegistrationConfig
 from perception.types import Float32, Float64
-
-
-@dataclass(frozen=True)
-class RegistrationConfig:
-    """How scans are registered, and what is believed.
-
-    Attributes:
-        voxel_size_m: edge of the box-grid filter (measured: 0.3 no better, 0.7 half as accurate).
-        max_points: of a scan given to the filter; more are thinned evenly (measured: by a sixth of an
-            HDL-64E scan, steps are 8 mm off those of a whole one, by a quarter 6 mm; ground and
-            obstacles are found alike).
-        neighbors: points that a local surface is fitted to (measured: 10 to 20 no better).
-        max_correspondence_m: farthest match; leaves out what moved.
-        threads: of the alignment.
-        keyframe_distance_m: travel after which the reference scan is replaced.
-        keyframe_angle_rad: turn after which the reference scan is replaced.
-        min_inlier_ratio: matched share under which an alignment is not believed.
-        max_correction_m: farthest that an alignment may move its seed.
-        max_correction_rad: farthest that an alignment may turn its seed.
-        max_gap_s: time between scans over which nothing is matched.
-        max_speed_m_s: a faster pose is an error; faster than any road vehicle.
-        max_acceleration_m_s2: beyond 2 g is no driving.
-        max_jump_m: INS error tolerated on top of what speed and acceleration explain.
-        max_turn_rad_s: a faster turn is an error.
-    """
-
-    voxel_size_m: float = 0.5
-    max_points: int = 20_500
-    neighbors: int = 8
-    max_correspondence_m: float = 0.5
-    threads: int = 2
-    keyframe_distance_m: float = 5.0
-    keyframe_angle_rad: float = np.radians(15)
-    min_inlier_ratio: float = 0.4
-    max_correction_m: float = 1.0
-    max_correction_rad: float = np.radians(4)
-    max_gap_s: float = 1.0
-    max_speed_m_s: float = 70.0
-    max_acceleration_m_s2: float = 20.0
-    max_jump_m: float = 2.0
-    max_turn_rad_s: float = 4.0
 
 
 class PoseOrigin(StrEnum):

@@ -33,7 +33,7 @@ class AboveGround:
 
 
 def split_by_ground(
-    points_velo: Float, ground: GroundModel, area: LocalArea, clearance_m: float
+    points_velo: Float, ground: GroundModel, area: LocalArea, min_ground_distance_m: float
 ) -> AboveGround:
     """Split a scan at a distance over the ground; what is higher than the area belongs to neither.
 
@@ -41,11 +41,11 @@ def split_by_ground(
         points_velo: (N, 3+) in the frame of the ground model.
         ground: of that frame.
         area: in which obstacles are wanted.
-        clearance_m: least distance of an obstacle point from the ground, the thesis' d_min.
+        min_ground_distance_m: d_min, smallest distance of an obstacle point from the ground in metres.
     """
     rows = np.flatnonzero(area.contains_xy(points_velo))
     local = points_velo.take(rows, axis=0)[:, :3].astype(np.float32, copy=False)
     distance_m: Float32 = np.asarray(ground.distance_m(local), np.float32)
-    is_above = (distance_m >= clearance_m) & (distance_m < area.height_m)
-    is_ground = distance_m < clearance_m
+    is_above = (distance_m >= min_ground_distance_m) & (distance_m < area.height_m)
+    is_ground = distance_m < min_ground_distance_m
     return AboveGround(local[is_above], rows[is_above], rows[is_ground], len(points_velo))

@@ -40,19 +40,19 @@ class FreeSpaceMemory:
     """Range images of the newest scan and of those before it, with their poses."""
 
     def __init__(
-        self, sensor: LidarModel, horizon_s: float, min_travel_m: float, margin_m: float
+        self, sensor: LidarModel, horizon_s: float, max_travel_m: float, margin_m: float
     ) -> None:
         """Begin without a scan.
 
         Args:
             sensor: whose scans will come.
             horizon_s: age of the oldest scan that is asked.
-            min_travel_m: how far the vehicle may have come since then; farther back the beams are too coarse.
+            max_travel_m: how far the vehicle may have come since then; farther back the beams are too coarse.
             margin_m: depth within which two returns are from one surface; also its error to the side.
         """
         self._projection = SphericalProjection(sensor, tolerance_m=margin_m / 2)
         self._period_s = 1 / sensor.rate_hz
-        self._max_travel_m = min_travel_m
+        self._max_travel_m = max_travel_m
         self._margin_m = margin_m
         self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
 

@@ -13,48 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
+from perception.obstacles.config import PiecewisePlanesConfig
 from perception.sensor import LidarModel
 from perception.types import Bool, Float, Float64, Int
-
-
-@dataclass(frozen=True)
-class PiecewisePlanesConfig:
-    """How the planes are found.
-
-    Attributes:
-        first_edge_m: λ0, radius of the first slice (thesis 5.1.2).
-        steps_per_slice: η, elevation steps of the sensor that a slice spans (Table 7.1).
-        iterations: of RANSAC (open in the thesis; 100 find a clean triple among 70 % outliers with 93 %).
-        inlier_m: distance of an inlier of RANSAC (open in the thesis; 2.5 range noises).
-        subsample: points of a slice that RANSAC looks at (open in the thesis).
-        refits: whether the winning plane is fitted again to all its inliers (not in the thesis).
-        max_angle_rad: τ, angle to the plane before (Table 7.1).
-        max_step_m: ℓ, step to the plane before at their common edge (Table 7.1).
-        max_first_step_m: the same of the first plane to level ground under the sensor (not in the
-            thesis, whose first plane goes unchecked: a car beside the sensor can tip it on its side).
-    """
-
-    first_edge_m: float = 5.0
-    steps_per_slice: int = 6
-    iterations: int = 100
-    inlier_m: float = 0.05
-    subsample: int = 1000
-    refits: bool = True
-    max_angle_rad: float = np.radians(10)
-    max_step_m: float = 0.10
-    max_first_step_m: float = 0.5
-
-    def __post_init__(self) -> None:
-        """Refuse values that leave no slice or no sample."""
-        positive = (self.first_edge_m, self.steps_per_slice, self.iterations, self.inlier_m)
-        if min(positive) <= 0 or self.subsample < 3:
-            raise UsageError(
-                "ground planes",
-                expected="positive values and a subsample of at least 3",
-                found=str(self),
-            )
 
 
 @dataclass(frozen=True)

@@ -13,65 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
+from perception.obstacles.config import GroundSurfaceConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.sensor import LidarModel
 from perception.types import Bool, Float32, Float64, Int
-
-
-@dataclass(frozen=True)
-class GroundSurfaceConfig:
-    """How the surface is found. All values measured on real drives unless noted.
-
-    Attributes:
-        margin_m: how far the surface reaches beyond the local area.
-        cell_m: between nodes.
-        sample_m: edge of the cells that points are averaged in.
-        max_points: of a scan; more are thinned evenly, for speed.
-        max_slope: steepest mean slope of the ground seen from the sensor; steeper streets are rare.
-        max_step_m: farthest that the ground beneath the sensor may be from the sensor's height.
-        stiffness: of the first surface, between nodes twice as far apart (25 there is 100 here).
-        fine_stiffness: of the second surface.
-        stiff_scales_m: misfit at which a sample loses most of its say, round by round, first surface.
-        scales_m: the same, second surface.
-        low_scale_ratio: how much larger the scale is below the surface: what lies low is ground rather
-            than obstacle.
-        band_m: distance from the first surface up to which points may be ground (thesis: d_min).
-        full_count: points at which an average weighs 1.
-        obstacle_band_m: heights at which a point makes a cell's average unfit for memory.
-        remembered_scans: how many earlier scans stand in.
-        remember_every: scans from one remembered to the next.
-        memory_weight: of their averages, against 1.
-    """
-
-    margin_m: float = 3.0
-    cell_m: float = 1.0
-    sample_m: float = 0.5
-    max_points: int = 65_000
-    max_slope: float = 0.15
-    max_step_m: float = 0.5
-    stiffness: float = 25.0
-    fine_stiffness: float = 0.3
-    stiff_scales_m: tuple[float, ...] = (0.3, 0.15, 0.1)
-    scales_m: tuple[float, ...] = (0.15, 0.15)
-    low_scale_ratio: float = 2.0
-    band_m: float = 0.20
-    full_count: int = 5
-    obstacle_band_m: tuple[float, float] = (0.3, 1.5)
-    remembered_scans: int = 4
-    remember_every: int = 3
-    memory_weight: float = 0.3
-
-    def __post_init__(self) -> None:
-        """Refuse sizes that make no grid."""
-        sizes = (self.cell_m, self.sample_m, self.max_points, self.band_m, self.full_count)
-        if min(sizes) <= 0 or self.remembered_scans < 0 or self.remember_every < 1:
-            raise UsageError(
-                "ground surface", expected="positive sizes and counts", found=str(self)
-            )
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ def log_ratio(moving: Int, static: Int, epsilon: float = 1.0) -> Float64:
 
 
 def classify_columns(
-    static: Int, moving: Int, min_static_points: int, min_moving_points: int
+    static: Int, moving: Int, static_threshold: int, moving_threshold: int
 ) -> MotionMasks:
     """Decide the columns of the ground plane.
 
@@ -110,11 +110,11 @@ def classify_columns(
     counts under the ratio, the same numbers work: a column needs T_s points to be static and T_d to
     move, the larger counter wins, and a rival of fewer than T_d points counts as ε = 1.
     """
-    static_rival = np.where(moving >= min_moving_points, moving, 1)
-    moving_rival = np.where(static >= min_moving_points, static, 1)
+    static_rival = np.where(moving >= moving_threshold, moving, 1)
+    moving_rival = np.where(static >= moving_threshold, static, 1)
     return MotionMasks(
-        is_static=(static >= min_static_points) & (static > static_rival),
-        is_moving=(moving >= min_moving_points) & (moving > moving_rival),
+        is_static=(static >= static_threshold) & (static > static_rival),
+        is_moving=(moving >= moving_threshold) & (moving > moving_rival),
     )
 
 
@@ -125,24 +125,24 @@ class CounterSegmenter:
         self,
         area: LocalArea,
         voxel_size_m: float = 0.1,
-        clearance_m: float = 0.2,
-        min_static_points: int = 50,
-        min_moving_points: int = 5,
+        min_ground_distance_m: float = 0.2,
+        static_threshold: int = 50,
+        moving_threshold: int = 5,
     ) -> None:
         """Take the thesis' values (Table 7.1).
 
         Args:
             area: in which obstacles are wanted.
             voxel_size_m: edge of a voxel, υ.
-            clearance_m: least distance of an obstacle point from the ground, d_min.
-            min_static_points: T_s, for a window of 7 scans of an HDL-64E.
-            min_moving_points: T_d.
+            min_ground_distance_m: least distance of an obstacle point from the ground, d_min.
+            static_threshold: T_s, for a window of 7 scans of an HDL-64E.
+            moving_threshold: T_d.
         """
         self._area = area
         self._voxel_size_m = voxel_size_m
-        self._clearance_m = clearance_m
-        self._min_static_points = min_static_points
-        self._min_moving_points = min_moving_points
+        self._min_ground_distance_m = min_ground_distance_m
+        self._static_threshold = static_threshold
+        self._moving_threshold = moving_threshold
 
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
         """Segment the newest scan of the window.
@@ -173,7 +173,7 @@ class CounterSegmenter:
             se3.transform_points(newest_SE3_world @ scan.world_SE3_velo, scan.points_velo)
             for scan in window
         ]
-        return [split_by_ground(p, ground, self._area, self._clearance_m) for p in moved]
+        return [split_by_ground(p, ground, self._area, self._min_ground_distance_m) for p in moved]
 
     def _count(self, scans: list[AboveGround]) -> MotionCounters:
         points = [scan.points_velo for scan in scans]
@@ -188,7 +188,7 @@ class CounterSegmenter:
             static,
             moving,
             log_ratio(moving, static),
-            classify_columns(static, moving, self._min_static_points, self._min_moving_points),
+            classify_columns(static, moving, self._static_threshold, self._moving_threshold),
         )
 
 

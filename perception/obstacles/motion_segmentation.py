@@ -7,13 +7,14 @@ import numpy as np
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
 from perception.obstacles.above_ground import AboveGround, split_by_ground
+from perception.obstacles.config import MotionConfig
 from perception.obstacles.dense_cloud import ScanWindow
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
-from perception.obstacles.moving_clusters import MovingClusterConfig, moving_voxels
+from perception.obstacles.moving_clusters import moving_voxels
 from perception.obstacles.static_map import StaticMap
 from perception.obstacles.voxels import KeyCounts, KeyGroups, VoxelGrid, group_keys
-from perception.sensor import LidarModel
+from perception.sensor import HDL_64E, LidarModel
 from perception.types import Bool, Float64, GroundModel, Method, Obstacles, Voxels
 
 _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
@@ -28,37 +29,26 @@ class MotionSegmenter(Protocol):
 
 
 class FreeSpaceSegmenter:
-    """Segments by what earlier scans saw: a thing has come where beams passed before."""
+    """Segments by free space: an object is moving where beams of earlier scans passed through its place."""
 
     def __init__(
-        self,
-        sensor: LidarModel,
-        area: LocalArea,
-        voxel_size_m: float = 0.1,
-        clearance_m: float = 0.15,
-        horizon_s: float = 1.5,
-        config: MovingClusterConfig | None = None,
+        self, sensor: LidarModel, area: LocalArea, config: MotionConfig | None = None
     ) -> None:
-        """Begin without a scan.
+        """Start without a scan.
 
         Args:
-            sensor: whose scans will come.
-            area: in which obstacles are wanted.
-            voxel_size_m: edge of a voxel, υ of the thesis.
-            clearance_m: least distance of an obstacle point from the ground. The thesis' d_min is 20 cm;
-                on a surface good to 5 cm, 15 cm still clear kerbs and three range noises.
-            horizon_s: how long ago the oldest scan asked is; a walker at 0.5 m/s needs 1.5 s to leave
-                his own place.
-            config: when a thing counts as moving.
+            sensor: LiDAR model of the scans.
+            area: Local area in which obstacles are reported.
+            config: Motion configuration.
         """
-        self._area = area
-        self._voxel_size_m = voxel_size_m
-        self._clearance_m = clearance_m
-        self._config = config or MovingClusterConfig()
+        config = config or MotionConfig()
+        self._area, self._config = area, config
+        # Two beams at the end of the area are this far apart.
         self._gap_m = area.ahead_m * sensor.elevation_step_rad
-        # 20 cm: range noise, pose error of 5 cm and the slant of a surface within a pixel. 12 m: seen
-        # from farther back, a post of 10 cm at the end of the area falls between two beams.
-        self._memory = FreeSpaceMemory(sensor, horizon_s, min_travel_m=12.0, margin_m=0.2)
+        free_space = config.free_space
+        self._memory = FreeSpaceMemory(
+            sensor, free_space.horizon_s, free_space.max_travel_m, free_space.margin_m
+        )
         self._grid_world: VoxelGrid | None = None
         self._static_map: StaticMap | None = None
         self._moved_before = np.zeros((0, 3), np.float32)
@@ -70,7 +60,10 @@ class FreeSpaceSegmenter:
         grid, static_map = self._init_drive(window)
         self._memory.push(window.newest.points_velo, pose)
         above_ground = split_by_ground(
-            window.newest.points_velo, ground, self._area, self._clearance_m
+            window.newest.points_velo,
+            ground,
+            self._area,
+            self._config.free_space.min_ground_distance_m,
         )
         voxels = group_keys(grid.keys(_to_world(above_ground, pose)))
 
@@ -80,7 +73,7 @@ class FreeSpaceSegmenter:
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
         )
         history = self._memory.query(places)
-        moves = moving_voxels(places, history, before, self._config, self._gap_m)
+        moves = moving_voxels(places, history, before, self._config.moving_clusters, self._gap_m)
         self._moved_before, self._world_SE3_before = places[moves], pose
 
         seen, moving = _pick(voxels, ~moves), _pick(voxels, moves)
@@ -88,7 +81,7 @@ class FreeSpaceSegmenter:
         return Obstacles(
             point_states=above_ground.point_states(moves[voxels.group_of]),
             static=static,
-            moving=Voxels(places[moves], moving.counts, self._voxel_size_m),
+            moving=Voxels(places[moves], moving.counts, self._config.voxel_size_m),
         )
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
@@ -96,20 +89,47 @@ class FreeSpaceSegmenter:
         if self._grid_world is None or self._static_map is None or len(window) == 1:
             self._memory.clear()
             self._moved_before = np.zeros((0, 3), np.float32)
-            half_m = np.array(_WORLD_CELLS) * self._voxel_size_m / 2
+            voxel_size_m = self._config.voxel_size_m
+            half_m = np.array(_WORLD_CELLS) * voxel_size_m / 2
             corner_m = window.newest.world_SE3_velo[:3, 3] - half_m
-            self._grid_world = VoxelGrid(corner_m, _WORLD_CELLS, self._voxel_size_m)
-            self._static_map = StaticMap(self._grid_world, self._area, memory_scans=6)
+            self._grid_world = VoxelGrid(corner_m, _WORLD_CELLS, voxel_size_m)
+            self._static_map = StaticMap(
+                self._grid_world, self._area, self._config.free_space.memory_scans
+            )
         return self._grid_world, self._static_map
 
 
 def motion_segmenter(
-    sensor: LidarModel, area: LocalArea, method: Method = "default"
+    config: MotionConfig, method: Method, sensor: LidarModel, area: LocalArea
 ) -> MotionSegmenter:
-    """Make the segmenter of a method with its default values."""
+    """Make the static-moving segmentation of a method.
+
+    Args:
+        config: Motion configuration.
+        method: `default` for free space, `thesis` for occupancy counters.
+        sensor: LiDAR model of the scans.
+        area: Local area in which obstacles are reported.
+    """
     if method == "thesis":
-        return CounterSegmenter(area)
-    return FreeSpaceSegmenter(sensor, area)
+        return CounterSegmenter(
+            area,
+            config.voxel_size_m,
+            config.counters.min_ground_distance_m,
+            static_threshold(config, sensor),
+            config.counters.moving_threshold,
+        )
+    return FreeSpaceSegmenter(sensor, area, config)
+
+
+def static_threshold(config: MotionConfig, sensor: LidarModel) -> int:
+    """Return T_s: the given one, or 50 points for m = 6 and an HDL-64E, in proportion to the points merged.
+
+    A column is static by the number of its points, and that number grows with the scans and the beams.
+    """
+    if config.counters.static_threshold is not None:
+        return config.counters.static_threshold
+    points = (config.previous_scans + 1) * sensor.beams * sensor.columns
+    return max(1, round(50 * points / (7 * HDL_64E.beams * HDL_64E.columns)))
 
 
 def _to_world(above_ground: AboveGround, world_SE3_velo: Float64) -> Float64:

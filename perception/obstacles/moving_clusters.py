@@ -10,38 +10,9 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
+from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import VisibilityHistory
 from perception.types import Bool, Float, Float64, Int
-
-
-@dataclass(frozen=True)
-class MovingClusterConfig:
-    """When a thing counts as moving.
-
-    Attributes:
-        cell_m: edge of the columns that are joined over the ground plane; legs of one walker stay one.
-        min_voxels: voxels that must have come; fewer may be glass that returns only now and then.
-        min_voxels_near_moving: as many are enough next to what moved in the scan before.
-        near_moving_m: how near; 5 m/s at 10 Hz. What is faster shows more voxels.
-        min_appeared_ratio: of a thing's voxels that must have come; the rest was out of sight before.
-        stopped_ratio: of a thing's voxels in sight that were met already by the youngest scan asked,
-            from which on it stands again.
-        stop_age_s: a younger scan cannot tell standing from walking.
-        clear_age_s: after which a walker at 1 m/s no longer overlaps where he was.
-        departed_gap_m: how near a leaving thing must come, followed to now, to be this thing.
-        whole_object_ratio: of an object's voxels that must move for all of it to move.
-    """
-
-    cell_m: float = 0.25
-    min_voxels: int = 10
-    min_voxels_near_moving: int = 4
-    near_moving_m: float = 0.5
-    min_appeared_ratio: float = 0.1
-    stopped_ratio: float = 0.95
-    stop_age_s: float = 0.3
-    clear_age_s: float = 0.5
-    departed_gap_m: float = 1.0
-    whole_object_ratio: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,27 @@
-"""Every stage over one frame after another, side by side where they can be, in bounded memory."""
+"""Every stage over one frame after another, side by side where they can be, in bounded memory.
 
-from perception.pipeline.clock import StageClock
+`Pipeline` and `StageClock` are imported when they are used, so that `PipelineConfig` needs no numeric libraries.
+"""
+
+from typing import TYPE_CHECKING, Any
+
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.pipeline import Pipeline
+
+if TYPE_CHECKING:
+    from perception.pipeline.clock import StageClock
+    from perception.pipeline.pipeline import Pipeline
 
 __all__ = ["Pipeline", "PipelineConfig", "StageClock"]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - a class of either module
+    """Import `Pipeline` or `StageClock`."""
+    if name == "Pipeline":
+        from perception.pipeline.pipeline import Pipeline
+
+        return Pipeline
+    if name == "StageClock":
+        from perception.pipeline.clock import StageClock
+
+        return StageClock
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,19 +1,16 @@
 """What needs the scans alone, one after another: registration, ground, static and moving, moving objects."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.stage import datmo_stage
-from perception.geometry.grids import LocalArea
 from perception.geometry.threads import limit_blas_threads
 from perception.localization.mounting import check_mounting
 from perception.localization.registration import LidarOdometry, PoseOrigin
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
-from perception.obstacles.ground_planes import PiecewisePlanesEstimator
-from perception.obstacles.ground_surface import GroundSurfaceEstimator
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
+from perception.obstacles.ground import ground_estimator
 from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
@@ -23,20 +20,11 @@ from perception.types import (
     Float64,
     Frame,
     GroundModel,
-    Method,
     Obstacles,
     PointState,
     Result,
     Tracks,
 )
-
-
-class GroundEstimator(Protocol):
-    """Finds the ground under the newest scan of a window."""
-
-    def update(self, window: ScanWindow) -> GroundModel:
-        """Return the ground in the newest scan's frame; a window of one scan begins anew."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -73,10 +61,15 @@ class ObstacleChain:
         """Forget the drive so far."""
         config = self._config
         self._odometry = LidarOdometry(config.registration)
-        self._window = ScanWindow(config.previous_scans)
-        self._ground = ground_estimator(self._sensor, config, config.method)
-        self._motion = motion_segmenter(self._sensor, config.area, config.method)
-        self._datmo = datmo_stage(config.datmo, self._sensor, config.area)
+        self._window = ScanWindow(config.motion.previous_scans)
+        sensor, area = self._sensor, config.area
+        self._ground = ground_estimator(
+            config.ground, config.method_of(config.ground), sensor, area, config.seed
+        )
+        self._motion = motion_segmenter(
+            config.motion, config.method_of(config.motion), sensor, area
+        )
+        self._datmo = datmo_stage(config.datmo, sensor, area)
 
     def close(self) -> None:
         """There is nothing to end."""
@@ -141,9 +134,14 @@ class ObstacleChain:
 
     def _localize(self, frame: Frame, points_velo: Float32) -> tuple[ScanWindow, bool]:
         """Put the frame's scan into the window, with its pose; tell whether poses begin anew."""
-        if self._config.method == "thesis" and frame.world_SE3_velo is not None:
+        registration = self._config.registration
+        if self._config.method_of(registration) == "thesis" and frame.world_SE3_velo is not None:
             self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
-            return register_window(self._window), False
+            icp = registration.icp
+            registered = register_window(
+                self._window, icp.voxel_size_m, icp.max_correspondence_m, icp.threads
+            )
+            return registered, False
         localization = self._odometry.update(
             points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source
         )
@@ -154,21 +152,3 @@ class ObstacleChain:
             self._window.pop()
         self._window.push(PosedScan(points_velo, localization.world_SE3_velo))
         return self._window, localization.is_reset
-
-
-class _PlanesOfWindow:
-    """The thesis' planes through the merged cloud (Algorithm 3 on (5.1))."""
-
-    def __init__(self, sensor: LidarModel, area: LocalArea, seed: int) -> None:
-        self._planes = PiecewisePlanesEstimator(sensor, area)
-        self._area, self._random = area, np.random.default_rng(seed)
-
-    def update(self, window: ScanWindow) -> GroundModel:
-        return self._planes.estimate(merge(window, self._area).points_velo, self._random)
-
-
-def ground_estimator(sensor: LidarModel, config: PipelineConfig, method: Method) -> GroundEstimator:
-    """Make the ground estimator of a method."""
-    if method == "thesis":
-        return _PlanesOfWindow(sensor, config.area, config.seed)
-    return GroundSurfaceEstimator(sensor, config.area)

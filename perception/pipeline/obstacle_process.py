@@ -53,7 +53,7 @@ class ObstacleProcess:
                 f"process of {sys.executable or 'Python'}",
                 expected="one that can be started for the obstacle stages",
                 found=str(error),
-                advice="set overlap to false in the configuration of the pipeline",
+                advice="set parallel to false in the configuration of the pipeline",
             ) from error
         self._send((sensor, config))
 
@@ -103,7 +103,7 @@ class ObstacleProcess:
             "process of the obstacle stages",
             expected="one that runs until the pipeline is closed",
             found=f"one that has ended with exit code {self._process.wait()}",
-            advice="look for its message above, or set overlap to false in the configuration of the pipeline",
+            advice="look for its message above, or set parallel to false in the configuration of the pipeline",
         )
 
     @property

@@ -135,7 +135,7 @@ class Pipeline:
         return self._obstacle_worker.submit(self._obstacles.reset)
 
     def _reset_vehicles(self) -> None:
-        self._vehicles = VehicleTracker()
+        self._vehicles = VehicleTracker(self.config.vehicles.tracker)
 
     def _submit(self, frame: Frame, arrival_s: float) -> "Future[Result]":
         """Give a frame's stages to the workers, each after those that it waits for."""
@@ -183,7 +183,7 @@ class Pipeline:
     ) -> Result:
         """Add the vehicles, which are seen by the detectors and move as the tracks do."""
         with clock.stage("vehicles"):
-            located = locate(multimodal.fused, result.frame, result.ground)
+            located = locate(multimodal.fused, result.frame, result.ground, self.config.vehicles)
             moved = self._vehicles.update(
                 located, result.frame, result.world_SE3_velo, result.tracks
             )

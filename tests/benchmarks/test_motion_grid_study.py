@@ -9,7 +9,7 @@ from benchmarks.studies import motion_grid
 from benchmarks.studies.motion_grid import axis_aligned_boxes, study_motion_grid
 from data.synthetic.cached_drive import CachedDrive
 from perception.cli.main import main
-from perception.datmo.grid_config import THESIS
+from perception.datmo.config import THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
 from perception.sensor import VLP_16

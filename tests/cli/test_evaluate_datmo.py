@@ -134,7 +134,7 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
     monkeypatch.setattr(
         datmo_steps,
         "datmo_stage",
-        lambda method, sensor, area: Remembering(answers) if method == "default" else None,
+        lambda config, sensor, area: Remembering(answers) if config.method == "default" else None,
     )
     out = tmp_path / "figures.json"
     words = ["datmo", str(folder), "--view", "all", "--methods", "thesis,default"]

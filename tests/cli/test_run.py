@@ -91,7 +91,7 @@ def test_poses_are_where_the_drive_was(results, street):
 def test_the_written_configuration_is_the_effective_one(results, street):
     config = yaml.safe_load((results / "config.yaml").read_text())
     assert config["sensor"] == "HDL-64E"
-    assert config["plan"]["pipeline"]["previous_scans"] == 6
+    assert config["plan"]["pipeline"]["motion"]["previous_scans"] == 6
     assert config["plan"]["pipeline"]["area"]["ahead_m"] == 30.0
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from data.synthetic.drive import SyntheticDrive
+from perception.datmo.config import DatmoConfig, DatmoMethod
 from perception.datmo.detector import SegmentedScan
-from perception.datmo.stage import DatmoMethod, datmo_stage
+from perception.datmo.stage import datmo_stage
 from perception.errors import PoseError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
@@ -35,7 +36,7 @@ def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
 
 
 def track(scans: list[SegmentedScan], method: DatmoMethod, drive: SyntheticDrive) -> list[Tracks]:
-    stage = datmo_stage(method, drive.sensor, PipelineConfig().area)
+    stage = datmo_stage(DatmoConfig(method=method), drive.sensor, PipelineConfig().area)
     assert stage is not None
     results = [stage.update(scan) for scan in scans]
     for tracks in results:
@@ -72,7 +73,7 @@ def test_a_street_has_tracks(scans, drive, method):
 
 
 def test_no_method_is_no_stage(drive):
-    assert datmo_stage("none", drive.sensor) is None
+    assert datmo_stage(DatmoConfig(method="none"), drive.sensor) is None
 
 
 @pytest.mark.parametrize("method", METHODS)

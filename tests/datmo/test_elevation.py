@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.reference.datmo import elevation_by_loop
 from perception.datmo.cell_grid import CellGrid
+from perception.datmo.config import AUTHOR, THESIS
 from perception.datmo.elevation import LevelPlane, elevation_grid
-from perception.datmo.grid_config import AUTHOR, THESIS
 from perception.geometry.grids import LocalArea
 
 ROAD = LevelPlane(-1.7)

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.reference.datmo import ReferenceShortTermMap
 from data.open_drive import open_drive
+from perception.datmo.config import AUTHOR, THESIS
 from perception.datmo.detector import SegmentedScan
 from perception.datmo.elevation import LevelPlane
-from perception.datmo.grid_config import AUTHOR, THESIS
 from perception.datmo.grid_detector import MotionGridDetector, moving_in_area
 from perception.errors import UsageError
 from perception.geometry.grids import EgoVehicle, LocalArea

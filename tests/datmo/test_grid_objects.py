@@ -3,7 +3,8 @@ import pytest
 from scipy import ndimage
 
 from benchmarks.reference.datmo import fill_holes_by_flooding
-from perception.datmo.grid_objects import GridObjectsConfig, fill_holes, find_objects, join_cells
+from perception.datmo.config import GridObjectsConfig
+from perception.datmo.grid_objects import fill_holes, find_objects, join_cells
 
 CONFIG = GridObjectsConfig()
 

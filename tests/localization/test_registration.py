@@ -6,7 +6,8 @@ import pytest
 from perception.errors import PoseError
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
 from perception.localization.alignment import align, preprocess_points
-from perception.localization.registration import LidarOdometry, PoseOrigin, RegistrationConfig
+from perception.localization.config import RegistrationConfig
+from perception.localization.registration import LidarOdometry, PoseOrigin
 
 STEP_S = 0.1
 

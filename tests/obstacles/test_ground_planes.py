@@ -3,9 +3,9 @@ import pytest
 
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
+from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import (
     PiecewisePlanes,
-    PiecewisePlanesConfig,
     PiecewisePlanesEstimator,
     fit_plane,
     most_supported_plane,

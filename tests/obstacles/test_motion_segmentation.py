@@ -7,10 +7,15 @@ import pytest
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
+from perception.obstacles.config import MotionConfig, MotionCountersConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.obstacles.motion_counters import CounterSegmenter
-from perception.obstacles.motion_segmentation import FreeSpaceSegmenter, motion_segmenter
-from perception.sensor import HDL_64E, VLP_16, LidarModel
+from perception.obstacles.motion_segmentation import (
+    FreeSpaceSegmenter,
+    motion_segmenter,
+    static_threshold,
+)
+from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 from perception.types import PointState
 
 AREA = LocalArea()
@@ -229,5 +234,19 @@ def test_a_scan_without_obstacles_is_segmented():
 
 
 def test_each_method_makes_its_segmenter():
-    assert isinstance(motion_segmenter(HDL_64E, AREA), FreeSpaceSegmenter)
-    assert isinstance(motion_segmenter(HDL_64E, AREA, "thesis"), CounterSegmenter)
+    config = MotionConfig()
+    assert isinstance(motion_segmenter(config, "default", HDL_64E, AREA), FreeSpaceSegmenter)
+    assert isinstance(motion_segmenter(config, "thesis", HDL_64E, AREA), CounterSegmenter)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "previous_scans", "expected"),
+    [(HDL_64E, 6, 50), (HDL_64E, 13, 100), (HDL_32E, 6, 26), (VLP_16, 6, 11)],
+)
+def test_static_threshold_follows_the_window_and_the_sensor(sensor, previous_scans, expected):
+    assert static_threshold(MotionConfig(previous_scans=previous_scans), sensor) == expected
+
+
+def test_a_given_static_threshold_holds_for_every_sensor():
+    config = MotionConfig(counters=MotionCountersConfig(static_threshold=7))
+    assert static_threshold(config, VLP_16) == 7

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from perception.obstacles.config import MovingClusterConfig
 from perception.obstacles.free_space import VisibilityHistory
-from perception.obstacles.moving_clusters import MovingClusterConfig, moving_voxels, vote
+from perception.obstacles.moving_clusters import moving_voxels, vote
 
 CONFIG = MovingClusterConfig()
 AGES_S = np.array([0.5, 1.0, 1.5])

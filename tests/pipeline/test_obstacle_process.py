@@ -95,5 +95,5 @@ def test_closing_ends_it_and_leaves_nothing(street_frames):
 
 def test_without_a_python_to_start_it_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    with pytest.raises(PerceptionError, match="set overlap to false"):
+    with pytest.raises(PerceptionError, match="set parallel to false"):
         ObstacleProcess(HDL_64E, CONFIG)

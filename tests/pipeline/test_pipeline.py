@@ -8,6 +8,7 @@ import pytest
 from data.synthetic.drive import SyntheticDrive
 from perception.errors import MountingError, PoseError, UsageError
 from perception.evaluation.ground import GROUND_CLASSES
+from perception.obstacles.config import MotionConfig
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import HDL_32E, HDL_64E, VLP_16
 from perception.types import PointState
@@ -105,5 +106,6 @@ def test_an_upside_down_lidar_is_an_error(frames):
 
 
 def test_a_window_without_history_is_refused():
-    with pytest.raises(UsageError, match="previous_scans"):
-        PipelineConfig(previous_scans=0)
+    with pytest.raises(UsageError) as error:
+        MotionConfig(previous_scans=0)
+    assert (error.value.where, error.value.found) == ("previous_scans", "0")

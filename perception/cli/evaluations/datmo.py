@@ -9,7 +9,7 @@ from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.cli.evaluations.datmo_tables import datmo_results, datmo_tables
 from perception.cli.evaluations.document import Evaluation
 from perception.cli.evaluations.drive_run import DriveRun, open_labelled_drive
-from perception.datmo.stage import DatmoMethod
+from perception.datmo.config import DatmoMethod
 from perception.errors import UsageError
 from perception.evaluation.config import EvaluationView, MovingObjectConfig
 from perception.pipeline import PipelineConfig

@@ -2,12 +2,14 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from data.frames import OnBadFrame, frame_count, read_frames
 from perception.cli.evaluations.datmo_report import DatmoPredictions
 from perception.cli.progress import progress_bar
+from perception.datmo.config import DatmoMethod
 from perception.datmo.detector import SegmentedScan
-from perception.datmo.stage import Datmo, DatmoMethod, datmo_stage
+from perception.datmo.stage import Datmo, datmo_stage
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
@@ -35,7 +37,10 @@ def datmo_steps(
         PerceptionError: a frame cannot be read or used.
     """
     chain = ObstacleChain(drive.sensor, config)
-    stages = {method: datmo_stage(method, drive.sensor, config.area) for method in methods}
+    stages = {
+        method: datmo_stage(replace(config.datmo, method=method), drive.sensor, config.area)
+        for method in methods
+    }
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)
     for frame in progress_bar(frames, drive.name, count):

@@ -1,0 +1,135 @@
+"""Every number of Tables 7.1 and 7.4 has a flag and the value of the thesis; the tree is light and round-trips."""
+
+import math
+import subprocess
+import sys
+from dataclasses import fields, is_dataclass
+from operator import attrgetter
+
+import pytest
+
+from perception.cli.parser import call, flag_types
+from perception.errors import UsageError
+from perception.obstacles.motion_segmentation import static_threshold
+from perception.pipeline import PipelineConfig
+from perception.sensor import HDL_64E
+
+HEAVY = ("scipy", "cv2", "onnxruntime", "small_gicp", "torch")
+
+# Number of the table, flag, value of the thesis in the unit of the flag.
+TABLE_7_1 = [
+    ("m", "motion.previous_scans", 6),
+    ("eta", "ground.planes.steps_per_slice", 6),
+    ("tau", "ground.planes.max_angle_rad", math.radians(10)),
+    ("l", "ground.planes.max_step_m", 0.10),
+    ("d_min", "motion.counters.min_ground_distance_m", 0.20),
+    ("upsilon", "motion.voxel_size_m", 0.10),
+    ("T_d", "motion.counters.moving_threshold", 5),
+]
+TABLE_7_4 = [
+    ("upsilon", "datmo.thesis.cell_m", 0.20),
+    ("T_sigma", "datmo.thesis.elevation.ground_variance_m2", 0.02),
+    ("T_mu", "datmo.thesis.elevation.ground_height_m", 0.30),
+    ("n", "datmo.thesis.background.scans", 50),
+    ("m", "datmo.thesis.background.max_observations", 30),
+    ("k", "datmo.thesis.background.min_observations", 3),
+    ("epsilon", "datmo.thesis.motion.radius_cells", 5),
+    ("alpha", "datmo.thesis.motion.alpha", 0.2),
+]
+# The values of the author's code, where they are others.
+AUTHOR = [
+    ("T_mu", "datmo.author.elevation.ground_height_m", 0.80),
+    ("n", "datmo.author.background.scans", 90),
+    ("m", "datmo.author.background.max_observations", 60),
+    ("k", "datmo.author.background.min_observations", 5),
+    ("epsilon", "datmo.author.motion.radius_cells", 10),
+    ("alpha", "datmo.author.motion.alpha", 0.3),
+]
+DEFAULT = PipelineConfig()
+NUMBERS = [*TABLE_7_1, *TABLE_7_4, *AUTHOR]
+
+
+def parsed(*words: str) -> PipelineConfig:
+    """Return the configuration that a command with these flags is called with."""
+    found = []
+
+    def command(*, pipeline: PipelineConfig = DEFAULT) -> None:
+        """Keep the configuration."""
+        found.append(pipeline)
+
+    call("trifuse command", command, words)
+    return found[0]
+
+
+def leaves(config, prefix=""):
+    """Yield the dotted name and the value of every setting."""
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if is_dataclass(value):
+            yield from leaves(value, f"{prefix}{field.name}.")
+        else:
+            yield f"{prefix}{field.name}", value
+
+
+@pytest.mark.parametrize(("number", "name", "value"), NUMBERS, ids=[name for _, name, _ in NUMBERS])
+def test_numbers_of_the_tables_have_a_flag_and_the_value_of_the_thesis(number, name, value):
+    assert attrgetter(name)(PipelineConfig()) == pytest.approx(value), number
+    other = value + 1 if isinstance(value, int) else 2 * value
+    if name.endswith("cell_m"):
+        other = 0.5  # the areas are whole cells of it
+    flag = f"--pipeline.{name}".replace("_", "-")
+    assert attrgetter(name)(parsed(flag, str(other))) == pytest.approx(other)
+
+
+def test_the_static_threshold_is_that_of_the_thesis_and_can_be_set():
+    assert static_threshold(PipelineConfig().motion, HDL_64E) == 50
+    config = parsed("--pipeline.motion.counters.static-threshold", "70")
+    assert static_threshold(config.motion, HDL_64E) == 70
+
+
+def test_every_setting_has_a_flag():
+    def command(*, pipeline: PipelineConfig) -> None:
+        """Keep nothing."""
+
+    named = {f"pipeline.{name}" for name, _ in leaves(PipelineConfig())}
+    assert named == set(flag_types(command))
+
+
+def test_defaults_come_through_the_flags_unchanged():
+    assert parsed() == PipelineConfig()
+
+
+def test_units_may_be_left_out_of_flags():
+    assert parsed("--pipeline.motion.voxel-size", "0.2").motion.voxel_size_m == 0.2
+
+
+def test_one_flag_chooses_the_method_and_a_stage_may_have_its_own():
+    config = parsed("--pipeline.method", "thesis", "--pipeline.motion.method", "default")
+    stages = (config.registration, config.ground, config.motion)
+    assert [config.method_of(stage) for stage in stages] == ["thesis", "thesis", "default"]
+    assert parsed("--pipeline.datmo.method", "author").datmo.method == "author"
+
+
+def test_yaml_sets_what_flags_set(tmp_path):
+    path = tmp_path / "pipeline.yaml"
+    path.write_text(
+        "pipeline:\n  motion:\n    voxel_size_m: 0.3\n    moving_clusters: {min_voxels: 7}\n"
+    )
+    motion = parsed("--config", str(path), "--pipeline.motion.previous-scans", "4").motion
+    assert (motion.voxel_size_m, motion.moving_clusters.min_voxels) == (0.3, 7)
+    assert motion.previous_scans == 4
+
+
+def test_a_window_without_history_is_an_error():
+    with pytest.raises(UsageError) as error:
+        parsed("--pipeline.motion.previous-scans", "0")
+    assert "previous_scans" in error.value.where
+    assert error.value.found == "0"
+
+
+def test_the_configuration_loads_no_numeric_library():
+    code = (
+        f"import sys, perception.pipeline.config; print([m for m in {HEAVY} if m in sys.modules])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ran.stdout.strip() == "[]", ran.stderr
