@@ -3,8 +3,9 @@
 import math
 import subprocess
 import sys
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from operator import attrgetter
+from typing import get_args, get_type_hints
 
 import pytest
 
@@ -61,14 +62,13 @@ def parsed(*words: str) -> PipelineConfig:
     return found[0]
 
 
-def leaves(config, prefix=""):
-    """Yield the dotted name and the value of every setting."""
-    for field in fields(config):
-        value = getattr(config, field.name)
-        if is_dataclass(value):
-            yield from leaves(value, f"{prefix}{field.name}.")
-        else:
-            yield f"{prefix}{field.name}", value
+def leaf_names(kind: type, prefix: str) -> set[str]:
+    """Return the dotted names of all settings of a configuration class."""
+    names = set()
+    for name, hint in get_type_hints(kind).items():
+        inner = [part for part in (hint, *get_args(hint)) if is_dataclass(part)]
+        names |= leaf_names(inner[0], f"{prefix}{name}.") if inner else {f"{prefix}{name}"}
+    return names
 
 
 @pytest.mark.parametrize(("number", "name", "value"), NUMBERS, ids=[name for _, name, _ in NUMBERS])
@@ -91,8 +91,7 @@ def test_every_setting_has_a_flag():
     def command(*, pipeline: PipelineConfig) -> None:
         """Keep nothing."""
 
-    named = {f"pipeline.{name}" for name, _ in leaves(PipelineConfig())}
-    assert named == set(flag_types(command))
+    assert set(flag_types(command)) == leaf_names(PipelineConfig, "pipeline.")
 
 
 def test_defaults_come_through_the_flags_unchanged():
