@@ -1,13 +1,14 @@
 """Seconds by stage: the thesis' chain as printed, and the default pipeline, on the same frames."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from data.frames import read_frames
+from perception.cli.progress import progress_bar
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import inverse, transform_points
@@ -23,26 +24,16 @@ from perception.obstacles.motion_counters import (
 from perception.obstacles.voxels import VoxelGrid
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.sensor import LidarModel
-from perception.types import Drive, Float32, Frame, GroundModel
+from perception.types import Drive, Float32, GroundModel
 
 # The four steps of Table 7.3.
-DENSE_CLOUD = "dense cloud"
-GROUND = "ground"
-VOXELS = "separation and voxels"
-MOTION = "static and moving"
+DENSE_CLOUD, GROUND = "dense cloud", "ground"
+VOXELS, MOTION = "separation and voxels", "static and moving"
 
 _CLEARANCE_M, _STATIC_POINTS, _MOVING_POINTS = 0.2, 50, 5  # Table 7.1
 _AREA = LocalArea()
 
-Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
 Times = dict[str, float]
-
-
-@contextmanager
-def _timed(times: Times, stage: str) -> Iterator[None]:
-    start = time.perf_counter()
-    yield
-    times[stage] = times.get(stage, 0.0) + time.perf_counter() - start
 
 
 @dataclass(frozen=True)
@@ -50,8 +41,8 @@ class ThesisCase:
     """One setting of the thesis' chain.
 
     Attributes:
-        previous_scans: m.
-        voxel_size_m: υ.
+        previous_scans: Number m of merged scans before the newest.
+        voxel_size_m: Edge υ of a voxel in metres.
     """
 
     previous_scans: int = 6
@@ -59,7 +50,7 @@ class ThesisCase:
 
 
 def time_thesis(
-    drive: Drive, cases: Sequence[ThesisCase], frames: int, progress: Progress
+    drive: Drive, cases: Sequence[ThesisCase], frames: int
 ) -> dict[ThesisCase, list[Times]]:
     """Return for each case the seconds by stage of each measured frame.
 
@@ -69,7 +60,8 @@ def time_thesis(
     _require_frames(drive, frames, longest)
     recent = ScanWindow(longest)
     measured: dict[ThesisCase, list[Times]] = {case: [] for case in cases}
-    for frame in progress(read_frames(drive, limit=longest + frames)):
+    total = longest + frames
+    for frame in progress_bar(read_frames(drive, limit=total), "thesis", total, delay_s=2):
         if frame.world_SE3_velo is None:
             raise DriveError(drive.root, expected="INS poses to begin the ICP with", found="none")
         recent.push(PosedScan(frame.points_velo, frame.world_SE3_velo))
@@ -85,7 +77,7 @@ def time_thesis(
 def _time_frame(
     recent: ScanWindow, previous_scans: int, sizes_m: Sequence[float], sensor: LidarModel
 ) -> dict[float, Times]:
-    """Run the chain on one frame; what does not depend on the voxel's size runs once."""
+    """Run the chain on one frame; the stages that do not depend on the voxel size run once."""
     window = ScanWindow(previous_scans)
     for scan in recent:
         window.push(scan)
@@ -94,15 +86,13 @@ def _time_frame(
         registered = register_window(window)
         points_velo = merge(registered, _AREA).points_velo
     with _timed(shared, GROUND):
-        planes = PiecewisePlanesEstimator(sensor, _AREA).estimate(
-            points_velo, np.random.default_rng(0)
-        )
+        estimator = PiecewisePlanesEstimator(sensor, _AREA)
+        planes = estimator.estimate(points_velo, np.random.default_rng(0))
     with _timed(shared, VOXELS):
         obstacles = _obstacle_points(registered, planes)
-    by_size: dict[float, Times] = {}
-    for size_m in sizes_m:
-        by_size[size_m] = dict(shared)
-        _time_segmentation(obstacles, size_m, by_size[size_m])
+    by_size = {size_m: dict(shared) for size_m in sizes_m}
+    for size_m, times in by_size.items():
+        _time_segmentation(obstacles, size_m, times)
     return by_size
 
 
@@ -126,14 +116,20 @@ def _time_segmentation(obstacles: list[Float32], size_m: float, times: Times) ->
         classify_columns(static, moving, _STATIC_POINTS, _MOVING_POINTS)
 
 
-def time_default(
-    drive: Drive, previous_scans: int, warm_up: int, frames: int, progress: Progress
-) -> list[Times]:
+@contextmanager
+def _timed(times: Times, stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    times[stage] = times.get(stage, 0.0) + time.perf_counter() - start
+
+
+def time_default(drive: Drive, previous_scans: int, warm_up: int, frames: int) -> list[Times]:
     """Return the seconds by stage of each measured frame of the default pipeline."""
     _require_frames(drive, frames, warm_up)
     pipeline = Pipeline(drive.sensor, PipelineConfig.for_obstacles(previous_scans=previous_scans))
-    results = (pipeline.step(f) for f in progress(read_frames(drive, limit=warm_up + frames)))
-    return [result.timings_s for result in results][warm_up:]
+    total = warm_up + frames
+    read = progress_bar(read_frames(drive, limit=total), "default", total, delay_s=2)
+    return [pipeline.step(frame).timings_s for frame in read][warm_up:]
 
 
 def _require_frames(drive: Drive, frames: int, before: int) -> None:
@@ -147,10 +143,10 @@ def _require_frames(drive: Drive, frames: int, before: int) -> None:
 
 
 def mean_times_s(times: Sequence[Times]) -> Times:
-    """Average each stage over the frames."""
+    """Return the mean of each stage over the frames."""
     return {stage: float(np.mean([frame[stage] for frame in times])) for stage in times[0]}
 
 
-def frames_per_s(times: Sequence[Times]) -> float:
-    """Return how many frames a second the stages allow, one after another."""
+def frames_per_s(times: Sequence[Mapping[str, float]]) -> float:
+    """Return the frames per second that the stages allow, one after another."""
     return float(1 / np.mean([sum(frame.values()) for frame in times]))

@@ -1,64 +1,188 @@
 """A pole in the merged cloud, by INS alone and after registration (Fig. 5.2)."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
-from benchmarks.studies.report import Study
-from benchmarks.studies.thin_objects import cut_out, find_pole
-from benchmarks.studies.windows import read_windows, require_ins, thesis_ground
-from perception.cli.table import Cell, format_table
+from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame, require_ins
+from benchmarks.studies.report import RESULTS, Study, publish
+from perception.errors import DriveError
+from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
-from perception.obstacles.dense_cloud import merge, register_window
+from perception.obstacles.dense_cloud import DenseCloud, merge, register_window
 from perception.render.scene_plots import AgedPoints, plot_aged_points
-from perception.types import Drive, Float64
+from perception.types import Bool, Drive, Float32, Float64, GroundModel, UInt8
+
+_CELL_M = 0.1
+_LOW_M, _HIGH_M = 0.3, 2.0
+_LEVEL_M = 0.1
+# A pole fills half a metre across, and there is nothing else within a metre and a half.
+_INNER_CELLS, _OUTER_CELLS = 5, 15
+_MIN_LEVELS, _MIN_POINTS, _MIN_SHARE = 12, 60, 0.8
+
+
+def dense_cloud(
+    drive: str,
+    *,
+    window: MergedFrameFlags,
+    at: tuple[float, float] | None = None,
+    out: Path = RESULTS / "dense-cloud.png",
+) -> None:
+    """Draw a pole in the merged cloud, by INS alone and after registration (Fig. 5.2).
+
+    Example: trifuse study dense-cloud kitti/raw/2011_09_26/2011_09_26_drive_0005_sync --frame 77
+
+    Args:
+        drive: Folder of a drive with INS, or the word synthetic.
+        at: Position x,y of the object in metres; else that of the most isolated pole.
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    place_m = None if at is None else np.array(at)
+    publish(study_dense_cloud(window.open(drive), out, window, place_m), out)
 
 
 def study_dense_cloud(
-    drive: Drive,
-    plot_path: Path,
-    *,
-    frame: int | None,
-    previous_scans: int,
-    place_m: Float64 | None,
+    drive: Drive, plot_path: Path, flags: MergedFrameFlags, place_m: Float64 | None = None
 ) -> Study:
-    """Draw the pole three times, and measure how far the scans disagree on where it stands."""
-    area = LocalArea()
-    windows = read_windows(drive, frame, previous_scans)
-    by_ins = require_ins(drive, windows)
-    ground = thesis_ground(drive, windows.refined, area, np.random.default_rng(0)).planes
+    """Draw the pole three times, and measure how far apart the scans see it."""
+    merged = read_merged_frame(drive, flags)
+    by_ins, ground = require_ins(drive, merged), merged.planes
     clouds = {
-        "INS alone": merge(by_ins, area),
-        "thesis: BGF and ICP": merge(register_window(by_ins), area),
-        "default: GICP to a keyframe": merge(windows.refined, area),
+        "INS alone": merge(by_ins, merged.area),
+        "thesis: BGF and ICP": merge(register_window(by_ins), merged.area),
+        "default: GICP to a keyframe": merged.cloud,
     }
-    place_m = find_pole(merge(windows.refined, area), ground, area) if place_m is None else place_m
+    place_m = find_pole(merged.cloud, ground, merged.area) if place_m is None else place_m
     cutouts = {name: cut_out(cloud, ground, place_m) for name, cloud in clouds.items()}
-
     disagreement_m = {name: cutout.disagreement_m for name, cutout in cutouts.items()}
-    panels = {
-        f"{name}\nscans {1e2 * disagreement_m[name]:.1f} cm apart": AgedPoints(
-            cutout.points_m, cutout.age
-        )
-        for name, cutout in cutouts.items()
-    }
-    title = f"Merged cloud of a thin object, {drive.name} frame {windows.frame.index}"
-    plot_aged_points(plot_path, title, panels)
-    rows: list[list[Cell]] = [
-        [name, len(cutout.age), f"{1e2 * disagreement_m[name]:.1f}"]
-        for name, cutout in cutouts.items()
-    ]
-    heading = f"{title}, at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m"
+    title = f"Merged cloud of a thin object, {merged.title}"
+    plot_aged_points(
+        plot_path,
+        title,
+        {
+            f"{name}\nscans {1e2 * disagreement_m[name]:.1f} cm apart": AgedPoints(
+                cutout.points_m, cutout.age
+            )
+            for name, cutout in cutouts.items()
+        },
+    )
     return Study(
         name="dense-cloud",
         repeats="Fig. 5.2",
-        table=format_table(heading, ("", "points", "scans apart [cm]"), rows),
+        table=format_table(
+            f"{title}, at x {place_m[0]:.1f} m, y {place_m[1]:.1f} m",
+            ("", "points", "scans apart [cm]"),
+            [
+                [name, str(len(cutout.age)), f"{1e2 * cutout.disagreement_m:.1f}"]
+                for name, cutout in cutouts.items()
+            ],
+        ),
         numbers={"disagreement_m": disagreement_m, "place_m": place_m},
         conditions={
-            "drive": drive.name,
-            "frame": windows.frame.index,
-            "previous_scans": previous_scans,
+            **merged.conditions,
             "disagreement": "RMS over the earlier scans of the distance between the median position "
             "of their points within 0.5 m of the place and that of the newest scan's",
         },
     )
+
+
+def find_pole(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> Float64:
+    """Return (2,) x and y of the most isolated tall thin object that every scan of the cloud observed.
+
+    Raises:
+        DriveError: There is none.
+    """
+    columns = _columns(cloud, ground, area)
+    inner = cv2.boxFilter(columns.points, -1, (_INNER_CELLS,) * 2, normalize=False)
+    outer = cv2.boxFilter(columns.points, -1, (_OUTER_CELLS,) * 2, normalize=False)
+    is_pole = columns.scans >= int(cloud.age.max()) + 1
+    is_pole &= (columns.levels >= _MIN_LEVELS) & (inner >= _MIN_POINTS)
+    is_pole &= inner >= _MIN_SHARE * outer
+    # Nothing around a cell may have been cropped.
+    is_pole[:_OUTER_CELLS] = is_pole[-_OUTER_CELLS:] = False
+    is_pole[:, :_OUTER_CELLS] = is_pole[:, -_OUTER_CELLS:] = False
+    if not is_pole.any():
+        raise DriveError(
+            "study dense-cloud",
+            expected="a pole near the vehicle in this frame",
+            found="none",
+            advice="choose another --frame, or give a position with --at",
+        )
+    # Of equally isolated cells, the one with most points is the pole's middle.
+    score = np.where(is_pole, np.round(1 - inner / np.maximum(outer, 1), 2) - 1e-6 * inner, np.inf)
+    cell = np.array(np.unravel_index(np.argmin(score), score.shape))
+    return np.asarray((cell + 0.5) * _CELL_M - (area.behind_m, area.side_m))
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Counts in each column of the ground plane, (X, Y) each: points, height levels, scans."""
+
+    points: Float64
+    levels: Float64
+    scans: Float64
+
+
+def _columns(cloud: DenseCloud, ground: GroundModel, area: LocalArea) -> _Columns:
+    height_m = ground.distance_m(cloud.points_velo)
+    rows = (height_m > _LOW_M) & (height_m < _HIGH_M)
+    points, height_m, age = cloud.points_velo[rows], height_m[rows], cloud.age[rows]
+    shape = (
+        int((area.behind_m + area.ahead_m) / _CELL_M) + 1,
+        int(2 * area.side_m / _CELL_M) + 1,
+    )
+    x, y = ((points[:, :2] + (area.behind_m, area.side_m)) / _CELL_M).astype(int).T
+    cell = x * shape[1] + y
+    count = np.bincount(cell, minlength=shape[0] * shape[1]).astype(np.float64)
+    level = (height_m / _LEVEL_M).astype(int)
+    return _Columns(
+        points=count.reshape(shape),
+        levels=_distinct_values_around(cell, level, shape),
+        scans=_distinct_values_around(cell, age, shape),
+    )
+
+
+def _distinct_values_around(
+    cell: Float64, value: Float64 | UInt8, shape: tuple[int, int]
+) -> Float64:
+    """Count the distinct values within the inner square around each cell."""
+    total = np.zeros(shape)
+    for one in np.unique(value):
+        layer = np.zeros(shape[0] * shape[1], np.uint8)
+        layer[cell[value == one]] = 1
+        total += cv2.dilate(layer.reshape(shape), np.ones((_INNER_CELLS, _INNER_CELLS), np.uint8))
+    return total
+
+
+@dataclass(frozen=True)
+class Cutout:
+    """Points of a merged cloud around one place.
+
+    Attributes:
+        points_m: (P, 3) offsets from the place on the ground below it.
+        age: (P,) number of scans before the newest.
+    """
+
+    points_m: Float32
+    age: UInt8
+
+    @property
+    def disagreement_m(self) -> float:
+        """RMS distance of the object's centre in the earlier scans from that in the newest scan."""
+        ages = np.unique(self.age)
+        centers = np.array([np.median(self.points_m[self.age == a, :2], axis=0) for a in ages])
+        return float(np.sqrt(np.mean(np.sum((centers[1:] - centers[0]) ** 2, axis=1))))
+
+
+def cut_out(
+    cloud: DenseCloud, ground: GroundModel, place_m: Float64, radius_m: float = 0.5
+) -> Cutout:
+    """Return the points above the ground within a radius of a place (2,)."""
+    offset = cloud.points_velo[:, :2] - place_m
+    height_m = ground.distance_m(cloud.points_velo)
+    is_inside: Bool = (np.hypot(*offset.T) < radius_m) & (height_m > _LOW_M)
+    is_inside &= height_m < _HIGH_M
+    points = np.column_stack([offset, height_m])[is_inside]
+    return Cutout(points.astype(np.float32), cloud.age[is_inside])

@@ -1,92 +1,111 @@
 """Mean displacement error over the number of merged scans m and the slice width η (Fig. 7.1)."""
 
-from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.report import Study
+from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
 from data.frames import read_frames
-from perception.cli.table import Cell, format_table
+from perception.cli.flags import require_positive
+from perception.cli.parser import FlagGroup
+from perception.cli.progress import progress_bar
 from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.grids import LocalArea
 from perception.localization.registration import LidarOdometry
 from perception.obstacles.config import PiecewisePlanesConfig
-from perception.obstacles.dense_cloud import DenseCloud, PosedScan, ScanWindow, merge
+from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.plots import ValueGrid, plot_grid
-from perception.types import Drive, Float64, Frame
-
-Progress = Callable[[Iterable[Frame]], Iterable[Frame]]
+from perception.types import Drive
 
 
 @dataclass(frozen=True)
-class GroundErrorConfig:
-    """What to measure.
+class GroundErrorConfig(FlagGroup):
+    """Measured settings.
 
     Attributes:
-        previous_scans: values of m.
-        steps_per_slice: values of η.
-        every: measure in each such frame; all are registered.
-        frames: at most so many from the drive's start, or all.
-        seed: of RANSAC.
+        previous_scans: Values of m, the number of merged scans before the newest.
+        steps_per_slice: Values of η, the number of elevation steps of a slice.
+        every: Distance between measured frames; all frames are registered.
+        frames: Number of frames from the start of the drive; else all.
+        seed: Seed of RANSAC.
     """
 
-    previous_scans: Sequence[int] = (2, 4, 6, 8, 10)
-    steps_per_slice: Sequence[int] = (2, 4, 6, 8, 10)
-    every: int = 1
+    previous_scans: tuple[int, ...] = (2, 4, 6, 8, 10)
+    steps_per_slice: tuple[int, ...] = (2, 4, 6, 8, 10)
+    every: int = 4
     frames: int | None = None
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        """Validate the counts."""
+        require_positive("--every", self.every)
+        require_positive("--frames", self.frames)
 
-def study_ground_error(
-    drive: Drive, plot_path: Path, config: GroundErrorConfig, progress: Progress
-) -> Study:
+
+def ground_error(
+    drive: str,
+    *,
+    sequence: str | None = None,
+    config: GroundErrorConfig,
+    out: Path = RESULTS / "ground-error.png",
+) -> None:
+    """Measure the thesis' ground over merged scans m and slice width η (Fig. 7.1).
+
+    Example: trifuse study ground-error kitti/tracking --sequence 0000 --every 1
+
+    Args:
+        drive: Folder of a drive with labels, or the word synthetic.
+        sequence: Sequence of a tracking folder, such as 0000.
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    publish(study_ground_error(open_study_drive(drive, sequence), out, config), out)
+
+
+def study_ground_error(drive: Drive, plot_path: Path, config: GroundErrorConfig) -> Study:
     """Measure the thesis' piecewise planes for each pair of m and η, and draw the errors as a map."""
-    errors = measure_ground_errors(drive, config, progress)
-    metrics = {pair: mean_displacement_error(rows) for pair, rows in errors.items()}
-    mde_m = np.array(
-        [[metrics[m, eta].mde_m for eta in config.steps_per_slice] for m in config.previous_scans]
-    )
-    any_metrics = next(iter(metrics.values()))
-    title = f"Ground error of the thesis' method, {drive.name}, {any_metrics.frames} frames"
+    metrics = {
+        pair: mean_displacement_error(rows)
+        for pair, rows in measure_ground_errors(drive, config).items()
+    }
+    scans, steps = config.previous_scans, config.steps_per_slice
+    mde_m = np.array([[metrics[m, eta].mde_m for eta in steps] for m in scans])
+    one = next(iter(metrics.values()))
+    title = f"Ground error of the thesis' method, {drive.name}, {one.frames} frames"
     grid = ValueGrid(
         row_name="merged scans before the newest, m",
-        rows=config.previous_scans,
-        column_name="elevation steps a slice, η",
-        columns=config.steps_per_slice,
+        rows=scans,
+        column_name="elevation steps per slice, η",
+        columns=steps,
         values=1e3 * mde_m,
         value_name="mDE [mm]",
         digits=1,
     )
     plot_grid(plot_path, title, grid, is_low_good=True)
+    rows = {f"m = {m}": 1e3 * values for m, values in zip(scans, mde_m, strict=True)}
     return Study(
         name="ground-error",
         repeats="Fig. 7.1",
-        table=_table(title, config, mde_m),
-        numbers={
-            "mde_m": mde_m,
-            "frames": any_metrics.frames,
-            "objects": any_metrics.objects,
-        },
-        conditions={"drive": drive.name, "plan": config, "area": LocalArea()},
+        table=value_table(title, "mDE [mm]", [f"η = {eta}" for eta in steps], rows),
+        numbers={"mde_m": mde_m, "frames": one.frames, "objects": one.objects},
+        conditions={"drive": drive.name, "config": config, "area": LocalArea()},
     )
 
 
 def measure_ground_errors(
-    drive: Drive, config: GroundErrorConfig, progress: Progress
+    drive: Drive, config: GroundErrorConfig
 ) -> dict[tuple[int, int], GroundErrors]:
     """Return the errors at labelled objects for each pair (m, η).
 
     Raises:
-        DriveError: the drive has no labels.
+        DriveError: The drive has no labels.
     """
     if not drive.has_labels:
         raise DriveError(
             drive.root,
-            expected="labelled boxes, whose feet stand on the true ground (7.1)",
+            expected="labelled boxes, whose bottom is on the true ground (7.1)",
             found="none",
             advice="use a KITTI tracking sequence or a synthetic drive",
         )
@@ -95,40 +114,25 @@ def measure_ground_errors(
     errors: dict[tuple[int, int], list[GroundErrors]] = {
         (m, eta): [] for m in config.previous_scans for eta in config.steps_per_slice
     }
-    for number, frame in enumerate(progress(read_frames(drive, limit=config.frames))):
-        pose = odometry.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
-        window.push(PosedScan(frame.points_velo, pose.world_SE3_velo))
-        bottom_centers_m = drive.labels(frame.index).boxes_velo.bottom_m
-        if number % config.every == 0 and area.contains_xy(bottom_centers_m).any():
-            _measure_frame(
-                drive, merge(window, area), bottom_centers_m, frame.index, config.seed, errors
-            )
-    return {pair: GroundErrors.concatenate(parts) for pair, parts in errors.items()}
-
-
-def _measure_frame(
-    drive: Drive,
-    cloud: DenseCloud,
-    bottom_centers_m: Float64,
-    index: int,
-    seed: int,
-    errors: dict[tuple[int, int], list[GroundErrors]],
-) -> None:
-    area = LocalArea()
-    # The newest scans come first in the merged cloud: a smaller m is a part of it.
-    for (m, eta), rows in errors.items():
-        method = PiecewisePlanesEstimator(
+    estimators = {
+        eta: PiecewisePlanesEstimator(
             drive.sensor, area, PiecewisePlanesConfig(steps_per_slice=eta)
         )
-        points = cloud.points_velo[: np.searchsorted(cloud.age, m, side="right")]
-        planes = method.estimate(points, np.random.default_rng([seed, index]))
-        rows.append(ground_errors(index, planes, bottom_centers_m, area))
-
-
-def _table(title: str, config: GroundErrorConfig, mde_m: Float64) -> str:
-    rows: list[list[Cell]] = [
-        [f"m = {m}", *(f"{1e3 * value:.1f}" for value in values)]
-        for m, values in zip(config.previous_scans, mde_m, strict=True)
-    ]
-    header = ("mDE [mm]", *(f"η = {eta}" for eta in config.steps_per_slice))
-    return format_table(title, header, rows)
+        for eta in config.steps_per_slice
+    }
+    total = len(drive) if config.frames is None else min(config.frames, len(drive))
+    frames = progress_bar(read_frames(drive, limit=total), "ground-error", total, delay_s=2)
+    for number, frame in enumerate(frames):
+        pose = odometry.update(frame.points_velo, frame.stamp_s, frame.world_SE3_velo)
+        window.push(PosedScan(frame.points_velo, pose.world_SE3_velo))
+        bottoms_m = drive.labels(frame.index).boxes_velo.bottom_m
+        if number % config.every or not area.contains_xy(bottoms_m).any():
+            continue
+        cloud = merge(window, area)
+        for (m, eta), rows in errors.items():
+            # The newest scans come first in the merged cloud: a smaller m is a part of it.
+            points = cloud.points_velo[: np.searchsorted(cloud.age, m, side="right")]
+            random = np.random.default_rng([config.seed, frame.index])
+            planes = estimators[eta].estimate(points, random)
+            rows.append(ground_errors(frame.index, planes, bottoms_m, area))
+    return {pair: GroundErrors.concatenate(parts) for pair, parts in errors.items()}

@@ -1,44 +1,35 @@
-"""What the error of the INS does to the tracks of moving objects (7.1.1: up to 1 m is claimed harmless)."""
+"""Effect of INS errors on the tracks of moving objects (7.1.1: up to 1 m is claimed harmless)."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from benchmarks.studies.report import Study
+from benchmarks.studies.report import RESULTS, StreetFlags, Study, publish
 from benchmarks.studies.tracking_metrics import (
-    METHODS,
+    PROTOCOL,
     StudyTrackingMetrics,
-    by_measure,
-    drives_named,
+    by_metric,
     measure_methods,
-    study_protocol,
     total,
+    tracking_table,
 )
 from data.synthetic.cached_drive import CachedDrive
 from data.synthetic.ins import InsNoise
-from perception.cli.table import Cell, format_table
+from perception.cli.parser import FlagGroup
 from perception.render.measure_panels import Condition, plot_conditions
-from perception.sensor import HDL_64E, LidarModel
+from perception.sensor import LidarModel, load_sensor
 
 
 @dataclass(frozen=True)
-class InsErrorConfig:
-    """What to measure.
+class InsErrorConfig(FlagGroup):
+    """Errors of the INS.
 
     Attributes:
-        frames: of each drive.
-        seeds: of each drive.
-        sensor: the LiDAR.
-        positions_m: standard deviations of the position along each axis, without any of the angles.
-        angles_deg: standard deviations of the angle about each axis, without any of the position.
+        positions_m: Standard deviations of the position along each axis in metres, angles exact.
+        angles_deg: Standard deviations of the angle about each axis in degrees, position exact.
     """
 
-    frames: int = 80
-    seeds: Sequence[int] = (0,)
-    sensor: LidarModel = field(default_factory=lambda: HDL_64E)
-    positions_m: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0)
-    angles_deg: Sequence[float] = (0.0, 0.5, 1.0, 2.0)
+    positions_m: tuple[float, ...] = (0.0, 0.1, 0.25, 0.5, 1.0)
+    angles_deg: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0)
 
     def cases(self) -> list[InsNoise]:
         """Return every INS, each once."""
@@ -47,64 +38,51 @@ class InsErrorConfig:
         return list(dict.fromkeys([*by_position, *by_angle]))
 
 
-MetricsByNoise = dict[InsNoise, dict[str, StudyTrackingMetrics]]
+def ins_error(
+    *,
+    streets: StreetFlags,
+    config: InsErrorConfig,
+    sensor: str = "HDL-64E",
+    out: Path = RESULTS / "ins-error.png",
+) -> None:
+    """Measure the tracks of moving objects over the error of the INS, 0 to 1 m and 0 to 2° (7.1.1).
+
+    Example: trifuse study ins-error --frames 20
+
+    Args:
+        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    publish(study_ins_error(out, streets, config, load_sensor(sensor)), out)
 
 
-def study_ins_error(plot_path: Path, config: InsErrorConfig) -> Study:
+def study_ins_error(
+    plot_path: Path, streets: StreetFlags, config: InsErrorConfig, sensor: LidarModel
+) -> Study:
     """Measure all methods on the same streets and scans with one INS after another, and draw curves."""
-    metrics = _measure(config)
-    drives = drives_named(config.seeds, config.frames)
-    title = f"Tracks of moving objects over the error of the INS, {config.sensor.name}, {drives}"
+    parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {c: [] for c in config.cases()}
+    for seed in streets.seeds:
+        exact = InsNoise(0.0, 0.0)
+        drive = CachedDrive(streets.frames, seed=seed, sensor=sensor, noise=exact)
+        for noise, drives in parts.items():
+            drives.append(measure_methods(drive.with_ins(noise)))
+    metrics = {noise: total(drives) for noise, drives in parts.items()}
+    title = f"Tracks of moving objects over the error of the INS, {sensor.name}, {streets.title}"
     positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
     angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
-    plot_conditions(
-        plot_path,
-        title,
-        [
-            Condition(
-                "position error of the INS, σ [m]", config.positions_m, by_measure(positions)
-            ),
-            Condition("angle error of the INS, σ [°]", config.angles_deg, by_measure(angles)),
-        ],
-    )
+    conditions = [
+        Condition("position error of the INS, σ [m]", config.positions_m, by_metric(positions)),
+        Condition("angle error of the INS, σ [°]", config.angles_deg, by_metric(angles)),
+    ]
+    plot_conditions(plot_path, title, conditions)
+    cases = {f"{ins.position_m:g} m, {ins.angle_deg:g}°": one for ins, one in metrics.items()}
     return Study(
         name="ins-error",
         repeats="7.1.1, tolerance to localization error",
-        table=_table(title, metrics),
-        numbers=_numbers(metrics),
-        conditions={"plan": config, "protocol": study_protocol()},
+        table=tracking_table(title, "INS error: method", cases),
+        numbers=[
+            {"ins": noise, "methods": {m: one.values() for m, one in methods.items()}}
+            for noise, methods in metrics.items()
+        ],
+        conditions={"drives": streets, "config": config, "sensor": sensor, "protocol": PROTOCOL},
     )
-
-
-def _measure(config: InsErrorConfig) -> MetricsByNoise:
-    parts: dict[InsNoise, list[dict[str, StudyTrackingMetrics]]] = {
-        case: [] for case in config.cases()
-    }
-    for seed in config.seeds:
-        drive = CachedDrive(
-            config.frames, seed=seed, sensor=config.sensor, noise=InsNoise(0.0, 0.0)
-        )
-        for noise, drives in parts.items():
-            drives.append(measure_methods(drive.with_ins(noise)))
-    return {noise: total(drives) for noise, drives in parts.items()}
-
-
-def _table(title: str, metrics: MetricsByNoise) -> str:
-    names = list(StudyTrackingMetrics().measures())
-    rows: list[list[Cell]] = [
-        [
-            f"{noise.position_m:g} m, {noise.angle_deg:g}°",
-            method,
-            *(f"{value:.1f}" for value in methods[method].measures().values()),
-        ]
-        for noise, methods in metrics.items()
-        for method in METHODS
-    ]
-    return format_table(title, ("INS error", "method", *names), rows)
-
-
-def _numbers(metrics: MetricsByNoise) -> list[dict[str, Any]]:
-    return [
-        {"ins": noise, "methods": {m: f.measures() for m, f in methods.items()}}
-        for noise, methods in metrics.items()
-    ]

@@ -4,47 +4,46 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.studies.report import Study
-from benchmarks.studies.windows import read_windows, thesis_ground
-from perception.cli.table import Cell, format_table
-from perception.geometry.grids import LocalArea
+from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
+from benchmarks.studies.report import RESULTS, Study, publish, value_table
 from perception.obstacles.motion_counters import CounterSegmenter, MotionCounters
 from perception.render.scene_plots import plot_masks
 from perception.types import Drive, PointState
 
 
-def study_masks(
-    drive: Drive, plot_path: Path, *, frame: int | None, previous_scans: int, seed: int
-) -> Study:
+def masks(drive: str, *, window: MergedFrameFlags, out: Path = RESULTS / "masks.png") -> None:
+    """Draw the counters, their ratio, and the static and moving masks (Fig. 5.6).
+
+    Example: trifuse study masks synthetic --frame 30
+
+    Args:
+        drive: Folder of a drive, or the word synthetic.
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    publish(study_masks(window.open(drive), out, window), out)
+
+
+def study_masks(drive: Drive, plot_path: Path, flags: MergedFrameFlags) -> Study:
     """Draw every step from the counters to the masks of one frame, and count cells and points."""
-    area = LocalArea()
-    windows = read_windows(drive, frame, previous_scans)
-    planes = thesis_ground(drive, windows.refined, area, np.random.default_rng(seed)).planes
-    segmenter = CounterSegmenter(area)
-    counters = segmenter.counters(windows.refined, planes)
-    states = segmenter.update(windows.refined, planes).point_states
-    static_points = windows.frame.points_velo[states >= PointState.STATIC]
-    title = f"From counters to masks, {drive.name} frame {windows.frame.index}"
+    merged = read_merged_frame(drive, flags)
+    segmenter = CounterSegmenter(merged.area)
+    counters = segmenter.counters(merged.window, merged.planes)
+    states = segmenter.update(merged.window, merged.planes).point_states
+    static_points = merged.frame.points_velo[states >= PointState.STATIC]
+    title = f"From counters to masks, {merged.title}"
     plot_masks(plot_path, title, counters, static_points)
     counts = _counts(counters)
-    rows: list[list[Cell]] = [[name, cells, points] for name, (cells, points) in counts.items()]
     return Study(
         name="masks",
         repeats="Fig. 5.6",
-        table=format_table(title, ("", "columns", "points in them"), rows),
+        table=value_table(title, "", ("columns", "points in them"), counts, "d"),
         numbers={name: {"columns": c, "points": p} for name, (c, p) in counts.items()},
-        conditions={
-            "drive": drive.name,
-            "frame": windows.frame.index,
-            "previous_scans": previous_scans,
-            "seed": seed,
-            "area": area,
-        },
+        conditions=merged.conditions,
     )
 
 
 def _counts(counters: MotionCounters) -> dict[str, tuple[int, int]]:
-    """Return for each step the columns that are not empty and the points in them."""
+    """Return for each step the number of columns that are not empty, and of the points in them."""
     masks = counters.masks
     steps = {
         "(b) merged": counters.static_before,

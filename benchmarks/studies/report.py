@@ -1,26 +1,36 @@
-"""What a study leaves: a picture, the numbers beside it, and a table for people."""
+"""What the studies share: the drive they look at, and the figure, table and numbers they leave."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from data.open_drive import open_drive
 from data.results.documents import write_json
+from data.synthetic.drive import SyntheticDrive
 from perception import __version__
+from perception.cli.flags import require_positive
+from perception.cli.parser import FlagGroup
+from perception.evaluation.report import Column, Table
+from perception.types import Drive
 
 RESULTS = Path("results") / "study"
-"""Where pictures go, unless another place is named."""
+"""Folder of the figures where no other path is given."""
+
+_SYNTHETIC_FRAMES = 40
 
 
 @dataclass(frozen=True)
 class Study:
-    """The outcome of a study.
+    """Outcome of a study.
 
     Attributes:
-        name: as the command calls it.
-        repeats: of the thesis, which it repeats.
-        table: for people.
-        numbers: the same for programs.
-        conditions: drive, frames and parameters.
+        name: Name of the command.
+        repeats: Figure or table of the thesis that it repeats.
+        table: Results as text.
+        numbers: Results for programs.
+        conditions: Drive, frames and parameters.
     """
 
     name: str
@@ -31,7 +41,7 @@ class Study:
 
 
 def publish(study: Study, plot_path: Path) -> None:
-    """Write the numbers beside the picture, and print the table and where both are."""
+    """Write the numbers beside the figure, and print the table and both paths."""
     document = {
         "study": study.name,
         "repeats": study.repeats,
@@ -42,3 +52,61 @@ def publish(study: Study, plot_path: Path) -> None:
     numbers = plot_path.with_suffix(".json")
     write_json(numbers, document)
     print(f"{study.table}\n\n{plot_path}\n{numbers}")
+
+
+def open_study_drive(drive: str, sequence: str | None, *, images: bool = False) -> Drive:
+    """Open a path, or return a synthetic street for the word `synthetic`."""
+    if drive == "synthetic":
+        return SyntheticDrive(_SYNTHETIC_FRAMES, images=images)
+    return open_drive(Path(drive), sequence=sequence, images=images)
+
+
+def value_table(
+    title: str,
+    heading: str,
+    columns: Sequence[str],
+    rows: Mapping[str, Sequence[float | None]],
+    spec: str = ".1f",
+) -> str:
+    """Return a table of numbers of one format.
+
+    Args:
+        title: Line above the table.
+        heading: Heading of the first column.
+        columns: Headings of the other columns.
+        rows: Values of each row, one for each column.
+        spec: Format of the values.
+    """
+    cells = [Column(name, itemgetter(place), spec) for place, name in enumerate(columns)]
+    return Table(title, cells, rows, heading).text()
+
+
+@dataclass(frozen=True)
+class StreetFlags(FlagGroup):
+    """Synthetic drives.
+
+    Attributes:
+        frames: Number of frames of each drive.
+        seed: Seed of the first drive; the next drives have the seeds after it.
+        drives: Number of drives that are measured together.
+    """
+
+    frames: int = 80
+    seed: int = 0
+    drives: int = 1
+
+    def __post_init__(self) -> None:
+        """Validate the numbers of frames and drives."""
+        require_positive("--frames", self.frames)
+        require_positive("--drives", self.drives)
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of all drives."""
+        return range(self.seed, self.seed + self.drives)
+
+    @property
+    def title(self) -> str:
+        """Words that name the drives."""
+        seeds = ", ".join(map(str, self.seeds))
+        return f"synthetic drives of seed {seeds}, {self.frames} frames each"

@@ -1,4 +1,4 @@
-"""Which stage takes which share of the time (Table 7.3): as published, repeated, and by default."""
+"""Share of the time of each stage (Table 7.3): as published, repeated, and by the default method."""
 
 from pathlib import Path
 
@@ -7,26 +7,46 @@ from benchmarks.studies.chain_times import (
     GROUND,
     MOTION,
     VOXELS,
-    Progress,
     ThesisCase,
     Times,
     mean_times_s,
     time_default,
     time_thesis,
 )
-from benchmarks.studies.report import Study
-from perception.cli.table import Cell, format_table
+from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
+from perception.cli.flags import require_positive
 from perception.render.plots import plot_shares
 from perception.types import Drive
 
 _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}
 
 
-def study_stages(drive: Drive, plot_path: Path, *, frames: int, progress: Progress) -> Study:
+def stages(
+    drive: str,
+    *,
+    sequence: str | None = None,
+    frames: int = 10,
+    out: Path = RESULTS / "stages.png",
+) -> None:
+    """Measure the share of the time of each stage: published, repeated, and by default (Table 7.3).
+
+    Example: trifuse study stages synthetic
+
+    Args:
+        drive: Folder of a drive with INS, or the word synthetic.
+        sequence: Sequence of a tracking folder, such as 0000.
+        frames: Number of measured frames, after those that fill the window.
+        out: Figure; a JSON file with the numbers is written beside it.
+    """
+    require_positive("--frames", frames)
+    publish(study_stages(open_study_drive(drive, sequence), out, frames), out)
+
+
+def study_stages(drive: Drive, plot_path: Path, frames: int) -> Study:
     """Time every stage on the same frames, and draw the shares."""
     case = ThesisCase()
-    thesis = mean_times_s(time_thesis(drive, [case], frames, progress)[case])
-    default = mean_times_s(time_default(drive, 6, case.previous_scans, frames, progress))
+    thesis = mean_times_s(time_thesis(drive, [case], frames)[case])
+    default = mean_times_s(time_default(drive, 6, case.previous_scans, frames))
     title = f"Share of time by stage, {drive.name}, {frames} frames, m = {case.previous_scans}"
     bars = {
         "thesis, published\n(MATLAB, 0.3 frames/s)": _PUBLISHED,
@@ -34,14 +54,17 @@ def study_stages(drive: Drive, plot_path: Path, *, frames: int, progress: Progre
         f"default method\n{_total(default)}": default,
     }
     plot_shares(plot_path, title, bars)
-    published: list[list[Cell]] = [
-        [f"published: {stage}", None, f"{share:.1f}"] for stage, share in _PUBLISHED.items()
-    ]
-    rows = [*published, *_rows("thesis", thesis), *_rows("default", default)]
+    rows: dict[str, tuple[float | None, float]] = {
+        f"published: {stage}": (None, share) for stage, share in _PUBLISHED.items()
+    }
+    for method, times in (("thesis", thesis), ("default", default)):
+        total_s = sum(times.values())
+        for stage, seconds in {**times, "all stages": total_s}.items():
+            rows[f"{method}: {stage}"] = (1e3 * seconds, 100 * seconds / total_s)
     return Study(
         name="stages",
         repeats="Table 7.3",
-        table=format_table(title, ("stage", "mean [ms]", "share [%]"), rows),
+        table=value_table(title, "stage", ("mean [ms]", "share [%]"), rows),
         numbers={"published_percent": _PUBLISHED, "thesis_s": thesis, "default_s": default},
         conditions={"drive": drive.name, "frames": frames, "case": case},
     )
@@ -49,11 +72,3 @@ def study_stages(drive: Drive, plot_path: Path, *, frames: int, progress: Progre
 
 def _total(times: Times) -> str:
     return f"{1e3 * sum(times.values()):.0f} ms, {1 / sum(times.values()):.1f} frames/s"
-
-
-def _rows(method: str, times: Times) -> list[list[Cell]]:
-    total_s = sum(times.values())
-    return [
-        [f"{method}: {stage}", f"{1e3 * seconds:.1f}", f"{100 * seconds / total_s:.1f}"]
-        for stage, seconds in {**times, "all": total_s}.items()
-    ]

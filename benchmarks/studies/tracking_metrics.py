@@ -1,4 +1,4 @@
-"""The measures of moving objects' tracks on synthetic drives, for the studies that change something."""
+"""Metrics of the tracks of moving objects on synthetic drives, for the studies of INS and sensor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,6 +7,7 @@ from operator import add
 
 import numpy as np
 
+from benchmarks.studies.report import value_table
 from perception.cli.evaluations.datmo_report import DatmoProtocol, DatmoReport, compare_datmo
 from perception.cli.evaluations.datmo_steps import datmo_steps
 from perception.datmo.config import DatmoMethod
@@ -15,16 +16,18 @@ from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64
 
 METHODS: tuple[DatmoMethod, ...] = ("thesis", "author", "default")
+# Everything around the vehicle counts, as synthetic truth is exact.
+PROTOCOL = DatmoProtocol(view="all")
 
 
 @dataclass(frozen=True)
 class StudyTrackingMetrics:
-    """What the tracks of one method are worth, over any number of drives.
+    """Metrics of one method over any number of drives.
 
     Attributes:
-        scores: by distance of the centres.
-        false_tracks: of nothing that moves.
-        duration_s: of all drives.
+        scores: HOTA, CLEAR and identity counts by centre distance.
+        false_tracks: Number of tracks that match no moving object.
+        duration_s: Duration of all drives in seconds.
     """
 
     scores: MotMetrics = field(default_factory=MotMetrics)
@@ -32,7 +35,7 @@ class StudyTrackingMetrics:
     duration_s: float = 0.0
 
     def __add__(self, other: "StudyTrackingMetrics") -> "StudyTrackingMetrics":
-        """Return the figures of both, as of one longer drive."""
+        """Return the metrics of both, as of one longer drive."""
         return StudyTrackingMetrics(
             self.scores + other.scores,
             self.false_tracks + other.false_tracks,
@@ -41,28 +44,21 @@ class StudyTrackingMetrics:
 
     @classmethod
     def of(cls, report: DatmoReport) -> "StudyTrackingMetrics":
-        """Take them out of an evaluation."""
+        """Return the metrics of an evaluation."""
         return cls(report.by_distance, len(report.false_tracks.ids), report.duration_s)
 
-    def measures(self) -> dict[str, float]:
-        """Return what is shown, by name with unit."""
+    def values(self) -> dict[str, float]:
+        """Return the values that are shown, by name with unit."""
         minutes = self.duration_s / 60
         return {
             "HOTA [%]": 100 * self.scores.hota.hota,
             "MOTA [%]": 100 * self.scores.clear.mota,
             "IDF1 [%]": 100 * self.scores.identity.idf1,
-            "false tracks a minute": self.false_tracks / minutes if minutes else np.nan,
+            "false tracks [/min]": self.false_tracks / minutes if minutes else np.nan,
         }
 
 
-def drives_named(seeds: Sequence[int], frames: int) -> str:
-    """Name the synthetic drives of a study, for its title."""
-    return f"synthetic drives of seed {', '.join(map(str, seeds))}, {frames} frames each"
-
-
-def study_protocol() -> DatmoProtocol:
-    """Return the protocol of the studies: everything around counts, as synthetic truth is exact."""
-    return DatmoProtocol(view="all")
+MethodMetrics = Mapping[str, StudyTrackingMetrics]
 
 
 def measure_methods(drive: Drive) -> dict[str, StudyTrackingMetrics]:
@@ -70,22 +66,29 @@ def measure_methods(drive: Drive) -> dict[str, StudyTrackingMetrics]:
     steps = datmo_steps(
         drive, PipelineConfig.for_motion(), METHODS, limit=None, on_bad_frame="stop"
     )
-    reports = compare_datmo(drive, steps, METHODS, study_protocol())
+    reports = compare_datmo(drive, steps, METHODS, PROTOCOL)
     return {method: StudyTrackingMetrics.of(report) for method, report in reports.items()}
 
 
-def total(parts: Sequence[Mapping[str, StudyTrackingMetrics]]) -> dict[str, StudyTrackingMetrics]:
-    """Return each method's figures over several drives."""
+def total(parts: Sequence[MethodMetrics]) -> dict[str, StudyTrackingMetrics]:
+    """Return each method's metrics over several drives."""
     return {method: reduce(add, (part[method] for part in parts)) for method in parts[0]}
 
 
-def by_measure(
-    cases: Sequence[Mapping[str, StudyTrackingMetrics]],
-) -> dict[str, dict[str, Float64]]:
-    """Return for each measure the (K,) values of each method over K cases."""
-    shown = [{method: metrics.measures() for method, metrics in case.items()} for case in cases]
-    names = StudyTrackingMetrics().measures()
+def by_metric(cases: Sequence[MethodMetrics]) -> dict[str, dict[str, Float64]]:
+    """Return for each metric the (K,) values of each method over K cases."""
+    shown = [{method: one.values() for method, one in case.items()} for case in cases]
     return {
         name: {m: np.array([case[m][name] for case in shown], np.float64) for m in METHODS}
-        for name in names
+        for name in StudyTrackingMetrics().values()
     }
+
+
+def tracking_table(title: str, heading: str, cases: Mapping[str, MethodMetrics]) -> str:
+    """Return a table with a row for each case and method."""
+    rows = {
+        f"{case}: {method}": list(methods[method].values().values())
+        for case, methods in cases.items()
+        for method in METHODS
+    }
+    return value_table(title, heading, list(StudyTrackingMetrics().values()), rows)

@@ -86,7 +86,7 @@ class Scenario:
         """What happens, in a word."""
         if len(self.challenges) == len(ScenarioChallenge):
             return "together"
-        return " and ".join(sorted(self.challenges)) or "plain"
+        return " and ".join(sorted(self.challenges)) or "no challenge"
 
     def has(self, challenge: ScenarioChallenge) -> bool:
         """Tell whether something happens."""

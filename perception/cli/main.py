@@ -13,6 +13,7 @@ from jsonargparse import auto_cli
 
 from perception import __version__
 from perception.cli.parser import CommandFunction, call, help_text
+from perception.cli.study import STUDIES
 from perception.errors import PerceptionError, UsageError
 
 
@@ -29,9 +30,23 @@ class Command:
     summary: str
 
     def load(self) -> CommandFunction:
-        """Import the function."""
+        """Import the function.
+
+        Raises:
+            PerceptionError: It is in benchmarks/, which only the source tree holds.
+        """
         module, _, name = self.target.partition(":")
-        function: CommandFunction = getattr(importlib.import_module(module), name)
+        try:
+            function: CommandFunction = getattr(importlib.import_module(module), name)
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.partition(".")[0] != "benchmarks":
+                raise
+            raise PerceptionError(
+                module,
+                expected="the benchmarks/ folder of the source tree",
+                found="none",
+                advice="clone the project and install it with: pip install --editable .",
+            ) from error
         return function
 
 
@@ -43,6 +58,7 @@ COMMANDS: Mapping[str, Command] = {
     "evaluate obstacles": Command(
         "perception.cli.evaluate_obstacles:obstacles", "objects missed, false moving clusters"
     ),
+    **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
 
 # Commands that have subcommands.

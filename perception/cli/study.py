@@ -1,9 +1,50 @@
-"""`trifuse study`: the thesis' own studies and those of its claims, a picture and a table each."""
+"""`trifuse study`: the studies of the thesis and of its claims; their code is in benchmarks/studies."""
 
-from benchmarks.studies import obstacle_commands, tracking_commands, training_commands
+from collections.abc import Mapping
 
-COMMANDS = {
-    **obstacle_commands.COMMANDS,
-    **tracking_commands.COMMANDS,
-    **training_commands.COMMANDS,
+# name: function, and one line of help. Only the source tree holds them.
+STUDIES: Mapping[str, tuple[str, str]] = {
+    "ground-error": (
+        "benchmarks.studies.ground_error:ground_error",
+        "ground error over merged scans and slice width (Fig. 7.1)",
+    ),
+    "speed": (
+        "benchmarks.studies.speed:speed",
+        "frames per second over merged scans and voxel size (Fig. 7.3)",
+    ),
+    "stages": ("benchmarks.studies.stages:stages", "share of the time of each stage (Table 7.3)"),
+    "dense-cloud": (
+        "benchmarks.studies.dense_cloud:dense_cloud",
+        "a pole in the merged cloud, before and after registration (Fig. 5.2)",
+    ),
+    "gates": (
+        "benchmarks.studies.gates:gates",
+        "gates and planes of the ground, from the side (Figs 5.4, 5.5)",
+    ),
+    "masks": (
+        "benchmarks.studies.masks:masks",
+        "counters and masks of the static-moving segmentation (Fig. 5.6)",
+    ),
+    "motion-grid": (
+        "benchmarks.studies.motion_grid:motion_grid",
+        "2.5D motion grids and the objects in them (Fig. 5.10)",
+    ),
+    "ins-error": (
+        "benchmarks.studies.ins_error:ins_error",
+        "tracks of moving objects over the error of the INS (7.1.1)",
+    ),
+    "sensors": ("benchmarks.studies.sensors:sensors", "tracks of moving objects by LiDAR"),
+    "single-object": (
+        "benchmarks.studies.single_object:single_object",
+        "challenges of tracking one object, on scenes with exact truth",
+    ),
 }
+
+
+def __getattr__(name: str) -> object:
+    # TRANSITION: goes with the studies that train detectors.
+    if name == "COMMANDS":
+        from benchmarks.studies import training_commands
+
+        return training_commands.COMMANDS
+    raise AttributeError(name)

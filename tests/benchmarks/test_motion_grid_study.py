@@ -12,6 +12,7 @@ from perception.cli.main import main
 from perception.datmo.config import THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
+from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.sensor import VLP_16
 
 
@@ -20,34 +21,31 @@ def drive():
     return CachedDrive(7, sensor=VLP_16)
 
 
-def frames(iterable):
-    return iterable
-
-
 def test_the_grids_of_a_drive_without_camera_are_seen_from_above(drive, tmp_path):
     plot_path = tmp_path / "grids.png"
-    study = study_motion_grid(drive, plot_path, frames, frame=6, preset="thesis")
+    study = study_motion_grid(drive, plot_path, frame=6, preset="thesis")
     image = cv2.imread(str(plot_path))
     assert image.shape[1] > 2000
     assert image.std() > 20
     cells = study.numbers["cells"]
-    assert cells["seen"] > cells["standing, E"] > cells["(a) subtraction alone"]
+    assert cells["occupied"] > cells["above ground, E"] > cells["(a) subtraction alone"]
     assert cells["(a) subtraction alone"] > cells["(b) after suppression, M"]
-    assert cells["after morphology"] >= cells["(c) of things"]
-    assert study.conditions["rules"] == THESIS
+    assert cells["after morphology"] >= cells["(c) of objects"]
+    assert study.conditions["config"] == THESIS
 
 
 def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monkeypatch):
     short = replace(THESIS, background=replace(THESIS.background, scans=3))
-    monkeypatch.setitem(motion_grid._CONFIG, "thesis", short)
+    monkeypatch.setitem(motion_grid.PRESETS, "thesis", short)
     read = []
 
-    def progress(iterable):
-        for frame in iterable:
-            read.append(frame.index)
-            yield frame
+    def segment(chain, frame):
+        read.append(frame.index)
+        return whole(chain, frame)
 
-    study_motion_grid(drive, tmp_path / "grids.png", progress, frame=6, preset="thesis")
+    whole = ObstacleChain.segment
+    monkeypatch.setattr(ObstacleChain, "segment", segment)
+    study_motion_grid(drive, tmp_path / "grids.png", frame=6, preset="thesis")
     assert read == [3, 4, 5, 6]
 
 
@@ -61,8 +59,10 @@ def test_boxes_lie_along_the_axes():
 
 @pytest.mark.parametrize("frame", [-1, 7])
 def test_a_frame_that_is_not_there_is_refused(drive, frame, tmp_path):
-    with pytest.raises(UsageError, match="expected a frame from 0 to 6"):
-        study_motion_grid(drive, tmp_path / "x.png", frames, frame=frame, preset="author")
+    with pytest.raises(UsageError) as error:
+        study_motion_grid(drive, tmp_path / "x.png", frame=frame, preset="author")
+    assert error.value.where == f"frame {frame}"
+    assert error.value.expected.startswith("a frame from 0 to 6")
 
 
 def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, capsys):
@@ -71,7 +71,7 @@ def test_on_the_real_drive_each_step_lies_on_the_image(kitti_root, tmp_path, cap
     assert main(["study", "motion-grid", *arguments, "--out", str(plot_path)]) == 0
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert document["repeats"] == "Fig. 5.10"
-    assert document["conditions"]["rules"]["background"]["scans"] == 50
+    assert document["conditions"]["config"]["background"]["scans"] == 50
     cells = document["results"]["cells"]
     assert cells["(b) after suppression, M"] < 0.4 * cells["(a) subtraction alone"]
     assert "(b) after suppression, M" in capsys.readouterr().out

@@ -17,13 +17,12 @@ from benchmarks.studies.chain_times import (
     mean_times_s,
     time_thesis,
 )
-from benchmarks.studies.dense_cloud import study_dense_cloud
+from benchmarks.studies.dense_cloud import Cutout, cut_out, find_pole, study_dense_cloud
 from benchmarks.studies.gates import passes_gate, study_gates
 from benchmarks.studies.ground_error import GroundErrorConfig, study_ground_error
 from benchmarks.studies.masks import study_masks
+from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import publish
-from benchmarks.studies.thin_objects import Cutout, cut_out, find_pole
-from benchmarks.studies.windows import read_windows
 from data.synthetic.cached_drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
@@ -45,6 +44,9 @@ class LevelGround:
 @pytest.fixture(scope="module")
 def drive():
     return CachedDrive(8, sensor=HDL_32E)
+
+
+FLAGS = MergedFrameFlags(frame=6, previous_scans=3)
 
 
 def is_plot(path):
@@ -74,9 +76,11 @@ def test_the_pole_is_found_beside_a_wall():
     np.testing.assert_allclose(find_pole(cloud, LevelGround(), LocalArea()), (6, 3), atol=0.31)
 
 
-def test_no_pole_is_said_so():
-    with pytest.raises(DriveError, match="found none; name another --frame"):
+def test_a_cloud_without_a_pole_is_an_error():
+    with pytest.raises(DriveError) as error:
         find_pole(DenseCloud(*wall()), LevelGround(), LocalArea())
+    assert (error.value.where, error.value.found) == ("study dense-cloud", "none")
+    assert "--frame" in error.value.advice
 
 
 def test_scans_that_agree_are_not_apart():
@@ -101,7 +105,7 @@ def test_a_gate_lets_through_what_lies_between_its_limits():
 
 def test_gates(drive, tmp_path, capsys):
     plot_path = tmp_path / "new" / "gates.png"
-    publish(study_gates(drive, plot_path, frame=6, previous_scans=3, seed=0), plot_path)
+    publish(study_gates(drive, plot_path, FLAGS), plot_path)
     assert is_plot(plot_path)
     document = json.loads(plot_path.with_suffix(".json").read_text())
     planes = document["results"]["planes"]
@@ -112,7 +116,7 @@ def test_gates(drive, tmp_path, capsys):
 
 def test_masks(drive, tmp_path):
     plot_path = tmp_path / "masks.png"
-    study = study_masks(drive, plot_path, frame=6, previous_scans=3, seed=0)
+    study = study_masks(drive, plot_path, FLAGS)
     assert is_plot(plot_path)
     numbers = study.numbers
     assert numbers["(c) static after subtraction"]["points"] < numbers["(b) merged"]["points"]
@@ -121,14 +125,11 @@ def test_masks(drive, tmp_path):
 
 def test_dense_cloud(drive, tmp_path):
     plot_path = tmp_path / "cloud.png"
-    windows = read_windows(drive, 6, 3)
-    points = windows.frame.points_velo
+    points = drive[6].points_velo
     static_points = points[
         (points[:, 2] > -1.2) & (points[:, 2] < 0) & LocalArea().contains_xy(points)
     ]
-    study = study_dense_cloud(
-        drive, plot_path, frame=6, previous_scans=3, place_m=static_points[0, :2].astype(np.float64)
-    )
+    study = study_dense_cloud(drive, plot_path, FLAGS, static_points[0, :2].astype(np.float64))
     assert is_plot(plot_path)
     assert set(study.numbers["disagreement_m"]) == {
         "INS alone",
@@ -140,7 +141,7 @@ def test_dense_cloud(drive, tmp_path):
 def test_ground_error(drive, tmp_path):
     config = GroundErrorConfig(previous_scans=(1, 3), steps_per_slice=(1, 2), every=3)
     plot_path = tmp_path / "error.png"
-    study = study_ground_error(drive, plot_path, config, lambda frames: frames)
+    study = study_ground_error(drive, plot_path, config)
     assert is_plot(plot_path)
     mde_m = study.numbers["mde_m"]
     assert mde_m.shape == (2, 2)
@@ -153,13 +154,14 @@ def test_ground_error(drive, tmp_path):
 
 def test_ground_error_needs_labels(tmp_path):
     blind = SimpleNamespace(has_labels=False, root="drive")
-    with pytest.raises(DriveError, match="expected labelled boxes"):
-        study_ground_error(blind, tmp_path / "x.png", GroundErrorConfig(), lambda frames: frames)
+    with pytest.raises(DriveError) as error:
+        study_ground_error(blind, tmp_path / "x.png", GroundErrorConfig())
+    assert (error.value.where, error.value.found) == ("drive", "none")
 
 
 def test_every_stage_of_the_thesis_is_timed(drive):
     cases = [ThesisCase(2, 0.1), ThesisCase(2, 0.4), ThesisCase(1, 0.1)]
-    measured = time_thesis(drive, cases, 2, lambda frames: frames)
+    measured = time_thesis(drive, cases, 2)
     assert set(measured) == set(cases)
     for times in measured.values():
         assert len(times) == 2
@@ -179,7 +181,7 @@ DEFAULT_TIMES = [{"registration": 0.010, "ground": 0.006, "motion": 0.004}]
 def test_stages(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(stages, "time_default", lambda *_: DEFAULT_TIMES)
     plot_path = tmp_path / "stages.png"
-    study = stages.study_stages(drive, plot_path, frames=1, progress=lambda frames: frames)
+    study = stages.study_stages(drive, plot_path, 1)
     assert cv2.imread(str(plot_path)) is not None
     assert sum(study.numbers["published_percent"].values()) == pytest.approx(100)
     assert study.numbers["default_s"] == DEFAULT_TIMES[0]
@@ -191,21 +193,25 @@ def test_speed(drive, tmp_path, monkeypatch):
     monkeypatch.setattr(speed, "time_default", lambda *_: DEFAULT_TIMES)
     config = speed.SpeedConfig(previous_scans=(1, 2), voxel_sizes_m=(0.1, 0.4), frames=1)
     plot_path = tmp_path / "speed.png"
-    study = speed.study_speed(drive, plot_path, config, lambda frames: frames)
+    study = speed.study_speed(drive, plot_path, config)
     assert is_plot(plot_path)
     assert study.numbers["thesis_frames_per_s"].shape == (2, 2)
     np.testing.assert_allclose(study.numbers["default_frames_per_s"], [50, 50])
 
 
 def test_a_drive_too_short_to_be_timed_is_refused(drive):
-    with pytest.raises(UsageError, match="at most 2"):
-        time_thesis(drive, [ThesisCase(6)], 5, lambda frames: frames)
+    with pytest.raises(UsageError) as error:
+        time_thesis(drive, [ThesisCase(6)], 5)
+    assert (error.value.where, error.value.found) == ("--frames 5", "5")
+    assert error.value.expected.startswith("at most 2")
 
 
 @pytest.mark.parametrize("frame", [0, 8, -3])
 def test_a_frame_without_scans_before_it_is_refused(drive, frame):
-    with pytest.raises(UsageError, match="expected a frame from 1 to 7"):
-        read_windows(drive, frame, 6)
+    with pytest.raises(UsageError) as error:
+        read_merged_frame(drive, MergedFrameFlags(frame=frame))
+    assert error.value.where == f"frame {frame}"
+    assert "from 1 to 7" in error.value.expected
 
 
 def test_the_command_answers_in_one_sentence(capsys, tmp_path):

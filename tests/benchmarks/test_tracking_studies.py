@@ -6,11 +6,11 @@ import pytest
 
 from benchmarks.studies import sensors
 from benchmarks.studies.ins_error import InsErrorConfig, study_ins_error
-from benchmarks.studies.report import publish
+from benchmarks.studies.report import StreetFlags, publish
 from benchmarks.studies.tracking_metrics import (
     METHODS,
     StudyTrackingMetrics,
-    by_measure,
+    by_metric,
     total,
 )
 from data.synthetic.ins import InsNoise
@@ -19,7 +19,7 @@ from perception.evaluation.multi_object.mot_metrics import evaluate_tracks
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.sensor import HDL_32E, VLP_16
 
-NAMES = ["HOTA [%]", "MOTA [%]", "IDF1 [%]", "false tracks a minute"]
+NAMES = ["HOTA [%]", "MOTA [%]", "IDF1 [%]", "false tracks [/min]"]
 
 
 def metrics(found: int, missed: int, false_tracks: int) -> StudyTrackingMetrics:
@@ -33,16 +33,16 @@ def metrics(found: int, missed: int, false_tracks: int) -> StudyTrackingMetrics:
 def test_drives_are_measured_as_one():
     together = total([{"thesis": metrics(10, 0, 1)}, {"thesis": metrics(5, 5, 0)}])["thesis"]
     assert together.duration_s == pytest.approx(2)
-    measures = together.measures()
+    measures = together.values()
     assert list(measures) == NAMES
     assert measures["MOTA [%]"] == pytest.approx(75)  # 15 of 20 boxes
     assert measures["IDF1 [%]"] == pytest.approx(100 * 30 / 35)
-    assert measures["false tracks a minute"] == pytest.approx(30)
+    assert measures["false tracks [/min]"] == pytest.approx(30)
 
 
 def test_measures_go_case_by_case():
     cases = [{method: metrics(n, 10 - n, 0) for method in METHODS} for n in (10, 5)]
-    np.testing.assert_allclose(by_measure(cases)["MOTA [%]"]["author"], [100, 50])
+    np.testing.assert_allclose(by_metric(cases)["MOTA [%]"]["author"], [100, 50])
 
 
 def test_every_ins_is_measured_once():
@@ -51,9 +51,9 @@ def test_every_ins_is_measured_once():
 
 
 def test_ins_error(tmp_path, capsys):
-    config = InsErrorConfig(3, (0,), VLP_16, positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
+    config = InsErrorConfig(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
     plot_path = tmp_path / "ins.png"
-    publish(study_ins_error(plot_path, config), plot_path)
+    publish(study_ins_error(plot_path, StreetFlags(3), config, VLP_16), plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
     assert [case["ins"] for case in document["results"]] == [
@@ -81,14 +81,14 @@ def test_sensors(tmp_path, monkeypatch):
         ),
     )
     plot_path = tmp_path / "sensors.png"
-    study = sensors.study_sensors(plot_path, sensors.SensorsConfig(10, (0, 1), (HDL_32E, VLP_16)))
+    study = sensors.study_sensors(plot_path, StreetFlags(10, drives=2), (HDL_32E, VLP_16))
     assert cv2.imread(str(plot_path)).std() > 5
     for sensor, share in (("HDL-32E", 100), ("VLP-16", 40)):
         assert list(study.numbers[sensor]) == list(METHODS)
         for measures in study.numbers[sensor].values():
             assert list(measures) == NAMES
             assert measures["MOTA [%]"] == pytest.approx(share)
-            assert measures["false tracks a minute"] == pytest.approx(60)
+            assert measures["false tracks [/min]"] == pytest.approx(60)
     assert study.table.count("default") == 2
 
 
@@ -100,6 +100,6 @@ def test_sensors(tmp_path, monkeypatch):
         (["sensors", "--drives", "0"], "--drives: expected at least 1, found 0"),
     ],
 )
-def test_wrong_flags_are_answered_in_one_sentence(flags, words, capsys):
+def test_wrong_flags_are_one_sentence(flags, words, capsys):
     assert main(["study", *flags]) == 2
     assert words in capsys.readouterr().err

@@ -46,7 +46,7 @@ def world_positions(drive: ScenarioDrive) -> np.ndarray:
 
 def test_scenarios_are_nothing_each_thing_alone_and_all_together():
     names = [scenario.name for scenario in all_scenarios("Car")]
-    assert names == ["plain", *ScenarioChallenge, "together"]
+    assert names == ["no challenge", *ScenarioChallenge, "together"]
 
 
 @pytest.fixture(scope="module")
