@@ -66,7 +66,7 @@ def test_ins_error(tmp_path, capsys):
         assert all(0 <= m["HOTA [%]"] <= 100 for m in case["methods"].values())
     assert document["conditions"]["protocol"]["view"] == "all"
     words = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert sum(line[:3] == ["1", "m,", "0°"] for line in words) == len(METHODS)
+    assert sum(line[:3] == ["1", "m,", "0°:"] for line in words) == len(METHODS)
 
 
 def test_sensors(tmp_path, monkeypatch):
