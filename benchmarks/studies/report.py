@@ -13,7 +13,7 @@ from perception import __version__
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.evaluation.report import Column, Table
-from perception.types import Drive
+from perception.types import Drive, Float64
 
 RESULTS = Path("results") / "study"
 """Folder of the figures where no other path is given."""
@@ -65,7 +65,7 @@ def value_table(
     title: str,
     heading: str,
     columns: Sequence[str],
-    rows: Mapping[str, Sequence[float | None]],
+    rows: Mapping[str, Sequence[float | None] | Float64],
     spec: str = ".1f",
 ) -> str:
     """Return a table of numbers of one format.

@@ -10,7 +10,7 @@ from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish,
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.render.plots import Curve, plot_curves
-from perception.types import Drive
+from perception.types import Drive, Float64
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,9 @@ def study_speed(drive: Drive, plot_path: Path, config: SpeedConfig) -> Study:
         [frames_per_s(time_default(drive, m, max(scans), config.frames)) for m in scans]
     )
     title = f"Speed over merged scans and voxel size, {drive.name}, {config.frames} frames"
-    rows = {f"thesis, υ = {100 * s:g} cm": row for s, row in zip(sizes_m, thesis, strict=True)}
+    rows: dict[str, Float64] = {
+        f"thesis, υ = {100 * s:g} cm": row for s, row in zip(sizes_m, thesis, strict=True)
+    }
     curves = [Curve(name, scans, speeds) for name, speeds in rows.items()]
     curves.append(Curve("default, υ = 10 cm", scans, default, is_emphasised=True))
     plot_curves(plot_path, title, curves, ("merged scans before the newest, m", "frames/s"))
