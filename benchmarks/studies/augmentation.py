@@ -8,7 +8,7 @@ from benchmarks.studies.report import Study
 from perception.cli.table import Cell, format_table
 from perception.cli.training.trainer_choice import trainer_config
 from perception.cli.training.verifier_plan import VerifierDataConfig, run_training
-from perception.render.training_plots import plot_accuracies
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
 
 if TYPE_CHECKING:
@@ -101,14 +101,16 @@ def _plot(
 ) -> None:
     from train.tensorboard_scalars import read_scalars
 
-    accuracies = {}
+    curves = []
     for is_augmented, one in trained.items():
         found = read_scalars(one.checkpoint.parent, _LOGGED)
-        accuracies[_NAMES[is_augmented]] = (found[_LOGGED[0]], found[_LOGGED[1]])
+        for part, values in zip(("training", "validation"), found.values(), strict=True):
+            epochs = range(1, len(values) + 1)
+            curves.append(Curve(f"{_NAMES[is_augmented]}, {part}", epochs, 100 * values))
     title = (
         f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"
     )
-    plot_accuracies(plot_path, title, accuracies)
+    plot_curves(plot_path, title, [CurvePanel("", "epoch", "accuracy [%]", curves)])
 
 
 def _by_folder(percent: dict[bool, tuple[float, float]]) -> dict[str, tuple[float, float]]:

@@ -17,7 +17,7 @@ from perception.localization.registration import LidarOdometry
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
-from perception.render.plots import ValueGrid, plot_grid
+from perception.render.bar_plots import ValueGrid, plot_grid
 from perception.types import Drive
 
 

@@ -15,7 +15,7 @@ from benchmarks.studies.tracking_metrics import (
 from data.synthetic.cached_drive import CachedDrive
 from data.synthetic.ins import InsNoise
 from perception.cli.parser import FlagGroup
-from perception.render.measure_panels import Condition, plot_conditions
+from perception.render.curve_plots import metric_panels, plot_curves
 from perception.sensor import LidarModel, load_sensor
 
 
@@ -70,11 +70,12 @@ def study_ins_error(
     title = f"Tracks of moving objects over the error of the INS, {sensor.name}, {streets.title}"
     positions = [metrics[InsNoise(position_m, 0.0)] for position_m in config.positions_m]
     angles = [metrics[InsNoise(0.0, angle_deg)] for angle_deg in config.angles_deg]
-    conditions = [
-        Condition("position error of the INS, σ [m]", config.positions_m, by_metric(positions)),
-        Condition("angle error of the INS, σ [°]", config.angles_deg, by_metric(angles)),
+    by_position, by_angle = by_metric(positions), by_metric(angles)
+    panels = [
+        *metric_panels("position error of the INS, σ [m]", config.positions_m, by_position),
+        *metric_panels("angle error of the INS, σ [°]", config.angles_deg, by_angle),
     ]
-    plot_conditions(plot_path, title, conditions)
+    plot_curves(plot_path, title, panels, columns=len(by_position), share_y="col")
     cases = {f"{ins.position_m:g} m, {ins.angle_deg:g}°": one for ins, one in metrics.items()}
     return Study(
         name="ins-error",

@@ -12,7 +12,7 @@ from benchmarks.studies.tracking_metrics import (
     tracking_table,
 )
 from data.synthetic.drive import SyntheticDrive
-from perception.render.measure_panels import plot_groups
+from perception.render.bar_plots import plot_groups
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 
 _SENSORS = (HDL_64E, HDL_32E, VLP_16)

@@ -18,7 +18,7 @@ from perception.evaluation.report import Column, Table
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
 from perception.evaluation.single_object.track import TrueTrack
-from perception.render.tracking_error_plots import TrackingErrorPanel, plot_tracking_errors
+from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import LidarModel, load_sensor
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Float64
@@ -71,7 +71,7 @@ class _Scene:
     errors: Mapping[str, SingleObjectErrors]
     metrics: Mapping[str, SingleObjectStudyMetrics]
 
-    def panel(self) -> TrackingErrorPanel:
+    def panel(self) -> CurvePanel:
         """Return the centre errors of the trackers with 3D boxes, NaN where a frame has none."""
         errors_m = {}
         for name, errors in self.errors.items():
@@ -79,7 +79,7 @@ class _Scene:
                 errors_m[name] = np.full(len(self.truth.stamps_s), np.nan)
                 errors_m[name][np.isin(self.truth.frames, errors.frames)] = errors.center_m
         is_hidden = np.isnan(self.truth.boxes_px[:, 0])
-        return TrackingErrorPanel(self.scenario.name, self.truth.stamps_s, is_hidden, errors_m)
+        return tracking_error_panel(self.scenario.name, self.truth.stamps_s, is_hidden, errors_m)
 
 
 def single_object(
@@ -107,9 +107,9 @@ def study_single_object(
     scenarios = all_scenarios(config.object_class, config.duration_s)
     scenes = [_measure(one, config, sensor) for one in scenarios]
     subject = f"a {config.object_class.lower()} by {sensor.name}"
-    plot_tracking_errors(
-        plot_path, f"Tracking {subject}: centre error", [one.panel() for one in scenes]
-    )
+    panels = [one.panel() for one in scenes]
+    figure_title = f"Tracking {subject}: centre error"
+    plot_curves(plot_path, figure_title, panels, columns=4, share_y="all")
     title = f"tracking {subject}, {len(scenes[0].truth)} frames per scene"
     return Study(
         name="single-object",

@@ -9,7 +9,7 @@ from benchmarks.studies.chain_times import ThesisCase, frames_per_s, time_defaul
 from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
 from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
-from perception.render.plots import Curve, plot_curves
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Drive, Float64
 
 
@@ -67,7 +67,9 @@ def study_speed(drive: Drive, plot_path: Path, config: SpeedConfig) -> Study:
     }
     curves = [Curve(name, scans, speeds) for name, speeds in rows.items()]
     curves.append(Curve("default, υ = 10 cm", scans, default, is_emphasised=True))
-    plot_curves(plot_path, title, curves, ("merged scans before the newest, m", "frames/s"))
+    x_label = "merged scans before the newest, m"
+    panel = CurvePanel("", x_label, "frames/s", curves, x_ticks=scans, is_log_y=True)
+    plot_curves(plot_path, title, [panel])
     columns = [f"m = {m}" for m in scans]
     return Study(
         name="speed",

@@ -15,7 +15,7 @@ from benchmarks.studies.chain_times import (
 )
 from benchmarks.studies.report import RESULTS, Study, open_study_drive, publish, value_table
 from perception.cli.flags import require_positive
-from perception.render.plots import plot_shares
+from perception.render.bar_plots import plot_shares
 from perception.types import Drive
 
 _PUBLISHED = {DENSE_CLOUD: 83.2, GROUND: 7.1, VOXELS: 7.7, MOTION: 2.0}

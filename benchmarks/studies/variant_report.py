@@ -8,8 +8,7 @@ import numpy as np
 from benchmarks.studies.detector_variants import VariantMetrics
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.render.level_plots import LevelPanel, plot_levels
-from perception.render.precision_plots import PrecisionPanel, plot_precision
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves, precision_panel
 
 Percent = tuple[float, float, float]  # easy, moderate, hard
 LEVELS = tuple(one.name for one in DIFFICULTIES)
@@ -71,9 +70,9 @@ def plot_variant_curves(
                     found["precision"]
                 )
         panels.append(
-            PrecisionPanel(f"{drive}, {_SHOWN_LEVEL}, IoU over {iou:g}", curves, "AP R40")
+            precision_panel(f"{drive}, {_SHOWN_LEVEL}, IoU over {iou:g}", curves, "AP R40")
         )
-    plot_precision(plot_path, title, panels)
+    plot_curves(plot_path, title, panels)
 
 
 def plot_over_frames(
@@ -81,19 +80,26 @@ def plot_over_frames(
 ) -> None:
     """Draw average precision over the number of frames that were learned from, a panel for each drive."""
     in_order = sorted(metrics.values(), key=lambda one: one.training_frames)
+    frames = [one.training_frames for one in in_order]
     panels = [
-        LevelPanel(
-            f"frames learned; on {drive} ({in_order[0].drives[drive]['data']})",
-            [one.training_frames for one in in_order],
-            {
-                f"{level}, IoU {iou:g}": [one.ap(drive, iou, level) for one in in_order]
+        CurvePanel(
+            f"{drive} ({in_order[0].drives[drive]['data']})",
+            "training frames",
+            "AP R40 [%]",
+            [
+                Curve(
+                    f"{level}, IoU {iou:g}",
+                    frames,
+                    [one.ap(drive, iou, level) for one in in_order],
+                )
                 for iou in ious
                 for level in LEVELS
-            },
+            ],
+            x_ticks=frames,
         )
         for drive in _drives(metrics)
     ]
-    plot_levels(plot_path, title, "AP R40 %", panels)
+    plot_curves(plot_path, title, panels, share_y="all")
 
 
 def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:

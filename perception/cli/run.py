@@ -18,8 +18,8 @@ from perception.cli.track_handover import HandoverTracking, NoObjectTracking, Ob
 from perception.errors import PerceptionError
 from perception.pipeline import PipelineConfig
 from perception.pipeline.detection_chain import enabled_modalities
+from perception.render.bar_plots import plot_timeline
 from perception.render.composition import Composition
-from perception.render.timeline import plot_timeline
 from perception.tracking.single_object.handover import TrackHandover
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Drive

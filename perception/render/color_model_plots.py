@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from perception.render import palette
+from perception.render.figure import new_figure, rgb, save_figure
 from perception.render.palette import Color
-from perception.render.plots import new_figure, rgb, save_figure
 from perception.tracking.single_object.color_model import bin_colors, color_bins
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.types import Float64, UInt8

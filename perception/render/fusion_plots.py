@@ -8,7 +8,7 @@ import numpy as np
 
 from perception.evaluation.detection.reliability import Reliability
 from perception.render import palette
-from perception.render.plots import new_figure, rgb, save_figure
+from perception.render.figure import new_figure, rgb, save_figure
 from perception.types import MODALITIES, Float64
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from perception.maps.densify import DenseMaps, MapMethod
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import triangles_of
-from perception.render.plots import new_figure, save_figure
+from perception.render.figure import new_figure, save_figure
 from perception.types import UInt8
 
 if TYPE_CHECKING:

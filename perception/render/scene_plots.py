@@ -11,7 +11,7 @@ from perception.geometry.grids import LocalArea
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.obstacles.motion_counters import MotionCounters
 from perception.render import palette
-from perception.render.plots import new_figure, rgb, save_figure
+from perception.render.figure import new_figure, rgb, save_figure
 from perception.types import Bool, Float, Float64, Int, UInt8
 
 if TYPE_CHECKING:

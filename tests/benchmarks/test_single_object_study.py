@@ -19,7 +19,6 @@ from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive
 from perception.cli.main import main
 from perception.evaluation.single_object.errors import single_object_errors
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
-from perception.render.tracking_error_plots import TrackingErrorPanel, plot_tracking_errors
 from perception.sensor import VLP_16
 from perception.types import Boxes3D
 
@@ -105,17 +104,6 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
         assert metrics["default"]["scores"]["center_m"] < 0.5
         assert metrics["default"]["hidden_frames"] == 0
     assert "\npose: 3d-kf " in capsys.readouterr().out
-
-
-def test_panels_are_as_many_as_scenes_and_a_lost_tracker_does_not_stretch_them(tmp_path):
-    times_s = np.arange(5) / 10
-    hidden = np.array([False, True, True, False, False])
-    errors = {"good": np.full(5, 0.1), "gone": np.array([0.1, 50, 60, np.nan, 70])}
-    panels = [TrackingErrorPanel(f"scene {n}", times_s, hidden, errors) for n in range(5)]
-    plot_tracking_errors(tmp_path / "panels.png", "title", panels)
-    plot_path = cv2.imread(str(tmp_path / "panels.png"))
-    assert plot_path.shape[1] > plot_path.shape[0]
-    assert plot_path.std() > 5
 
 
 @pytest.mark.parametrize(

@@ -51,8 +51,7 @@ def test_tables_files_and_pictures_say_the_same(drives, tmp_path, capsys):
 
 @pytest.fixture
 def no_pictures(monkeypatch) -> None:
-    for name in ("plot_recall_by_count", "plot_recall_by_iou"):
-        monkeypatch.setattr(f"perception.cli.training.proposals.{name}", lambda *_: None)
+    monkeypatch.setattr("perception.cli.training.proposals.plot_curves", lambda *_, **__: None)
 
 
 @pytest.mark.usefixtures("no_pictures")

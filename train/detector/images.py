@@ -8,8 +8,8 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.render import palette
+from perception.render.curve_plots import CurvePanel, curve_figure, precision_panel
 from perception.render.detections import draw_boxes
-from perception.render.precision_plots import PrecisionPanel, precision_figure
 from perception.render.tracked_object_figure import draw_tag
 from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
@@ -59,7 +59,7 @@ class DetectorImages(Callback):
                     "validation/pictures", image, trainer.global_step, dataformats="HWC"
                 )
             if isinstance(pl_module, DetectorTraining) and pl_module.validation_metrics is not None:
-                figure = precision_figure("validation", curve_panels(pl_module.validation_metrics))
+                figure = curve_figure("validation", curve_panels(pl_module.validation_metrics))
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
 
 
@@ -85,10 +85,10 @@ def draw_detections(batch: Batch, place: int, found: Detections) -> UInt8:
     return canvas
 
 
-def curve_panels(validation_metrics: DetectionMetrics) -> list[PrecisionPanel]:
+def curve_panels(validation_metrics: DetectionMetrics) -> list[CurvePanel]:
     """Return a panel for every class and overlap, with a curve a difficulty."""
     return [
-        PrecisionPanel(
+        precision_panel(
             f"{one.of_class.name}, IoU {one.of_class.iou:g}",
             {f"{name} {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
             "AP",

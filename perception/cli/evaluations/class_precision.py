@@ -23,7 +23,7 @@ from perception.evaluation.detection.bootstrap import Interval, percentile_inter
 from perception.evaluation.detection.evaluation_boxes import count_objects
 from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints, max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES, RECALL_STEPS, DetectionClass
-from perception.render.precision_plots import PrecisionPanel
+from perception.render.curve_plots import CurvePanel
 from perception.types import Float64
 
 PROTOCOL_WORDS = {
@@ -129,7 +129,7 @@ class ClassPrecision:
         """Return the figures for programs, by IoU and difficulty."""
         return {f"{iou:g}": self._at_iou(iou) for iou in self.reports}
 
-    def panels(self, title: str) -> list[PrecisionPanel]:
+    def panels(self, title: str) -> list[CurvePanel]:
         """Return the curves, a panel for each IoU."""
         return [
             replace(panel, title=f"{title}, IoU over {iou:g}")

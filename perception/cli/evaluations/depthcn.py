@@ -19,7 +19,7 @@ from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.verifier import VEHICLE
 from perception.evaluation.detection.proposal_recall import proposal_recall
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES
-from perception.render.precision_plots import plot_precision
+from perception.render.curve_plots import plot_curves
 from perception.types import Method
 
 _CAR = next(known for known in KITTI_CLASSES if known.name == VEHICLE)
@@ -66,9 +66,7 @@ def depthcn(
         measured.append(measure_cars(found, measuring))
     print(depthcn_table(measured))
     if plot is not None:
-        plot_precision(
-            plot, f"DepthCN, {metadata.get('method', 'default')}", depthcn_panels(measured)
-        )
+        plot_curves(plot, f"DepthCN, {metadata.get('method', 'default')}", depthcn_panels(measured))
     if json is not None:
         configuration = {"detector": detector_config, "network": metadata}
         words = {**PROTOCOL_WORDS, **_OWN_WORDS}

@@ -15,7 +15,7 @@ from perception.cli.evaluations.depthcn_steps import DetectedCars
 from perception.cli.table import Cell, format_table, percent
 from perception.evaluation.detection.proposal_recall import ProposalRecall
 from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.render.precision_plots import PrecisionPanel
+from perception.render.curve_plots import CurvePanel
 
 # Table 7.9, on the test set of KITTI's server, over 11 recall points; 2.3 s a frame (7.2.1).
 THESIS_EASY_PERCENT, THESIS_FRAMES = 37.59, 7518
@@ -107,7 +107,7 @@ def depthcn_results(measured: Sequence[DepthCnMetrics]) -> dict[str, Any]:
     }
 
 
-def depthcn_panels(measured: Sequence[DepthCnMetrics]) -> list[PrecisionPanel]:
+def depthcn_panels(measured: Sequence[DepthCnMetrics]) -> list[CurvePanel]:
     """Return what is drawn: one panel for each drive and IoU."""
     return [
         panel

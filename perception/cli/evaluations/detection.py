@@ -22,7 +22,7 @@ from perception.evaluation.detection.average_precision import match_detections
 from perception.evaluation.detection.bootstrap import PrecisionSamples, resample_precision
 from perception.evaluation.detection.precision_curve import RecallPoints
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, DetectionClass
-from perception.render.precision_plots import plot_precision
+from perception.render.curve_plots import plot_curves
 
 RecallOption = Literal["11", "40", "both"]
 
@@ -89,7 +89,7 @@ def detection(  # noqa: PLR0913 - flags of a command
     print(f"{_describe(results, found)}\n\n{detection_table(report)}")
     if plot is not None:
         title = f"{results}: {len(found.numbers)} frames"
-        plot_precision(plot, title, detection_panels(report))
+        plot_curves(plot, title, detection_panels(report))
     if json is not None:
         data = DetectionsUsed(
             results=results.resolve(),

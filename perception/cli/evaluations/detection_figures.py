@@ -9,7 +9,7 @@ from perception.evaluation.detection.average_precision import ClassMetrics, Dete
 from perception.evaluation.detection.bootstrap import PrecisionSamples
 from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints
 from perception.evaluation.detection.protocol import RECALL_STEPS
-from perception.render.precision_plots import PrecisionPanel
+from perception.render.curve_plots import CurvePanel, precision_panel
 
 CONFIDENCE = 0.95
 
@@ -122,11 +122,11 @@ def _curve_results(
     return {**results, **vars(curve)}
 
 
-def detection_panels(report: DetectionReport) -> list[PrecisionPanel]:
+def detection_panels(report: DetectionReport) -> list[CurvePanel]:
     """Return what is drawn: one panel a class."""
     points = report.recall_points[-1]
     return [
-        PrecisionPanel(
+        precision_panel(
             title=f"{metrics.of_class.name}, IoU over {metrics.of_class.iou:g}",
             curves={
                 f"{name}: {curve.ap(points):.1f} % of {curve.truths}": curve.precision

@@ -17,7 +17,7 @@ from perception.cli.evaluations.labelled_drives import drive_sources, open_label
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.render.precision_plots import plot_precision
+from perception.render.curve_plots import plot_curves
 from perception.types import Modality
 
 
@@ -64,7 +64,7 @@ def detector(  # noqa: PLR0913 - flags of a command
     title = f"{network.model.name}: {network.modality}, {network.size.height_px}x{network.size.width_px}"
     print(detector_table(title, measured))
     if plot is not None:
-        plot_precision(plot, title, detector_panels(measured))
+        plot_curves(plot, title, detector_panels(measured))
     if json is not None:
         metadata = dict(network.metadata)
         values = {"difficulties": DIFFICULTIES, **asdict(measuring)}

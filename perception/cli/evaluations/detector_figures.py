@@ -8,7 +8,7 @@ import numpy as np
 from perception.cli.evaluations.class_precision import notes_on_few_objects, precision_header
 from perception.cli.evaluations.detector_steps import MeasuredDetector
 from perception.cli.table import Cell, format_table
-from perception.render.precision_plots import PrecisionPanel
+from perception.render.curve_plots import CurvePanel
 
 
 def detector_table(title: str, measured: Sequence[MeasuredDetector]) -> str:
@@ -44,7 +44,7 @@ def detector_results(measured: Sequence[MeasuredDetector]) -> dict[str, Any]:
     }
 
 
-def detector_panels(measured: Sequence[MeasuredDetector]) -> list[PrecisionPanel]:
+def detector_panels(measured: Sequence[MeasuredDetector]) -> list[CurvePanel]:
     """Return what is drawn: one panel for each drive, class and IoU."""
     return [
         panel

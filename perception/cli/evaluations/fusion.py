@@ -16,8 +16,8 @@ from perception.cli.evaluations.labelled_drives import detect_drive, drive_sourc
 from perception.cli.evaluations.measure_flags import DetectionEvaluationConfig
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
+from perception.render.curve_plots import plot_curves
 from perception.render.fusion_plots import plot_reliability
-from perception.render.precision_plots import plot_precision
 from perception.types import Drive, Frame
 
 _OWN_WORDS = {
@@ -79,7 +79,7 @@ def fusion(  # noqa: PLR0913 - flags of a command
         print(fusion_tables(measured[-1]))
     first = measured[0]
     if plot is not None:
-        plot_precision(plot, f"{first.data.name} ({first.data.kind})", fusion_panels(first))
+        plot_curves(plot, f"{first.data.name} ({first.data.kind})", fusion_panels(first))
     if reliability_plot is not None:
         title = f"{first.data.name} ({first.data.kind}), IoU over {measuring.iou_thresholds[0]:g}"
         plot_reliability(reliability_plot, title, first.reliability)

@@ -12,7 +12,7 @@ from perception.cli.evaluations.fusion_steps import MODALITY_NAMES, STEP_NAMES, 
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.precision_curve import max_ap
 from perception.evaluation.detection.protocol import DIFFICULTIES
-from perception.render.precision_plots import PrecisionPanel
+from perception.render.curve_plots import CurvePanel, precision_panel
 
 # Table 7.10: easy, moderate, hard. Fig. 7.14 has 53.60 for the last; the text's gain of 1.05 points fits 55.10.
 THESIS_PERCENT: Mapping[str, tuple[float, float, float]] = {
@@ -165,7 +165,7 @@ def fusion_results(measured: MeasuredFusion) -> dict[str, Any]:
     }
 
 
-def fusion_panels(measured: MeasuredFusion) -> list[PrecisionPanel]:
+def fusion_panels(measured: MeasuredFusion) -> list[CurvePanel]:
     """Return the curves of every row, a panel a difficulty, and of the steps (Fig. 7.14)."""
     iou = next(iter(next(iter(measured.rows.values())).reports))
     panels = [_panel(f"{level}, IoU over {iou:g}", measured.rows, iou, level) for level in _LEVELS]
@@ -173,12 +173,10 @@ def fusion_panels(measured: MeasuredFusion) -> list[PrecisionPanel]:
     return [*panels, _panel(f"steps of our fusion, {_STEPS_AT}", steps, iou, _STEPS_AT)]
 
 
-def _panel(
-    title: str, rows: Mapping[str, ClassPrecision], iou: float, level: str
-) -> PrecisionPanel:
+def _panel(title: str, rows: Mapping[str, ClassPrecision], iou: float, level: str) -> CurvePanel:
     curves = {}
     for name, precision in rows.items():
         curve = precision.curve(iou, level)
         if curve is not None:
             curves[f"{name}: {precision.ap(iou, level):.1f} %"] = curve.precision
-    return PrecisionPanel(title, curves, "average precision")
+    return precision_panel(title, curves, "average precision")

@@ -16,7 +16,7 @@ from perception.evaluation.single_object.curves import (
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics
-from perception.render.success_plots import SuccessPanel, plot_success
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Bool, Float64
 
 _LAST_LOCATION_PX = 50
@@ -28,28 +28,28 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
     paths = {
         name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
     }
-    plot_success(
+    plot_curves(
         paths["overlap"],
         f"{title}: 3D overlap above {config.overlap:.0%} (Fig. A.1)",
         _cumulative_panels(report, lambda errors: correct_frames(errors, config).overlap),
     )
-    plot_success(
+    plot_curves(
         paths["heading"],
         f"{title}: heading within {config.heading_deg:g}° (Fig. A.2)",
         _cumulative_panels(report, lambda errors: correct_frames(errors, config).heading),
     )
-    plot_success(
+    plot_curves(
         paths["location"],
         f"{title}: place in the image (Fig. A.3)",
         [_location_panel(report)],
     )
-    plot_success(paths["one_pass"], f"{title}: one-pass evaluation", _one_pass_panels(report))
+    plot_curves(paths["one_pass"], f"{title}: one-pass evaluation", _one_pass_panels(report))
     return list(paths.values())
 
 
 def _cumulative_panels(
     report: OtdReport, is_correct: Callable[[SingleObjectErrors], Bool]
-) -> list[SuccessPanel]:
+) -> list[CurvePanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
     panels = []
     for challenge in (None, *Challenge):
@@ -59,19 +59,24 @@ def _cumulative_panels(
         correct = {name: is_correct(one) for name, one in _errors(report, challenge).items()}
         correct = {name: frames for name, frames in correct.items() if len(frames)}
         panels.append(
-            SuccessPanel(
-                title=f"sequences{f' with {challenge}' if challenge else ''}: {len(objects)}",
-                x_name="frames of all sequences, as a share",
-                x_last=1.0,
-                y_name="right frames so far, as a share of all",
-                curves={name: cumulative_success(frames) for name, frames in correct.items()},
-                values={name: f"{frames.mean():.3f}" for name, frames in correct.items()},
+            CurvePanel(
+                f"sequences{f' with {challenge}' if challenge else ''}: {len(objects)}",
+                "share of the frames of all sequences",
+                "correct frames so far, share of all",
+                [
+                    Curve.evenly_spaced(
+                        name, cumulative_success(frames), note=f"{frames.mean():.3f}"
+                    )
+                    for name, frames in correct.items()
+                ],
+                x_limits=(0, 1),
+                y_limits=(0, 1.02),
             )
         )
     return panels
 
 
-def _location_panel(report: OtdReport) -> SuccessPanel:
+def _location_panel(report: OtdReport) -> CurvePanel:
     thresholds_px = np.arange(_LAST_LOCATION_PX + 1.0)
     limit_px = report.protocol.metrics.location_px
     return _panel(
@@ -83,7 +88,7 @@ def _location_panel(report: OtdReport) -> SuccessPanel:
     )
 
 
-def _one_pass_panels(report: OtdReport) -> list[SuccessPanel]:
+def _one_pass_panels(report: OtdReport) -> list[CurvePanel]:
     config = report.protocol.metrics
     return [
         _panel(
@@ -109,18 +114,21 @@ def _panel(
     x_last: float,
     curve: Callable[[SingleObjectErrors], Float64],
     value: Callable[[SingleObjectMetrics], str],
-) -> SuccessPanel:
+) -> CurvePanel:
     """Return the curves of all objects together; `names` are those of the panel and of its x axis."""
     curves = {name: curve(errors) for name, errors in _errors(report).items()}
     known = {name: one for name, one in curves.items() if np.isfinite(one).all()}
     scores = {name: report.scores_of(name) for name in known}
-    return SuccessPanel(
-        title=names[0],
-        x_name=names[1],
-        x_last=x_last,
-        y_name="share of frames",
-        curves=known,
-        values={name: value(one) for name, one in scores.items() if one is not None},
+    return CurvePanel(
+        names[0],
+        names[1],
+        "share of frames",
+        [
+            Curve.evenly_spaced(name, known[name], x_last, "" if one is None else value(one))
+            for name, one in scores.items()
+        ],
+        x_limits=(0, x_last),
+        y_limits=(0, 1.02),
     )
 
 

@@ -26,7 +26,7 @@ from perception.cli.evaluations.robustness_steps import (
 )
 from perception.cli.table import Cell, format_table
 from perception.evaluation.detection.protocol import DIFFICULTIES, kitti_class
-from perception.render.level_plots import LevelPanel, plot_levels
+from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 
 _PLOT_DIFFICULTY = "moderate"
 _OWN_WORDS = {
@@ -91,10 +91,10 @@ def robustness(  # noqa: PLR0913 - flags of a command
     }
     print(robustness_tables(detected.data, corruptions, measured))
     if plot is not None:
-        panels = [_panel(one, measured, iou) for one in corruptions]
         title = f"{detected.data.name} ({detected.data.kind}, {detected.data.frames_evaluated} frames), {class_name}"
         value_name = f"AP R{measuring.recall_points} %, {_PLOT_DIFFICULTY}, IoU over {iou:g}"
-        plot_levels(plot, title, value_name, panels)
+        panels = [_panel(one, measured, iou, value_name) for one in corruptions]
+        plot_curves(plot, title, panels, columns=len(panels), share_y="all")
     if json is not None:
         values = {
             "difficulties": DIFFICULTIES,
@@ -141,13 +141,19 @@ def _of_levels(
     return [(0.0, measured[CLEAN]), *corrupted]
 
 
-def _panel(one: Corruption, measured: Measured, iou: float) -> LevelPanel:
+def _panel(one: Corruption, measured: Measured, iou: float, value_name: str) -> CurvePanel:
     of_levels = _of_levels(one, measured)
-    values = {
-        name: [of_level[name].ap(iou, _PLOT_DIFFICULTY) for _, of_level in of_levels]
+    levels, last = [level for level, _ in of_levels], list(measured[CLEAN])[-1]
+    curves = [
+        Curve(
+            name,
+            levels,
+            [of_level[name].ap(iou, _PLOT_DIFFICULTY) for _, of_level in of_levels],
+            is_emphasised=name == last,
+        )
         for name in measured[CLEAN]
-    }
-    return LevelPanel(one.name, [level for level, _ in of_levels], values)
+    ]
+    return CurvePanel("", one.name, value_name, curves, x_ticks=levels)
 
 
 def _plotted_ap(precision: ClassPrecision) -> float:

@@ -19,8 +19,8 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.evaluation.detection.reliability import Reliability, measure_reliability
+from perception.render.curve_plots import plot_curves, precision_panel
 from perception.render.fusion_plots import plot_reliability, plot_rescoring, plot_sizes
-from perception.render.precision_plots import PrecisionPanel, plot_precision
 from perception.types import Float64
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def draw_steps(path: Path, frames: DetectedFrames, fused: FusedFrames) -> None:
         for name, boxes in fused.steps.items()
     }
     panels = [
-        PrecisionPanel(
+        precision_panel(
             one.name,
             {
                 f"{name}, AP {curves[one.name].ap():.1f}": curves[one.name].precision
@@ -56,7 +56,7 @@ def draw_steps(path: Path, frames: DetectedFrames, fused: FusedFrames) -> None:
         )
         for one in DIFFICULTIES
     ]
-    plot_precision(path, f"Fusion step by step, {len(frames)} frames kept apart", panels)
+    plot_curves(path, f"Fusion step by step, {len(frames)} frames kept apart", panels)
 
 
 def draw_sizes(path: Path, swept: Sequence["SweptSize"]) -> None:

@@ -17,7 +17,11 @@ from perception.cli.training.proposal_tables import (
 )
 from perception.detection.depthcn.proposal_order import ProposalOrder
 from perception.evaluation.detection.proposal_recall import IOU_THRESHOLDS
-from perception.render.recall_plots import plot_recall_by_count, plot_recall_by_iou
+from perception.render.curve_plots import (
+    plot_curves,
+    recall_by_count_panels,
+    recall_by_iou_panels,
+)
 from perception.types import Method
 from train.proposal_search.counting import ProposalCount
 from train.proposal_search.grid import SearchGrid
@@ -77,8 +81,11 @@ def proposals(  # noqa: PLR0913 - flags of a command
     recalls = dict(zip(settings, measured, strict=True))
     print(recall_table(recalls))
     title = f"Proposals of {table[0].frames} frames, {table[0].objects} {object_class} labels"
-    plot_recall_by_count(out / "recall_by_count.png", f"{title}; {_ORDERS[order]} first", recalls)
-    plot_recall_by_iou(out / "recall_by_iou.png", title, recalls)
+    columns = len(next(iter(recalls.values())).difficulties)
+    by_count, by_iou = recall_by_count_panels(recalls), recall_by_iou_panels(recalls)
+    by_count_title = f"{title}; {_ORDERS[order]} first"
+    plot_curves(out / "recall_by_count.png", by_count_title, by_count, columns=columns)
+    plot_curves(out / "recall_by_iou.png", title, by_iou, columns=columns)
     document = {
         "program": f"trifuse {__version__}",
         "objective": _OBJECTIVE,

@@ -1,7 +1,11 @@
-import cv2
+from itertools import pairwise
 
-from perception.render import timeline
-from perception.render.timeline import plot_timeline
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+
+from perception.render import bar_plots
+from perception.render.bar_plots import plot_groups, plot_timeline
 from perception.types import StageSpan
 
 
@@ -20,7 +24,7 @@ def test_a_timeline_is_a_picture_with_a_row_for_each_worker(tmp_path):
 
 def test_words_stay_within_their_bar_or_stand_above_it_apart(tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(timeline, "save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr(bar_plots, "save_figure", lambda figure, path: drawn.append(figure))
     spans = [
         StageSpan("static and moving", "obstacles", 0.0, 0.1),
         StageSpan("moving objects", "obstacles", 0.1, 0.102),
@@ -40,3 +44,30 @@ def test_words_stay_within_their_bar_or_stand_above_it_apart(tmp_path, monkeypat
         assert place.y0 >= bar.y1 - 1
         assert place.x1 <= axes.get_window_extent().x1
     assert not above[0].overlaps(above[1])
+
+
+METRICS = {
+    "HOTA [%]": {"thesis": np.array([50.0, 40, 10]), "default": np.array([90.0, 90, 80])},
+    "MOTA [%]": {"thesis": np.array([20.0, -40, -80]), "default": np.array([80.0, 80, 70])},
+}
+
+
+def test_groups_have_a_bar_for_each_method(tmp_path, monkeypatch):
+    figures: list[Figure] = []
+    save = bar_plots.save_figure
+    monkeypatch.setattr(
+        bar_plots, "save_figure", lambda f, path: (figures.append(f), save(f, path))
+    )
+    plot_groups(tmp_path / "bars.png", "Bars", ["HDL-64E", "HDL-32E", "VLP-16"], METRICS)
+    assert cv2.imread(str(tmp_path / "bars.png")).std() > 5
+    bars = figures[0].axes[1].patches
+    assert [bar.get_height() for bar in bars] == [20, -40, -80, 80, 80, 70]
+    # Side by side, not over one another.
+    positions = sorted((bar.get_x(), bar.get_x() + bar.get_width()) for bar in bars)
+    assert all(end <= begin + 1e-9 for (_, end), (begin, _) in pairwise(positions))
+
+
+def test_a_metric_that_is_not_known_leaves_a_gap(tmp_path):
+    missing = {"HOTA [%]": {"thesis": np.full(2, np.nan), "default": np.array([1.0, 2])}}
+    plot_groups(tmp_path / "bars.png", "Bars", ["a", "b"], missing)
+    assert (tmp_path / "bars.png").is_file()
