@@ -31,10 +31,10 @@ def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
 
     def contender(name: str) -> Contender:
         tracker = single_object_tracker(name, prepared.drive.sensor)
-        tracker.start(
+        tracker.init(
             tracker_inputs[0], box_velo
         )  # one in the image alone refuses where there is none
-        return Contender(name, _tracking(tracker.start, tracker.update, tracker_inputs, box_velo))
+        return Contender(name, _tracking(tracker.init, tracker.update, tracker_inputs, box_velo))
 
     contenders: list[Contender] = []
     for name in TRACKERS:
@@ -53,12 +53,12 @@ def compare_color_filters(_: PreparedDrive) -> Comparison:
 
 
 def _tracking(
-    start: Callable[[TrackerInput, Boxes3D], object],
+    init: Callable[[TrackerInput, Boxes3D], object],
     update: Callable[[TrackerInput], object],
     tracker_inputs: list[TrackerInput],
     box_velo: Boxes3D,
 ) -> Callable[[int], object]:
-    return lambda i: update(tracker_inputs[i]) if i else start(tracker_inputs[0], box_velo)
+    return lambda i: update(tracker_inputs[i]) if i else init(tracker_inputs[0], box_velo)
 
 
 def _longest(prepared: PreparedDrive) -> tuple[int, Boxes3D]:

@@ -8,9 +8,11 @@ import numpy as np
 
 from benchmarks.measure import Contender, Timing, time_interleaved
 from benchmarks.reference.point_tracker import ReferenceKalmanFilter
-from perception.tracking.single_object.color_model import BINS, AdaptiveColorModel
+from perception.tracking.single_object.color_model import AdaptiveColorModel
+from perception.tracking.single_object.config import ColorModelConfig
 from perception.types import Float64
 
+BINS = ColorModelConfig().bins
 _STEP_S = 0.1
 
 

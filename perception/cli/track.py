@@ -28,7 +28,6 @@ from perception.render.tracked_object_composition import TrackedObjectCompositio
 from perception.render.tracked_object_scene import TrackedObjectScene, TrackedObjectTrail
 from perception.render.video import VideoSink, open_video
 from perception.sensor import LidarModel
-from perception.tracking.single_object.color_model import color_ratios
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.handover import tracker_input_of
@@ -178,7 +177,7 @@ def _plot_colors(
     scene = ColorModelScene(
         image=image,
         regions=tracker.colors.regions or (region,),
-        measured=color_ratios(image, region),
+        measured=tracker.colors.measured,
         filtered=tracker.colors.colors.ratios,
     )
     plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)
@@ -207,7 +206,7 @@ class _TimedTracker:
             if self._is_initialized:
                 tracked = self.tracker.update(tracker_input)
             else:
-                tracked = self.tracker.start(tracker_input, self._start.box_velo)
+                tracked = self.tracker.init(tracker_input, self._start.box_velo)
         self._is_initialized = True
         return _TimedObject(tracked, time.perf_counter() - start_s, region_of_tracker(self.tracker))
 

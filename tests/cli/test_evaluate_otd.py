@@ -30,7 +30,7 @@ class Knowing:
     def __init__(self, labelled: DriveObjects) -> None:
         self._labelled = labelled
 
-    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+    def init(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         frame = round(tracker_input.stamp_s * 10)
         tracks = {one.track_id: self._labelled.track(one) for one in self._labelled.sequences(2)}
         self._track = next(
@@ -50,7 +50,7 @@ class Knowing:
 class Staying:
     """A tracker for which nothing ever moves."""
 
-    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+    def init(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         self._box_world = transform_boxes(tracker_input.world_SE3_velo, box_velo)
         return TrackedObject(TrackStatus.SEEN, box_velo, np.zeros(2), None)
 
@@ -60,7 +60,7 @@ class Staying:
 
 
 class NeedsImage:
-    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+    def init(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
         raise PerceptionError("image tracker", expected="an image", found="none")
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:

@@ -59,7 +59,7 @@ class Scripted:
     states: list[TrackStatus]
     in_space: bool = True
 
-    def start(self, tracker_input, box_velo):
+    def init(self, tracker_input, box_velo):
         self._box = box_velo
         return self._answer()
 

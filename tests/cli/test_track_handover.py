@@ -42,7 +42,7 @@ def result(street) -> Result:
 class StaticTracker:
     """Answers with the first box, always."""
 
-    def start(self, tracker_input, box_velo):
+    def init(self, tracker_input, box_velo):
         self._answer = TrackedObject(TrackStatus.SEEN, box_velo, np.array([3.0, 4.0]), None)
         return self._answer
 

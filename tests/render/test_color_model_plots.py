@@ -2,8 +2,9 @@ import cv2
 import numpy as np
 
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
-from perception.tracking.single_object.color_model import BINS, color_ratios
-from perception.tracking.single_object.fusion.image_mean_shift import image_mean_shift
+from perception.tracking.single_object.color_model import color_ratios
+from perception.tracking.single_object.config import ColorModelConfig, ImageMeanShiftConfig
+from perception.tracking.single_object.fusion.color_localizer import image_mean_shift
 from perception.tracking.single_object.fusion.image_region import region_of
 
 SQUARE_PX = np.array([[40.0, 30], [60, 30], [60, 50], [40, 50]])
@@ -14,7 +15,7 @@ def scene(moved_px: int) -> ColorModelScene:
     image[30:51, 40 + moved_px : 61 + moved_px] = (220, 20, 20)
     region = region_of(SQUARE_PX, (120, 80))
     measured = color_ratios(image, region)
-    found = image_mean_shift(image, region, measured)
+    found = image_mean_shift(image, region, measured, ImageMeanShiftConfig())
     return ColorModelScene(image, found.regions, measured, measured)
 
 
@@ -38,7 +39,7 @@ def test_region_ring_and_colours_are_drawn_in_their_colours(tmp_path):
 
 def test_an_object_that_has_left_the_image_and_no_colours_is_drawn_too(tmp_path):
     gone = region_of(SQUARE_PX, (120, 80)).shifted(np.array([500.0, 0]), (120, 80))
-    nothing = np.zeros(BINS)
+    nothing = np.zeros(ColorModelConfig().bins)
     image = np.full((80, 120, 3), 90, np.uint8)
     plot_color_model(
         tmp_path / "gone.png", "gone", ColorModelScene(image, (gone,), nothing, nothing)

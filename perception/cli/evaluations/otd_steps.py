@@ -131,7 +131,7 @@ class _TimedTracker:
         if self._predictions:
             return self._tracker.update(tracker_input)
         row = self._row_of_frame[frame]
-        return self._tracker.start(tracker_input, self._truth.boxes_velo[row : row + 1])
+        return self._tracker.init(tracker_input, self._truth.boxes_velo[row : row + 1])
 
     def run(self) -> TrackerRun:
         """Return how the tracker did."""

@@ -1,55 +1,61 @@
-"""Which colours tell an object from what is around it, and how they change as the light does (5.3.3).
+"""Colour model of an object against its surroundings, and its adaptation to the light (5.3.3).
 
-A colour is one of 8 x 8 x 8 bins of red, green and blue; a colour model gives each bin a ratio from 0,
-as frequent around the object as on it, to 1, the colour that tells most.
+A colour is one of b x b x b bins of red, green and blue (b = 8, Table 7.5). A colour model gives each bin a ratio
+from 0, as frequent around the object as on it, to 1, the most distinctive colour.
 """
+
+import math
 
 import numpy as np
 
 from perception.tracking import kalman
 from perception.tracking.kalman import Gaussians
+from perception.tracking.single_object.config import ColorModelConfig
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.types import Float64, Int, UInt8
 
-BINS_PER_CHANNEL = 8  # b of Table 7.5
-BINS = BINS_PER_CHANNEL**3
-_BITS_LOST = 5  # of the 8 of a channel
-
-# Of the author's code: a scan every 0.1 s, and the noise of a bin's value and of its measurement.
+# One update a scan, every 0.1 s.
 _STEP_S = 0.1
 _TRANSITION = np.array([[1, _STEP_S, _STEP_S**2 / 2], [0, 1, _STEP_S], [0, 0, 1]])
-_PROCESS_NOISE = 0.1 * np.eye(3)
-_MEASUREMENT_NOISE = np.eye(1)
-_OBSERVE_VALUE = np.eye(1, 3)
+_OBSERVATION = np.eye(1, 3)
 
 
-def color_bins(image: UInt8) -> Int:
+def color_bins(image: UInt8, bins_per_channel: int = ColorModelConfig.bins_per_channel) -> Int:
     """Return the bin of each (..., 3) RGB colour; red changes it most and blue least."""
-    red, green, blue = np.moveaxis(image >> _BITS_LOST, -1, 0)
+    red, green, blue = np.moveaxis(image >> _dropped_bits(bins_per_channel), -1, 0)
     # Green and blue together fit into the byte that they come in.
     return np.asarray(
-        red.astype(np.int32) * BINS_PER_CHANNEL**2 + (green * np.uint8(BINS_PER_CHANNEL) + blue)
+        red.astype(np.int32) * bins_per_channel**2 + (green * np.uint8(bins_per_channel) + blue)
     )
 
 
-def bin_colors() -> UInt8:
-    """Return (512, 3) RGB of the middle of each bin."""
-    levels = np.indices((BINS_PER_CHANNEL,) * 3).reshape(3, BINS).T
-    return np.asarray((levels << _BITS_LOST) + (1 << _BITS_LOST - 1), np.uint8)
+def bin_colors(bins_per_channel: int = ColorModelConfig.bins_per_channel) -> UInt8:
+    """Return (b³, 3) the RGB colour in the middle of each bin."""
+    dropped = _dropped_bits(bins_per_channel)
+    levels = np.indices((bins_per_channel,) * 3).reshape(3, -1).T
+    return np.asarray((levels << dropped) + (1 << dropped - 1), np.uint8)
 
 
-def color_ratios(image: UInt8, region: ImageRegion) -> Float64:
-    """Return (512,) how much more likely each colour is on the object than around it (5.13), at most 1.
+def bins_per_channel_of(ratios: Float64) -> int:
+    """Return b of a colour model with (b³,) ratios."""
+    return round(math.cbrt(len(ratios)))
 
-    All are 0 where the region has no pixel, or where no colour tells the object from its surroundings.
+
+def color_ratios(
+    image: UInt8, region: ImageRegion, bins_per_channel: int = ColorModelConfig.bins_per_channel
+) -> Float64:
+    """Return (b³,) how much more likely each colour is on the object than around it (5.13), at most 1.
+
+    All are 0 where the region has no pixel, or where no colour distinguishes the object from its surroundings.
     """
-    bins = color_bins(image[region.window])
-    inside = np.bincount(bins[region.is_inside], minlength=BINS)
-    ring = np.bincount(bins[region.is_ring], minlength=BINS)
+    count = bins_per_channel**3
+    bins = color_bins(image[region.window], bins_per_channel)
+    inside = np.bincount(bins[region.is_inside], minlength=count)
+    ring = np.bincount(bins[region.is_ring], minlength=count)
     if not inside.any():
-        return np.zeros(BINS)
+        return np.zeros(count)
     # Shares, not counts: where the image cuts the ring off, both areas differ. The ε of (5.13) is one
-    # pixel; an object that fills the image has no ring, and its colours are then taken as they are.
+    # pixel; an object that fills the image has no ring, and its colours are taken as they are.
     ring_area = ring.sum() or inside.sum()
     on_object = np.maximum(inside, 1) / inside.sum()
     around = np.maximum(ring, 1) / ring_area
@@ -58,48 +64,60 @@ def color_ratios(image: UInt8, region: ImageRegion) -> Float64:
 
 
 class AdaptiveColorModel:
-    """A colour model that follows the light: a bank of Kalman filters, one a bin that is in use.
+    """Colour model that adapts to the light: a Kalman filter for each bin in use.
 
     state     value  change per second  change of that per second    (constant acceleration)
     measured  value
 
-    All filters take every step in one computation. A bin that is newly seen begins a filter; one that is
-    not seen, or whose value is no longer positive, ends its filter.
+    All filters take a step in one computation. A bin that is observed for the first time starts a filter; a bin
+    that is not observed, or whose value is no longer positive, deletes its filter.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: ColorModelConfig | None = None) -> None:
+        config = config or ColorModelConfig()
+        self._count = config.bins
+        self._process_noise = config.noise.process * np.eye(3)
+        self._measurement_noise = config.noise.measurement * np.eye(1)
+        self._initial = config.noise.initial * np.eye(3)
         self._bins: Int = np.zeros(0, np.int64)
         self._states = Gaussians(np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
     def __len__(self) -> int:
-        """Return how many filters run."""
+        """Return the number of filters."""
         return len(self._bins)
 
     @property
     def ratios(self) -> Float64:
-        """(512,) filtered model, at most 1; all 0 where no filter runs."""
-        values = np.zeros(BINS)
+        """(b³,) filtered model, at most 1; all 0 without a filter."""
+        values = np.zeros(self._count)
         values[self._bins] = self._states.mean[:, 0]
         return _scaled(values)
 
     def update(self, ratios: Float64) -> None:
-        """Take in the (512,) colour model of one more image."""
+        """Correct the model by the (b³,) ratios of one more image."""
         is_observed = ratios > 0
-        goes_on = is_observed[self._bins]
+        is_kept = is_observed[self._bins]
         is_new = is_observed.copy()
         is_new[self._bins] = False
-        old, new = self._bins[goes_on], np.flatnonzero(is_new)
-        expected = kalman.predict(self._states[goes_on], _TRANSITION, _PROCESS_NOISE)
-        corrected = kalman.update(expected, ratios[old, None], _OBSERVE_VALUE, _MEASUREMENT_NOISE)
-        bins, states = np.concatenate([old, new]), corrected.joined(_init_filters(ratios[new]))
-        is_kept = states.mean[:, 0] > 0
-        self._bins, self._states = bins[is_kept], states[is_kept]
+        old, new = self._bins[is_kept], np.flatnonzero(is_new)
+        predicted = kalman.predict(self._states[is_kept], _TRANSITION, self._process_noise)
+        corrected = kalman.update(
+            predicted, ratios[old, None], _OBSERVATION, self._measurement_noise
+        )
+        bins = np.concatenate([old, new])
+        states = corrected.joined(self._initial_states(ratios[new]))
+        is_positive = states.mean[:, 0] > 0
+        self._bins, self._states = bins[is_positive], states[is_positive]
+
+    def _initial_states(self, values: Float64) -> Gaussians:
+        """Return the states of bins that are observed for the first time, at rest."""
+        mean = np.column_stack([values, np.zeros((len(values), 2))])
+        return Gaussians(mean, np.tile(self._initial, (len(values), 1, 1)))
 
 
-def _init_filters(values: Float64) -> Gaussians:
-    """Return the states of bins that are seen for the first time, at rest."""
-    mean = np.column_stack([values, np.zeros((len(values), 2))])
-    return Gaussians(mean, np.tile(np.eye(3), (len(values), 1, 1)))
+def _dropped_bits(bins_per_channel: int) -> int:
+    """Return how many of the 8 bits of a channel a bin spans."""
+    return 9 - bins_per_channel.bit_length()
 
 
 def _scaled(ratios: Float64) -> Float64:

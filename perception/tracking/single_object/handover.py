@@ -1,4 +1,4 @@
-"""From tracks of many objects to a tracker of one: what the thesis suggests for its DATMO system (5.3)."""
+"""Handover of a track of the pipeline to a tracker of one object, as the thesis suggests for its DATMO system (5.3)."""
 
 import numpy as np
 
@@ -12,17 +12,17 @@ from perception.tracking.single_object.tracker import (
 from perception.types import Boxes3D, Result
 
 
-def tracker_input_of(result: Result, body: EgoVehicle) -> TrackerInput:
-    """Return what a tracker of one object is shown of a frame that the pipeline has seen.
+def tracker_input_of(result: Result, ego_vehicle: EgoVehicle) -> TrackerInput:
+    """Return a frame of the pipeline as the input of a tracker of one object.
 
     Args:
-        result: pose and ground of the frame.
-        body: the vehicle's own outline, whose returns are left out.
+        result: Pose and ground of the frame.
+        ego_vehicle: Outline of the vehicle itself, whose returns are left out.
     """
     frame = result.frame
     return TrackerInput(
         stamp_s=frame.stamp_s,
-        points_velo=frame.points_velo[~body.contains_xy(frame.points_velo)],
+        points_velo=frame.points_velo[~ego_vehicle.contains_xy(frame.points_velo)],
         world_SE3_velo=result.world_SE3_velo,
         ground=result.ground,
         image=frame.image,
@@ -31,36 +31,37 @@ def tracker_input_of(result: Result, body: EgoVehicle) -> TrackerInput:
 
 
 class TrackHandover:
-    """Gives one object of the pipeline to a tracker of one object, in the first frame that has it.
+    """Hands one object of the pipeline to a tracker of one object, in the first frame that has it.
 
-    It is a track of what moves or, where none has its id, a detected vehicle: they share the count of ids.
-
-    From there on the tracker is on its own: it may keep what the pipeline loses, and lose what the
+    The object is a track of a moving object or, where none has its id, a detected vehicle; they share their
+    ids. From then on the tracker is independent: it may keep what the pipeline loses, and lose what the
     pipeline keeps.
     """
 
-    def __init__(self, track_id: int, tracker: SingleObjectTracker, body: EgoVehicle) -> None:
-        """Wait for an object.
+    def __init__(
+        self, track_id: int, tracker: SingleObjectTracker, ego_vehicle: EgoVehicle
+    ) -> None:
+        """Wait for the object.
 
         Args:
-            track_id: of a track or a vehicle of the pipeline.
-            tracker: that takes it over.
-            body: the vehicle's own outline.
+            track_id: Id of a track or a vehicle of the pipeline.
+            tracker: Tracker that takes the object over.
+            ego_vehicle: Outline of the vehicle itself.
         """
         if track_id < 0:
-            raise UsageError("track to follow", expected="an id of 0 or more", found=str(track_id))
-        self.track_id, self._tracker, self._body = track_id, tracker, body
+            raise UsageError("track id", expected="an id of 0 or more", found=str(track_id))
+        self.track_id, self._tracker, self._ego_vehicle = track_id, tracker, ego_vehicle
         self.has_started = False
 
     def update(self, result: Result) -> TrackedObject | None:
-        """Follow the object on; None as long as the pipeline has not given its track."""
+        """Track the object into the next frame; None before the first frame that has it."""
         if self.has_started:
-            return self._tracker.update(tracker_input_of(result, self._body))
+            return self._tracker.update(tracker_input_of(result, self._ego_vehicle))
         box = self._box(result)
         if not len(box):
             return None
         self.has_started = True
-        return self._tracker.start(tracker_input_of(result, self._body), box)
+        return self._tracker.init(tracker_input_of(result, self._ego_vehicle), box)
 
     def _box(self, result: Result) -> Boxes3D:
         """Return the box of the object, or none."""

@@ -1,24 +1,39 @@
-"""What finds the point that stands for an object, and what it is shown for that."""
+"""Localizers find the point that stands for an object, among the obstacle points near its predicted position."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from perception.tracking.single_object.near_obstacles import NearObstacles
+import numpy as np
+
+from perception.geometry import se3
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.tracking.single_object.window import Window
-from perception.types import Float64
+from perception.types import Float32, Float64, GroundModel
+
+
+@dataclass(frozen=True)
+class NearObstacles:
+    """N points above the ground near an object.
+
+    Attributes:
+        points_velo: (N, 3) points in the LiDAR frame of their scan.
+        points_world: (N, 3) the same points in the world.
+    """
+
+    points_velo: Float32
+    points_world: Float64
 
 
 @dataclass(frozen=True)
 class LocalizerInput:
-    """What a localizer is shown.
+    """Input of a localizer.
 
     Attributes:
-        tracker_input: what the sensors saw.
-        obstacles: the obstacles near the expected object.
-        window: the box at its expected place, in the world.
-        gate: where the object may be, in the world.
-        elapsed_s: since the last view.
+        tracker_input: Scan, pose and image.
+        obstacles: Obstacle points near the predicted object.
+        window: Box at its predicted position, in the world.
+        gate: Window that holds the object, in the world.
+        elapsed_s: Time since the last input.
     """
 
     tracker_input: TrackerInput
@@ -32,20 +47,42 @@ class ObjectLocalizer(Protocol):
     """Finds the point that stands for an object."""
 
     def init(self, localizer_input: LocalizerInput) -> Float64 | None:
-        """Learn the object in its first box; return (3,) its place in the world, None of an empty box.
+        """Learn the object in its initial box; return its (3,) position in the world, None of an empty box.
 
         Raises:
-            PerceptionError: the view lacks what the localizer cannot do without.
+            PerceptionError: The input lacks what the localizer requires.
         """
         ...
 
     def locate(self, localizer_input: LocalizerInput) -> Float64 | None:
-        """Return (3,) the object's place in the world, or None where it is not found in the gate."""
+        """Return the (3,) position of the object in the world, or None where the gate does not hold it."""
         ...
 
     def reset(self, position_m: Float64) -> None:
-        """Forget how the object moved: it is lost, and waited for at (3,) a place in the world.
+        """Forget the motion of an object that is lost, and wait for it at (3,) a position in the world.
 
-        Of no concern to a localizer that keeps no motion.
+        A localizer without a motion filter does nothing.
         """
         del position_m
+
+
+def obstacles_near(
+    tracker_input: TrackerInput,
+    ground: GroundModel,
+    position_world: Float64,
+    reach_m: float,
+    heights_m: tuple[float, float],
+) -> NearObstacles:
+    """Return the points within a square around a position and between two heights above the ground."""
+    position_velo = se3.inverse(tracker_input.world_SE3_velo) @ np.append(position_world, 1.0)
+    # Column by column: two passes over a scan's x and y cost less than one over all its rows.
+    near = np.flatnonzero(
+        (np.abs(tracker_input.points_velo[:, 0] - np.float32(position_velo[0])) < reach_m)
+        & (np.abs(tracker_input.points_velo[:, 1] - np.float32(position_velo[1])) < reach_m)
+    )
+    points_velo = tracker_input.points_velo[near, :3]
+    above_m = ground.distance_m(points_velo)
+    points_velo = points_velo[(above_m > heights_m[0]) & (above_m < heights_m[1])]
+    world_SE3_velo = tracker_input.world_SE3_velo
+    rotation, origin_m = world_SE3_velo[:3, :3], world_SE3_velo[:3, 3]
+    return NearObstacles(points_velo, points_velo.astype(np.float64) @ rotation.T + origin_m)

@@ -1,53 +1,23 @@
-"""The ground as one plane that pitches with the vehicle: the most frequent angle of a scan (5.3.2)."""
+"""Ground as one plane that pitches with the vehicle: the most frequent angle of a scan's points (5.3.2)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import find_peaks
 
-from perception.tracking.single_object.constant_acceleration import (
-    ConstantAcceleration,
-    NoiseLevels,
-)
+from perception.tracking.single_object.config import PitchGroundConfig
+from perception.tracking.single_object.point_motion import ConstantAcceleration
 from perception.types import Float, Float64
-
-_BIN_RAD = np.radians(0.01)
-_STEEPEST_RAD = np.radians(12.0)
-# Height of a peak, and over its surroundings, in that of the highest (author's code).
-_MIN_PEAK = 0.25
-
-
-@dataclass(frozen=True)
-class PitchFilterConfig:
-    """How the angle is found and followed. Angles of noise in degrees, as in the author's code.
-
-    Attributes:
-        ahead_m: nearer points are left out: there, centimetres are degrees.
-        side_m: points farther to a side are left out.
-        around_m: how far below and above the level under the wheels points may lie.
-        gate_rad: how far from the expected angle it is looked for, one gate wider with each miss.
-        noise: of the filter.
-        measured_variance: of one angle.
-    """
-
-    ahead_m: float = 4.0  # measured: beyond the vehicle's bonnet and the nearest beams
-    side_m: float = 20.0  # author's code, local grid
-    around_m: tuple[float, float] = (-0.5, 2.0)  # author's code, local grid
-    gate_rad: float = np.radians(0.3)  # author's code
-    noise: NoiseLevels = field(  # author's code, deg²
-        default_factory=lambda: NoiseLevels(process=5.0, first=15.0)
-    )
-    measured_variance: float = 0.5  # author's code, deg²
 
 
 @dataclass(frozen=True)
 class PitchedPlane:
-    """A ground plane through the point under the sensor; a `GroundModel`.
+    """Ground plane through the point below the sensor; a `GroundModel`.
 
     Attributes:
-        pitch_rad: by which it rises ahead.
-        sensor_height_m: over the ground.
+        pitch_rad: Angle by which the plane rises ahead.
+        sensor_height_m: Height of the sensor above the ground.
     """
 
     pitch_rad: float
@@ -67,79 +37,87 @@ class PitchedPlane:
 
 
 class PitchFilter:
-    """Follows the pitch of the ground from scan to scan."""
+    """Tracks the pitch of the ground from scan to scan."""
 
-    def __init__(self, sensor_height_m: float, config: PitchFilterConfig | None = None) -> None:
+    def __init__(self, sensor_height_m: float, config: PitchGroundConfig | None = None) -> None:
         self._sensor_height_m = sensor_height_m
-        self._config = config or PitchFilterConfig()
+        self._config = config or PitchGroundConfig()
         self._angle_deg: ConstantAcceleration | None = None
         self._missed = 0
 
     def update(self, points_velo: Float, elapsed_s: float) -> PitchedPlane:
-        """Find the ground of a scan that follows the last one after a while; at first, anywhere."""
+        """Return the ground of the next scan; in the first scan the pitch may be any.
+
+        Args:
+            points_velo: (N, 3+) points of the scan.
+            elapsed_s: Time since the last scan.
+        """
         config = self._config
         angles_rad = elevation_angles(points_velo, self._sensor_height_m, config)
         if self._angle_deg is None:
-            self._init_angle(dominant_angle(angles_rad, (-_STEEPEST_RAD, _STEEPEST_RAD)))
+            self._init(dominant_angle(angles_rad, (-np.inf, np.inf), config))
         else:
-            self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise)
+            self._angle_deg = self._angle_deg.predicted(elapsed_s, config.noise.process)
             expected_rad = float(np.radians(self._angle_deg.position[0]))
             reach_rad = config.gate_rad * (1 + self._missed)
-            self._correct(
-                dominant_angle(angles_rad, (expected_rad - reach_rad, expected_rad + reach_rad))
-            )
+            within_rad = (expected_rad - reach_rad, expected_rad + reach_rad)
+            self._correct(dominant_angle(angles_rad, within_rad, config))
         pitch_deg = self._angle_deg.position[0] if self._angle_deg else 0.0
         return PitchedPlane(float(np.radians(pitch_deg)), self._sensor_height_m)
 
-    def _init_angle(self, found_rad: float | None) -> None:
+    def _init(self, found_rad: float | None) -> None:
         if found_rad is not None:
             self._angle_deg = ConstantAcceleration.at_rest(
-                np.degrees([found_rad]), self._config.noise
+                np.degrees([found_rad]), self._config.noise.initial
             )
 
     def _correct(self, found_rad: float | None) -> None:
-        """Take in an angle; without one the prediction stands."""
+        """Correct the pitch by a measured angle; without one the prediction is kept."""
         self._missed = self._missed + 1 if found_rad is None else 0
         if found_rad is not None and self._angle_deg is not None:
             self._angle_deg = self._angle_deg.corrected(
-                np.degrees([[found_rad]]), np.array([self._config.measured_variance])
+                np.degrees([[found_rad]]), np.array([self._config.noise.measurement])
             )
 
 
 def elevation_angles(
-    points_velo: Float, sensor_height_m: float, config: PitchFilterConfig
+    points_velo: Float, sensor_height_m: float, config: PitchGroundConfig
 ) -> Float:
-    """Return the angle of each point ahead over the level under the wheels (5.10).
+    """Return the angle of each point ahead above the level under the wheels (5.10).
 
-    The lines go out from the ground under the sensor: from there all points of a plane are at one angle.
+    The lines start at the ground below the sensor: from there all points of a plane are at one angle.
     """
     x, y = points_velo[:, 0], points_velo[:, 1]
     raised_m = points_velo[:, 2] + sensor_height_m
-    lowest_m, highest_m = config.around_m
-    chosen = (x > config.ahead_m) & (np.abs(y) < np.minimum(x, config.side_m))
-    chosen &= (raised_m > lowest_m) & (raised_m < highest_m)
+    min_height_m, max_height_m = config.height_range_m
+    chosen = (x > config.min_ahead_m) & (np.abs(y) < np.minimum(x, config.max_side_m))
+    chosen &= (raised_m > min_height_m) & (raised_m < max_height_m)
     return np.asarray(np.arctan2(raised_m[chosen], x[chosen]))
 
 
-def dominant_angle(angles_rad: Float, within_rad: tuple[float, float]) -> float | None:
+def dominant_angle(
+    angles_rad: Float, within_rad: tuple[float, float], config: PitchGroundConfig
+) -> float | None:
     """Return the highest peak of the angles' density (5.10) within an interval.
 
     The density is that of a Gaussian kernel, over bins of a hundredth of a degree.
 
     Returns:
-        None where there is no peak, as where there are no angles or the density rises to a side only.
+        None without a peak, as without angles or where the density rises towards one side.
     """
-    angles_rad = angles_rad[np.abs(angles_rad) < _STEEPEST_RAD]
+    # Double precision, also for angles of single precision.
+    steepest_rad, bin_rad = np.float64(config.max_pitch_rad), np.float64(config.bin_rad)
+    angles_rad = angles_rad[np.abs(angles_rad) < steepest_rad]
     if len(angles_rad) == 0:
         return None
-    bins = round(2 * _STEEPEST_RAD / _BIN_RAD)
-    rows = ((angles_rad + _STEEPEST_RAD) / _BIN_RAD).astype(np.int32)
+    bins = round(2 * steepest_rad / bin_rad)
+    rows = ((angles_rad + steepest_rad) / bin_rad).astype(np.int32)
     histogram = np.bincount(rows, minlength=bins).astype(np.float64)
-    width_bins = max(bandwidth(angles_rad) / _BIN_RAD, 1.0)
+    width_bins = max(bandwidth(angles_rad) / bin_rad, 1.0)
     density = gaussian_filter1d(histogram, width_bins, mode="constant")
-    least = _MIN_PEAK * density.max()
-    peaks, _ = find_peaks(density, height=least, prominence=least)
-    middles_rad = (peaks + 0.5) * _BIN_RAD - _STEEPEST_RAD
+    min_peak = config.min_peak * density.max()
+    peaks, _ = find_peaks(density, height=min_peak, prominence=min_peak)
+    middles_rad = (peaks + 0.5) * bin_rad - steepest_rad
     within = (middles_rad >= within_rad[0]) & (middles_rad <= within_rad[1])
     if not within.any():
         return None

@@ -1,31 +1,36 @@
-"""What every tracker of one object offers: the first box in, one box a frame out."""
+"""Interface of every tracker of one object: the initial box in, one box a frame out."""
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, Self
+
+import numpy as np
 
 from perception.errors import PerceptionError
+from perception.geometry import se3
+from perception.geometry.box_outline_px import box_outlines_px
+from perception.geometry.boxes import transform_boxes
 from perception.types import Boxes3D, Float32, Float64, GroundModel, UInt8
 
 
 class TrackStatus(StrEnum):
-    """What an answer rests on."""
+    """Evidence for a tracked object's box."""
 
     SEEN = "seen"  # measured in this frame
-    PREDICTED = "predicted"  # hidden or missed for a short while
-    LOST = "lost"  # hidden or missed for too long; the answer is the last guess
+    PREDICTED = "predicted"  # occluded or missed for a short time
+    LOST = "lost"  # occluded or missed for too long; the box is the last estimate
 
 
 @dataclass(frozen=True)
 class TrackerInput:
-    """What a tracker of one object is shown of one frame.
+    """Input of a tracker of one object, one frame.
 
     Attributes:
-        stamp_s: time of the scan.
-        points_velo: (N, 4) without the vehicle's own returns; none where the scan is empty.
+        stamp_s: Time of the scan.
+        points_velo: (N, 4) points without the returns of the vehicle itself.
         world_SE3_velo: (4, 4) pose of the scan.
-        ground: of the obstacle stage, or None where no stage has run.
-        image: (H, W, 3) RGB, or None without a camera or where the image is missing.
+        ground: Ground model of the ground stage, or None without that stage.
+        image: (H, W, 3) RGB image, or None without a camera or for a missing image.
         image_P_velo: (3, 4) projection from the LiDAR frame to pixels, or None without a camera.
     """
 
@@ -36,15 +41,23 @@ class TrackerInput:
     image: UInt8 | None = None
     image_P_velo: Float64 | None = None
 
+    def box_px(self, box_velo: Boxes3D) -> Float64 | None:
+        """Return the (4,) outline of one box in the image, or None where the image does not show it."""
+        if self.image is None or self.image_P_velo is None:
+            return None
+        height, width = self.image.shape[:2]
+        box_px = box_outlines_px(self.image_P_velo, box_velo, (width, height))[0]
+        return box_px if np.isfinite(box_px).all() else None
+
 
 @dataclass(frozen=True)
 class TrackedObject:
-    """Where the object is, as far as its tracker can say; never NaN.
+    """Estimate of the object in one frame; never NaN.
 
     Attributes:
-        state: what this answer rests on.
-        box_velo: one box in the LiDAR frame of the scan, or None of a tracker in the image alone.
-        velocity_m_s: (2,) over the ground, along x and y of the LiDAR frame; zero where not estimated.
+        state: Evidence for the estimate.
+        box_velo: One box in the LiDAR frame of the scan, or None of a tracker in the image alone.
+        velocity_m_s: (2,) velocity over the ground along x and y of the LiDAR frame; zero where not estimated.
         box_px: (4,) x1 y1 x2 y2 of the object in the image, or None where it is not in the image.
     """
 
@@ -54,7 +67,7 @@ class TrackedObject:
     box_px: Float64 | None
 
     def __post_init__(self) -> None:
-        """Refuse more than one box."""
+        """Validate that there is at most one box."""
         if self.box_velo is not None and len(self.box_velo) != 1:
             raise PerceptionError(
                 "TrackedObject.box_velo", expected="one box", found=f"{len(self.box_velo)}"
@@ -62,17 +75,78 @@ class TrackedObject:
 
 
 class SingleObjectTracker(Protocol):
-    """Follows one object through a drive."""
+    """Tracks one object through a drive."""
 
-    def start(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
-        """Begin with the object's box in the LiDAR frame of this moment; forget any object before.
+    def init(self, tracker_input: TrackerInput, box_velo: Boxes3D) -> TrackedObject:
+        """Initialize the tracker with the object's box, in the LiDAR frame of the input.
 
         Raises:
-            PerceptionError: the box is not one finite box of positive size, or the tracker lacks what it
-                cannot do without, as an image tracker without an image.
+            PerceptionError: The box is not one finite box of positive size, or the tracker lacks a required
+                input, as an image tracker without an image.
         """
         ...
 
     def update(self, tracker_input: TrackerInput) -> TrackedObject:
-        """Say where the object is at the next moment."""
+        """Track the object into the next frame.
+
+        Raises:
+            PerceptionError: The tracker has not been initialized.
+        """
         ...
+
+
+@dataclass(frozen=True)
+class WorldBox:
+    """Box and velocity of an object in the world.
+
+    Attributes:
+        position_m: (3,) middle of the box.
+        size_m: (3,) length, width and height.
+        yaw_rad: Heading.
+        velocity_m_s: (3,) velocity.
+    """
+
+    position_m: Float64
+    size_m: Float64
+    yaw_rad: float
+    velocity_m_s: Float64
+
+    @classmethod
+    def at_rest(cls, box_velo: Boxes3D, world_SE3_velo: Float64) -> Self:
+        """Return a box of the LiDAR frame at rest in the world."""
+        box_world = transform_boxes(world_SE3_velo, box_velo)
+        position_m = box_world.bottom_m[0] + (0, 0, box_world.size_m[0, 2] / 2)
+        return cls(position_m, box_world.size_m[0], float(box_world.yaw_rad[0]), np.zeros(3))
+
+    def observed_in(self, tracker_input: TrackerInput, state: TrackStatus) -> TrackedObject:
+        """Return the object in the LiDAR frame and the image of a frame."""
+        velo_SE3_world = se3.inverse(tracker_input.world_SE3_velo)
+        bottom_m = self.position_m - (0, 0, self.size_m[2] / 2)
+        box_world = Boxes3D(bottom_m[None], self.size_m[None], np.array([self.yaw_rad]))
+        box_velo = transform_boxes(velo_SE3_world, box_world)
+        velocity_m_s = velo_SE3_world[:2, :3] @ self.velocity_m_s
+        return TrackedObject(state, box_velo, velocity_m_s, tracker_input.box_px(box_velo))
+
+
+def validate_initial_box(box_velo: Boxes3D) -> None:
+    """Validate that there is one finite box of positive size.
+
+    Raises:
+        PerceptionError: There is not.
+    """
+    numbers = np.concatenate([box_velo.bottom_m.ravel(), box_velo.size_m.ravel(), box_velo.yaw_rad])
+    if len(box_velo) == 1 and np.isfinite(numbers).all() and (box_velo.size_m > 0).all():
+        return
+    found = f"{len(box_velo)} boxes"
+    if len(box_velo) == 1:
+        found = " ".join(f"{number:g}" for number in numbers)
+    raise PerceptionError(
+        "initial box",
+        expected="one box of finite x y z, positive length width height, and finite yaw",
+        found=found,
+    )
+
+
+def not_initialized(tracker: str) -> PerceptionError:
+    """Return the error of a tracker that is updated before it has been initialized."""
+    return PerceptionError(tracker, expected="a call of init before update", found="no object")

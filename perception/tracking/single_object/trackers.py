@@ -1,58 +1,68 @@
-"""Every tracker of one object, by the name under which commands know it."""
+"""Factory of the trackers of one object, by name."""
 
-from collections.abc import Callable
+from typing import get_args
 
 from perception.errors import UsageError
 from perception.sensor import LidarModel
-from perception.tracking.single_object.baselines.colored_points import colored_points_tracker
 from perception.tracking.single_object.baselines.histogram_finders import (
     BackProjectionFinder,
     CorrectedHistogramFinder,
 )
-from perception.tracking.single_object.baselines.image_only_tracker import ImageOnlyTracker
-from perception.tracking.single_object.baselines.lidar_baselines import (
-    kalman_tracker,
-    mean_shift_tracker,
-)
-from perception.tracking.single_object.baselines.opencv_trackers import (
+from perception.tracking.single_object.baselines.image_trackers import (
+    ImageOnlyTracker,
     missing_opencv_trackers,
     opencv_tracker,
 )
+from perception.tracking.single_object.baselines.point_baselines import (
+    colored_points_tracker,
+    kalman_tracker,
+    mean_shift_tracker,
+)
 from perception.tracking.single_object.box.box_fit_tracker import BoxFitTracker
+from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import SingleObjectTracker
 
-# Best first. A tracker is made anew for every object that is followed.
-_FACTORIES: dict[str, Callable[[LidarModel], SingleObjectTracker]] = {
-    "default": BoxFitTracker,
-    "h-fus": FusionTracker,
-    "l-fus": colored_points_tracker,
-    "3d-ms": mean_shift_tracker,
-    "3d-kf": kalman_tracker,
-    "ms-i": lambda _: ImageOnlyTracker("ms-i", BackProjectionFinder()),
-    "cbwh": lambda _: ImageOnlyTracker("cbwh", CorrectedHistogramFinder()),
-    "opencv-mil": lambda _: opencv_tracker("opencv-mil"),
-    "opencv-kcf": lambda _: opencv_tracker("opencv-kcf"),
-    "opencv-csrt": lambda _: opencv_tracker("opencv-csrt"),
-}
-
-# Those that run on the OpenCV that is installed.
-TRACKERS = tuple(name for name in _FACTORIES if name not in missing_opencv_trackers())
+# Best first; those that run on the installed OpenCV.
+TRACKERS: tuple[str, ...] = tuple(
+    name for name in get_args(TrackerName) if name not in missing_opencv_trackers()
+)
 
 
-def single_object_tracker(name: str, sensor: LidarModel) -> SingleObjectTracker:
-    """Make a tracker of one object.
+def single_object_tracker(  # noqa: PLR0911  (one return for each tracker)
+    name: str, sensor: LidarModel, config: SingleObjectTrackerConfig | None = None
+) -> SingleObjectTracker:
+    """Return a new tracker of one object.
 
     Args:
-        name: one of `TRACKERS`.
-        sensor: the LiDAR whose scans it will be shown.
+        name: One of `TRACKERS`.
+        sensor: LiDAR model of the scans.
+        config: Configuration of all trackers; None for the defaults.
 
     Raises:
-        UsageError: there is no tracker of this name.
+        UsageError: There is no tracker of this name, or the installed OpenCV lacks it.
     """
-    factory = _FACTORIES.get(name)
-    if factory is None:
-        raise UsageError(
-            "tracker of one object", expected=f"one of {', '.join(_FACTORIES)}", found=name
-        )
-    return factory(sensor)
+    config = config or SingleObjectTrackerConfig()
+    baselines = config.baselines
+    match name:
+        case "default":
+            return BoxFitTracker(sensor, config.box)
+        case "h-fus":
+            return FusionTracker(sensor, config.fusion, config.point)
+        case "l-fus":
+            return colored_points_tracker(sensor, baselines.colored_points, config.point)
+        case "3d-ms":
+            return mean_shift_tracker(sensor, baselines.mean_shift, config.point)
+        case "3d-kf":
+            return kalman_tracker(sensor, config.point)
+        case "ms-i":
+            finder = BackProjectionFinder(baselines.histogram)
+            return ImageOnlyTracker(name, finder, baselines.max_missed)
+        case "cbwh":
+            corrected = CorrectedHistogramFinder(baselines.histogram)
+            return ImageOnlyTracker(name, corrected, baselines.max_missed)
+        case "opencv-mil" | "opencv-kcf" | "opencv-csrt":
+            return opencv_tracker(name, baselines.max_missed)
+    raise UsageError(
+        "tracker of one object", expected=f"one of {', '.join(get_args(TrackerName))}", found=name
+    )

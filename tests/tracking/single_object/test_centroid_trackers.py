@@ -11,12 +11,9 @@ from perception.geometry import se3
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
 from perception.sensor import HDL_64E
-from perception.tracking.single_object.baselines.lidar_baselines import kalman_tracker
-from perception.tracking.single_object.centroid_tracker import CentroidTrackerConfig
-from perception.tracking.single_object.fusion.fusion_tracker import (
-    FusionTracker,
-    FusionTrackerConfig,
-)
+from perception.tracking.single_object.baselines.point_baselines import kalman_tracker
+from perception.tracking.single_object.config import CentroidTrackerConfig
+from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D
@@ -107,7 +104,7 @@ def assert_finite(tracked: TrackedObject) -> None:
 def started(name: str, scene: Scene, frames: int = 1):
     """Return a tracker that has followed the car over some frames."""
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(scene.tracker_input(0), scene.box(0))
+    tracker.init(scene.tracker_input(0), scene.box(0))
     for frame in range(1, frames):
         tracker.update(scene.tracker_input(frame))
     return tracker
@@ -124,7 +121,7 @@ def started(name: str, scene: Scene, frames: int = 1):
 )
 def test_follows_the_car(name, scene):
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(scene.tracker_input(0), scene.box(0))
+    first = tracker.init(scene.tracker_input(0), scene.box(0))
     assert first.state is TrackStatus.SEEN
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
     for frame in range(1, 25):
@@ -145,7 +142,7 @@ def test_follows_the_car(name, scene):
 def test_without_a_camera_the_scan_is_enough(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(replace(scene.tracker_input(0), image=None, image_P_velo=None), scene.box(0))
+    tracker.init(replace(scene.tracker_input(0), image=None, image_P_velo=None), scene.box(0))
     for frame in range(1, 10):
         tracker_input = replace(scene.tracker_input(frame), image=None, image_P_velo=None)
         tracked = tracker.update(tracker_input)
@@ -157,10 +154,12 @@ def test_without_a_camera_the_scan_is_enough(name):
 
 def test_coloured_points_need_an_image_to_begin():
     scene = Scene()
-    with pytest.raises(PerceptionError, match="expected an image of the first moment, found none"):
-        single_object_tracker("l-fus", HDL_64E).start(
+    with pytest.raises(PerceptionError) as caught:
+        single_object_tracker("l-fus", HDL_64E).init(
             scene.tracker_input(0, has_image=False), scene.box(0)
         )
+    assert caught.value.expected == "an image of the first frame"
+    assert caught.value.found == "none"
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -231,7 +230,7 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
 def test_a_start_box_without_points_is_a_prediction(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(scene.tracker_input(0, has_car=False), scene.box(0))
+    first = tracker.init(scene.tracker_input(0, has_car=False), scene.box(0))
     assert first.state is TrackStatus.PREDICTED
     np.testing.assert_allclose(first.box_velo.bottom_m, scene.box(0).bottom_m, atol=1e-9)
     found = tracker.update(scene.tracker_input(1))
@@ -257,9 +256,11 @@ def test_a_start_box_without_points_is_a_prediction(name):
         ),
     ],
 )
-def test_a_start_box_that_is_none_is_refused_in_one_sentence(name, box):
-    with pytest.raises(PerceptionError, match=r"^start box: expected one box of finite .*, found"):
-        single_object_tracker(name, HDL_64E).start(Scene().tracker_input(0), box)
+def test_an_invalid_initial_box_is_an_error(name, box):
+    with pytest.raises(PerceptionError) as caught:
+        single_object_tracker(name, HDL_64E).init(Scene().tracker_input(0), box)
+    assert caught.value.where == "initial box"
+    assert caught.value.expected.startswith("one box of finite x y z")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -300,7 +301,7 @@ def test_an_empty_scan_is_no_sighting(name):
 def test_an_object_that_leaves_the_image_is_followed_by_its_points(name):
     scene = Scene(start_xy_m=(9.0, -5.0), ego_turn_rad_s=0.35)
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(scene.tracker_input(0), scene.box(0))
+    tracker.init(scene.tracker_input(0), scene.box(0))
     seen_px = []
     for frame in range(1, 20):
         tracked = tracker.update(scene.tracker_input(frame))
@@ -322,7 +323,7 @@ def test_a_hull_of_fewer_than_three_points_teaches_no_colours():
         tracker_input,
         points_velo=np.vstack([tracker_input.points_velo[: len(ground_points())], two]),
     )
-    assert tracker.start(bare, scene.box(0)).state is TrackStatus.SEEN
+    assert tracker.init(bare, scene.box(0)).state is TrackStatus.SEEN
     assert len(tracker.colors.colors) == 0
     tracked = tracker.update(scene.tracker_input(1))
     assert tracked.state is TrackStatus.SEEN
@@ -345,28 +346,31 @@ def test_colours_are_those_of_the_car():
 def test_what_lies_beyond_the_gate_is_not_the_object():
     scene = Scene()
     tracker = kalman_tracker(HDL_64E)
-    tracker.start(scene.tracker_input(0), scene.box(0))
+    tracker.init(scene.tracker_input(0), scene.box(0))
     aside = Scene(start_xy_m=(14.0, 2.0 + 2 * SIZE_M[1] + 0.2))
     assert tracker.update(aside.tracker_input(1)).state is TrackStatus.PREDICTED
 
 
 def test_the_ground_may_be_that_of_the_obstacle_stage():
     scene = Scene()
-    config = FusionTrackerConfig(point=CentroidTrackerConfig(ground="stage"))
-    with pytest.raises(PerceptionError, match="the ground of the obstacle stage, found none"):
-        FusionTracker(HDL_64E, config).start(scene.tracker_input(0), scene.box(0))
+    tracker = FusionTracker(HDL_64E, point=CentroidTrackerConfig(ground="stage"))
+    with pytest.raises(PerceptionError) as caught:
+        tracker.init(scene.tracker_input(0), scene.box(0))
+    assert caught.value.expected == "a ground model of the ground stage"
+    assert caught.value.found == "none"
 
 
-def test_nothing_is_followed_before_the_start():
-    with pytest.raises(PerceptionError, match="expected start before follow"):
+def test_an_update_before_init_fails():
+    with pytest.raises(PerceptionError) as caught:
         FusionTracker(HDL_64E).update(Scene().tracker_input(0))
+    assert caught.value.expected == "a call of init before update"
 
 
-def test_a_tracker_begins_anew():
+def test_a_tracker_can_be_initialized_again():
     scene = Scene()
     once = started("h-fus", scene, frames=8).update(scene.tracker_input(8))
     tracker = started("h-fus", Scene(start_xy_m=(20.0, -4.0)), frames=6)
-    tracker.start(scene.tracker_input(0), scene.box(0))
+    tracker.init(scene.tracker_input(0), scene.box(0))
     for frame in range(1, 9):
         again = tracker.update(scene.tracker_input(frame))
     np.testing.assert_array_equal(again.box_velo.bottom_m, once.box_velo.bottom_m)

@@ -3,17 +3,18 @@ import pytest
 
 from benchmarks.reference.color_filters import ReferenceAdaptiveColors, wandering_ratios
 from perception.tracking.single_object.color_model import (
-    BINS,
     AdaptiveColorModel,
     bin_colors,
     color_bins,
     color_ratios,
 )
+from perception.tracking.single_object.config import ColorModelConfig
 from perception.tracking.single_object.fusion.image_region import region_of
 
 RED, GRAY, BLUE = (200, 10, 10), (100, 100, 100), (10, 10, 200)
 SIZE_PX = (100, 80)
 # 20 x 20 pixels in a ring of about as many.
+BINS = ColorModelConfig().bins
 REGION = region_of(np.array([[40.0, 30], [59, 30], [59, 49], [40, 49]]), SIZE_PX)
 
 

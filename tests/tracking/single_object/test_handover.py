@@ -28,12 +28,12 @@ class Recorder:
     calls: list[str] = field(default_factory=list)
     tracker_inputs: list[TrackerInput] = field(default_factory=list)
 
-    def start(self, tracker_input, box_velo):
-        self.calls.append(f"start at {box_velo.bottom_m[0, 0]:g}")
+    def init(self, tracker_input, box_velo):
+        self.calls.append(f"init at {box_velo.bottom_m[0, 0]:g}")
         return self._report(tracker_input)
 
     def update(self, tracker_input):
-        self.calls.append("follow")
+        self.calls.append("update")
         return self._report(tracker_input)
 
     def _report(self, tracker_input):
@@ -92,11 +92,12 @@ def test_the_track_is_taken_over_once_and_then_no_longer_needed():
     assert handover.update(result_with(4, 5)) is not None
     for ids in [(5,), (4,), ()]:
         assert handover.update(result_with(*ids)) is not None
-    assert tracker.calls == ["start at 15", "follow", "follow", "follow"]
+    assert tracker.calls == ["init at 15", "update", "update", "update"]
     assert handover.has_started
     assert all(len(tracker_input.points_velo) == 2 for tracker_input in tracker.tracker_inputs)
 
 
-def test_no_track_has_a_number_below_zero():
-    with pytest.raises(UsageError, match="an id of 0 or more, found -1"):
+def test_a_negative_id_is_an_error():
+    with pytest.raises(UsageError) as caught:
         TrackHandover(-1, Recorder(), EgoVehicle())
+    assert (caught.value.expected, caught.value.found) == ("an id of 0 or more", "-1")

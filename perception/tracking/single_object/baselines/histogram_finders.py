@@ -1,78 +1,90 @@
-"""Two mean shifts in the image that the thesis compares its fusion with (7.1.2): MS-I and CBWH."""
+"""Baselines in the image, mean shifts on colour histograms (7.1.2): MS-I and CBWH."""
 
 import cv2
 import numpy as np
 
-from perception.tracking.single_object.color_model import BINS, BINS_PER_CHANNEL, color_bins
+from perception.tracking.single_object.color_model import color_bins
+from perception.tracking.single_object.config import ColorModelConfig, HistogramTrackerConfig
 from perception.types import Float32, Float64, Int, UInt8
 
-# Both stop after so many shifts, or at a shift of less than so many pixels.
-_ITERATIONS, _TOLERANCE_PX = 15, 0.1
+_BINS_PER_CHANNEL, _BINS = ColorModelConfig.bins_per_channel, ColorModelConfig().bins
 _CHANNELS, _RANGES = [0, 1, 2], [0.0, 256.0] * 3
 
 
 class BackProjectionFinder:
-    """MS-I: the mean shift of a rectangle on the object's histogram, projected back into the image.
+    """MS-I: mean shift of a box on the back-projection of the object's histogram; an `ImageFinder`.
 
-    Implements `ImageFinder`. Histogram, back-projection and mean shift are OpenCV's, which moves the
-    rectangle by whole pixels; the size stays that of the first image.
+    Histogram, back-projection and mean shift are OpenCV's, which moves the box by whole pixels; the size stays
+    that of the first image.
     """
 
+    def __init__(self, config: HistogramTrackerConfig | None = None) -> None:
+        self._config = config or HistogramTrackerConfig()
+
     def init(self, image: UInt8, box_px: Float64) -> None:
-        """Learn the object's colours from its rectangle."""
+        """Learn the object's colours from its box."""
         self._window = _whole_window(box_px)
         rows, columns = _slices(self._window)
         patch = np.ascontiguousarray(image[rows, columns])
-        histogram = cv2.calcHist([patch], _CHANNELS, None, [BINS_PER_CHANNEL] * 3, _RANGES)
+        histogram = cv2.calcHist([patch], _CHANNELS, None, [_BINS_PER_CHANNEL] * 3, _RANGES)
         self._histogram: Float32 = histogram * (255 / histogram.max())
         self._size_px = box_px[2:] - box_px[:2]
 
     def find(self, image: UInt8) -> Float64 | None:
-        """Climb from the last rectangle; None where no pixel in it has a colour of the object."""
+        """Shift the last box; None where no pixel in it has a colour of the object."""
         similarity = cv2.calcBackProject([image], _CHANNELS, self._histogram, _RANGES, 1)
         rows, columns = _slices(self._window)
         if not similarity[rows, columns].any():
             return None
-        enough = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, _ITERATIONS, _TOLERANCE_PX)
-        _, (column, row, width, height) = cv2.meanShift(similarity, self._window, enough)
+        criteria = (
+            cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT,
+            self._config.max_iterations,
+            self._config.tolerance_px,
+        )
+        _, (column, row, width, height) = cv2.meanShift(similarity, self._window, criteria)
         self._window = column, row, width, height
         return _centered_box(_window_center(self._window), self._size_px)
 
 
 class CorrectedHistogramFinder:
-    """CBWH: the mean shift that corrects the object's histogram by its background (Ning et al. 2012).
+    """CBWH: mean shift on a background-weighted histogram (Ning et al. 2012); an `ImageFinder`.
 
-    Implements `ImageFinder`. A colour's share of the object is scaled down by how common it is in the band
-    around the object, once, in the first image; shares in later images are left as they are, for else the
-    correction would cancel out. The kernel is Epanechnikov's, so that each pixel of the ellipse within the
-    rectangle pulls with the root of (corrected share / share where the ellipse lies now).
+    A colour's share of the object is scaled down by its frequency in the band around the object, in the first
+    image only; in every image the correction would cancel out. The kernel is Epanechnikov's, so that the weight
+    of a pixel of the ellipse within the box is the root of (corrected share / share in the present ellipse).
+
+    Attributes:
+        shares: (b³,) corrected share of each colour on the object.
     """
 
+    def __init__(self, config: HistogramTrackerConfig | None = None) -> None:
+        self._config = config or HistogramTrackerConfig()
+
     def init(self, image: UInt8, box_px: Float64) -> None:
-        """Learn the object's colours and those around it, over three times the rectangle's area."""
+        """Learn the object's colours and those around it, over three times the box's area."""
         self._half_px = (box_px[2:] - box_px[:2]) / 2
         self._center_px = (box_px[:2] + box_px[2:]) / 2
         here = _Ellipse(image, self._center_px, self._half_px)
         around = _band_colors(image, self._center_px, self._half_px)
-        self._shares = _corrected(here.shares(), around)
+        self.shares: Float64 = _corrected(here.shares(), around)
 
     def find(self, image: UInt8) -> Float64 | None:
-        """Climb from the last rectangle; None where nothing of it looks like the object."""
+        """Shift the last box; None where no pixel in it has a colour of the object."""
         center_px = self._center_px
-        for _ in range(_ITERATIONS):
+        for _ in range(self._config.max_iterations):
             ellipse = _Ellipse(image, center_px, self._half_px)
-            found_px = ellipse.pulled_to(self._shares)
+            found_px = ellipse.weighted_mean(self.shares)
             if found_px is None:
                 return None
             shift_px, center_px = np.hypot(*(found_px - center_px)), found_px
-            if shift_px < _TOLERANCE_PX:
+            if shift_px < self._config.tolerance_px:
                 break
         self._center_px = center_px
         return _centered_box(center_px, 2 * self._half_px)
 
 
 class _Ellipse:
-    """The pixels within an upright ellipse, their colours, and their weights by Epanechnikov's kernel."""
+    """Pixels within an upright ellipse, their colours, and their weights by Epanechnikov's kernel."""
 
     def __init__(self, image: UInt8, center_px: Float64, half_px: Float64) -> None:
         rows, columns = _window_around(image, center_px, half_px)
@@ -87,21 +99,21 @@ class _Ellipse:
         )
 
     def shares(self) -> Float64:
-        """Return (512,) the share of each colour."""
-        counts = np.bincount(self._bins, self._kernel, minlength=BINS)
+        """Return (b³,) the share of each colour."""
+        counts = np.bincount(self._bins, self._kernel, minlength=_BINS)
         return np.asarray(counts / max(counts.sum(), 1e-12))
 
-    def pulled_to(self, object_shares: Float64) -> Float64 | None:
-        """Return the mean place of pixels weighted by how much their colour is the object's, or None."""
+    def weighted_mean(self, object_shares: Float64) -> Float64 | None:
+        """Return the mean position of the pixels, weighted by the object's share of their colour, or None."""
         shares = self.shares()
-        ratios = np.divide(object_shares, shares, out=np.zeros(BINS), where=shares > 0)
+        ratios = np.divide(object_shares, shares, out=np.zeros(_BINS), where=shares > 0)
         weights = np.sqrt(ratios)[self._bins]
         total = weights.sum()
         return np.asarray(weights @ self._places_px / total) if total > 0 else None
 
 
 def _corrected(object_shares: Float64, background: Float64) -> Float64:
-    """Scale colours down by how much more common they are around the object than the rarest there."""
+    """Scale colours down by their frequency around the object, relative to the rarest colour there."""
     least = background[background > 0].min(initial=np.inf)
     factors = np.minimum(least / np.maximum(background, least), 1) if np.isfinite(least) else 1.0
     corrected = object_shares * factors
@@ -109,7 +121,7 @@ def _corrected(object_shares: Float64, background: Float64) -> Float64:
 
 
 def _band_colors(image: UInt8, center_px: Float64, half_px: Float64) -> Float64:
-    """Return (512,) shares of colours around a rectangle, where image is left there; else all 0."""
+    """Return (b³,) shares of the colours around a box; all 0 without pixels there."""
     outer = _window_around(image, center_px, np.sqrt(3) * half_px)
     inner = _window_around(image, center_px, half_px)
     counts = _counts(image[outer]) - _counts(image[inner])
@@ -117,11 +129,11 @@ def _band_colors(image: UInt8, center_px: Float64, half_px: Float64) -> Float64:
 
 
 def _counts(patch: UInt8) -> Int:
-    return np.bincount(color_bins(patch).ravel(), minlength=BINS)
+    return np.bincount(color_bins(patch).ravel(), minlength=_BINS)
 
 
 def _window_around(image: UInt8, center_px: Float64, half_px: Float64) -> tuple[slice, slice]:
-    """Return rows and columns of the pixels of a rectangle, as far as the image has them."""
+    """Return rows and columns of the pixels of a box, within the image."""
     size_px = np.array(image.shape[1::-1])
     low = np.clip(np.ceil(center_px - half_px), 0, size_px).astype(int)
     high = np.clip(np.floor(center_px + half_px) + 1, low, size_px).astype(int)
@@ -129,7 +141,7 @@ def _window_around(image: UInt8, center_px: Float64, half_px: Float64) -> tuple[
 
 
 def _whole_window(box_px: Float64) -> tuple[int, int, int, int]:
-    """Return column, row, width and height of the pixels of a rectangle, at least one."""
+    """Return column, row, width and height of the pixels of a box, at least one."""
     x1, y1 = np.floor(box_px[:2]).astype(int).tolist()
     x2, y2 = np.ceil(box_px[2:]).astype(int).tolist()
     return x1, y1, max(x2 - x1 + 1, 1), max(y2 - y1 + 1, 1)

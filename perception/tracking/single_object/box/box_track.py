@@ -1,11 +1,10 @@
-"""What the box tracker knows of its object from one scan to the next."""
+"""State of the box-fit tracker between two scans."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from perception.tracking.single_object.box.background_model import BackgroundModel
-from perception.tracking.single_object.box.local_ground import LocalGround
+from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
 from perception.tracking.single_object.box.object_motion import POSE, MotionState
 from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
@@ -16,22 +15,20 @@ from perception.tracking.single_object.box.pose_search import (
 )
 from perception.types import Float64
 
-_LEARNING = 0.1  # share of what is usual that one scan replaces
-
 
 @dataclass(frozen=True)
 class BoxTrack:
-    """One object in the world.
+    """Track of one object in the world.
 
     Attributes:
-        stamp_s: of the last scan.
-        last_seen_s: when it was seen last.
-        state: where it is and how it moves.
-        ground: below it.
-        shape: of its box, and what was seen in it.
-        background: what stands around it.
-        reference_reward: what its points are worth, times the squared distance.
-        reference_top_m: of its highest point over the ground; 0 before any.
+        stamp_s: Time of the last scan.
+        last_seen_s: Time of the last observation.
+        state: Pose and motion.
+        ground: Ground below the object.
+        shape: Box and past observations.
+        background: Background around the object.
+        mean_reward: Mean reward of the object's points, times the squared distance.
+        mean_top_m: Mean height of the highest point above the ground; 0 before the first observation.
     """
 
     stamp_s: float
@@ -40,8 +37,8 @@ class BoxTrack:
     ground: LocalGround
     shape: ObjectShape
     background: BackgroundModel
-    reference_reward: float = 0.0
-    reference_top_m: float = 0.0
+    mean_reward: float = 0.0
+    mean_top_m: float = 0.0
 
     @property
     def pose(self) -> Float64:
@@ -50,29 +47,31 @@ class BoxTrack:
 
     @property
     def position_world(self) -> Float64:
-        """(3,) middle of the bottom."""
+        """(3,) bottom centre."""
         return np.append(self.state.mean[:2], self.ground.z_world_m)
 
     @property
     def estimate(self) -> PoseEstimate:
-        """What the state says of the pose."""
+        """Pose and its covariance."""
         return PoseEstimate(self.pose, self.state.covariance[POSE, POSE])
 
     @property
     def is_hidden(self) -> bool:
-        """Whether the last scan did not show it."""
+        """Whether the last scan did not show the object."""
         return self.last_seen_s < self.stamp_s
 
-    def reference_reward_in(self, observation: ObjectObservation) -> float:
-        """Return what its points should be worth where it is expected."""
-        return self.reference_reward / observation.distance_m(self.pose[:2]) ** 2
+    def expected_reward(self, observation: ObjectObservation) -> float:
+        """Return the expected reward of the object's points at its distance."""
+        return self.mean_reward / observation.distance_m(self.pose[:2]) ** 2
 
     def support(self, observation: ObjectObservation, pose: Float64) -> Support:
-        """Return what speaks for and against (3,) a pose."""
+        """Return the evidence for and against (3,) a pose."""
         return support_at(self.shape, observation, pose)
 
-    def seen(self, observation: ObjectObservation, support: Support) -> "BoxTrack":
-        """Return what is known after the object was seen where it is now, with that support."""
+    def seen(
+        self, observation: ObjectObservation, support: Support, learning_rate: float
+    ) -> "BoxTrack":
+        """Return the track after an observation at its present pose."""
         if len(observation) == 0:
             return replace(self, last_seen_s=self.stamp_s)
         reward = support.reward * observation.distance_m(self.pose[:2]) ** 2
@@ -82,18 +81,18 @@ class BoxTrack:
             self,
             last_seen_s=self.stamp_s,
             shape=self.shape.with_observation(observation, self.pose),
-            background=self.background.seen(
+            background=self.background.updated(
                 observation.points_xy_m[outside_m > self.shape.own_margin_m], is_hidden=False
             ),
-            reference_reward=_learned(self.reference_reward, reward),
-            reference_top_m=_learned(self.reference_top_m, top_m),
+            mean_reward=_learned(self.mean_reward, reward, learning_rate),
+            mean_top_m=_learned(self.mean_top_m, top_m, learning_rate),
         )
 
     def missed(self, observation: ObjectObservation) -> "BoxTrack":
-        """Return what is known after the object was not seen."""
-        background = self.background.seen(observation.points_xy_m, is_hidden=True)
+        """Return the track after a scan that does not show the object."""
+        background = self.background.updated(observation.points_xy_m, is_hidden=True)
         return replace(self, background=background)
 
 
-def _learned(reference: float, news: float) -> float:
-    return news if reference == 0.0 else reference + _LEARNING * (news - reference)
+def _learned(mean: float, value: float, learning_rate: float) -> float:
+    return value if mean == 0.0 else mean + learning_rate * (value - mean)

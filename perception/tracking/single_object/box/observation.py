@@ -1,4 +1,4 @@
-"""What one scan shows where an object is expected."""
+"""Observed points of one scan around the predicted object, averaged over small cells."""
 
 from dataclasses import dataclass, replace
 
@@ -8,18 +8,19 @@ from perception.geometry.se3 import inverse
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Bool, Float64
 
-_FULL_COUNT = 4  # points in a cell at which it weighs 1
+_FULL_COUNT = 4  # points in a cell of weight 1
+_MIN_DISTANCE_M = 5.0  # nearer to the sensor, points get no denser
 
 
 @dataclass(frozen=True)
 class ObjectObservation:
-    """N small cells seen from above, each with its points' mean, in the world.
+    """N small cells in top view, each with the mean of its points, in the world.
 
     Attributes:
-        points_xy_m: (N, 2).
-        tops_m: (N,) highest z.
-        weights: (N,) more for cells with more points, 1 at most.
-        sensor_xy_m: (2,).
+        points_xy_m: (N, 2) mean position of each cell's points.
+        tops_m: (N,) highest z of each cell.
+        weights: (N,) weight of each cell by its number of points, at most 1.
+        sensor_xy_m: (2,) position of the sensor.
     """
 
     points_xy_m: Float64
@@ -32,11 +33,11 @@ class ObjectObservation:
         return len(self.weights)
 
     def distance_m(self, xy_m: Float64) -> float:
-        """Return how far (2,) a place is from the sensor, at least 5 m: nearer, points get no denser."""
-        return max(float(np.hypot(*(self.sensor_xy_m - xy_m))), 5.0)
+        """Return the distance of (2,) a position from the sensor, at least 5 m."""
+        return max(float(np.hypot(*(self.sensor_xy_m - xy_m))), _MIN_DISTANCE_M)
 
     def near(self, xy_m: Float64, radius_m: float, max_cells: int) -> "ObjectObservation":
-        """Return what lies near a place, thinned evenly to at most so many cells."""
+        """Return the cells within a radius of (2,) a position, thinned out evenly to a maximum number."""
         off = self.points_xy_m - xy_m
         rows = np.flatnonzero((off**2).sum(axis=1) < radius_m**2)
         stride = max(1, -(-len(rows) // max_cells))
@@ -49,15 +50,15 @@ class ObjectObservation:
         )
 
     def downweighted(self, rows: Bool, share: float) -> "ObjectObservation":
-        """Return the sight with only a share of the weight of some cells."""
+        """Return the observation with the weight of some cells reduced to a share."""
         return replace(self, weights=np.where(rows, share * self.weights, self.weights))
 
 
 def points_around(tracker_input: TrackerInput, position_world: Float64, reach_m: float) -> Float64:
-    """Return the (N, 3) points in the world within a square around (3,) a place."""
+    """Return the (N, 3) points in the world within a square around (3,) a position."""
     velo = inverse(tracker_input.world_SE3_velo)
     x, y, _ = velo[:3, :3] @ position_world + velo[:3, 3]
-    # One column, then the other of what is left: a third of the time of both over all points.
+    # One column, then the other of the remaining points: a third of the time of both over all points.
     near = np.flatnonzero(np.abs(tracker_input.points_velo[:, 0] - np.float32(x)) < reach_m)
     near = near[np.abs(tracker_input.points_velo[near, 1] - np.float32(y)) < reach_m]
     world = tracker_input.world_SE3_velo
@@ -65,7 +66,7 @@ def points_around(tracker_input: TrackerInput, position_world: Float64, reach_m:
 
 
 def observation_of(points_world: Float64, sensor_xy_m: Float64, cell_m: float) -> ObjectObservation:
-    """Gather (N, 3) points by cells of the ground plane."""
+    """Average (N, 3) points over cells of the ground plane."""
     if len(points_world) == 0:
         none = np.zeros(0)
         return ObjectObservation(np.zeros((0, 2)), none, none, sensor_xy_m)

@@ -1,8 +1,8 @@
-"""Where a shape fits the points best around an expected pose, and how sure that is.
+"""Search of the pose at which an object's shape fits the points best, and of its covariance.
 
-The poses of a lattice around the expected one are all judged at once; the next, finer lattice covers
-what the first left possible. The answer is the mean and the covariance of what is left, so that a long
-wall, along which a pose may slide, says nothing about the place along it.
+The poses of a lattice around the predicted one are scored at once; the next, finer lattice covers the poses that remain
+possible. The result is the mean and the covariance of these, so that a long wall, along which a pose may slide, does
+not determine the position along it.
 """
 
 from dataclasses import dataclass
@@ -14,64 +14,20 @@ from scipy import ndimage
 from perception.geometry.angles import wrap
 from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
+from perception.tracking.single_object.config import PoseSearchConfig
 from perception.types import Bool, Float32, Float64
-
-_OWN_WORTH = 0.2  # a point that is worth more is the object's
-
-
-@dataclass(frozen=True)
-class PoseSearchConfig:
-    """How poses are searched.
-
-    Attributes:
-        coarse_steps: most steps of the first lattice along the heading, across and around.
-        coarse_spacing: of the first lattice, as a share of the object's length and width.
-        coarse_spacing_rad: the same around.
-        fine_steps: of the lattices after it.
-        reach: of the first lattice in standard deviations of what is expected.
-        max_reach_m: of the first lattice.
-        min_reach_m: of the first lattice along and across.
-        min_reach_rad: around.
-        finest_m: lattices need not reach less far.
-        finest_rad: the same of angles.
-        saturation_points: so many points say all; more say the same again.
-        sharpness: what one such point says.
-        surplus_weight: what e times as many points as usual say.
-        max_points: of one lattice; more are thinned evenly.
-        score_margin: poses whose score is this far below the best may still be it.
-        min_deviation_m: standard deviation of a pose that fits perfectly.
-        min_deviation_rad: of its yaw.
-    """
-
-    coarse_steps: tuple[int, int, int] = (25, 25, 7)
-    coarse_spacing: float = 0.15
-    coarse_spacing_rad: float = 0.07
-    fine_steps: tuple[tuple[int, int, int], ...] = ((9, 9, 7), (7, 7, 7))
-    reach: float = 2.5
-    max_reach_m: float = 6.0
-    min_reach_m: float = 0.25
-    min_reach_rad: float = 0.06
-    finest_m: float = 0.04
-    finest_rad: float = 0.01
-    saturation_points: float = 15.0
-    sharpness: float = 3.0
-    surplus_weight: float = 3.0
-    max_points: int = 250
-    score_margin: float = 6.0
-    min_deviation_m: float = 0.03
-    min_deviation_rad: float = 0.015
 
 
 @dataclass(frozen=True)
 class PoseEstimate:
-    """Where the object is in the world: (3,) x, y, yaw, and their (3, 3) covariance."""
+    """Pose of the object in the world, (3,) x, y, yaw, and its (3, 3) covariance."""
 
     pose: Float64
     covariance: Float64
 
 
 def squared_distance(estimate: PoseEstimate, prior: PoseEstimate) -> float:
-    """Return how far a belief's mean is from what was expected, in squared deviations."""
+    """Return the squared Mahalanobis distance of an estimate from the predicted pose."""
     off = estimate.pose - prior.pose
     off[2] = wrap(off[2])
     return float(off @ np.linalg.solve(prior.covariance, off))
@@ -79,7 +35,7 @@ def squared_distance(estimate: PoseEstimate, prior: PoseEstimate) -> float:
 
 @dataclass(frozen=True)
 class _Lattice:
-    """Poses around one: so far along, across and around it, in so many steps."""
+    """Poses around one, within a reach along, across and around it, in some numbers of steps."""
 
     pose: Float64
     reach: Float64
@@ -92,7 +48,7 @@ class _Lattice:
 
 @dataclass(frozen=True)
 class _ScoredPoses:
-    """The poses of a lattice: (Y, U, V, 3), around, along and across, and their (Y, U, V) rewards."""
+    """Poses of a lattice, (Y, U, V, 3) around, along and across, and their (Y, U, V) rewards."""
 
     poses: Float64
     rewards: Float64
@@ -102,17 +58,17 @@ def search(
     shape: ObjectShape,
     observation: ObjectObservation,
     priors: tuple[PoseEstimate, ...],
-    reference_reward: float,
+    expected_reward: float,
     config: PoseSearchConfig,
 ) -> PoseEstimate:
-    """Return what is believed after a scan.
+    """Return the estimate of the pose after a scan.
 
     Args:
-        shape: of the object.
-        observation: what the scan shows.
-        priors: what is believed before: one of these, the first as a rule.
-        reference_reward: what the object's points used to be worth, at this distance.
-        config: how to search.
+        shape: Shape of the object.
+        observation: Observed points of the scan.
+        priors: Predicted poses, a mixture in equal parts; the first is the centre of the search.
+        expected_reward: Expected reward of the object's points at this distance.
+        config: Lattices and likelihood.
     """
     table = shape.rewards(observation.sensor_xy_m, priors[0].pose)
     lattice = _first_lattice(priors[0], shape, config)
@@ -121,32 +77,27 @@ def search(
         reach_m = shape.radius_m + float(np.hypot(*lattice.reach[:2]))
         near = observation.near(lattice.pose[:2], reach_m, config.max_points)
         scored = _score_poses(shape, smooth, near, lattice)
-        kept = reference_reward * shape.retained_share(smooth, table)
-        score = _gains(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
+        kept = expected_reward * shape.retained_share(smooth, table)
+        score = _log_likelihood(scored.rewards, kept, config) + _log_prior(scored.poses, priors)
         best = np.unravel_index(np.argmax(score), score.shape)
-        reference_reward = max(reference_reward, float(scored.rewards[best]))
+        expected_reward = max(expected_reward, float(scored.rewards[best]))
         estimate = _moments(scored.poses, score, _around_best(score, best, config.score_margin))
         if steps is not None:
             lattice = _finer(lattice, estimate, steps, config)
     axes = _turn(estimate.pose[2])
-    floor = (
-        axes
-        @ np.diag(
-            np.square([config.min_deviation_m, config.min_deviation_m, config.min_deviation_rad])
-        )
-        @ axes.T
-    )
+    deviations = [config.min_deviation_m, config.min_deviation_m, config.min_deviation_rad]
+    floor = axes @ np.diag(np.square(deviations)) @ axes.T
     return PoseEstimate(estimate.pose, estimate.covariance + floor)
 
 
 @dataclass(frozen=True)
 class Support:
-    """What the points say of one pose.
+    """Evidence of the points for one pose.
 
     Attributes:
-        reward: for it, each point up to 1.
-        penalty: against it.
-        top_m: z of the highest point that speaks for it; -inf where none does.
+        reward: Sum of the rewards of points, each at most 1.
+        penalty: Sum of the penalties of points.
+        top_m: Height (z) of the highest point of the object; -inf without one.
     """
 
     reward: float
@@ -155,7 +106,7 @@ class Support:
 
 
 def support_at(shape: ObjectShape, observation: ObjectObservation, pose: Float64) -> Support:
-    """Return what speaks for and against one pose."""
+    """Return the evidence for and against one pose."""
     table = shape.rewards(observation.sensor_xy_m, pose)
     u, v = shape.cells_of(*into_frame(observation.points_xy_m, pose).T)
     rows, columns = table.shape
@@ -165,7 +116,7 @@ def support_at(shape: ObjectShape, observation: ObjectObservation, pose: Float64
     return Support(
         reward=float(observation.weights @ np.maximum(worth, 0)),
         penalty=float(observation.weights @ np.maximum(-worth, 0)),
-        top_m=float(observation.tops_m[worth > _OWN_WORTH].max(initial=-np.inf)),
+        top_m=float(observation.tops_m[worth > shape.config.own_reward].max(initial=-np.inf)),
     )
 
 
@@ -225,16 +176,16 @@ def _score_poses(
     return _ScoredPoses(poses, rewards.astype(np.float64))
 
 
-def _gains(rewards: Float64, reference_reward: float, config: PoseSearchConfig) -> Float64:
-    """Return what rewards say for poses; more than is usual for the object says little more."""
-    reference = max(reference_reward, 1.0)
-    beyond = config.surplus_weight * np.log(np.maximum(rewards, reference) / reference)
-    share = config.sharpness * min(1.0, config.saturation_points / reference)
-    return np.asarray(share * np.minimum(rewards, reference) + beyond)
+def _log_likelihood(rewards: Float64, expected_reward: float, config: PoseSearchConfig) -> Float64:
+    """Return the log-likelihood of poses by their rewards; a surplus over the expected reward adds little."""
+    expected = max(expected_reward, 1.0)
+    surplus = config.surplus_weight * np.log(np.maximum(rewards, expected) / expected)
+    share = config.sharpness * min(1.0, config.saturation_points / expected)
+    return np.asarray(share * np.minimum(rewards, expected) + surplus)
 
 
 def _log_prior(poses: Float64, priors: tuple[PoseEstimate, ...]) -> Float64:
-    """Return (...) the log density of a mixture of beliefs in equal parts, but for a constant."""
+    """Return (...) the log density of a mixture of estimates in equal parts, but for a constant."""
     logs = []
     for prior in priors:
         off = poses - prior.pose
@@ -245,13 +196,13 @@ def _log_prior(poses: Float64, priors: tuple[PoseEstimate, ...]) -> Float64:
 
 
 def _around_best(score: Float64, best: tuple[np.intp, ...], score_margin: float) -> Bool:
-    """Tell which poses are possible and hang together with the best: another object's do not."""
+    """Return the possible poses that are connected with the best one: those of another object are not."""
     groups, _ = ndimage.label(score > score[best] - score_margin, np.ones((3, 3, 3)))
     return np.asarray(groups == groups[best])
 
 
 def _moments(poses: Float64, score: Float64, rows: Bool) -> PoseEstimate:
-    """Return mean and covariance of some poses, each as likely as its score says."""
+    """Return mean and covariance of some poses, weighted by their likelihood."""
     chosen, score = poses[rows], score[rows]
     chances = np.exp(score - score.max())
     chances /= chances.sum()
@@ -264,12 +215,12 @@ def _blurred(table: Float32, deviation_cells: float) -> Float32:
     if deviation_cells < 0.6:
         return table
     blurred = np.asarray(cv2.GaussianBlur(table, (0, 0), deviation_cells), np.float32)
-    blurred[[0, -1]] = blurred[:, [0, -1]] = 0.0  # where all that lies farther away is counted
+    blurred[[0, -1]] = blurred[:, [0, -1]] = 0.0  # the cells of all points that lie farther away
     return blurred
 
 
 def _spread(yaw_rad: float, covariance: Float64) -> Float64:
-    """Return (3,) the deviations along, across and around."""
+    """Return (3,) the standard deviations along, across and around."""
     axes = _turn(yaw_rad)
     return np.sqrt(np.maximum(np.diag(axes.T @ covariance @ axes), 0))
 

@@ -1,4 +1,4 @@
-"""From a place in the image back to space, by the LiDAR points seen around it (5.3.4)."""
+"""Back-projection of a pixel to a position in space, by the LiDAR points around it (5.3.4)."""
 
 import numpy as np
 
@@ -7,20 +7,20 @@ from perception.types import Float, Float64
 
 
 def back_project(center_px: Float64, points_velo: Float, image_P_velo: Float64) -> Float64 | None:
-    """Return (3,) the place in the LiDAR frame that is seen at a place in the image.
+    """Return (3,) the position in the LiDAR frame of a pixel.
 
-    The nearest point in each of the four quadrants around it tells how far away it is: between the upper
-    two and between the lower two at its column, then between these at its row. Inverse depths are what
-    is interpolated, as over a plane they are linear in the image; so the place lies on the line of sight.
-    With fewer quadrants, the points of those there are weigh the same.
+    The nearest point in each of the four quadrants gives the depth: it is interpolated between the upper two
+    and between the lower two at the pixel's column, then between these at its row. Inverse depths are
+    interpolated, as they are linear in the image over a plane. With fewer quadrants, their points have equal
+    weights.
 
     Args:
         center_px: (2,) column and row.
-        points_velo: (N, 3+) of the object and near it.
-        image_P_velo: (3, 4).
+        points_velo: (N, 3+) points of the object and near it.
+        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
 
     Returns:
-        None where no point is before the camera.
+        None where no point is in front of the camera.
     """
     pixels, depths_m = project(image_P_velo, points_velo)
     in_front = np.isfinite(pixels).all(axis=1)
@@ -35,7 +35,7 @@ def back_project(center_px: Float64, points_velo: Float, image_P_velo: Float64) 
 
 
 def _quadrants(away_px: Float64) -> list[np.ndarray]:
-    """Return which points lie to the upper left, upper right, lower left and lower right, axes with both."""
+    """Return the points to the upper left, upper right, lower left and lower right; axes belong to both sides."""
     right, down = away_px.T
     return [
         np.flatnonzero((side * right >= 0) & (level * down >= 0))
@@ -51,7 +51,7 @@ def _nearest_of(rows: np.ndarray, away_px: Float64) -> int | None:
 
 
 def _bilinear(corners_px: Float64) -> Float64:
-    """Return (4,) weights with which the corners' mean lies at 0: upper left, upper right, lower two."""
+    """Return (4,) weights for which the mean of the corners is 0: upper left, upper right, lower two."""
     (upper, upper_row), (lower, lower_row) = _at_column(corners_px[:2]), _at_column(corners_px[2:])
     height = lower_row - upper_row
     share = -upper_row / height if height > 0 else 0.5
@@ -67,6 +67,6 @@ def _at_column(pair_px: Float64) -> tuple[Float64, float]:
 
 
 def _at_depth(center_px: Float64, depth_m: float, image_P_velo: Float64) -> Float64:
-    """Return (3,) the place on a line of sight at a depth before the camera."""
+    """Return (3,) the position of a pixel at a depth along the optical axis."""
     homogeneous = depth_m * np.append(center_px, 1.0)
     return np.asarray(np.linalg.solve(image_P_velo[:, :3], homogeneous - image_P_velo[:, 3]))

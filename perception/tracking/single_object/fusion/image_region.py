@@ -1,7 +1,7 @@
-"""The part of an image that an object covers, and the ring around it: Ω and Ω† - Ω (5.3.3).
+"""Region of an image that an object covers, and the ring around it: Ω and Ω† - Ω (5.3.3).
 
-Pixel (column, row) has its centre at (column, row), as KITTI's projection has it. A pixel belongs to a
-region where its centre lies within the region's outline.
+Pixel (column, row) has its centre at (column, row), as in KITTI's projection. A pixel belongs to a region if its
+centre lies within the region's outline.
 """
 
 from dataclasses import dataclass
@@ -11,26 +11,26 @@ from typing import Self
 import cv2
 import numpy as np
 
+from perception.tracking.single_object.config import ColorModelConfig
 from perception.types import Bool, Float, Float64, Int
-
-# Expanding an area by this factor along both axes doubles it: the ring is as large as the inside.
-_EXPANSION = float(np.sqrt(2))
 
 
 @dataclass(frozen=True)
 class ImageRegion:
-    """An object's convex outline in an image, and on demand the pixels within and around it.
+    """Convex outline of an object in an image, and on demand the pixels within and around it.
 
-    The outline is kept whole where it reaches beyond the image; only the pixels end there. So an object
-    that leaves the image has ever fewer pixels, at last none, and gets them back when it returns.
+    The outline is not cut off at the image's borders; only the pixels are. An object that leaves the image
+    loses its pixels, and has them again when it returns.
 
     Attributes:
         hull_px: (V, 2) columns and rows of the corners of Ω.
-        image_size_px: width and height of the image.
+        image_size_px: Width and height of the image.
+        ring_scale: Length of the outline of Ω† relative to that of Ω.
     """
 
     hull_px: Float64
     image_size_px: tuple[int, int]
+    ring_scale: float = ColorModelConfig.ring_scale
 
     @cached_property
     def corner_px(self) -> Int:
@@ -40,12 +40,12 @@ class ImageRegion:
 
     @cached_property
     def is_inside(self) -> Bool:
-        """(h, w) which pixels of the window lie within Ω."""
+        """(h, w) whether a pixel of the window lies within Ω."""
         return self._pixels_within(self.hull_px)
 
     @cached_property
     def is_ring(self) -> Bool:
-        """(h, w) which pixels of the window lie within Ω† but not within Ω."""
+        """(h, w) whether a pixel of the window lies within Ω† but not within Ω."""
         return self._pixels_within(self.outer_px) & ~self.is_inside
 
     @property
@@ -60,14 +60,14 @@ class ImageRegion:
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Rows and columns of the image that `is_inside` and `is_ring` are about."""
+        """Rows and columns of the image that `is_inside` and `is_ring` cover."""
         (column, row), (height, width) = self.corner_px, self.is_inside.shape
         return slice(row, row + height), slice(column, column + width)
 
     @cached_property
     def outer_px(self) -> Float64:
         """(V, 2) corners of Ω†, the outline of the ring."""
-        return self.center_px + _EXPANSION * (self.hull_px - self.center_px)
+        return self.center_px + self.ring_scale * (self.hull_px - self.center_px)
 
     @cached_property
     def center_px(self) -> Float64:
@@ -80,8 +80,8 @@ class ImageRegion:
         return np.concatenate([self.hull_px.min(axis=0), self.hull_px.max(axis=0)])
 
     def shifted(self, by_px: Float64, image_size_px: tuple[int, int]) -> Self:
-        """Return the region moved by columns and rows in the next image; no pixel where it has left that."""
-        return type(self)(self.hull_px + by_px, image_size_px)
+        """Return the region moved by columns and rows in the next image; without a pixel where it has left the image."""
+        return type(self)(self.hull_px + by_px, image_size_px, self.ring_scale)
 
     def _pixels_within(self, outline_px: Float64) -> Bool:
         high = np.floor(self.outer_px.max(axis=0)) + 1
@@ -93,15 +93,20 @@ class ImageRegion:
         return np.column_stack([columns, rows]) + self.corner_px
 
 
-def region_of(points_px: Float, image_size_px: tuple[int, int]) -> ImageRegion | None:
+def region_of(
+    points_px: Float,
+    image_size_px: tuple[int, int],
+    ring_scale: float = ColorModelConfig.ring_scale,
+) -> ImageRegion | None:
     """Outline an object by its projected points.
 
     Args:
         points_px: (N, 2) columns and rows; those not finite, as of points behind the camera, are left out.
-        image_size_px: width and height.
+        image_size_px: Width and height of the image.
+        ring_scale: Length of the ring's outline relative to the object's.
 
     Returns:
-        None where the points lie on one line, or where the image has no pixel within their hull.
+        None where the points lie on one line, or where no pixel of the image lies within their hull.
     """
     finite = points_px[np.isfinite(points_px).all(axis=1)]
     if len(finite) < 3:
@@ -111,7 +116,7 @@ def region_of(points_px: Float, image_size_px: tuple[int, int]) -> ImageRegion |
     hull_px = np.asarray(finite[np.asarray(corners).ravel()], np.float64)
     if len(hull_px) < 3:
         return None
-    region = ImageRegion(hull_px, image_size_px)
+    region = ImageRegion(hull_px, image_size_px, ring_scale)
     return region if region.is_inside.any() else None
 
 

@@ -11,8 +11,7 @@ from data.open_drive import open_drive
 from perception.errors import PerceptionError
 from perception.geometry import se3
 from perception.sensor import HDL_64E
-from perception.tracking.single_object.box import box_fit_tracker as box_follower
-from perception.tracking.single_object.box.box_fit_tracker import BoxFitTracker
+from perception.tracking.single_object.box.box_fit_tracker import BoxFitTracker, log_lidar_only
 from perception.tracking.single_object.tracker import TrackedObject, TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import single_object_tracker
 from perception.types import Boxes3D, Float, Float32, Float64
@@ -97,7 +96,7 @@ def _yaw_error_rad(found: TrackedObject, target: _MovingBox) -> float:
 
 def _started(target: _MovingBox, *others: _MovingBox) -> BoxFitTracker:
     tracker = BoxFitTracker(HDL_64E)
-    tracker.start(_tracker_input(0.0, target, *others), target.box(0.0))
+    tracker.init(_tracker_input(0.0, target, *others), target.box(0.0))
     return tracker
 
 
@@ -187,7 +186,7 @@ def test_a_rough_start_box_is_put_right_by_motion() -> None:
         exact.yaw_rad + np.radians(10),
     )
     tracker = BoxFitTracker(HDL_64E)
-    tracker.start(_tracker_input(0.0, car), rough)
+    tracker.init(_tracker_input(0.0, car), rough)
     for time_s in _times(25)[1:]:
         found = tracker.update(_tracker_input(time_s, car))
     assert _error_m(found, car, 2.4) < 0.4
@@ -197,7 +196,7 @@ def test_a_rough_start_box_is_put_right_by_motion() -> None:
 def test_an_empty_start_box_is_predicted_then_lost() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0))
     tracker = BoxFitTracker(HDL_64E)
-    tracker.start(_tracker_input(0.0), car.box(0.0))
+    tracker.init(_tracker_input(0.0), car.box(0.0))
     states = [tracker.update(_tracker_input(time_s)).state for time_s in _times(40)[1:]]
     assert states[0] is TrackStatus.PREDICTED
     assert states[-1] is TrackStatus.LOST
@@ -273,22 +272,24 @@ def test_answers_in_the_frame_of_a_sensor_that_moves() -> None:
     ],
     ids=["NaN", "flat", "none"],
 )
-def test_refuses_what_is_no_box(box: Boxes3D) -> None:
-    with pytest.raises(PerceptionError, match="start box"):
-        BoxFitTracker(HDL_64E).start(_tracker_input(0.0), box)
+def test_an_invalid_initial_box_is_an_error(box: Boxes3D) -> None:
+    with pytest.raises(PerceptionError) as caught:
+        BoxFitTracker(HDL_64E).init(_tracker_input(0.0), box)
+    assert caught.value.where == "initial box"
 
 
-def test_refuses_to_follow_what_was_never_given() -> None:
-    with pytest.raises(PerceptionError, match="start before follow"):
+def test_an_update_before_init_fails() -> None:
+    with pytest.raises(PerceptionError) as caught:
         BoxFitTracker(HDL_64E).update(_tracker_input(0.0))
+    assert caught.value.expected == "a call of init before update"
 
 
-def test_says_once_that_it_goes_by_lidar_alone(caplog: pytest.LogCaptureFixture) -> None:
-    box_follower._log_lidar_only.cache_clear()
+def test_logs_once_that_images_are_not_used(caplog: pytest.LogCaptureFixture) -> None:
+    log_lidar_only.cache_clear()
     with caplog.at_level(logging.INFO):
         _started(_MovingBox(CAR_M, (10.0, 5.0)))
         _started(_MovingBox(CAR_M, (10.0, 5.0)))
-    assert caplog.text.count("by LiDAR alone") == 1
+    assert caplog.text.count("uses the LiDAR alone") == 1
 
 
 @pytest.mark.parametrize(("track_id", "limit_m"), [(1, 0.20), (0, 0.60)], ids=["cyclist", "van"])
@@ -300,7 +301,7 @@ def test_follows_real_objects(kitti_root: Path, track_id: int, limit_m: float) -
         assert frame.world_SE3_velo is not None
         tracker_input = TrackerInput(frame.stamp_s, frame.points_velo, frame.world_SE3_velo)
         truth = labels.boxes_velo[labels.track_ids == track_id]
-        found = tracker.update(tracker_input) if index else tracker.start(tracker_input, truth)
+        found = tracker.update(tracker_input) if index else tracker.init(tracker_input, truth)
         assert found.state is TrackStatus.SEEN
         assert found.box_velo is not None
         errors_m.append(np.linalg.norm(found.box_velo.bottom_m[0] - truth.bottom_m[0]))

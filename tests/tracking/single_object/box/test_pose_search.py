@@ -5,17 +5,16 @@ import pytest
 
 from perception.tracking.single_object.box.object_shape import (
     ObjectShape,
-    ObjectShapeConfig,
     into_frame,
 )
 from perception.tracking.single_object.box.observation import ObjectObservation, observation_of
 from perception.tracking.single_object.box.pose_search import (
     PoseEstimate,
-    PoseSearchConfig,
     search,
     squared_distance,
     support_at,
 )
+from perception.tracking.single_object.config import ObjectShapeConfig, PoseSearchConfig
 from perception.types import Float64
 
 CAR_M = np.array([4.0, 1.8, 1.5])

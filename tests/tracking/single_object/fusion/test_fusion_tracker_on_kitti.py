@@ -30,7 +30,7 @@ def errors(kitti_root) -> dict[int, np.ndarray]:
         for track, tracker in trackers.items():
             truth = labels.boxes_velo[labels.track_ids == track]
             tracked = (
-                tracker.start(tracker_input, truth) if index == 0 else tracker.update(tracker_input)
+                tracker.init(tracker_input, truth) if index == 0 else tracker.update(tracker_input)
             )
             box = tracked.box_velo
             up_m = (box.size_m - truth.size_m)[0, 2] / 2

@@ -1,10 +1,10 @@
-"""What stands around a followed object, and the ground below it."""
+"""Background around a tracked object, and the ground below it."""
 
 import numpy as np
 
-from perception.tracking.single_object.box.background_model import BackgroundModel
-from perception.tracking.single_object.box.local_ground import LocalGround, update_ground
+from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
 from perception.tracking.single_object.box.observation import observation_of, points_around
+from perception.tracking.single_object.config import LocalGroundConfig
 from perception.tracking.single_object.tracker import TrackerInput
 from perception.types import Float, Float64
 
@@ -12,32 +12,32 @@ POLE, WALKER = np.array([[5.0, 2.0]]), np.array([[4.0, 1.0]])
 BOTH = np.concatenate([POLE, WALKER])
 
 
-def test_what_stood_beside_the_object_is_known_at_once() -> None:
-    around = BackgroundModel().seen(POLE, is_hidden=False)
+def test_a_point_beside_the_object_is_background_at_once() -> None:
+    around = BackgroundModel().updated(POLE, is_hidden=False)
     np.testing.assert_array_equal(around.contains(BOTH), [True, False])
 
 
 def test_it_is_forgotten_after_a_few_scans() -> None:
-    around = BackgroundModel().seen(POLE, is_hidden=False)
+    around = BackgroundModel().updated(POLE, is_hidden=False)
     for _ in range(4):
-        around = around.seen(np.zeros((0, 2)), is_hidden=False)
+        around = around.updated(np.zeros((0, 2)), is_hidden=False)
     assert not around.contains(POLE).any()
 
 
-def test_while_the_object_is_hidden_only_what_stays_is_known() -> None:
+def test_while_the_object_is_hidden_only_static_points_are_background() -> None:
     around = BackgroundModel()
     for number in range(8):
         walker = WALKER + np.array([0.14 * number, 0.0])
-        around = around.seen(np.concatenate([POLE, walker]), is_hidden=True)
+        around = around.updated(np.concatenate([POLE, walker]), is_hidden=True)
     np.testing.assert_array_equal(around.contains(np.concatenate([POLE, walker])), [True, False])
 
 
-def test_nothing_is_known_of_nothing() -> None:
+def test_without_scans_or_points_there_is_no_background() -> None:
     assert not BackgroundModel().contains(BOTH).any()
-    assert len(BackgroundModel().seen(POLE, is_hidden=False).contains(np.zeros((0, 2)))) == 0
+    assert len(BackgroundModel().updated(POLE, is_hidden=False).contains(np.zeros((0, 2)))) == 0
 
 
-def test_a_sight_gathers_points_by_cells() -> None:
+def test_an_observation_averages_points_over_cells() -> None:
     points = np.array([[1.01, 1.01, 0.2], [1.03, 1.05, 0.9], [2.51, 1.0, 0.5]])
     observation = observation_of(points, np.zeros(2), 0.1)
     np.testing.assert_allclose(observation.points_xy_m, [[1.02, 1.03], [2.51, 1.0]])
@@ -71,9 +71,9 @@ def _ground_after(stage: _Stage | None, *, road_m: float = -1.6) -> float:
     road = np.column_stack([xy, np.full(len(xy), road_m)])
     position = np.array([10.0, 0.0, -1.7])
     tracker_input = TrackerInput(0.0, np.zeros((0, 4), np.float32), np.eye(4), stage)
-    ground = LocalGround.of_box(-1.7)
+    ground = LocalGround.below_box(-1.7, LocalGroundConfig())
     for _ in range(30):
-        ground = update_ground(ground.moved(0.5), position, 4.0, tracker_input, road)
+        ground = ground.moved(0.5).updated(tracker_input, position, 4.0, road)
     return ground.z_world_m
 
 

@@ -6,13 +6,16 @@ import pytest
 
 from perception.errors import PerceptionError, UsageError
 from perception.sensor import HDL_64E
-from perception.tracking.single_object.baselines import opencv_trackers
 from perception.tracking.single_object.baselines.histogram_finders import (
     BackProjectionFinder,
     CorrectedHistogramFinder,
 )
-from perception.tracking.single_object.baselines.image_only_tracker import ImageOnlyTracker
-from perception.tracking.single_object.baselines.opencv_trackers import OpenCvFinder, opencv_tracker
+from perception.tracking.single_object.baselines.image_trackers import (
+    ImageOnlyTracker,
+    OpenCvFinder,
+    missing_opencv_trackers,
+    opencv_tracker,
+)
 from perception.tracking.single_object.tracker import TrackerInput, TrackStatus
 from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
 from perception.types import Boxes3D
@@ -50,7 +53,7 @@ def center_of(box_px: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_it_begins_with_the_rectangle_around_the_box(name):
-    first = single_object_tracker(name, HDL_64E).start(
+    first = single_object_tracker(name, HDL_64E).init(
         tracker_input(image_with_square(160, 100)), BOX
     )
     assert first.state is TrackStatus.SEEN
@@ -62,7 +65,7 @@ def test_it_begins_with_the_rectangle_around_the_box(name):
 @pytest.mark.parametrize(("name", "within_px"), [("ms-i", 1.5), ("cbwh", 2), ("opencv-mil", 6)])
 def test_it_follows_a_square_over_a_checkerboard(name, within_px):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+    tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     for frame in range(1, 8):
         position = 160 + 4 * frame, 100 - 2 * frame
         tracked = tracker.update(tracker_input(image_with_square(*position), frame))
@@ -75,7 +78,7 @@ def test_it_follows_a_square_over_a_checkerboard(name, within_px):
 def test_the_same_images_give_the_same_answers(name):
     def boxes() -> list[np.ndarray]:
         tracker = single_object_tracker(name, HDL_64E)
-        tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+        tracker.init(tracker_input(image_with_square(160, 100)), BOX)
         images = [image_with_square(160 + 3 * i, 100) for i in range(1, 4)]
         return [tracker.update(tracker_input(image)).box_px for image in images]
 
@@ -85,7 +88,7 @@ def test_the_same_images_give_the_same_answers(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_without_images_it_predicts_then_is_lost_then_sees_again(name):
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+    first = tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     states = []
     for _ in range(12):
         tracked = tracker.update(tracker_input(None))
@@ -100,7 +103,7 @@ def test_without_images_it_predicts_then_is_lost_then_sees_again(name):
 @pytest.mark.parametrize("name", ["ms-i", "cbwh"])
 def test_where_none_of_its_colours_is_left_it_says_so(name):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+    tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     tracked = tracker.update(tracker_input(np.full((200, 320, 3), 255, np.uint8)))
     assert tracked.state is TrackStatus.PREDICTED
     np.testing.assert_allclose(tracked.box_px, [140, 80, 180, 120], atol=1e-3)
@@ -109,7 +112,7 @@ def test_where_none_of_its_colours_is_left_it_says_so(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_an_object_that_leaves_the_image_gives_no_nan(name):
     tracker = single_object_tracker(name, HDL_64E)
-    tracker.start(tracker_input(image_with_square(160, 100)), BOX)
+    tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     for frame in range(1, 12):
         tracked = tracker.update(tracker_input(image_with_square(max(160 - 20 * frame, -21), 100)))
         assert np.isfinite(tracked.box_px).all()
@@ -121,7 +124,7 @@ def test_an_object_that_leaves_the_image_gives_no_nan(name):
 def test_an_image_of_one_colour_gives_no_nan(name, color):
     tracker = single_object_tracker(name, HDL_64E)
     flat = np.full((200, 320, 3), color, np.uint8)
-    tracker.start(tracker_input(flat), BOX)
+    tracker.init(tracker_input(flat), BOX)
     assert np.isfinite(tracker.update(tracker_input(flat)).box_px).all()
 
 
@@ -138,7 +141,7 @@ def test_an_image_of_one_colour_gives_no_nan(name, color):
 def test_odd_first_boxes_are_worked_with(name, size_m, bottom_m):
     box = Boxes3D(np.array([bottom_m]), np.array([size_m]), np.zeros(1))
     tracker = single_object_tracker(name, HDL_64E)
-    first = tracker.start(tracker_input(image_with_square(160, 100)), box)
+    first = tracker.init(tracker_input(image_with_square(160, 100)), box)
     tracked = tracker.update(tracker_input(image_with_square(161, 100)))
     assert np.isfinite(tracked.box_px).all()
     np.testing.assert_allclose(
@@ -149,22 +152,24 @@ def test_odd_first_boxes_are_worked_with(name, size_m, bottom_m):
 @pytest.mark.parametrize(
     ("box", "image", "found"),
     [
-        (BOX, None, "found none"),
-        (Boxes3D(-BOX.bottom_m, BOX.size_m, BOX.yaw_rad), "there", "outside the image"),
-        (Boxes3D(BOX.bottom_m, 0 * BOX.size_m, BOX.yaw_rad), "there", "found 10 0 -2 0 0 0 0"),
+        (BOX, None, "none"),
+        (Boxes3D(-BOX.bottom_m, BOX.size_m, BOX.yaw_rad), "there", "one outside the image"),
+        (Boxes3D(BOX.bottom_m, 0 * BOX.size_m, BOX.yaw_rad), "there", "10 0 -2 0 0 0 0"),
         (Boxes3D.empty(), "there", "0 boxes"),
     ],
     ids=["no image", "behind", "no size", "no box"],
 )
-def test_what_it_cannot_begin_with_is_told(box, image, found):
+def test_an_unusable_first_frame_is_an_error(box, image, found):
     tracker = single_object_tracker("ms-i", HDL_64E)
-    with pytest.raises(PerceptionError, match=found):
-        tracker.start(tracker_input(None if image is None else image_with_square(160, 100)), box)
+    with pytest.raises(PerceptionError) as caught:
+        tracker.init(tracker_input(None if image is None else image_with_square(160, 100)), box)
+    assert caught.value.found == found
 
 
-def test_following_nothing_is_told():
-    with pytest.raises(PerceptionError, match="start before follow"):
+def test_an_update_before_init_fails():
+    with pytest.raises(PerceptionError) as caught:
         single_object_tracker("cbwh", HDL_64E).update(tracker_input(image_with_square(160, 100)))
+    assert caught.value.expected == "a call of init before update"
 
 
 def test_a_colour_shared_with_the_surroundings_is_corrected_away():
@@ -173,19 +178,21 @@ def test_a_colour_shared_with_the_surroundings_is_corrected_away():
     image[80:121, 140:161] = (220, 20, 20)
     finder = CorrectedHistogramFinder()
     finder.init(image, np.array([140.0, 80, 180, 120]))
-    shares = np.sort(finder._shares)[::-1]
+    shares = np.sort(finder.shares)[::-1]
     # Grey is the only colour around, hence also the rarest there: nothing tells how common it may be.
     assert shares[0] == pytest.approx(shares[:2].sum() - shares[1])
     image[60:70] = (20, 220, 20)  # a rare colour around the object is the measure of the others
     finder.init(image, np.array([140.0, 80, 180, 120]))
-    assert np.sort(finder._shares)[-1] > 0.8
+    assert np.sort(finder.shares)[-1] > 0.8
 
 
 def test_a_tracker_that_opencv_lacks_is_told_with_the_wheel_that_has_it(monkeypatch):
     monkeypatch.delattr(cv2, "TrackerKCF_create", raising=False)
-    assert "opencv-kcf" in opencv_trackers.missing_opencv_trackers()
-    with pytest.raises(UsageError, match="install opencv-contrib-python-headless"):
+    assert "opencv-kcf" in missing_opencv_trackers()
+    with pytest.raises(UsageError) as caught:
         opencv_tracker("opencv-kcf")
+    assert caught.value.where == "tracker opencv-kcf"
+    assert "opencv-contrib-python-headless" in caught.value.advice
 
 
 def test_the_headless_wheel_brings_mil():
@@ -208,7 +215,7 @@ class GrowingTracker:
 def test_the_rectangle_grows_with_opencvs_window_and_stays_where_it_fails():
     tracker = ImageOnlyTracker("growing", OpenCvFinder(GrowingTracker))
     image = image_with_square(160, 100)
-    tracker.start(tracker_input(image), BOX)
+    tracker.init(tracker_input(image), BOX)
     grown = tracker.update(tracker_input(image))
     np.testing.assert_allclose(grown.box_px, [100, 60, 180, 140], atol=1e-3)
     missed = tracker.update(tracker_input(image))

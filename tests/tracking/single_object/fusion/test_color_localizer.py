@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.color_model import BINS, color_ratios
-from perception.tracking.single_object.fusion.image_mean_shift import (
+from perception.tracking.single_object.color_model import color_ratios
+from perception.tracking.single_object.config import ColorModelConfig, ImageMeanShiftConfig
+from perception.tracking.single_object.fusion.color_localizer import (
     confidence,
     confidence_centroid,
     image_mean_shift,
@@ -10,6 +11,8 @@ from perception.tracking.single_object.fusion.image_mean_shift import (
 from perception.tracking.single_object.fusion.image_region import region_of
 
 SIZE_PX = (160, 120)
+THESIS = ImageMeanShiftConfig()
+EXACT = ImageMeanShiftConfig(tolerance_px=0.01)
 
 
 def square_at(column: float, row: float, half_px: float = 10.0) -> np.ndarray:
@@ -38,7 +41,7 @@ def test_the_confidence_is_the_ratio_of_each_pixel(learned):
 
 def test_the_region_moves_exactly_onto_the_object(learned):
     region, ratios = learned
-    found = image_mean_shift(scene(67, 45), region, ratios, tolerance_px=0.01)
+    found = image_mean_shift(scene(67, 45), region, ratios, EXACT)
     np.testing.assert_allclose(found.center_px, [67, 45])
     np.testing.assert_allclose(found.regions[-1].center_px, [67, 45])
     np.testing.assert_allclose(found.regions[0].center_px, [60, 50])
@@ -46,17 +49,15 @@ def test_the_region_moves_exactly_onto_the_object(learned):
 
 def test_an_object_where_it_was_takes_one_shift(learned):
     region, ratios = learned
-    found = image_mean_shift(scene(60, 50), region, ratios)
+    found = image_mean_shift(scene(60, 50), region, ratios, THESIS)
     assert len(found.regions) == 2
     np.testing.assert_allclose(found.regions[-1].hull_px, region.hull_px)
 
 
 def test_there_are_at_most_as_many_shifts_as_wanted(learned):
     region, ratios = learned
-    assert (
-        len(image_mean_shift(scene(75, 62), region, ratios, iterations=2, tolerance_px=0).regions)
-        == 3
-    )
+    config = ImageMeanShiftConfig(max_iterations=2, tolerance_px=0)
+    assert len(image_mean_shift(scene(75, 62), region, ratios, config).regions) == 3
 
 
 def test_a_colour_on_one_side_drags_nothing_where_its_place_is_known():
@@ -70,7 +71,7 @@ def test_a_colour_on_one_side_drags_nothing_where_its_place_is_known():
     ratios = color_ratios(striped(60), region)
     start_px = confidence_centroid(striped(60), region, ratios)
     np.testing.assert_allclose(start_px, [53, 50])
-    found = image_mean_shift(striped(64), region, ratios, start_px=start_px, tolerance_px=0.01)
+    found = image_mean_shift(striped(64), region, ratios, EXACT, start_px)
     np.testing.assert_allclose(found.center_px, [57, 50])
     np.testing.assert_allclose(found.regions[-1].center_px, [64, 50])
 
@@ -87,14 +88,15 @@ def test_an_object_half_out_of_the_image_is_found_by_what_is_left(learned):
     region, ratios = learned
     edge = region.shifted(np.array([-56.0, 0.0]), SIZE_PX)
     # Columns 0 to 12 are left of the square.
-    found = image_mean_shift(scene(2, 50), edge, ratios, tolerance_px=0.01)
+    found = image_mean_shift(scene(2, 50), edge, ratios, EXACT)
     np.testing.assert_allclose(found.center_px, [6, 50])
 
 
 @pytest.mark.parametrize("iterations", [0, 4])
 def test_without_any_of_its_colours_nothing_is_found_and_nothing_moves(learned, iterations):
     region, _ = learned
-    found = image_mean_shift(scene(60, 50), region, np.zeros(BINS), iterations)
+    config = ImageMeanShiftConfig(max_iterations=iterations)
+    found = image_mean_shift(scene(60, 50), region, np.zeros(ColorModelConfig().bins), config)
     assert found.center_px is None
     assert found.regions == (region,)
 
@@ -102,7 +104,7 @@ def test_without_any_of_its_colours_nothing_is_found_and_nothing_moves(learned, 
 def test_outside_the_image_nothing_is_found(learned):
     region, ratios = learned
     gone = region.shifted(np.array([-500.0, 0.0]), SIZE_PX)
-    found = image_mean_shift(scene(60, 50), gone, ratios)
+    found = image_mean_shift(scene(60, 50), gone, ratios, THESIS)
     assert found.center_px is None
     assert found.regions == (gone,)
 
@@ -111,6 +113,6 @@ def test_image_and_model_are_left_as_they_were(learned):
     region, ratios = learned
     image = scene(66, 52)
     before = image.copy(), ratios.copy()
-    image_mean_shift(image, region, ratios)
+    image_mean_shift(image, region, ratios, THESIS)
     np.testing.assert_array_equal(image, before[0])
     np.testing.assert_array_equal(ratios, before[1])
