@@ -47,8 +47,8 @@ weights: $(VENV)/.installed-dev
 	$(BIN)/trifuse train depthcn $(SYNTH)/train --validation $(SYNTH)/val --epochs 6 --out results/weights/depthcn
 	$(BIN)/trifuse export results/weights/depthcn/best.ckpt --out results/weights/depthcn.onnx --data $(SYNTH)/test
 	cp results/weights/depthcn.onnx $(SHIPPED)/depthcn_default.onnx
-	$(BIN)/trifuse evaluate fusion $(SYNTH)/test
-	$(BIN)/trifuse evaluate depthcn $(SYNTH)/test
+	$(BIN)/trifuse evaluate detection $(SYNTH)/test
+	$(BIN)/trifuse evaluate detection $(SYNTH)/test --detector depthcn
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff check --fix .

@@ -8,8 +8,8 @@ import numpy as np
 from benchmarks.measure import Contender, time_interleaved
 from benchmarks.reference.depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
+from perception.cli.detectors import run_depthcn
 from perception.cli.table import Cell
-from perception.cli.vehicle_detector import DepthCnConfig
 from perception.detection.depthcn.detector import DepthCn
 
 
@@ -49,9 +49,9 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
 
 def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
     """Return the median time of each part of ours."""
-    detector = DepthCnConfig().open(prepared.drive.sensor)
+    detector = DepthCn("default", prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
-        for stage, spent_s in detector.detect(frame).timings_s.items():
+        for stage, spent_s in run_depthcn(detector, frame).timings_s.items():
             seconds[stage].append(spent_s)
     return {stage: 1e3 * float(np.median(spent)) for stage, spent in seconds.items()}

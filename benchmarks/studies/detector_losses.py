@@ -38,7 +38,7 @@ def study_detector_losses(
 ) -> Study:
     """Train all, and print average precision at every overlap."""
     metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
-    overlaps = evaluation.rules.iou_thresholds
+    overlaps = evaluation.metric.iou
     plot_variant_curves(plot_path, "Losses", metrics, overlaps[0])
     return Study(
         name="detector-losses",

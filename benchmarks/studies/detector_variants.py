@@ -15,13 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from data.atomic_file import write_atomically
 from data.results.documents import to_serializable, write_json
-from perception.cli.evaluations.class_precision import MetricConfig
-from perception.cli.evaluations.detector_steps import MeasuredDetector, measure_detector
-from perception.cli.evaluations.labelled_drives import (
-    ReadingConfig,
-    drive_sources,
-    open_labelled,
-)
+from perception.cli.detectors import MeasuredModality
+from perception.cli.evaluate_detection import DriveReport, measure_drives
+from perception.cli.flags import DriveFlags
 from perception.cli.training.detector_plan import (
     DetectorDataConfig,
     DetectorModelConfig,
@@ -31,7 +27,7 @@ from perception.cli.training.detector_plan import (
 from perception.cli.training.trainer_choice import trainer_config
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
-from perception.evaluation.detection.protocol import kitti_class
+from perception.evaluation.detection.config import PrecisionConfig
 
 if TYPE_CHECKING:
     from train.detector.run import TrainedDetector
@@ -73,11 +69,11 @@ class VariantEvaluationConfig:
 
     Attributes:
         drives: each has its own figures.
-        rules: of the measure.
+        metric: Metric configuration.
     """
 
     drives: tuple[Path, ...]
-    rules: MetricConfig
+    metric: PrecisionConfig
 
     def __post_init__(self) -> None:
         """Refuse no drive to measure on."""
@@ -95,7 +91,7 @@ class VariantMetrics:
         maps_ms: in the median, to make its picture of a scan, on the first drive; 0 for the camera's image.
         network_ms: in the median, for the network on the CPU.
         drives: for each drive whether it is real, how many frames it has, and by IoU and difficulty what
-            `ClassPrecision.to_json` says.
+            `PrecisionReport.to_json` states.
     """
 
     epoch: int
@@ -106,10 +102,8 @@ class VariantMetrics:
 
     def detections(self, drive: str, iou: float, difficulty: str) -> Mapping[str, Any] | None:
         """Return the figures of what was detected, or None where nothing was."""
-        found: Mapping[str, Any] | None = self.drives[drive]["iou"][f"{iou:g}"][difficulty][
-            "detections"
-        ]
-        return found
+        found: Mapping[str, Any] = self.drives[drive]["iou"][f"{iou:g}"][difficulty]
+        return None if found["ap_r40_percent"] is None else found
 
     def ap(self, drive: str, iou: float, difficulty: str) -> float:
         """Return average precision in percent, 0 where nothing was detected, over 40 points."""
@@ -191,35 +185,24 @@ def _evaluated(
     known = _read(folder / "figures.json")
     if known is not None and known["judging"] == asked:
         return VariantMetrics(**known["figures"])
-    measured = _measure(_model_file(folder), evaluation)
-    first = measured[0]
+    network = ModalityDetector(_model_file(folder))
+    detector = MeasuredModality(network, network.class_names[:1], evaluation.metric)
+    measured = measure_drives(detector, evaluation.drives, DriveFlags(), evaluation.metric)
+    first = measured[0].report
     metrics = VariantMetrics(
         epoch=trained["epoch"],
         training_frames=trained["counts"]["training_frames"],
         maps_ms=first.median_ms("maps"),
-        network_ms=first.median_ms(first.modality),
-        drives=to_serializable({one.detected.data.name: _of_drive(one) for one in measured}),
+        network_ms=first.median_ms(network.modality),
+        drives=to_serializable({one.data.path: _of_drive(one) for one in measured}),
     )
     write_json(folder / "figures.json", {"judging": asked, "figures": metrics})
     return metrics
 
 
-def _measure(model: Path, evaluation: VariantEvaluationConfig) -> list[MeasuredDetector]:
-    network = ModalityDetector(model)
-    classes = (kitti_class(network.class_names[0]),)
-    reading = ReadingConfig()
-    return [
-        measure_detector(
-            place.name, open_labelled(place, reading), network, classes, reading, evaluation.rules
-        )
-        for place in drive_sources(evaluation.drives, None)
-    ]
-
-
-def _of_drive(measured: MeasuredDetector) -> dict[str, Any]:
-    precision = next(iter(measured.precision.values()))
-    data = measured.detected.data
-    return {"data": data.kind, "frames": data.frames_evaluated, "iou": precision.to_json()}
+def _of_drive(measured: DriveReport) -> dict[str, Any]:
+    data, (precision,) = measured.data, measured.report.precision.to_json().values()
+    return {"data": data.kind, "frames": data.frames_evaluated, "iou": precision}
 
 
 def _model_file(folder: Path) -> Path:

@@ -49,7 +49,7 @@ def study_sim_to_real(
 ) -> Study:
     """Train all, and draw average precision over the number of frames learned from."""
     metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
-    overlaps = evaluation.rules.iou_thresholds
+    overlaps = evaluation.metric.iou
     of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
     modality = variants[0].detector.modality
     plot_over_frames(

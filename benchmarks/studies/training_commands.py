@@ -14,12 +14,11 @@ from benchmarks.studies.detector_variants import (
 from benchmarks.studies.reflectance_maps import map_variants, study_reflectance_maps
 from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.sim_to_real import share_variants, study_sim_to_real
-from perception.cli.evaluations.class_precision import MetricConfig
-from perception.cli.evaluations.detection import BootstrapConfig
 from perception.cli.flags import require_positive
 from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
 from perception.cli.training.trainer_choice import as_path_tuple
 from perception.cli.training.verifier_plan import VerifierDataConfig
+from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import Method, Modality
 
 _OVERLAPS = (0.7, 0.5)
@@ -72,7 +71,7 @@ class TrainingFlags:
     def evaluation(self, *drives: Path) -> VariantEvaluationConfig:
         """Return by what the variants are measured."""
         return VariantEvaluationConfig(
-            drives, MetricConfig(_OVERLAPS, resampling=BootstrapConfig(self.bootstrap, self.seed))
+            drives, PrecisionConfig(_OVERLAPS, bootstrap=self.bootstrap, seed=self.seed)
         )
 
 

@@ -67,7 +67,7 @@ def plot_variant_curves(
             found = one.detections(drive, iou, _SHOWN_LEVEL)
             if found is not None:
                 curves[f"{name}: {one.ap(drive, iou, _SHOWN_LEVEL):.1f} %"] = np.array(
-                    found["precision"]
+                    found["curve"]["precision"]
                 )
         panels.append(
             precision_panel(f"{drive}, {_SHOWN_LEVEL}, IoU over {iou:g}", curves, "AP R40")
@@ -108,11 +108,11 @@ def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:
 
 def _precision_cell(one: VariantMetrics, drive: str, iou: float, level: str) -> Cell:
     found = one.detections(drive, iou, level) or {}
-    interval = found.get("ap_r40_interval_percent") or {"low": None}
+    low, high = found.get("ap_r40_low_percent"), found.get("ap_r40_high_percent")
     words = f"{one.ap(drive, iou, level):.2f}"
-    if interval["low"] is None:
+    if low is None:
         return words
-    return f"{words} ({interval['low']:.1f} to {interval['high']:.1f})"
+    return f"{words} ({low:.1f} to {high:.1f})"
 
 
 def _thesis_cells(known: Mapping[str, Percent], name: str) -> list[Cell]:

@@ -52,17 +52,26 @@ class Command:
 
 # Modules are imported when their command is asked for, so that `trifuse --help` is quick.
 COMMANDS: Mapping[str, Command] = {
+    "detect": Command(
+        "perception.cli.detect:detect", "detect vehicles by DepthCN; write KITTI result files"
+    ),
+    "evaluate detection": Command(
+        "perception.cli.evaluate_detection:evaluate_detection",
+        "average precision of the vehicle detectors and their fusion",
+    ),
+    "evaluate robustness": Command(
+        "perception.cli.evaluate_robustness:evaluate_robustness",
+        "average precision under sensor corruptions",
+    ),
+    "evaluate results": Command(
+        "perception.cli.evaluate_results:evaluate_results",
+        "metrics of result files of any program",
+    ),
     "evaluate ground": Command(
         "perception.cli.evaluate_ground:ground", "error of the estimated ground at labelled objects"
     ),
     "evaluate obstacles": Command(
         "perception.cli.evaluate_obstacles:obstacles", "objects missed, false moving clusters"
-    ),
-    "evaluate datmo": Command(
-        "perception.cli.evaluate_datmo:datmo", "tracks of moving objects, several methods compared"
-    ),
-    "evaluate vehicles": Command(
-        "perception.cli.evaluate_vehicles:vehicles", "detected vehicles as objects on the road"
     ),
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
@@ -80,7 +89,6 @@ OLD_COMMANDS = {
     "run": "run the pipeline on a drive; write results, a video and a summary",
     "track": "track one object: trajectory, speed, box and a video",
     "maps": "write dense depth and reflectance maps as the camera sees them",
-    "detect": "detect vehicles by LiDAR; write KITTI result files and images",
     "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
     "check": "read a drive once; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",

@@ -279,7 +279,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         return flag if action.nargs == 0 else f"{flag} {action.dest.rpartition('.')[2].upper()}"
 
     def _get_help_string(self, action: argparse.Action) -> str:
-        help_words = action.help or ""
+        help_words = re.sub(r"%(?!\()", "%%", action.help or "")
         is_shown = action.option_strings and action.default not in (None, argparse.SUPPRESS, "")
         if is_shown and not isinstance(action.default, bool):
             return f"{help_words} [{_shown(action.default)}]"

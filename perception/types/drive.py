@@ -3,22 +3,20 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from perception.types.arrays import Bool, Float64, Int
 from perception.types.boxes import Boxes3D
 from perception.types.frame import Calibration, Frame
-from perception.types.table import SHARED, ArrayTable
 
 if TYPE_CHECKING:  # the sensor's module needs the types
     from perception.sensor import LidarModel
 
 
 @dataclass(frozen=True)
-class Labels(ArrayTable):
+class Labels:
     """M labelled objects of one frame, KITTI's conventions already converted.
 
     Attributes:
@@ -32,12 +30,28 @@ class Labels(ArrayTable):
     """
 
     boxes_velo: Boxes3D
-    boxes_px: Annotated[Float64, 4]
-    types: NDArray[np.str_]
+    boxes_px: Float64
+    types: np.ndarray
     track_ids: Int
     truncation: Float64
     occlusion: Int
-    dont_care_px: Annotated[Float64, SHARED]
+    dont_care_px: Float64
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.boxes_velo)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> "Labels":
+        """Return the labels of a mask, of indices, or of a slice; DontCare regions stay."""
+        return Labels(
+            self.boxes_velo[rows],
+            self.boxes_px[rows],
+            self.types[rows],
+            self.track_ids[rows],
+            self.truncation[rows],
+            self.occlusion[rows],
+            self.dont_care_px,
+        )
 
 
 class Drive(Protocol):

@@ -19,10 +19,10 @@ from benchmarks.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_varian
 from benchmarks.studies.sim_to_real import UNCHANGED, share_variants
 from benchmarks.studies.variant_report import precision_tables, times_table
 from export import onnx
-from perception.cli.evaluations.class_precision import MetricConfig
 from perception.cli.main import main
 from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
 from perception.errors import UsageError
+from perception.evaluation.detection.config import PrecisionConfig
 from tests.detection.bright_cells import bright_cells
 from tests.train.toy_images import tiny_network
 from train.detector import networks
@@ -62,7 +62,7 @@ def trainings(monkeypatch):
 
 
 def evaluation_on(*drives):
-    return VariantEvaluationConfig(drives, MetricConfig((0.7, 0.5)))
+    return VariantEvaluationConfig(drives, PrecisionConfig((0.7, 0.5)))
 
 
 def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
@@ -140,11 +140,10 @@ def test_shares_are_trained_for_as_many_steps():
 
 
 def metrics_of(ap, interval=None):
-    found = {"ap_r40_percent": ap, "precision": [1.0] * 41}
+    found = {"ap_r40_percent": ap, "curve": {"precision": [1.0] * 41}}
     if interval is not None:
-        found["ap_r40_interval_percent"] = {"low": interval[0], "high": interval[1]}
-    levels = {name: {"detections": found} for name in ("easy", "moderate")}
-    levels["hard"] = {"detections": None}
+        found["ap_r40_low_percent"], found["ap_r40_high_percent"] = interval
+    levels = {"easy": found, "moderate": found, "hard": {"ap_r40_percent": None}}
     drives = {"val": {"data": "synthetic", "frames": 9, "iou": {"0.7": levels}}}
     return VariantMetrics(2, 5, 1.5, 20.25, drives)
 

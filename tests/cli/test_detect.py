@@ -1,4 +1,4 @@
-"""`trifuse detect`: what it writes, and what it says where it cannot."""
+"""`trifuse detect`: the files that it writes, its summary, and its errors."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ def detect(drive: Path, out: Path, *words: str) -> int:
     return main(["detect", str(drive), "--out", str(out), *words])
 
 
-def test_frames_get_result_files_and_pictures_by_their_numbers(
+def test_frames_get_result_files_and_previews_by_their_numbers(
     car_frames, label_reader, tmp_path, capsys
 ):
     label_reader(car_frames)
@@ -36,41 +36,41 @@ def test_frames_get_result_files_and_pictures_by_their_numbers(
     assert sorted(path.name for path in (out / "data").iterdir()) == [
         "000000.txt", "000002.txt", "000003.txt",
     ]  # fmt: skip
-    pictures = sorted((out / "pictures").iterdir())
-    assert [path.name for path in pictures] == ["000000.jpg", "000002.jpg", "000003.jpg"]
-    assert cv2.imread(str(pictures[0])).shape[1] >= SIZE_PX[0]
+    previews = sorted((out / "previews").iterdir())
+    assert [path.name for path in previews] == ["000000.jpg", "000002.jpg", "000003.jpg"]
+    assert cv2.imread(str(previews[0])).shape[1] >= SIZE_PX[0]
     assert not (out / "video.mp4").exists()
     printed = capsys.readouterr().out
     assert "training: 3 frames" in printed
     assert ["reading", "2.0", "2.0", "67"] in map(str.split, printed.splitlines())
-    assert "2.0 proposals, 3.0 written as vehicles, 2.0 of these with a score of 0.5" in printed
+    assert "2.0 proposals/frame, 3.0 detections/frame, 2.0 of these with a score of 0.5" in printed
 
 
 def test_what_is_written_is_read_by_the_measure(car_frames, label_reader, tmp_path):
     label_reader(car_frames)
     out = tmp_path / "out"
-    assert detect(car_frames, out, "--video", "false") == 0
+    assert detect(car_frames, out, "--no-video") == 0
     found = read_detection_set(out, car_frames)
     assert found.numbers == (0, 2, 3)
-    assert found.beyond == found.missing_results == ()
+    assert found.extra_results == found.missing_results == ()
     assert found.detections.frames.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     assert found.detections.scores[:3].tolist() == [0.9, 0.8, 0.05]
     assert {len(row.split()) for row in (out / "data/000003.txt").read_text().splitlines()} == {16}
-    assert not (out / "pictures").exists()
+    assert not (out / "previews").exists()
 
 
 def test_configuration_and_summary_say_what_was_done(car_frames, label_reader, tmp_path):
     label_reader(car_frames)
     out = tmp_path / "out"
-    words = ("--rules.radius_m", "0.7", "--method", "thesis", "--shown-score", "0.85")
+    words = ("--depthcn.proposals.radius-m", "0.7", "--display-score", "0.85")
     assert detect(car_frames, out, "--frames", "2", *words) == 0
     config = yaml.safe_load((out / "config.yaml").read_text())
-    assert config["plan"]["choice"]["method"] == "thesis"
-    assert config["plan"]["choice"]["rules"]["radius_m"] == 0.7
+    assert config["depthcn"]["proposals"]["radius_m"] == 0.7
+    assert config["nms"]["min_score"] == 0.01
     assert config["network"]["training_data"] == "nothing at all"
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["frames"], summary["proposals"], summary["detections"]) == (2, 4, 6)
-    assert summary["shown"] == {"min_score": 0.85, "detections": 2}
+    assert summary["displayed"] == {"display_score": 0.85, "detections": 2}
     assert summary["stages_ms"]["all stages"]["p50"] == 3.0
 
 
@@ -80,9 +80,9 @@ def test_a_sequence_without_images_becomes_a_video_of_depths(street, label_reade
     assert detect(street, out, "--sequence", "0") == 0
     with av.open(str(out / "video.mp4")) as container:
         assert sum(1 for _ in container.decode(video=0)) == FRAMES
-    picture = cv2.imread(str(out / "picture.jpg"))
+    preview = cv2.imread(str(out / "preview.jpg"))
     # The road before the car is near: red over blue, as nothing else below the middle.
-    blue, _, red = picture[330:380, 500:780].mean(axis=(0, 1))
+    blue, _, red = preview[330:380, 500:780].mean(axis=(0, 1))
     assert red > blue + 60
     assert len(list((out / "data").iterdir())) == FRAMES
 
@@ -114,7 +114,7 @@ def test_a_drive_of_which_no_frame_can_be_read(car_frames, label_reader, tmp_pat
     for scan in (car_frames / "training/velodyne").iterdir():
         scan.write_bytes(b"")
     assert detect(car_frames, tmp_path / "out", "--on-bad-frame", "skip") == 0
-    assert "no frame was done" in capsys.readouterr().out
+    assert "no frame could be read" in capsys.readouterr().out
 
 
 def test_a_drive_without_a_camera_has_nothing_to_project_to(label_reader, tmp_path, capsys):
@@ -129,7 +129,7 @@ def test_a_drive_without_a_camera_has_nothing_to_project_to(label_reader, tmp_pa
     [
         (("--sequence", "0007"), "expected sequence 0007, found 0000; choose one with --sequence"),
         (("--frames", "0"), "--frames: expected at least 1, found 0"),
-        (("--model", "nowhere.onnx"), "expected a model file, found no file nowhere.onnx"),
+        (("--depthcn.model", "nowhere.onnx"), "expected a model file, found no file nowhere.onnx"),
     ],
 )
 def test_what_cannot_work_is_one_sentence(street, tmp_path, capsys, words, sentence):
@@ -141,6 +141,6 @@ def test_what_cannot_work_is_one_sentence(street, tmp_path, capsys, words, sente
 def test_a_file_that_is_no_network_is_named(street, tmp_path, capsys):
     model = tmp_path / "broken.onnx"
     model.write_bytes(b"\x08\x07 not a network")
-    assert detect(street, tmp_path / "out", "--model", str(model)) == 2
+    assert detect(street, tmp_path / "out", "--depthcn.model", str(model)) == 2
     error = capsys.readouterr().err
     assert "broken.onnx: expected a whole ONNX model" in error

@@ -10,7 +10,7 @@ import numpy as np
 
 from perception.errors import UsageError
 from perception.evaluation.detection.average_precision import DetectionStatistics
-from perception.evaluation.detection.precision_curve import PrecisionCurve, RecallPoints
+from perception.evaluation.detection.precision_curve import PrecisionCurve
 from perception.types import Float64, Progress
 
 
@@ -30,9 +30,9 @@ class PrecisionSamples:
         percent: by recall points, (N,) averages; NaN for a choice of frames without an object.
     """
 
-    percent: dict[RecallPoints, Float64]
+    percent: dict[int, Float64]
 
-    def interval(self, recall_points: RecallPoints = 40, confidence: float = 0.95) -> Interval:
+    def interval(self, recall_points: int = 40, confidence: float = 0.95) -> Interval:
         """Return the percentiles between which the given share of the averages lies."""
         return percentile_interval(self.percent[recall_points], confidence)
 
@@ -83,7 +83,7 @@ def resample_precision(
 
 
 def _samples(curves: list[PrecisionCurve]) -> PrecisionSamples:
-    points: tuple[RecallPoints, ...] = (11, 40)
+    points: tuple[int, ...] = (11, 40)
     return PrecisionSamples(
         {
             recall_points: np.array([c.ap(recall_points) if c.truths else np.nan for c in curves])

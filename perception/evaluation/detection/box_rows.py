@@ -9,7 +9,7 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
 from perception.evaluation.rows import Rows
-from perception.types import Detections, Float64, Int
+from perception.types import Detections, Float64, Int, Labels
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,29 @@ class TrueBoxes(_BoxRows):
     truncation: Float64
     occlusion: Float64
 
+    @classmethod
+    def of_frames(cls, labels: Sequence[Labels]) -> Self:
+        """Return the labels of one frame after the other, each frame's DontCare regions after its objects.
+
+        Truncation stays as labelled, also where it is a level of tracking labels: 0 is within every limit on the
+        share, 1 and 2 are beyond. Of the 18,472 objects in the labels of both of KITTI's benchmarks, 97 % of
+        level 0 are truncated by no more than 0.15 and all by no more than 0.5, all but four of 1,050 of level 1
+        by more than 0.5; of level 2, half of 633 are whole.
+        """
+        counts = [len(one) + len(one.dont_care_px) for one in labels]
+        regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
+        types = [[*one.types.tolist(), *["DontCare"] * len(one.dont_care_px)] for one in labels]
+        return cls(
+            frames=np.repeat(np.arange(len(labels)), counts),
+            types=np.array([name for of_frame in types for name in of_frame], np.str_),
+            alphas_rad=np.full(sum(counts), NO_ALPHA_RAD),
+            boxes_px=_interleave(
+                [one.boxes_px for one in labels], [one.dont_care_px for one in labels], (0, 4)
+            ),
+            truncation=_interleave([one.truncation for one in labels], regions, (0,)),
+            occlusion=_interleave([one.occlusion for one in labels], regions, (0,)),
+        )
+
 
 @dataclass(frozen=True)
 class DetectedBoxes(_BoxRows):
@@ -85,3 +108,12 @@ class DetectedBoxes(_BoxRows):
             boxes_px=np.concatenate([found.boxes_px for found in parts]).astype(np.float64),
             scores=np.concatenate([found.scores for found in parts]).astype(np.float64),
         )
+
+
+def _interleave(
+    objects: Sequence[np.ndarray], regions: Sequence[np.ndarray], empty_shape: tuple[int, ...]
+) -> Float64:
+    """Return the rows of the objects and then of the regions of each frame in turn."""
+    pairs = zip(objects, regions, strict=True)
+    columns = [np.zeros(empty_shape), *(column for pair in pairs for column in pair)]
+    return np.concatenate(columns, dtype=np.float64)

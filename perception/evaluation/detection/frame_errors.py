@@ -1,35 +1,35 @@
-"""In which frames a detector errs, at the score at which it errs least in all of them together."""
+"""Errors of a detector by frame, at the score threshold with the fewest errors in all frames together."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.evaluation_boxes import pair_boxes
+from perception.evaluation.detection.evaluation_boxes import evaluation_mask, pair_boxes
 from perception.evaluation.detection.match_statistics import match_statistics
-from perception.evaluation.detection.protocol import DetectionClass, Difficulty
-from perception.types import Int
+from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass, Difficulty
+from perception.types import Float64, Int
 
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Of one class at one difficulty.
+    """Errors of one class at one difficulty.
 
     Attributes:
-        threshold: detections of this score and above count.
-        false_negatives: (F,) objects of each frame that none of them finds.
-        false_positives: (F,) of them that find nothing.
+        threshold: Lowest score of the detections that count.
+        false_negatives: (F,) number of missed objects of each frame.
+        false_positives: (F,) number of detections of each frame that match no object.
     """
 
     threshold: float
     false_negatives: Int
     false_positives: Int
 
-    def worst(self, most: int) -> Int:
-        """Return up to so many frames with mistakes, those with most of them first."""
+    def worst(self, count: int) -> Int:
+        """Return the frames with most errors, at most `count`, the worst first; none without an error."""
         together = self.false_negatives + self.false_positives
         order = np.argsort(-together, kind="stable")
-        return order[together[order] > 0][:most]
+        return order[together[order] > 0][:count]
 
 
 def count_frame_errors(
@@ -39,7 +39,7 @@ def count_frame_errors(
     of_class: DetectionClass,
     difficulty: Difficulty,
 ) -> FrameErrors:
-    """Count at the score at which misses and false alarms of all frames together are fewest.
+    """Count the errors at the score threshold with the fewest errors of all frames together.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
@@ -60,3 +60,53 @@ def count_frame_errors(
         false_negatives=np.asarray(counted.truths_of_frames - found, np.int64),
         false_positives=np.asarray(alarms, np.int64),
     )
+
+
+@dataclass(frozen=True)
+class ErrorFrame:
+    """A frame with errors, as it is drawn.
+
+    Attributes:
+        place: Place of the frame among those evaluated.
+        objects_px: (M, 4) objects that must be detected.
+        ignored_px: (K, 4) boxes that may be detected: other difficulties and classes, DontCare regions.
+        detections: Detections from the threshold on.
+    """
+
+    place: int
+    objects_px: Float64
+    ignored_px: Float64
+    detections: DetectedBoxes
+
+
+def worst_frames(
+    truths: TrueBoxes,
+    detections: DetectedBoxes,
+    frames: int,
+    of_class: DetectionClass,
+    count: int,
+) -> list[ErrorFrame]:
+    """Return the frames with most errors at the hardest difficulty, the worst first.
+
+    Raises:
+        PerceptionError: a box is of a frame beyond the last.
+    """
+    difficulty = DIFFICULTIES[-1]
+    errors = count_frame_errors(truths, detections, frames, of_class, difficulty)
+    boxes = pair_boxes(truths, detections, frames)
+    mask = evaluation_mask(boxes, of_class, difficulty)
+    counts = (detections.scores >= errors.threshold) & (
+        boxes.detection_types == of_class.name.lower()
+    )
+    worst = []
+    for place in errors.worst(count).tolist():
+        in_frame = truths.frames == place
+        worst.append(
+            ErrorFrame(
+                place,
+                truths.boxes_px[in_frame & mask.is_valid_truth],
+                truths.boxes_px[in_frame & ~mask.is_valid_truth],
+                detections[counts & (detections.frames == place)],
+            )
+        )
+    return worst

@@ -1,7 +1,6 @@
 """KITTI's precision-recall curve: 41 points, at thresholds that are scores of found objects."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -9,10 +8,8 @@ from perception.evaluation.detection.match_statistics import MatchStatistics
 from perception.evaluation.detection.protocol import RECALL_STEPS
 from perception.types import Float64, Int
 
-RecallPoints = Literal[11, 40]
-
 # The points that an average is over: 0, 0.1 .. 1 until 2019, then 1/40, 2/40 .. 1.
-_AVERAGED: dict[RecallPoints, slice] = {11: slice(0, None, 4), 40: slice(1, None)}
+_RECALL_SLICES: dict[int, slice] = {11: slice(0, None, 4), 40: slice(1, None)}
 
 
 @dataclass(frozen=True)
@@ -43,15 +40,15 @@ class PrecisionCurve:
     precision: Float64
     orientation_similarity: Float64 | None
 
-    def ap(self, recall_points: RecallPoints = 40) -> float:
+    def ap(self, recall_points: int = 40) -> float:
         """Return the average precision in percent."""
-        return 100 * float(self.precision[_AVERAGED[recall_points]].mean())
+        return 100 * float(self.precision[_RECALL_SLICES[recall_points]].mean())
 
-    def aos(self, recall_points: RecallPoints = 40) -> float | None:
+    def aos(self, recall_points: int = 40) -> float | None:
         """Return the average orientation similarity in percent, if headings are told."""
         if self.orientation_similarity is None:
             return None
-        return 100 * float(self.orientation_similarity[_AVERAGED[recall_points]].mean())
+        return 100 * float(self.orientation_similarity[_RECALL_SLICES[recall_points]].mean())
 
 
 def compute_curve(
@@ -115,7 +112,7 @@ def threshold_ranks(matches: int, truths: int) -> Int:
     return np.unique(np.minimum(in_turn, matches))
 
 
-def max_ap(truths: int, recall_points: RecallPoints = 40) -> float:
+def max_ap(truths: int, recall_points: int = 40) -> float:
     """Return the average precision in percent of finding so many objects and nothing else.
 
     It is 100 where objects are many. Where there are no more than 40, each is one threshold at most, and
@@ -123,7 +120,7 @@ def max_ap(truths: int, recall_points: RecallPoints = 40) -> float:
     """
     precision = np.zeros(RECALL_STEPS + 1)
     precision[: len(threshold_ranks(truths, truths))] = 1
-    return 100 * float(precision[_AVERAGED[recall_points]].mean())
+    return 100 * float(precision[_RECALL_SLICES[recall_points]].mean())
 
 
 def _envelope(part: Int | Float64, whole: Int) -> Float64:

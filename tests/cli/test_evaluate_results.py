@@ -1,0 +1,125 @@
+"""`trifuse evaluate results`: what it prints, draws and writes, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from perception.cli.main import main
+
+CAR, CYCLIST = "300 100 400 180", "600 100 640 200"
+FRAMES = 50
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    """Return results and labels: a car a frame and a cyclist in every fifth; nine cars in ten are found."""
+    results, labels = tmp_path / "found", tmp_path / "object" / "training" / "label_2"
+    results.mkdir()
+    labels.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    for number in range(FRAMES):
+        rows = [f"Car 0 0 0.5 {CAR}"] + [f"Cyclist 0 0 0.5 {CYCLIST}"] * (number % 5 == 0)
+        text = "".join(f"{row} 1.5 1.6 3.9 1 1.5 20 0.5\n" for row in rows)
+        (labels / f"{number:06d}.txt").write_text(text)
+        found = [f"Car -1 -1 0.5 {CAR}"] * (number % 10 != 9)
+        found += [f"Car -1 -1 0.5 {CYCLIST}"] * (number % 7 == 0)
+        unknown = "-1 -1 -1 -1000 -1000 -1000 -10"
+        text = "".join(f"{row} {unknown} {rng.random():.4f}\n" for row in found)
+        (results / f"{number:06d}.txt").write_text(text)
+    return results, tmp_path / "object"
+
+
+def evaluate(results: Path, *words: str | Path) -> int:
+    return main(["evaluate", "results", str(results), *map(str, words)])
+
+
+def cells(printed: str, row: str) -> list[str]:
+    """Return what stands in a row behind its name."""
+    return next(line for line in printed.splitlines() if line.startswith(row))[len(row) :].split()
+
+
+def test_table_picture_and_document_say_the_same(folders, tmp_path: Path, capsys):
+    results, labels = folders
+    (results / "000009.txt").unlink()
+    (results / "000777.txt").write_text("")
+    picture, out = tmp_path / "made" / "precision.png", tmp_path / "made" / "metrics.json"
+    words = ("--labels", labels, "--bootstrap", 20, "--plot", picture, "--json", out)
+    assert evaluate(results, *words) == 0
+    printed = capsys.readouterr().out
+    assert "found: 53 detections in 50 frames" in printed
+    assert "1 frames without a result file, the first 000009: counted as no detection" in printed
+    assert "1 result files of other frames, the first 000777: not read" in printed
+    assert "Cyclist: nothing detected, so it has no metrics." in printed
+    document = json.loads(out.read_text())
+    assert document["data"]["frames"] == FRAMES
+    assert document["data"]["missing_results"] == [9]
+    values = document["protocol"]["values"]
+    assert (values["bootstrap"], values["seed"], values["recall_points"]) == (20, 0, [11, 40])
+    assert document["results"]["Cyclist"]["0.5"]["easy"]["curve"] is None
+    for difficulty in ("easy", "moderate", "hard"):
+        metrics = document["results"]["Car"]["0.7"][difficulty]
+        assert (metrics["objects"], metrics["found"]) == (50, 45)
+        assert len(metrics["curve"]["precision"]) == 41
+        names = ("ap_r40_percent", "ap_r40_low_percent", "ap_r40_high_percent", "aos_r40_percent")
+        row = cells(printed, f"Car {difficulty} 0.7")
+        assert row[:3] == ["50", "45", "90.0"]
+        assert row[7:11] == [f"{metrics[name]:.2f}" for name in names]
+        assert metrics["aos_r40_percent"] == pytest.approx(metrics["ap_r40_percent"])
+    assert {path.name for path in picture.parent.iterdir()} == {"precision.png", "metrics.json"}
+
+
+def test_eleven_points_of_one_class_in_some_frames(folders, tmp_path: Path, capsys):
+    results, labels = folders
+    frame_list = tmp_path / "val.txt"
+    frame_list.write_text("000000\n000001\n000009\n")
+    words = ("--labels", labels, "--frame-list", frame_list, "--recall-points", "11")
+    assert evaluate(results, *words, "--classes", "car") == 0
+    printed = capsys.readouterr().out
+    assert "R40" not in printed
+    assert "95 %" not in printed
+    assert cells(printed, "Car easy 0.7")[:2] == ["3", "2"]
+    assert "Pedestrian" not in printed
+    assert "With 40 objects or fewer" in printed
+    assert "result files of other frames" in printed
+
+
+def test_any_overlap_and_any_class(folders, capsys):
+    results, labels = folders
+    for path in results.iterdir():
+        path.write_text(path.read_text().replace("300 100 400 180", "300 100 400 170"))
+    words = ("--labels", labels, "--classes", "Car,Tram", "--iou")
+    assert evaluate(results, *words, "0.9") == 0
+    printed = capsys.readouterr().out
+    assert cells(printed, "Car easy 0.9")[:2] == ["50", "0"]
+    assert "Tram: nothing detected" in printed
+    assert evaluate(results, *words, "0.8") == 0
+    assert cells(capsys.readouterr().out, "Car easy 0.8")[:2] == ["50", "45"]
+
+
+def test_a_class_that_is_not_labelled(folders, capsys):
+    results, labels = folders
+    (results / "000001.txt").write_text(
+        f"Pedestrian -1 -1 -10 {CYCLIST} -1 -1 -1 -1000 -1000 -1000 -10 0.5"
+    )
+    assert evaluate(results, "--labels", labels) == 0
+    printed = capsys.readouterr().out
+    assert cells(printed, "Pedestrian hard 0.5") == ["0", "0", "-", "-", "-", "-"]
+    assert "AOS" not in printed
+
+
+def test_what_cannot_work_is_one_sentence(folders, tmp_path: Path, capsys):
+    results, labels = folders
+    assert evaluate(results, "--labels", labels, "--classes", "Tram") == 2
+    assert "name any other class together with --iou" in capsys.readouterr().err
+    assert evaluate(results, "--labels", labels, "--iou", "1.5") == 2
+    assert "--iou: expected from 0 to below 1, found 1.5" in capsys.readouterr().err
+    assert evaluate(results, "--labels", labels, "--bootstrap", "-3") == 2
+    assert "--bootstrap: expected 0 or more, found -3" in capsys.readouterr().err
+    (results / "000002.txt").write_text("Car 1 2 3\n")
+    assert evaluate(results, "--labels", labels) == 2
+    sentence = "000002.txt row 1: expected 16 columns, type to score, found 4."
+    assert sentence in capsys.readouterr().err
+    assert evaluate(tmp_path / "nowhere", "--labels", labels) == 2
+    assert "found no folder" in capsys.readouterr().err
