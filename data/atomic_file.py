@@ -1,4 +1,4 @@
-"""Files that are complete, or not there."""
+"""Atomic file writing: a file is complete or absent."""
 
 from pathlib import Path
 

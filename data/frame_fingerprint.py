@@ -1,4 +1,4 @@
-"""What tells a frame, and what is made of it, from all others: the key of whatever a store keeps."""
+"""Fingerprints of frames and of the code that processes them: keys of the sample store."""
 
 import hashlib
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from perception.types import Drive
 
 
 def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
-    """Return what tells a frame from all others, and this from earlier contents of its files."""
+    """Return the fingerprint of a frame, which changes with the content of its files."""
     files = frame_files(drive, index)
     stats = [path.stat() if path.is_file() else None for path in files]
     return {
@@ -31,7 +31,7 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
 
 
 def frame_files(drive: Drive, index: int) -> list[Path]:
-    """Return what a frame, and its labels, are read from; nothing of a drive that is not on disk."""
+    """Return the files of a frame and its labels; none for a drive that is not on disk."""
     if isinstance(drive, ObjectFrames):
         number = drive.number(index)
         scan = drive.scans.path(number)
@@ -50,7 +50,7 @@ def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]
 
 @cache
 def code_fingerprint(*sources: ModuleType | Path) -> str:
-    """Return a hash of packages, modules and files: nothing kept outlives a change of what made it."""
+    """Return a hash of packages, modules and files, so that cached data does not outlive a change of the code."""
     files = [file for source in sources for file in _python_files(source)]
     return entry_key(code=[file.read_text() for file in sorted(files)])
 

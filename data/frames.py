@@ -1,4 +1,4 @@
-"""Read the frames of a drive in order, one ahead of who uses them."""
+"""Read the frames of a drive in order, one frame ahead."""
 
 import logging
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ OnBadFrame = Literal["stop", "skip"]
 
 
 def frame_count(drive: Drive, limit: int | None) -> int:
-    """Return how many frames a drive has, or the limit where that is less."""
+    """Return the number of frames of a drive, or the limit where it is smaller."""
     return len(drive) if limit is None else min(limit, len(drive))
 
 
 def file_number(drive: Drive, index: int) -> int:
-    """Return the number by which the files of a frame are named."""
+    """Return the number in the file names of a frame."""
     if isinstance(drive, ObjectFrames):
         return drive.number(index)
     return drive.scans.numbers[index] if isinstance(drive, KittiSequence) else index
@@ -30,13 +30,14 @@ def file_number(drive: Drive, index: int) -> int:
 def read_frames(
     drive: Drive, *, on_bad_frame: OnBadFrame = "stop", limit: int | None = None, first: int = 0
 ) -> Iterator[Frame]:
-    """Yield the frames of a drive in order, reading the next while this one is worked on.
+    """Yield the frames of a drive in order, reading the next one in the background.
 
     Args:
-        drive: what to read.
-        on_bad_frame: raise at a damaged or missing frame, or log one sentence and go on without it.
-        limit: none from this many frames after the drive's start on.
-        first: how many frames at the drive's start are passed over.
+        drive: Drive to read.
+        on_bad_frame: Raise an error at a damaged or missing frame, or log one sentence and continue
+            without it.
+        limit: Number of frames from the start of the drive; None for all.
+        first: Number of frames at the start of the drive that are passed over.
 
     Raises:
         PerceptionError: a frame cannot be read and `on_bad_frame` is "stop".

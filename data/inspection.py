@@ -1,4 +1,4 @@
-"""Read everything of a drive once, and list what is missing, damaged or implausible."""
+"""Read every file of a drive once, and list what is missing, damaged or implausible."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -45,12 +45,12 @@ _WHAT = {
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of thing that is not as it should be.
+    """One kind of fault.
 
     Attributes:
-        what: in a few words.
-        count: how often.
-        first_example: the first of them in one sentence.
+        what: Fault in a few words.
+        count: Number of occurrences.
+        first_example: First occurrence in one sentence.
         is_fault: False where it is worth knowing but no fault, such as a part that is optional.
     """
 
@@ -62,16 +62,16 @@ class Finding:
 
 @dataclass(frozen=True)
 class DriveSummary:
-    """What a drive is.
+    """Description of a drive.
 
     Attributes:
-        name: of the drive.
-        sensor: name of its LiDAR.
-        frames: their number, missing ones included.
-        seconds: from the first to the last readable scan; 0 for unrelated frames.
-        distance_m: driven, by the INS, or None without one.
-        mean_points: in a readable scan.
-        parts: what there is beside the scans.
+        name: Name of the drive.
+        sensor: Name of the LiDAR model.
+        frames: Number of frames, missing ones included.
+        seconds: Duration from the first to the last readable scan; 0 for unrelated frames.
+        distance_m: Distance driven by the INS, or None without one.
+        mean_points: Mean number of points in a readable scan.
+        parts: Sensors and labels beside the scans.
     """
 
     name: str
@@ -85,20 +85,20 @@ class DriveSummary:
 
 @dataclass(frozen=True)
 class DriveReport:
-    """What a drive is, and everything found in it."""
+    """Description of a drive, and all faults found in it."""
 
     summary: DriveSummary
     findings: tuple[Finding, ...]
 
     @property
     def faults(self) -> int:
-        """How many things are damaged or implausible."""
+        """Number of damaged or implausible files and values."""
         return sum(finding.count for finding in self.findings if finding.is_fault)
 
 
 @dataclass
 class _FindingList:
-    """Findings so far, by what they are."""
+    """Findings so far, by kind."""
 
     findings: dict[str, Finding] = field(default_factory=dict)
 
@@ -115,11 +115,11 @@ class _FindingList:
 
 
 def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
-    """Read every file of a drive once; go on after a fault, so that all are found.
+    """Read every file of a drive once; continue after a fault, so that all are found.
 
     Args:
-        drive: opened with its images.
-        progress: wraps the frame numbers, as a progress bar does.
+        drive: Drive opened with its images.
+        progress: Wraps the frame numbers, as a progress bar does.
     """
     collected = _FindingList()
     points: list[int] = []
@@ -174,7 +174,7 @@ def _scans_of(drive: KittiDrive) -> KittiDrive:
 
 
 def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> None:
-    """Look at how LiDAR and camera are mounted, which one frame of a drive tells."""
+    """Check the mounting of LiDAR and camera on one frame of a drive."""
     try:
         check_mounting(frame.points_velo, drive.sensor, frame.source)
     except MountingError as error:

@@ -1,4 +1,4 @@
-"""Open whatever drive a path holds."""
+"""Open the drive at a path, whatever its layout."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +18,12 @@ _LAYOUTS = (
 
 @dataclass(frozen=True)
 class _DriveLocation:
-    """What a path turned out to be.
+    """Layout and folder that a path refers to.
 
     Attributes:
-        folder: a raw drive, a folder of them, or a training or testing folder.
-        layout: raw, date, tracking or object.
-        sequences: names of the sequences in a date or tracking folder.
+        folder: Raw drive, folder of raw drives, or training or testing folder.
+        layout: Layout: raw, date, tracking or object.
+        sequences: Names of the sequences in a date or tracking folder.
     """
 
     folder: Path
@@ -37,10 +37,10 @@ def open_drive(
     """Open a drive, whatever its layout.
 
     Args:
-        path: a raw drive, a date folder, or a tracking or object folder with or without training/.
-        sequence: which one, where there are several: 0000, or the name or number of a raw drive.
-        sensor: name of a LiDAR model, or a .json file; else the drive's sensor.json, else HDL-64E.
-        images: whether frames shall carry images.
+        path: Raw drive, date folder, or tracking or object folder with or without training/.
+        sequence: Sequence where there are several: 0000, or the name or number of a raw drive.
+        sensor: Name of a LiDAR model, or a .json file; else the drive's sensor.json, else HDL-64E.
+        images: Whether frames carry images.
 
     Raises:
         DriveError: the path holds no drive, or several of which none was named.
@@ -61,7 +61,7 @@ def open_drive(
 
 
 def sequences_in(path: Path) -> list[str | None]:
-    """Return what `open_drive` takes as `sequence` to open each drive of a path, one after another.
+    """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
 
     Raises:
         DriveError: the path holds no drive.
@@ -70,7 +70,7 @@ def sequences_in(path: Path) -> list[str | None]:
 
 
 def _detect_layout(path: Path) -> _DriveLocation:
-    """Find out which layout a path has, looking into training/, then testing/."""
+    """Determine the layout of a path, looking into training/, then testing/."""
     if not path.is_dir():
         raise DriveError(path, expected=_LAYOUTS, found="no such folder")
     if is_raw_drive(path):

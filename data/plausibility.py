@@ -1,4 +1,4 @@
-"""What a drive's numbers may look like, and what is odd: times, INS motion, calibration, labels."""
+"""Plausibility of a drive's numbers: times, INS motion, calibration, labels."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ _MAX_DISTANCE_M = 250.0
 
 @dataclass(frozen=True)
 class Anomaly:
-    """One implausible thing.
+    """One implausible value.
 
     Attributes:
-        what: its kind.
-        example: where, what was expected, what was found.
+        what: Kind of the anomaly.
+        example: Where it is, what was expected and what was found.
     """
 
     what: str
@@ -37,7 +37,7 @@ class Anomaly:
 
 
 def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
-    """Find gaps between consecutive frames, and time that stands still or runs backwards."""
+    """Find gaps between consecutive frames, and repeated or decreasing times."""
     steps = {b: stamps_s[b] - stamps_s[a] for a, b in pairwise(stamps_s) if b == a + 1}
     if not steps:
         return
@@ -56,7 +56,7 @@ def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
 def motion_anomalies(
     packets: Mapping[int, InsPacket], stamps_s: Mapping[int, float], period_s: float
 ) -> Iterator[Anomaly]:
-    """Find steps of the INS that do not follow its own velocity, or that no vehicle can make."""
+    """Find steps of the INS that contradict its own velocity, or exceed what a vehicle can do."""
     if not packets:
         return
     world = Mercator.around(next(iter(packets.values())))
@@ -103,7 +103,7 @@ def _step_anomalies(
 
 
 def rotation_anomalies(dst_SE3_src: Float64, where: str) -> Iterator[Anomaly]:
-    """Find a rotation that stretches or mirrors."""
+    """Find a rotation matrix that is not orthonormal."""
     rotation = dst_SE3_src[:3, :3]
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if error > _ORTHONORMAL or np.linalg.det(rotation) < 0:
@@ -112,7 +112,7 @@ def rotation_anomalies(dst_SE3_src: Float64, where: str) -> Iterator[Anomaly]:
 
 
 def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
-    """Find a LiDAR-to-camera rotation that is none, and a principal point outside the image."""
+    """Find a LiDAR-to-camera rotation that is not orthonormal, and a principal point outside the image."""
     yield from rotation_anomalies(calibration.cam_SE3_velo, f"{calibration.source} cam_SE3_velo")
     size = calibration.image_size_px
     center_px = calibration.image_P_cam[:2, 2]
@@ -125,7 +125,7 @@ def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
 
 
 def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
-    """Find a LiDAR whose points ahead do not fall into the image."""
+    """Find a calibration by which points ahead do not project into the image."""
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
         return
@@ -144,7 +144,7 @@ def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
 def label_anomalies(
     labels: Labels, image_size_px: tuple[int, int] | None, where: str
 ) -> Iterator[Anomaly]:
-    """Find boxes that lie outside the image, have no size, or are out of any LiDAR's reach."""
+    """Find boxes outside the image, without size, or beyond the range of any LiDAR."""
     boxes = labels.boxes_velo
     reach_m = np.linalg.norm(boxes.bottom_m, axis=1)
     for kind, size_m, distance_m in zip(labels.types, boxes.size_m, reach_m, strict=True):

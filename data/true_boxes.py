@@ -1,4 +1,4 @@
-"""Labels of many frames as rows, in the form in which detections are judged."""
+"""Labels of many frames as rows, as the evaluation of detections takes them."""
 
 from collections.abc import Sequence
 

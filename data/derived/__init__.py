@@ -1,1 +1,1 @@
-"""What follows from labels, and from the thesis about them: what moves, and whom it follows through which frames."""
+"""Derived labels: which objects move, and which objects the thesis tracks in which frames."""

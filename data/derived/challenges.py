@@ -1,4 +1,4 @@
-"""What makes an object hard to follow, told from its labels: the flags of Table A.1, whose own are lost.
+"""Tracking challenges of an object, computed from its labels: the flags of Table A.1, whose own are lost.
 
 Table 3.2 states the same factors for eight sequences in words. The thresholds agree with all eight of its
 entries on occlusion and on pose, with seven on relative velocity, and with six on distance, where the
@@ -17,7 +17,7 @@ _SECOND_S = 1.0 - 1e-3  # stamps a second apart differ by rounding
 
 
 class Challenge(StrEnum):
-    """As the thesis abbreviates them."""
+    """Challenges by the thesis' abbreviations."""
 
     OCC = "OCC"  # occlusion
     POS = "POS"  # object pose relative to the vehicle varies
@@ -37,13 +37,13 @@ CHALLENGE_DESCRIPTIONS = {
 
 @dataclass(frozen=True)
 class ChallengeConfig:
-    """From where on a variation is a challenge.
+    """Thresholds from which a variation is a challenge.
 
     Attributes:
-        occluded_share: of the frames.
-        turn_deg: between the outermost headings.
-        distance_ratio: of the greatest over the least.
-        speed_change_m_s: between the greatest and the least.
+        occluded_share: Minimum share of occluded frames.
+        turn_deg: Minimum angle between the outermost headings in degrees.
+        distance_ratio: Minimum ratio of the greatest to the smallest distance.
+        speed_change_m_s: Minimum difference between the greatest and the smallest speed.
     """
 
     occluded_share: float = 0.1
@@ -54,13 +54,14 @@ class ChallengeConfig:
 
 @dataclass(frozen=True)
 class Variations:
-    """How much an object varies from its first frame to its last.
+    """Variation of an object from its first to its last frame.
 
     Attributes:
-        occluded_share: of the frames in which it is occluded or not labelled.
-        turn_deg: between its outermost headings in the LiDAR frame.
-        distance_ratio: of its greatest distance over its least.
-        speed_change_m_s: between the greatest and the least speed of its distance; 0 of less than a second.
+        occluded_share: Share of the frames in which the object is occluded or not labelled.
+        turn_deg: Angle between its outermost headings in the LiDAR frame in degrees.
+        distance_ratio: Ratio of its greatest to its smallest distance.
+        speed_change_m_s: Difference between the greatest and the smallest rate of change of its
+            distance; 0 for less than a second.
     """
 
     occluded_share: float
@@ -69,7 +70,7 @@ class Variations:
     speed_change_m_s: float
 
     def challenges(self, config: ChallengeConfig | None = None) -> tuple[Challenge, ...]:
-        """Return what is challenging."""
+        """Return the challenges."""
         limits = config or ChallengeConfig()
         is_challenge = {
             Challenge.OCC: self.occluded_share >= limits.occluded_share,
@@ -81,7 +82,7 @@ class Variations:
 
 
 def variations(track: TrueTrack) -> Variations:
-    """Measure how much an object with at least one labelled frame varies."""
+    """Measure the variation of an object with at least one labelled frame."""
     span = track.frames[-1] - track.frames[0] + 1
     visible = np.count_nonzero((track.occlusion == 0) | (track.occlusion == 3))
     distances_m = np.hypot(*track.boxes_velo.bottom_m[:, :2].T)
@@ -94,7 +95,7 @@ def variations(track: TrueTrack) -> Variations:
 
 
 def _speed_change_m_s(stamps_s: Float64, distances_m: Float64) -> float:
-    """Compare each frame with the first that is a second later: no jitter of boxes looks like speed."""
+    """Compare each frame with the first that is a second later, so that jitter of the boxes does not appear as speed."""
     later = np.searchsorted(stamps_s, stamps_s + _SECOND_S)
     earlier = np.flatnonzero(later < len(stamps_s))
     later = later[earlier]

@@ -1,4 +1,4 @@
-"""Which labelled objects move, and when: made from label boxes and poses (the flags of Table 3.1).
+"""Motion of labelled objects, computed from label boxes and poses (the flags of Table 3.1).
 
 The thesis' own flags were never published. Here an object moves while its box travels over the ground.
 The speed of a box is the median of the velocities between all pairs of its positions within a window
@@ -43,13 +43,13 @@ class TrackPositions:
 
 @dataclass(frozen=True)
 class PosedLabels:
-    """The labels of one frame, and where and when it was taken.
+    """Labels, pose and time of one frame.
 
     Attributes:
-        frame: number of the frame.
-        stamp_s: time of the scan.
+        frame: Number of the frame.
+        stamp_s: Time of the scan in seconds.
         world_SE3_velo: (4, 4) pose of the LiDAR.
-        labels: of the frame.
+        labels: Labels of the frame.
     """
 
     frame: int
@@ -60,7 +60,7 @@ class PosedLabels:
 
 @dataclass(frozen=True)
 class MotionLabels:
-    """The motion of R labelled boxes.
+    """Motion of R labelled boxes.
 
     Attributes:
         frames: (R,) frame numbers.
@@ -81,14 +81,14 @@ class MotionLabels:
         return np.asarray(np.linalg.norm(self.velocities_m_s, axis=1))
 
     def of(self, frame: int, track_ids: Int) -> Int:
-        """Return (M,) the motions of these tracks in that frame, unknown where they have no box."""
+        """Return the (M,) motion states of tracks in a frame, unknown where they have no box."""
         rows = self.frames == frame
         motion_of = dict(zip(self.track_ids[rows].tolist(), self.motions[rows], strict=True))
         motions = [motion_of.get(track_id, MotionState.UNKNOWN) for track_id in track_ids.tolist()]
         return np.array(motions, np.int64)
 
     def velocities_of(self, frame: int, track_ids: Int) -> Float64:
-        """Return (M, 2) the velocities of these tracks in that frame, NaN where they have no box."""
+        """Return the (M, 2) velocities of tracks in a frame, NaN where they have no box."""
         rows = self.frames == frame
         velocity_of = dict(
             zip(self.track_ids[rows].tolist(), self.velocities_m_s[rows], strict=True)
@@ -98,14 +98,14 @@ class MotionLabels:
         return np.array(velocities, np.float64).reshape(-1, 2)
 
     def moving_tracks(self) -> list[int]:
-        """Return the tracks that move at some time, in rising order."""
+        """Return the ids of the tracks that move at any time, in ascending order."""
         return sorted(set(self.track_ids[self.motions == MotionState.MOVING].tolist()))
 
 
 def label_drive_motion(
     drive: KittiSequence, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
-    """Say of every labelled box of a drive whether its object stands or moves, by the poses of its INS.
+    """Label every box of a drive as static or moving by the poses of its INS.
 
     The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS.
 
@@ -131,7 +131,7 @@ def posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
 
 
 def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:
-    """Move the boxes of all frames to the world; objects without a track are left out."""
+    """Transform the boxes of all frames to the world frame; objects without a track are left out."""
     parts = [(posed, posed.labels[posed.labels.track_ids >= 0]) for posed in posed_labels]
     counts = [len(labels) for _, labels in parts]
     positions = [
@@ -148,7 +148,7 @@ def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:
 def label_motion(
     tracks: TrackPositions, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
-    """Say of every box whether its object stands or moves at that moment."""
+    """Label every box as static or moving at its moment."""
     limits = thresholds or MotionLabelConfig()
     velocities_m_s = np.full((len(tracks.frames), 2), np.nan)
     motions = np.full(len(tracks.frames), MotionState.UNKNOWN, np.int64)
@@ -168,7 +168,7 @@ def label_motion(
 
 
 def _windows(stamps_s: Float64, window_s: float) -> list[slice]:
-    """Return for every stamp the rows around it, moved inwards where the track begins or ends."""
+    """Return the rows around every stamp, shifted inwards where the track begins or ends."""
     last_start_s = max(stamps_s[-1] - window_s, stamps_s[0])
     starts_s = np.clip(stamps_s - window_s / 2, stamps_s[0], last_start_s)
     first = np.searchsorted(stamps_s, starts_s - _TIME_SLACK_S)
@@ -177,7 +177,7 @@ def _windows(stamps_s: Float64, window_s: float) -> list[slice]:
 
 
 def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
-    """Return (2,) the median velocity over all pairs of positions (Theil-Sen)."""
+    """Return the (2,) median velocity over all pairs of positions (Theil-Sen)."""
     earlier, later = np.triu_indices(len(stamps_s), k=1)
     if len(earlier) == 0:
         return np.full(2, np.nan)
@@ -187,7 +187,7 @@ def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
 
 
 def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelConfig) -> Int:
-    """Apply the two thresholds: what moves goes on moving, before and after, while above the lower."""
+    """Apply hysteresis: a moving object stays moving, before and after, while its speed is above the lower threshold."""
     with np.errstate(invalid="ignore"):
         starts = (speeds_m_s >= limits.start_m_s) & (speeds_m_s * spans_s >= limits.min_travel_m)
         continues = starts | (speeds_m_s >= limits.stop_m_s)
@@ -201,6 +201,6 @@ def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelC
 
 
 def _runs_with_seed(runs: Bool, seeds: Bool) -> Bool:
-    """Keep the unbroken runs of True that hold at least one seed."""
+    """Keep the contiguous runs of True that contain a seed."""
     numbers, _ = ndimage.label(runs)
     return runs & np.isin(numbers, np.unique(numbers[seeds]))

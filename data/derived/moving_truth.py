@@ -1,4 +1,4 @@
-"""What moves in a drive, frame by frame: by labels and INS poses, or by the exact truth of a synthetic drive."""
+"""Moving objects of a drive, frame by frame: by labels and INS poses, or by the exact truth of a synthetic drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,12 +29,12 @@ from perception.types import Bool, Drive, Float64, Frame, Int
 
 @dataclass(frozen=True)
 class MovingTruth:
-    """Every labelled object of a drive, and how it moves.
+    """Labelled objects of a drive and their motion.
 
     Attributes:
-        posed: labels and pose of each frame, None where there is no pose.
-        motion: of all labelled boxes.
-        view: what to judge: what the camera sees, or everything around.
+        posed: Labels and pose of each frame, None where there is no pose.
+        motion: Motion of all labelled boxes.
+        view: Region that is evaluated: the camera's view, or everything around the vehicle.
     """
 
     posed: Sequence[PosedLabels | None]
@@ -42,11 +42,11 @@ class MovingTruth:
     view: EvaluationView
 
     def scene(self, frame: Frame, clearance_m: float) -> MovingScene | None:
-        """Return what was there in a frame, or None where its labels have no pose.
+        """Return the moving scene of a frame, or None where its labels have no pose.
 
         Args:
-            frame: with the scan, whose points in each box are counted.
-            clearance_m: over a box's bottom, below which points are taken for ground.
+            frame: Frame with the scan whose points in each box are counted.
+            clearance_m: Height above a box's bottom below which points count as ground, in metres.
 
         Raises:
             CalibrationError: the camera's view is judged, and nobody knows how large its image is.
@@ -86,18 +86,19 @@ class MovingTruth:
 def moving_truth(
     drive: Drive, view: EvaluationView = "camera", thresholds: MotionLabelConfig | None = None
 ) -> MovingTruth:
-    """Find out what moves in a drive, and how.
+    """Determine the moving objects of a drive and their velocities.
 
     A synthetic drive knows the exact place of everyone around. The labels of a recorded drive are put
     into the world by its INS.
 
     Args:
-        drive: with labels and poses.
-        view: what will be judged: what the camera sees, or everything around, which takes exact truth.
-        thresholds: of motion.
+        drive: Drive with labels and poses.
+        view: Region that is evaluated: the camera's view, or everything around the vehicle, which
+            needs exact truth.
+        thresholds: Thresholds of motion.
 
     Raises:
-        DriveError: the drive cannot say what moves, or not all around.
+        DriveError: the drive has no truth of motion, or not all around.
     """
     if isinstance(drive, SyntheticDrive):
         exact = _posed_truth(drive)
@@ -146,7 +147,7 @@ def _posed_truth(drive: SyntheticDrive) -> list[PosedLabels]:
 
 
 def _velocities(drive: SyntheticDrive, motion: MotionLabels) -> Float64:
-    """Return (R, 2) the exact velocity of every box."""
+    """Return the (R, 2) exact velocities of the boxes."""
     velocities = [
         drive.world.actors[track_id].velocity_m_s(drive.world.road, drive.stamp_s(frame))[:2]
         for frame, track_id in zip(motion.frames.tolist(), motion.track_ids.tolist(), strict=True)

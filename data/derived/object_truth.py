@@ -1,4 +1,4 @@
-"""The labelled objects of a drive, each as one track: what a tracker of one object is told and judged by."""
+"""Labelled objects of a drive, each as one track: initialization and truth of the one-object trackers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ _UNLABELLED_OCCLUSION = (
 
 @dataclass(frozen=True)
 class DriveObjects:
-    """Every labelled object of a drive.
+    """Labelled objects of a drive.
 
     Attributes:
-        sequence: name of the drive.
+        sequence: Name of the drive.
         stamps_s: (F,) times of its frames.
         camera_labels: (F) what the camera sees.
-        truth: with the poses, and with exact boxes of everyone where the drive knows them; None
+        truth: Truth with poses, and with exact boxes of all objects where the drive has them; None
             without poses.
     """
 
@@ -50,7 +50,7 @@ class DriveObjects:
         )
 
     def sequences(self, min_frames: int) -> list[ObjectSequence]:
-        """Return every object that the camera sees in so many frames, from its first to its last."""
+        """Return every object that the camera sees in a minimum number of frames, from its first to its last."""
         frames: dict[int, list[int]] = {}
         kinds: dict[int, str] = {}
         for frame, labels in enumerate(self.camera_labels):
@@ -66,7 +66,7 @@ class DriveObjects:
         ]
 
     def track(self, target: ObjectSequence) -> TrueTrack:
-        """Return one object in those frames in which its place is known."""
+        """Return one object in the frames in which its position is known."""
         last = min(target.last_frame, len(self.camera_labels) - 1)
         rows = [self._row(frame, target.track_id) for frame in range(target.first_frame, last + 1)]
         known = [row for row in rows if row is not None]
@@ -84,7 +84,7 @@ class DriveObjects:
         )
 
     def _row(self, frame: int, track_id: int) -> "_Row | None":
-        """Return one object in one frame, or None where nobody knows where it is."""
+        """Return one object in one frame, or None where its position is unknown."""
         posed = None if self.truth is None else self.truth.posed[frame]
         camera_labels = _of_track(self.camera_labels[frame], track_id)
         # Exact truth knows who is hidden, labels know who is far.

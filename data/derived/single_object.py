@@ -1,4 +1,4 @@
-"""Which labelled objects the thesis follows: Table 3.2 (8 sequences) and 3D-OTD, Table A.1 (50).
+"""Labelled objects that the thesis tracks: Table 3.2 (8 sequences) and 3D-OTD, Table A.1 (50).
 
 The thesis prints numbers of frames, sizes and types; which KITTI tracks these are follows from them and
 from the track lists of the author's released code. Frames are numbered from 0 and both ends are included.
@@ -21,16 +21,16 @@ from importlib.resources import files
 
 @dataclass(frozen=True)
 class ObjectSequence:
-    """One object to follow, and where.
+    """One object to track, and its frames.
 
     Attributes:
-        name: of the sequence in its table.
-        sequence: of KITTI's tracking benchmark, as "0000".
-        track_id: of the object.
+        name: Name of the sequence in its table.
+        sequence: Sequence of KITTI's tracking benchmark, such as 0000.
+        track_id: Track id of the object.
         kind: KITTI's class name.
-        first_frame: in which the tracker is told the object's box.
-        last_frame: up to and with which the object is followed.
-        stated: what the table says besides: scene, object_status, ego_status ...
+        first_frame: First frame, in which the tracker is given the object's box.
+        last_frame: Last frame, inclusive.
+        stated: Other columns of the table: scene, object_status, ego_status ...
     """
 
     name: str
@@ -43,13 +43,13 @@ class ObjectSequence:
 
     @property
     def frame_count(self) -> int:
-        """How many frames it has."""
+        """Number of frames."""
         return self.last_frame - self.first_frame + 1
 
 
 @cache
 def table_3_2() -> tuple[ObjectSequence, ...]:
-    """Return the 8 sequences by which the thesis judges its fusion tracker."""
+    """Return the 8 sequences on which the thesis evaluates its fusion tracker."""
     return _read("table_3_2.csv", "3.2 ({})")
 
 

@@ -29,10 +29,10 @@ IMU_TO_VELO = "calib_imu_to_velo.txt"
 
 @dataclass(frozen=True)
 class DriveCalibration:
-    """Everything that a drive's calibration files state.
+    """Content of a drive's calibration files.
 
     Attributes:
-        camera: of the left colour camera, or None where the drive states none.
+        camera: Calibration of the left colour camera, or None where the drive states none.
         velo_SE3_imu: (4, 4) IMU to LiDAR, or None where the drive states none.
     """
 
@@ -42,11 +42,11 @@ class DriveCalibration:
 
 @dataclass(frozen=True)
 class CalibrationText:
-    """The rows of one calibration file, turned into matrices when asked for.
+    """Rows of one calibration file, parsed on access.
 
     Attributes:
-        path: the file.
-        rows: what follows each key.
+        path: Path of the file.
+        rows: Text after each key.
     """
 
     path: Path
@@ -127,7 +127,7 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
 
 
 def read_raw_calibration(folder: Path) -> DriveCalibration:
-    """Read the calibration files of a raw recording; those that are not there yield None.
+    """Read the calibration files of a raw recording; None for a missing file.
 
     Raises:
         CalibrationError: a file lacks a key, or a matrix cannot be used.

@@ -33,14 +33,15 @@ _SUFFIXES = (".txt",)
 
 @dataclass(frozen=True)
 class DetectionSet:
-    """What a detector says of F frames, and what is true.
+    """Detections and labels of F frames.
 
     Attributes:
         numbers: (F,) of the frames, in order; rows count frames by their place in it.
-        truths: labelled boxes.
-        detections: detected boxes.
-        missing_results: numbers of frames without a result file, where nothing was detected.
-        extra_results: numbers of result files that are of none of the frames.
+        truths: Labelled boxes.
+        detections: Detected boxes.
+        missing_results: Numbers of frames without a result file, which count as frames without a
+            detection.
+        extra_results: Numbers of result files that belong to none of the frames.
     """
 
     numbers: tuple[int, ...]
@@ -56,15 +57,15 @@ def read_detection_set(
     numbers: Sequence[int] | None = None,
     progress: Progress = iter,
 ) -> DetectionSet:
-    """Read what a detector wrote beside the labels.
+    """Read the results of a detector and the labels of the same frames.
 
     An empty or missing result file says that nothing was detected in its frame.
 
     Args:
-        results: folder of 000000.txt, or one that holds them in data/.
-        labels: folder of 000000.txt, or one that holds them in label_2/ or training/label_2/.
-        numbers: of the frames; None for all that have labels.
-        progress: goes through the frames, and may show how far it is.
+        results: Folder of 000000.txt files, or one that holds them in data/.
+        labels: Folder of 000000.txt files, or one that holds them in label_2/ or training/label_2/.
+        numbers: Numbers of the frames; None for all that have labels.
+        progress: Iterates over the frames and may show a progress bar.
 
     Raises:
         DriveError: a folder holds no such file of any frame.
@@ -129,7 +130,7 @@ def format_result_rows(detections: DetectedBoxes) -> str:
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of many files: the place of their frame, their type, and the numbers after it."""
+    """Rows of many files: index of the frame, type, and the numbers after it."""
 
     frames: Int
     types: np.ndarray
@@ -170,7 +171,7 @@ def _read_results(files: NumberedFiles, chosen: Sequence[int], progress: Progres
 
 
 def _read_table(paths: Sequence[Path | None], columns: int, progress: Progress) -> _Table:
-    """Read one file after the other, None as an empty one; words become numbers all at once."""
+    """Read files in turn, None as an empty one; convert all words to numbers at once."""
     rows, counts = [], []
     for place in progress(range(len(paths))):
         path = paths[place]
@@ -191,7 +192,7 @@ def _read_table(paths: Sequence[Path | None], columns: int, progress: Progress) 
 
 
 def _read_rows(path: Path, columns: int) -> list[list[str]]:
-    """Split the rows of a file into words; a label may carry a score, which says nothing here."""
+    """Split the rows of a file into words; the score of a label is ignored."""
     rows = [line.split() for line in read_label_lines(path)]
     allowed = {columns, _RESULT_COLUMNS}
     for number, row in enumerate(rows, start=1):

@@ -54,7 +54,7 @@ def read_object_labels(path: Path, calibration: Calibration) -> Labels:
 
 
 def empty_labels() -> Labels:
-    """Return the labels of a frame in which nothing was labelled."""
+    """Return the labels of a frame without labelled objects."""
     empty = np.zeros(0)
     return Labels(
         boxes_velo=Boxes3D.empty(),

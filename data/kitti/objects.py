@@ -33,18 +33,18 @@ def is_object_folder(folder: Path) -> bool:
 
 @dataclass(frozen=True)
 class ObjectFrames:
-    """Frames that have nothing to do with each other: no order in time, no poses.
+    """Independent frames: no order in time, no poses.
 
     Frames are those with a scan, in the order of their numbers, which may have gaps.
 
     Attributes:
-        name: of the folder.
-        root: the training or testing folder.
-        sensor: the LiDAR.
-        scans: one a frame.
-        images: or None.
-        label_folder: or None.
-        point_labels: exact truth of synthetic points, or None.
+        name: Name of the folder.
+        root: Training or testing folder.
+        sensor: LiDAR model.
+        scans: Scan files, one a frame.
+        images: Image files, or None.
+        label_folder: Folder of label files, or None.
+        point_labels: Files with the exact truth of synthetic points, or None.
         calibration: None, as each frame has its own.
     """
 

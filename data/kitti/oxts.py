@@ -23,14 +23,14 @@ _STATUS = "4 10 4 4 0"  # navigation state, satellites, position, velocity and o
 
 @dataclass(frozen=True)
 class InsPacket:
-    """Where the IMU is on the globe, and how it moves.
+    """Position, orientation and motion of the IMU on the globe.
 
     Attributes:
-        latitude_deg: north positive.
-        longitude_deg: east positive.
-        altitude_m: above the sea.
-        roll_rad: left side up positive.
-        pitch_rad: front down positive.
+        latitude_deg: Latitude in degrees, north positive.
+        longitude_deg: Longitude in degrees, east positive.
+        altitude_m: Altitude above the sea in metres.
+        roll_rad: Roll angle, left side up positive.
+        pitch_rad: Pitch angle, front down positive.
         yaw_rad: 0 to the east, counter-clockwise.
         velocity_level_m_s: (3,) forward, left, up, in the plane of the horizon.
         acceleration_imu_m_s2: (3,) along the IMU's axes, gravity included.
@@ -56,9 +56,9 @@ class Mercator:
     that positions stay small and keep their precision.
 
     Attributes:
-        latitude_deg: of the origin.
-        longitude_deg: of the origin.
-        altitude_m: of the origin.
+        latitude_deg: Latitude of the origin.
+        longitude_deg: Longitude of the origin.
+        altitude_m: Altitude of the origin.
     """
 
     latitude_deg: float
@@ -67,7 +67,7 @@ class Mercator:
 
     @classmethod
     def around(cls, packet: InsPacket) -> "Mercator":
-        """Put the origin at a packet."""
+        """Set the origin at a packet."""
         return cls(packet.latitude_deg, packet.longitude_deg, packet.altitude_m)
 
     @property
@@ -89,7 +89,7 @@ class Mercator:
         acceleration_imu_m_s2: Float64,
         rate_imu_rad_s: Float64,
     ) -> InsPacket:
-        """Return the packet that an INS would give there: the inverse of `world_SE3_imu`."""
+        """Return the packet of an INS at a pose: the inverse of `world_SE3_imu`."""
         east_m, north_m, up_m = world_SE3_imu[:3, 3]
         stretched_rad = _mercator_rad(self.latitude_deg) + north_m / self._scaled_radius_m
         yaw, pitch, roll = Rotation.from_matrix(world_SE3_imu[:3, :3]).as_euler("ZYX")
@@ -107,7 +107,7 @@ class Mercator:
 
 
 def _mercator_rad(latitude_deg: float) -> float:
-    """Return Mercator's stretched latitude, on which a step north is as long as one east."""
+    """Return the Mercator latitude, on which a step north is as long as a step east."""
     return float(np.log(np.tan(np.pi / 4 + np.radians(latitude_deg) / 2)))
 
 

@@ -33,7 +33,7 @@ def is_raw_drive(folder: Path) -> bool:
 
 
 def raw_drives_in(folder: Path) -> list[str]:
-    """Name the raw drives in the folder of a date."""
+    """List the raw drives in the folder of a date."""
     return sorted(entry.name for entry in folder.iterdir() if is_raw_drive(entry))
 
 
@@ -77,7 +77,7 @@ def _calibration_folder(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class OxtsFiles:
-    """INS packets, a file each."""
+    """INS packets, one file each."""
 
     files: NumberedFiles
 
@@ -102,9 +102,9 @@ class TimestampFile:
     """Timestamps as read, seconds since the drive's first, NaN where a row is no time.
 
     Attributes:
-        path: the file.
-        stamps_s: by row.
-        row_of_number: the row of each frame.
+        path: Path of the file.
+        stamps_s: Times in seconds, by row.
+        row_of_number: Row of each frame number.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""What the sensors wrote, a file a frame: scans, images, and the exact truth of synthetic points."""
+"""Sensor files, one a frame: scans, images, and the exact truth of synthetic points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ _END_OF_IMAGE = {b"\x89PNG": b"IEND", b"\xff\xd8\xff": b"\xff\xd9"}  # by how th
 
 @dataclass(frozen=True)
 class NumberedFiles:
-    """The files of one folder that are named by the number of their frame.
+    """Files of one folder, named by the number of their frame.
 
     Attributes:
-        folder: where they lie.
-        paths: by number, in order.
+        folder: Folder of the files.
+        paths: Paths by number, in order.
     """
 
     folder: Path
@@ -55,7 +55,7 @@ class NumberedFiles:
         return [number for number in self.numbers if number not in self.paths]
 
     def path(self, number: int) -> Path:
-        """Return the file of a frame, or the one that should be there."""
+        """Return the file of a frame, or its expected path."""
         if number in self.paths:
             return self.paths[number]
         sample = next(iter(self.paths.values()))
@@ -64,14 +64,14 @@ class NumberedFiles:
 
 @dataclass(frozen=True)
 class ImageSize:
-    """How large the images of a drive are, and what says so."""
+    """Size of a drive's images, and the file that states it."""
 
     size_px: tuple[int, int]
     source: str
 
 
 def read_scan(path: Path) -> Float32:
-    """Read (N, 4) points; that they are finite and plausible is `Frame`'s to check.
+    """Read (N, 4) points; `Frame` validates them.
 
     Raises:
         ScanError: there is no such file, or it does not hold a whole number of points.

@@ -1,4 +1,4 @@
-"""Frames of one recording in order of time: what the raw and the tracking layout have in common."""
+"""Frames of one recording in order of time: the common part of the raw and the tracking layout."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from perception.types import Calibration, Float64, Frame, Labels, PointTruth, UI
 
 
 class InsSource(Protocol):
-    """Where the INS packets of a drive are."""
+    """Source of the INS packets of a drive."""
 
     def packet(self, number: int) -> InsPacket:
         """Read the packet of a frame; raise PoseError where it is missing or malformed."""
@@ -31,7 +31,7 @@ class InsSource(Protocol):
 
 
 class Clock(Protocol):
-    """When the scans of a drive were taken."""
+    """Times of the scans of a drive."""
 
     def stamp_s(self, number: int) -> float:
         """Return the time of a frame's scan since the drive's first."""
@@ -40,11 +40,11 @@ class Clock(Protocol):
 
 @dataclass(frozen=True)
 class FixedRateClock:
-    """A clock for drives without timestamps: the sensor turns at its rate.
+    """Clock for drives without timestamps: the sensor turns at its nominal rate.
 
     Attributes:
-        rate_hz: scans a second.
-        first_number: of the drive's frames.
+        rate_hz: Scans per second.
+        first_number: Number of the drive's first frame.
     """
 
     rate_hz: float
@@ -57,21 +57,23 @@ class FixedRateClock:
 
 @dataclass(frozen=True)
 class KittiSequence:
-    """A drive of which each frame is read when it is asked for.
+    """Drive whose frames are read on access.
 
     Attributes:
-        name: of the raw drive or the tracking sequence.
-        root: the folder of the drive, or that of all sequences.
-        sensor: the LiDAR.
-        calibration: of the camera, with the size of its images where any says it.
-        scans: the frames; what has no scan between the first and the last is a missing frame.
-        clock: when they were taken.
-        images: of the left colour camera, or None.
-        image_size: what every image is checked against, or None.
+        name: Name of the raw drive or the tracking sequence.
+        root: Folder of the drive, or of all sequences.
+        sensor: LiDAR model.
+        calibration: Calibration of the camera, with the size of its images where any file states
+            it.
+        scans: Scan files; a number without a scan between the first and the last is a missing
+            frame.
+        clock: Times of the frames.
+        images: Image files of the left colour camera, or None.
+        image_size: Size that every image is checked against, or None.
         ins: INS packets, or None.
         velo_SE3_imu: (4, 4) IMU to LiDAR; there if `ins` is.
-        label_file: labels in tracking format, or None.
-        point_labels: exact truth of synthetic points, or None.
+        label_file: Label file in tracking format, or None.
+        point_labels: Files with the exact truth of synthetic points, or None.
     """
 
     name: str
@@ -89,7 +91,7 @@ class KittiSequence:
     is_sequence: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse an INS whose place on the vehicle is unknown, as its poses could not be used."""
+        """Validate that the position of the INS on the vehicle is known, without which its poses are useless."""
         if self.ins is not None and self.velo_SE3_imu is None:
             raise CalibrationError(
                 self.root,
@@ -144,7 +146,7 @@ class KittiSequence:
 
     @cached_property
     def _world(self) -> Mercator:
-        """The world around the first packet that can be read."""
+        """World frame with its origin at the first readable packet."""
         failure: PoseError | None = None
         for number in self.scans.numbers:
             try:
@@ -169,7 +171,7 @@ class KittiSequence:
         return read_image(self.images.path(self.scans.numbers[index]), self.image_size)
 
     def ins_packet(self, index: int) -> InsPacket:
-        """Read what the INS said at one frame.
+        """Read the INS packet of one frame.
 
         Raises:
             DriveError: the drive has no INS.
@@ -222,11 +224,12 @@ class KittiSequence:
 
 @dataclass(frozen=True)
 class CameraFiles:
-    """The images of a drive and their calibration.
+    """Images of a drive and their calibration.
 
     Attributes:
-        calibration: with the size of the images where the calibration or the first image says it.
-        image_size: the same size, and which of the two says so.
+        calibration: Calibration with the size of the images, as the calibration file or the first
+            image states it.
+        image_size: The same size, and the file that states it.
         images: None where there are none or none are wanted.
     """
 
@@ -238,7 +241,7 @@ class CameraFiles:
     def of(
         cls, calibration: DriveCalibration, images: NumberedFiles, *, load_images: bool
     ) -> "CameraFiles":
-        """Bring together what a drive's folders hold."""
+        """Combine image files and calibration of a drive."""
         camera = calibration.camera
         size = _find_image_size(camera, images)
         if camera is not None and size is not None:

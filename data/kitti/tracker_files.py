@@ -1,4 +1,4 @@
-"""A tracker's results beside the labels of their sequences: a file SSSS.txt each.
+"""Results of a tracker and the labels of their sequences: one file SSSS.txt each.
 
 Which sequences there are, and how long they are, can be said by a seqmap of the benchmark, a row each:
 
@@ -15,13 +15,13 @@ from perception.errors import DriveError, LabelError
 
 @dataclass(frozen=True)
 class TrackedSequenceFiles:
-    """Where the labels and the results of one sequence are.
+    """Files with the labels and the results of one sequence.
 
     Attributes:
-        name: 0000
-        labels: a file of 17 columns.
-        results: a file of 18 columns.
-        frame_count: of the sequence, or None where no seqmap says.
+        name: Name of the sequence, such as 0000.
+        labels: Label file of 17 columns.
+        results: Result file of 18 columns.
+        frame_count: Number of frames of the sequence, or None without a seqmap.
     """
 
     name: str
@@ -47,9 +47,9 @@ class LabelledResults:
     """One sequence.
 
     Attributes:
-        labels: of all classes.
-        results: of a tracker.
-        frame_count: of the sequence; up to the last row of either where nothing else is known.
+        labels: Labels of all classes.
+        results: Results of a tracker.
+        frame_count: Number of frames of the sequence; else up to the last row of either file.
     """
 
     labels: TrackingRows
@@ -58,7 +58,7 @@ class LabelledResults:
 
 
 def sequences_in(folder: Path) -> list[str]:
-    """Name the sequences of which a folder holds a file SSSS.txt."""
+    """List the sequences of which a folder holds a file SSSS.txt."""
     return sorted(file.stem for file in folder.glob("[0-9][0-9][0-9][0-9].txt"))
 
 
@@ -84,9 +84,9 @@ def pair_with_labels(
     """Find the two files of each sequence: of a seqmap, else of all that have results.
 
     Args:
-        results: folder of SSSS.txt.
-        labels: folder of SSSS.txt.
-        seqmap: names the sequences and their lengths.
+        results: Folder of SSSS.txt files.
+        labels: Folder of SSSS.txt files.
+        seqmap: File with the names and lengths of the sequences.
 
     Raises:
         DriveError: a file is missing.

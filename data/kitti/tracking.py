@@ -23,7 +23,7 @@ from perception.sensor import LidarModel
 
 
 def tracking_sequences_in(folder: Path) -> list[str]:
-    """Name the sequences in a training or testing folder."""
+    """List the sequences in a training or testing folder."""
     scans = folder / "velodyne"
     return sorted(entry.name for entry in scans.iterdir() if entry.is_dir())
 
@@ -67,14 +67,14 @@ def open_tracking(
 
 @dataclass(frozen=True)
 class OxtsFile:
-    """INS packets, a row each."""
+    """INS packets, one row each."""
 
     path: Path
     rows: tuple[str, ...]
 
     @classmethod
     def read(cls, path: Path) -> "OxtsFile":
-        """Split the file into rows, which are parsed when they are asked for.
+        """Split the file into rows, which are parsed on access.
 
         Raises:
             PoseError: the file is no text.

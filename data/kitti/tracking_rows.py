@@ -62,7 +62,7 @@ class TrackingRows(Rows):
     scores: Float64
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
+        """Validate that all arrays have the same length."""
         widths = {"boxes_px": 4, "sizes_hwl_m": 3, "bottoms_cam_m": 3}
         for name, array in vars(self).items():
             shape = (len(self.frames), widths[name]) if name in widths else (len(self.frames),)
@@ -76,8 +76,9 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
     """Read the labels of a sequence.
 
     Args:
-        path: a file of label_02.
-        frame_count: of the sequence, where it is known: no row may lie beyond.
+        path: File of label_02.
+        frame_count: Number of frames of the sequence, beyond which no row may lie; None where it is
+            unknown.
 
     Raises:
         LabelError: the file or one of its rows cannot be read, a type or a number is none that the
@@ -88,7 +89,7 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
 
 
 def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
-    """Read what a tracker answered for a sequence; an empty file means that it found nothing.
+    """Read the results of a tracker for a sequence; an empty file means no objects.
 
     Raises:
         LabelError: as `read_label_rows`.
@@ -110,7 +111,7 @@ def format_result_rows(rows: TrackingRows) -> str:
 
 @dataclass(frozen=True)
 class _Table:
-    """The columns of a file: frame and id, type, and the numbers after it."""
+    """Columns of a file: frame and id, type, and the numbers after it."""
 
     integers: Int
     types: np.ndarray
@@ -167,7 +168,7 @@ def _to_rows(table: _Table, scores: Float64) -> TrackingRows:
 
 
 def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> TrackingRows:
-    """Return the rows if the benchmark could mean them."""
+    """Return the rows after validating them by the rules of the benchmark."""
     types = np.char.lower(rows.types)
     is_unknown = ~np.isin(types, [name.lower() for name in TYPES])
     if is_unknown.any():
@@ -188,7 +189,7 @@ def _checked(rows: TrackingRows, path: Path, frame_count: int | None) -> Trackin
 
 
 def _is_repeated(rows: TrackingRows, types: np.ndarray) -> Bool:
-    """Return (N,) which rows have the frame, type and id of an earlier row."""
+    """Return an (N,) mask of the rows that repeat the frame, type and id of an earlier row."""
     # The last row of each kind is what a dictionary keeps: walked backwards, that is the first.
     keys = list(zip(rows.frames.tolist(), types.tolist(), rows.ids.tolist(), strict=True))
     first = {key: row for row, key in reversed(list(enumerate(keys)))}
@@ -198,7 +199,7 @@ def _is_repeated(rows: TrackingRows, types: np.ndarray) -> Bool:
 
 
 def _row_error(path: Path, is_bad: Bool, expected: str, values: np.ndarray) -> LabelError:
-    """Name the first row in which anything is bad, and what that is."""
+    """Raise an error that names the first faulty row and its fault."""
     row, *column = np.argwhere(is_bad)[0].tolist()
     found = repr(str(values[(row, *column)]))
     return LabelError(f"{path} row {row + 1}", expected=expected, found=found)
