@@ -15,13 +15,13 @@ class ChainMetrics:
     """What one run of the chain took.
 
     Attributes:
-        frames: measured, after the window was full.
-        frames_per_s: by the mean time of all stages; reading is left out.
-        median_ms: of all stages.
-        p99_ms: 99th percentile.
-        stages_ms: median by stage.
-        memory_start_mib: after the first fifth of the frames.
-        memory_end_mib: after the last.
+        frames: Number of measured frames, after the window was full.
+        frames_per_s: Frames per second by the mean time of all stages, without reading.
+        median_ms: Median time of all stages in milliseconds.
+        p99_ms: 99th percentile of the time of all stages in milliseconds.
+        stages_ms: Median time of each stage in milliseconds.
+        memory_start_mib: Memory after the first fifth of the frames in MiB.
+        memory_end_mib: Memory after the last frame in MiB.
     """
 
     frames: int

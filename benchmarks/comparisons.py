@@ -45,7 +45,7 @@ def _compare_detectors(prepared: PreparedDrive) -> Comparison:
     """Compare what needs torch, to make networks of.
 
     Raises:
-        MissingDependencyError: it is not there.
+        MissingDependencyError: A package is missing.
     """
     try:
         from benchmarks.detectors import compare_detectors

@@ -17,7 +17,7 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
     """Detect from scan to boxes; the plain form calls the same network for each candidate.
 
     Raises:
-        ModelError: the network does not ship with this copy.
+        ModelError: The network does not ship with this copy.
     """
     sensor, frames = prepared.drive.sensor, prepared.frames
     ours = DepthCn("default", sensor)

@@ -41,11 +41,11 @@ def write_detector(
     """Write a network with random weights in full precision and in 8 bits.
 
     Args:
-        folder: of the files.
-        network: compact or yolov2.
-        modality: that it looks at.
-        size: of its input.
-        images: (H, W, C) of this modality.
+        folder: Folder of the files.
+        network: Name of the network: compact or yolov2.
+        modality: Modality of its input.
+        size: Size of its input.
+        images: (H, W, C) images of this modality.
     """
     variant = DetectorNetworkConfig(modality, network, size=size)
     inputs = [stretch(one, size, modality).transpose(2, 0, 1)[None] for one in images[:_SHOWN]]

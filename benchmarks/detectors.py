@@ -34,11 +34,11 @@ class Workload:
     """What is detected, and by which networks.
 
     Attributes:
-        compact: a file pair for each modality.
-        yolov2: that of the thesis' network, for depth maps.
-        dense: maps of each frame.
-        inputs: of each frame what the compact networks are shown.
-        squares: of each frame what YOLOv2 is shown.
+        compact: Compact network of each modality.
+        yolov2: Network of the thesis, for depth maps.
+        dense: Dense maps of each frame.
+        inputs: Inputs of the compact networks, by frame.
+        squares: Inputs of YOLOv2, by frame.
     """
 
     compact: Mapping[Modality, ModelPair]
@@ -52,7 +52,7 @@ class Workload:
         """Write the networks, and make pictures of all frames.
 
         Raises:
-            ImageError: the drive has no images.
+            ImageError: The drive has no images.
         """
         dense = [densify(project_frame(frame)) for frame in prepared.frames]
         images: dict[Modality, list[UInt8]] = {
@@ -82,7 +82,7 @@ def compare_detectors(prepared: PreparedDrive) -> Comparison:
     """Detect in maps and images that are there; from scan and image on; and the networks alone.
 
     Raises:
-        ImageError: the drive has no images.
+        ImageError: The drive has no images.
     """
     frames = prepared.frames
     with TemporaryDirectory() as folder:

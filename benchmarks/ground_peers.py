@@ -15,7 +15,7 @@ class Plane:
     """One plane a x + b y + c z + d = 0, its unit normal up.
 
     Attributes:
-        coefficients: (4,) a, b, c, d.
+        coefficients: (4,) coefficients a, b, c, d.
     """
 
     coefficients: Float64

@@ -33,9 +33,9 @@ class HeldOutErrors:
     """Errors at K returns that a method was not shown.
 
     Attributes:
-        depth_m: (K,) absolute.
-        is_close: (K,) within 5 % or 0.5 m.
-        reflectance: (K,) absolute.
+        depth_m: (K,) absolute errors of the depth in metres.
+        is_close: (K,) whether the depth is within 5 % or 0.5 m.
+        reflectance: (K,) absolute errors of the reflectance.
     """
 
     depth_m: Float64

@@ -17,8 +17,8 @@ class Contender:
     """One way of doing a stage.
 
     Attributes:
-        name: as it stands in the table.
-        run: does the work once on input number i.
+        name: Name in the table.
+        run: Function that does the work once on input number i.
     """
 
     name: str
@@ -30,10 +30,10 @@ class Timing:
     """How long one contender takes.
 
     Attributes:
-        name: of the contender.
-        median_ms: over all inputs.
-        p99_ms: 99th percentile.
-        ratio: median over the inputs of its time divided by the first contender's on the same input.
+        name: Name of the contender.
+        median_ms: Median time over all inputs in milliseconds.
+        p99_ms: 99th percentile of the time in milliseconds.
+        ratio: Median over the inputs of its time relative to that of the first contender on the same input.
     """
 
     name: str
@@ -50,9 +50,9 @@ def time_interleaved(
     """Run every contender on every input, one after the other, so that drift hits all alike.
 
     Args:
-        contenders: the first is what the others are compared with.
-        inputs: how many; the first is run once more before, unmeasured.
-        observe: given name, input and output of each run, outside the clock.
+        contenders: Contenders; the others are compared with the first.
+        inputs: Number of inputs; the first is run once before, unmeasured.
+        observe: Function called with name, input and output of each run, outside the measured time.
     """
     for contender in contenders:
         contender.run(0)

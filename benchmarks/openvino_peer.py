@@ -12,7 +12,7 @@ def openvino_network(file: Path, threads: int) -> Network:
     """Open a detector's file for one picture at a time.
 
     Raises:
-        MissingDependencyError: OpenVINO is not there.
+        MissingDependencyError: OpenVINO is not installed.
     """
     try:
         import openvino

@@ -23,14 +23,14 @@ class PipelineTiming:
     """What one way of giving frames to the pipeline took.
 
     Attributes:
-        frames: that came.
-        dropped: of them, those that were passed over.
-        frames_per_s: results in a second.
-        median_ms: from the arrival of a frame to its result.
-        p99_ms: 99th percentile.
-        stages: by stage and for all together, median and 99th percentile in ms.
-        memory_start_mib: after the first fifth of the frames.
-        memory_end_mib: after the last.
+        frames: Number of frames that arrived.
+        dropped: Number of frames that were dropped.
+        frames_per_s: Results per second.
+        median_ms: Median time from the arrival of a frame to its result in milliseconds.
+        p99_ms: 99th percentile of the same time in milliseconds.
+        stages: Median and 99th percentile of each stage and of all together in milliseconds.
+        memory_start_mib: Memory after the first fifth of the frames in MiB.
+        memory_end_mib: Memory after the last frame in MiB.
     """
 
     frames: int

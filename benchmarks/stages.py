@@ -31,9 +31,9 @@ class Comparison:
     """The timings of one stage, and what else its contenders are judged by.
 
     Attributes:
-        stage: its name.
-        timings: ours first.
-        metrics: by their name with unit, contender to value.
+        stage: Name of the stage.
+        timings: Timings, that of Trifuse first.
+        metrics: Values of each contender, by metric with unit.
     """
 
     stage: str
@@ -50,10 +50,10 @@ class PreparedDrive:
     """A stretch of a drive in memory, registered once, for all stages alike.
 
     Attributes:
-        drive: where it is from.
-        frames: in order.
-        windows: of each frame, with refined poses.
-        config: of the pipeline.
+        drive: Drive that was read.
+        frames: Frames in order.
+        windows: Window of scans of each frame, with registered poses.
+        config: Pipeline configuration.
     """
 
     drive: Drive

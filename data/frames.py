@@ -34,13 +34,12 @@ def read_frames(
 
     Args:
         drive: Drive to read.
-        on_bad_frame: Raise an error at a damaged or missing frame, or log one sentence and continue
-            without it.
-        limit: Number of frames from the start of the drive; None for all.
-        first: Number of frames at the start of the drive that are passed over.
+        on_bad_frame: Action at a damaged or missing frame: stop with an error, or log one sentence and skip the frame.
+        limit: Number of frames from the start of the drive after which reading ends; None for all.
+        first: Number of frames at the start of the drive that are not read.
 
     Raises:
-        PerceptionError: a frame cannot be read and `on_bad_frame` is "stop".
+        PerceptionError: A frame cannot be read and `on_bad_frame` is "stop".
     """
     count = frame_count(drive, limit)
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="reader") as reader:

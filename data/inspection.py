@@ -48,10 +48,10 @@ class Finding:
     """One kind of fault.
 
     Attributes:
-        what: Fault in a few words.
+        what: Kind of the finding in a few words.
         count: Number of occurrences.
         first_example: First occurrence in one sentence.
-        is_fault: False where it is worth knowing but no fault, such as a part that is optional.
+        is_fault: Whether it is a fault; False for a note, such as an optional part that is missing.
     """
 
     what: str
@@ -66,12 +66,12 @@ class DriveSummary:
 
     Attributes:
         name: Name of the drive.
-        sensor: Name of the LiDAR model.
+        sensor: Name of its LiDAR.
         frames: Number of frames, missing ones included.
-        seconds: Duration from the first to the last readable scan; 0 for unrelated frames.
-        distance_m: Distance driven by the INS, or None without one.
-        mean_points: Mean number of points in a readable scan.
-        parts: Sensors and labels beside the scans.
+        seconds: Time from the first to the last readable scan; 0 for unrelated frames.
+        distance_m: Driven distance by the INS in metres, or None without an INS.
+        mean_points: Mean number of points of a readable scan.
+        parts: Data beside the scans, such as images and labels.
     """
 
     name: str
@@ -118,8 +118,8 @@ def inspect_drive(drive: KittiDrive, progress: Progress = iter) -> DriveReport:
     """Read every file of a drive once; continue after a fault, so that all are found.
 
     Args:
-        drive: Drive opened with its images.
-        progress: Wraps the frame numbers, as a progress bar does.
+        drive: Drive, opened with its images.
+        progress: Progress bar around the frame numbers.
     """
     collected = _FindingList()
     points: list[int] = []

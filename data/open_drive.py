@@ -38,12 +38,12 @@ def open_drive(
 
     Args:
         path: Raw drive, date folder, or tracking or object folder with or without training/.
-        sequence: Sequence where there are several: 0000, or the name or number of a raw drive.
+        sequence: Sequence, where there are several: 0000, or the name or number of a raw drive.
         sensor: Name of a LiDAR model, or a .json file; else the drive's sensor.json, else HDL-64E.
         images: Whether frames carry images.
 
     Raises:
-        DriveError: the path holds no drive, or several of which none was named.
+        DriveError: The path holds no drive, or several and no sequence is given.
     """
     place = _detect_layout(path)
     if place.layout in ("raw", "object"):
@@ -64,7 +64,7 @@ def sequences_in(path: Path) -> list[str | None]:
     """Return the values of `sequence` with which `open_drive` opens each drive of a path in turn.
 
     Raises:
-        DriveError: the path holds no drive.
+        DriveError: The path holds no drive.
     """
     return list(_detect_layout(path).sequences) or [None]
 

@@ -29,7 +29,7 @@ class Anomaly:
 
     Attributes:
         what: Kind of the anomaly.
-        example: Where it is, what was expected and what was found.
+        example: Sentence that says where it is, what was expected, and what was found.
     """
 
     what: str

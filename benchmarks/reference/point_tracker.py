@@ -20,8 +20,8 @@ class ReferenceKalmanFilter:
     """The Kalman filter of one object.
 
     Attributes:
-        mean: (n,) state.
-        covariance: (n, n).
+        mean: (n,) mean of the state.
+        covariance: (n, n) covariance of the state.
     """
 
     mean: Float64

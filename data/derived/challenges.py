@@ -40,10 +40,10 @@ class ChallengeConfig:
     """Thresholds from which a variation is a challenge.
 
     Attributes:
-        occluded_share: Minimum share of occluded frames.
-        turn_deg: Minimum angle between the outermost headings in degrees.
-        distance_ratio: Minimum ratio of the greatest to the smallest distance.
-        speed_change_m_s: Minimum difference between the greatest and the smallest speed.
+        occluded_share: Share of the frames in which the object is occluded or not labelled.
+        turn_deg: Angle between the outermost headings in degrees.
+        distance_ratio: Ratio of the greatest to the smallest distance.
+        speed_change_m_s: Difference between the greatest and the smallest radial speed in m/s.
     """
 
     occluded_share: float = 0.1
@@ -58,10 +58,9 @@ class Variations:
 
     Attributes:
         occluded_share: Share of the frames in which the object is occluded or not labelled.
-        turn_deg: Angle between its outermost headings in the LiDAR frame in degrees.
+        turn_deg: Angle between its outermost headings in the LiDAR frame, in degrees.
         distance_ratio: Ratio of its greatest to its smallest distance.
-        speed_change_m_s: Difference between the greatest and the smallest rate of change of its
-            distance; 0 for less than a second.
+        speed_change_m_s: Difference between its greatest and its smallest radial speed in m/s; 0 for less than a second.
     """
 
     occluded_share: float

@@ -30,9 +30,9 @@ class TrackPositions:
 
     Attributes:
         frames: (R,) frame numbers.
-        stamps_s: (R,) times.
-        track_ids: (R,).
-        positions_world: (R, 3) bottom centres in a frame fixed to the earth.
+        stamps_s: (R,) times in seconds.
+        track_ids: (R,) track ids.
+        positions_world: (R, 3) bottom centres in the world frame.
     """
 
     frames: Int
@@ -47,7 +47,7 @@ class PosedLabels:
 
     Attributes:
         frame: Number of the frame.
-        stamp_s: Time of the scan in seconds.
+        stamp_s: Time of the scan.
         world_SE3_velo: (4, 4) pose of the LiDAR.
         labels: Labels of the frame.
     """
@@ -64,10 +64,10 @@ class MotionLabels:
 
     Attributes:
         frames: (R,) frame numbers.
-        track_ids: (R,).
-        velocities_m_s: (R, 2) over the ground, along x and y of the world; NaN where a track has one
+        track_ids: (R,) track ids.
+        velocities_m_s: (R, 2) velocities over the ground, along x and y of the world; NaN where a track has one
             box in the window.
-        motions: (R,) one `Motion` each.
+        motions: (R,) values of `Motion`.
     """
 
     frames: Int
@@ -110,8 +110,8 @@ def label_drive_motion(
     The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS.
 
     Raises:
-        DriveError: the drive has no labels.
-        LabelError: the labels cannot be read.
+        DriveError: The drive has no labels.
+        LabelError: The labels cannot be read.
     """
     posed = [posed_labels(drive, index) for index in range(len(drive))]
     return label_motion(gather_tracks([frame for frame in posed if frame is not None]), thresholds)

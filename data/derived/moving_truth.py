@@ -34,7 +34,7 @@ class MovingTruth:
     Attributes:
         posed: Labels and pose of each frame, None where there is no pose.
         motion: Motion of all labelled boxes.
-        view: Region that is evaluated: the camera's view, or everything around the vehicle.
+        view: Evaluated region: the camera's view, or everything around.
     """
 
     posed: Sequence[PosedLabels | None]
@@ -45,11 +45,11 @@ class MovingTruth:
         """Return the moving scene of a frame, or None where its labels have no pose.
 
         Args:
-            frame: Frame with the scan whose points in each box are counted.
-            clearance_m: Height above a box's bottom below which points count as ground, in metres.
+            frame: Frame with the scan, whose points in each box are counted.
+            clearance_m: Height above a box's bottom in metres, below which points count as ground.
 
         Raises:
-            CalibrationError: the camera's view is judged, and nobody knows how large its image is.
+            CalibrationError: The camera's view is evaluated, and the size of its image is unknown.
         """
         posed = self.posed[frame.index]
         if posed is None:
@@ -93,12 +93,11 @@ def moving_truth(
 
     Args:
         drive: Drive with labels and poses.
-        view: Region that is evaluated: the camera's view, or everything around the vehicle, which
-            needs exact truth.
+        view: Evaluated region: the camera's view, or everything around, which takes exact truth.
         thresholds: Thresholds of motion.
 
     Raises:
-        DriveError: the drive has no truth of motion, or not all around.
+        DriveError: The drive has no labels with poses, or no exact truth of everything around.
     """
     if isinstance(drive, SyntheticDrive):
         exact = _posed_truth(drive)

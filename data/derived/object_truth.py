@@ -23,9 +23,9 @@ class DriveObjects:
 
     Attributes:
         sequence: Name of the drive.
-        stamps_s: (F,) times of its frames.
-        camera_labels: (F) what the camera sees.
-        truth: Truth with poses, and with exact boxes of all objects where the drive has them; None
+        stamps_s: (F,) times of its frames in seconds.
+        camera_labels: (F) labels of the objects in the camera's view.
+        truth: Motion and poses, with exact boxes of all objects where the drive has them; None
             without poses.
     """
 
@@ -39,8 +39,8 @@ class DriveObjects:
         """Read the labels of a drive.
 
         Raises:
-            DriveError: the drive has none.
-            LabelError: they cannot be read.
+            DriveError: The drive has no labels.
+            LabelError: The labels cannot be read.
         """
         return cls(
             sequence=drive.name,

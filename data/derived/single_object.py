@@ -25,11 +25,11 @@ class ObjectSequence:
 
     Attributes:
         name: Name of the sequence in its table.
-        sequence: Sequence of KITTI's tracking benchmark, such as 0000.
+        sequence: Sequence of KITTI's tracking benchmark, such as "0000".
         track_id: Track id of the object.
         kind: KITTI's class name.
-        first_frame: First frame, in which the tracker is given the object's box.
-        last_frame: Last frame, inclusive.
+        first_frame: Frame in which the tracker is initialised with the object's box.
+        last_frame: Last frame in which the object is tracked.
         stated: Other columns of the table: scene, object_status, ego_status ...
     """
 

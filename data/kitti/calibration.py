@@ -33,7 +33,7 @@ class DriveCalibration:
 
     Attributes:
         camera: Calibration of the left colour camera, or None where the drive states none.
-        velo_SE3_imu: (4, 4) IMU to LiDAR, or None where the drive states none.
+        velo_SE3_imu: (4, 4) transform from the IMU to the LiDAR, or None where the drive states none.
     """
 
     camera: Calibration | None
@@ -45,7 +45,7 @@ class CalibrationText:
     """Rows of one calibration file, parsed on access.
 
     Attributes:
-        path: Path of the file.
+        path: Calibration file.
         rows: Text after each key.
     """
 
@@ -57,7 +57,7 @@ class CalibrationText:
         """Split the file into keys and rows.
 
         Raises:
-            CalibrationError: there is no such file, or it is no text.
+            CalibrationError: The file is missing, or is not text.
         """
         try:
             lines = path.read_text().splitlines()
@@ -75,7 +75,7 @@ class CalibrationText:
         """Return the numbers of a key, whichever of its spellings the file uses.
 
         Raises:
-            CalibrationError: no such key, not so many finite numbers, or a singular matrix.
+            CalibrationError: The key is missing, its numbers are too few or not finite, or the matrix is singular.
         """
         key = next((key for key in keys if key in self.rows), None)
         if key is None:
@@ -111,7 +111,7 @@ def read_benchmark_calibration(path: Path) -> DriveCalibration:
     """Read the one file of a tracking sequence or an object frame.
 
     Raises:
-        CalibrationError: a key of the camera is missing, or a matrix cannot be used.
+        CalibrationError: A key of the camera is missing, or a matrix cannot be used.
     """
     text = CalibrationText.read(path)
     rectification = text.matrix(_RECTIFICATION_KEYS, (3, 3))
@@ -130,7 +130,7 @@ def read_raw_calibration(folder: Path) -> DriveCalibration:
     """Read the calibration files of a raw recording; None for a missing file.
 
     Raises:
-        CalibrationError: a file lacks a key, or a matrix cannot be used.
+        CalibrationError: A file lacks a key, or a matrix cannot be used.
     """
     has_camera = (folder / CAM_TO_CAM).is_file() or (folder / VELO_TO_CAM).is_file()
     has_imu = (folder / IMU_TO_VELO).is_file()
@@ -189,7 +189,7 @@ def format_raw_calibration(calibration: DriveCalibration) -> dict[str, str]:
     """Return the text of each calibration file of a raw recording, by file name.
 
     Raises:
-        CalibrationError: the camera does not state the size of its images.
+        CalibrationError: The camera does not state the size of its images.
     """
     texts: dict[str, str] = {}
     if calibration.camera is not None:

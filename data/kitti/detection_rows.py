@@ -36,12 +36,11 @@ class DetectionSet:
     """Detections and labels of F frames.
 
     Attributes:
-        numbers: (F,) of the frames, in order; rows count frames by their place in it.
+        numbers: (F,) numbers of the frames, in order; rows name a frame by its index here.
         truths: Labelled boxes.
         detections: Detected boxes.
-        missing_results: Numbers of frames without a result file, which count as frames without a
-            detection.
-        extra_results: Numbers of result files that belong to none of the frames.
+        missing_results: Numbers of the frames without a result file, in which nothing was detected.
+        extra_results: Numbers of the result files that belong to none of the frames.
     """
 
     numbers: tuple[int, ...]
@@ -62,14 +61,14 @@ def read_detection_set(
     An empty or missing result file says that nothing was detected in its frame.
 
     Args:
-        results: Folder of 000000.txt files, or one that holds them in data/.
-        labels: Folder of 000000.txt files, or one that holds them in label_2/ or training/label_2/.
+        results: Folder of 000000.txt, or one that holds them in data/.
+        labels: Folder of 000000.txt, or one that holds them in label_2/ or training/label_2/.
         numbers: Numbers of the frames; None for all that have labels.
-        progress: Iterates over the frames and may show a progress bar.
+        progress: Progress bar around the frames.
 
     Raises:
-        DriveError: a folder holds no such file of any frame.
-        LabelError: a label file is missing, or a row cannot be read.
+        DriveError: A folder holds no file of any of the frames.
+        LabelError: A label file is missing, or a row cannot be read.
     """
     label_files = _text_files(labels, ("label_2", "training/label_2"))
     chosen = tuple(label_files.paths if numbers is None else numbers)
@@ -94,7 +93,7 @@ def read_frame_list(path: Path) -> tuple[int, ...]:
     """Read the numbers of frames, one a row, such as of a split.
 
     Raises:
-        LabelError: the file cannot be read, or a row is no number or one that was there before.
+        LabelError: The file cannot be read, or a row is not a number, or repeats one.
     """
     numbers: dict[int, int] = {}
     for row, line in enumerate(read_label_lines(path), start=1):

@@ -25,7 +25,7 @@ def read_tracking_labels(path: Path, calibration: Calibration) -> dict[int, Labe
     """Read the labels of a sequence by frame number; frames without a row are not in it.
 
     Raises:
-        LabelError: the file or one of its rows cannot be read.
+        LabelError: The file or one of its rows cannot be read.
     """
     rows_of_frame: dict[int, list[tuple[str, int, Float64]]] = defaultdict(list)
     for number, line in enumerate(read_label_lines(path), start=1):
@@ -44,7 +44,7 @@ def read_object_labels(path: Path, calibration: Calibration) -> Labels:
     """Read the labels of one frame; its track ids are -1.
 
     Raises:
-        LabelError: the file or one of its rows cannot be read.
+        LabelError: The file or one of its rows cannot be read.
     """
     rows = []
     for number, line in enumerate(read_label_lines(path), start=1):
@@ -71,7 +71,7 @@ def read_label_lines(path: Path, what: str = "a label text") -> list[str]:
     """Return the rows of a text file that are not blank.
 
     Raises:
-        LabelError: the file cannot be read.
+        LabelError: The file cannot be read.
     """
     try:
         return [line for line in path.read_text().splitlines() if line.strip()]

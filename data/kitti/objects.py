@@ -41,11 +41,11 @@ class ObjectFrames:
         name: Name of the folder.
         root: Training or testing folder.
         sensor: LiDAR model.
-        scans: Scan files, one a frame.
-        images: Image files, or None.
-        label_folder: Folder of label files, or None.
-        point_labels: Files with the exact truth of synthetic points, or None.
-        calibration: None, as each frame has its own.
+        scans: Scans, one per frame.
+        images: Images of the left colour camera, or None.
+        label_folder: Folder of the labels, or None.
+        point_labels: Exact truth of synthetic points, or None.
+        calibration: None, as each frame has its own calibration.
     """
 
     name: str
@@ -83,7 +83,7 @@ class ObjectFrames:
         """Read one frame.
 
         Raises:
-            PerceptionError: a file of the frame is missing or damaged.
+            PerceptionError: A file of the frame is missing or damaged.
         """
         number = self.number(index)
         image = self.image(index)
@@ -101,7 +101,7 @@ class ObjectFrames:
         """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
 
         Raises:
-            ImageError: it is missing or damaged.
+            ImageError: The image is missing or damaged.
         """
         return None if self.images is None else read_image(self.images.path(self.number(index)))
 
@@ -118,9 +118,9 @@ class ObjectFrames:
         """Read the labels of one frame.
 
         Raises:
-            DriveError: there are none.
-            LabelError: the frame's label file is missing or cannot be read.
-            CalibrationError: the frame has no calibration to place its labels.
+            DriveError: The folder has no labels.
+            LabelError: The frame's label file is missing or cannot be read.
+            CalibrationError: The frame has no calibration, which its labels need.
         """
         if self.label_folder is None:
             raise DriveError(self.root, expected="object frames with labels", found="none")
@@ -137,7 +137,7 @@ class ObjectFrames:
         """Read the exact truth of every point, which only synthetic frames have.
 
         Raises:
-            LabelError: the file is missing, or it is not as long as the scan.
+            LabelError: The file is missing, or its length differs from that of the scan.
         """
         if self.point_labels is None:
             return None
@@ -150,7 +150,7 @@ def open_objects(folder: Path, sensor: LidarModel, *, images: bool = True) -> Ob
     """Open a training or testing folder of object frames.
 
     Raises:
-        DriveError: there is no scan in it.
+        DriveError: The folder holds no scan.
     """
     scans = NumberedFiles.within(folder / "velodyne", SCAN_SUFFIXES)
     if not len(scans):

@@ -28,13 +28,13 @@ class InsPacket:
     Attributes:
         latitude_deg: Latitude in degrees, north positive.
         longitude_deg: Longitude in degrees, east positive.
-        altitude_m: Altitude above the sea in metres.
-        roll_rad: Roll angle, left side up positive.
-        pitch_rad: Pitch angle, front down positive.
-        yaw_rad: 0 to the east, counter-clockwise.
-        velocity_level_m_s: (3,) forward, left, up, in the plane of the horizon.
-        acceleration_imu_m_s2: (3,) along the IMU's axes, gravity included.
-        rate_imu_rad_s: (3,) turning about the IMU's axes.
+        altitude_m: Altitude above sea level in metres.
+        roll_rad: Roll in radians, left side up positive.
+        pitch_rad: Pitch in radians, front down positive.
+        yaw_rad: Yaw in radians, 0 to the east, counter-clockwise.
+        velocity_level_m_s: (3,) velocity forward, left and up, in the horizontal plane.
+        acceleration_imu_m_s2: (3,) acceleration along the axes of the IMU, gravity included.
+        rate_imu_rad_s: (3,) angular rates about the axes of the IMU.
     """
 
     latitude_deg: float
@@ -56,9 +56,9 @@ class Mercator:
     that positions stay small and keep their precision.
 
     Attributes:
-        latitude_deg: Latitude of the origin.
-        longitude_deg: Longitude of the origin.
-        altitude_m: Altitude of the origin.
+        latitude_deg: Latitude of the origin in degrees.
+        longitude_deg: Longitude of the origin in degrees.
+        altitude_m: Altitude of the origin in metres.
     """
 
     latitude_deg: float
@@ -124,7 +124,7 @@ def parse_oxts_packet(row: str, source: str | Path) -> InsPacket:
     """Read one packet.
 
     Raises:
-        PoseError: the row has too few or non-finite numbers, or lies off the map.
+        PoseError: The row has too few or non-finite numbers, or its position is not on the map.
     """
     try:
         numbers = np.array(row.split(), np.float64)

@@ -41,8 +41,8 @@ def open_raw(folder: Path, sensor: LidarModel, *, images: bool = True) -> KittiS
     """Open a raw drive; its files are read frame by frame.
 
     Raises:
-        DriveError: there is no scan in it.
-        CalibrationError: a calibration file cannot be used, or the INS has none.
+        DriveError: The drive holds no scan.
+        CalibrationError: A calibration file cannot be used, or the INS has no calibration.
     """
     scans = NumberedFiles.within(folder / "velodyne_points" / "data", SCAN_SUFFIXES)
     if not len(scans):
@@ -85,7 +85,7 @@ class OxtsFiles:
         """Read the packet of a frame.
 
         Raises:
-            PoseError: it is missing or malformed.
+            PoseError: The packet is missing or malformed.
         """
         path = self.files.path(number)
         try:
@@ -102,9 +102,9 @@ class TimestampFile:
     """Timestamps as read, seconds since the drive's first, NaN where a row is no time.
 
     Attributes:
-        path: Path of the file.
-        stamps_s: Times in seconds, by row.
-        row_of_number: Row of each frame number.
+        path: File of timestamps.
+        stamps_s: Seconds since the first timestamp of the drive, by row.
+        row_of_number: Row of each frame, by frame number.
     """
 
     path: Path
@@ -115,7 +115,7 @@ class TimestampFile:
         """Return the time of a frame's scan since the drive's first.
 
         Raises:
-            DriveError: the row is missing or no time.
+            DriveError: The row is missing, or is not a time.
         """
         row = self.row_of_number[number]
         if row >= len(self.stamps_s) or np.isnan(self.stamps_s[row]):

@@ -28,7 +28,7 @@ class NumberedFiles:
 
     Attributes:
         folder: Folder of the files.
-        paths: Paths by number, in order.
+        paths: Paths by frame number, in order.
     """
 
     folder: Path
@@ -74,7 +74,7 @@ def read_scan(path: Path) -> Float32:
     """Read (N, 4) points; `Frame` validates them.
 
     Raises:
-        ScanError: there is no such file, or it does not hold a whole number of points.
+        ScanError: The file is missing, or does not hold a whole number of points.
     """
     try:
         data = path.read_bytes()
@@ -95,7 +95,7 @@ def read_image(path: Path, expected: ImageSize | None = None) -> UInt8:
     """Read an (H, W, 3) RGB image.
 
     Raises:
-        ImageError: it is missing, damaged, or of another size than expected.
+        ImageError: The image is missing, damaged, or of another size than expected.
     """
     try:
         data = path.read_bytes()
@@ -133,7 +133,7 @@ def read_point_truth(path: Path, points: int) -> PointTruth:
     """Read SemanticKITTI's labels of a scan: class in the low, instance in the high 16 bits.
 
     Raises:
-        LabelError: the file is missing, or it is not as long as the scan.
+        LabelError: The file is missing, or its length differs from that of the scan.
     """
     if not path.is_file():
         raise LabelError(path, expected="a label for each point", found="no file")

@@ -63,17 +63,15 @@ class KittiSequence:
         name: Name of the raw drive or the tracking sequence.
         root: Folder of the drive, or of all sequences.
         sensor: LiDAR model.
-        calibration: Calibration of the camera, with the size of its images where any file states
-            it.
-        scans: Scan files; a number without a scan between the first and the last is a missing
-            frame.
-        clock: Times of the frames.
-        images: Image files of the left colour camera, or None.
-        image_size: Size that every image is checked against, or None.
+        calibration: Calibration of the camera, with the image size where a file states it.
+        scans: Scans, one per frame; a number without a scan between the first and the last is a missing frame.
+        clock: Clock of the scans.
+        images: Images of the left colour camera, or None.
+        image_size: Size that every image must have, or None.
         ins: INS packets, or None.
-        velo_SE3_imu: (4, 4) IMU to LiDAR; there if `ins` is.
-        label_file: Label file in tracking format, or None.
-        point_labels: Files with the exact truth of synthetic points, or None.
+        velo_SE3_imu: (4, 4) transform from the IMU to the LiDAR; required with `ins`.
+        label_file: Labels in tracking format, or None.
+        point_labels: Exact truth of synthetic points, or None.
     """
 
     name: str
@@ -125,7 +123,7 @@ class KittiSequence:
         """Read one frame.
 
         Raises:
-            PerceptionError: a file of the frame is missing or damaged.
+            PerceptionError: A file of the frame is missing or damaged.
         """
         number = self.scans.numbers[index]
         path = self.scans.path(number)
@@ -164,7 +162,7 @@ class KittiSequence:
         """Read the (H, W, 3) image of one frame without its scan, or None without a camera.
 
         Raises:
-            ImageError: it is missing, damaged or of another size.
+            ImageError: The image is missing, damaged or of another size.
         """
         if self.images is None:
             return None
@@ -174,8 +172,8 @@ class KittiSequence:
         """Read the INS packet of one frame.
 
         Raises:
-            DriveError: the drive has no INS.
-            PoseError: the packet is missing or malformed.
+            DriveError: The drive has no INS.
+            PoseError: The packet is missing or malformed.
         """
         return self._packet(self.scans.numbers[index])
 
@@ -183,7 +181,7 @@ class KittiSequence:
         """Return the (4, 4) INS pose of one frame without reading its scan, or None without INS.
 
         Raises:
-            PoseError: the packet is missing or malformed.
+            PoseError: The packet is missing or malformed.
         """
         return self._world_SE3_velo(self.scans.numbers[index])
 
@@ -191,8 +189,8 @@ class KittiSequence:
         """Read the labels of one frame.
 
         Raises:
-            DriveError: the drive has none.
-            LabelError: the label file cannot be read.
+            DriveError: The drive has no labels.
+            LabelError: The label file cannot be read.
         """
         return self._labels_by_number.get(self.scans.numbers[index], empty_labels())
 
@@ -212,7 +210,7 @@ class KittiSequence:
         """Read the exact truth of every point, which only synthetic drives have.
 
         Raises:
-            LabelError: the file is missing, or it is not as long as the scan.
+            LabelError: The file is missing, or its length differs from that of the scan.
         """
         if self.point_labels is None:
             return None
@@ -227,10 +225,9 @@ class CameraFiles:
     """Images of a drive and their calibration.
 
     Attributes:
-        calibration: Calibration with the size of the images, as the calibration file or the first
-            image states it.
-        image_size: The same size, and the file that states it.
-        images: None where there are none or none are wanted.
+        calibration: Calibration with the image size, where the calibration or the first image states it.
+        image_size: Image size, and the file that states it.
+        images: Image files, or None where there are none or they are not to be loaded.
     """
 
     calibration: Calibration | None

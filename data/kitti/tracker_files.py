@@ -19,8 +19,8 @@ class TrackedSequenceFiles:
 
     Attributes:
         name: Name of the sequence, such as 0000.
-        labels: Label file of 17 columns.
-        results: Result file of 18 columns.
+        labels: Label file with 17 columns.
+        results: Result file with 18 columns.
         frame_count: Number of frames of the sequence, or None without a seqmap.
     """
 
@@ -33,7 +33,7 @@ class TrackedSequenceFiles:
         """Read both files.
 
         Raises:
-            LabelError: one of them cannot be used.
+            LabelError: One of the files cannot be used.
         """
         labels = read_label_rows(self.labels, self.frame_count)
         results = read_result_rows(self.results, self.frame_count)
@@ -49,7 +49,7 @@ class LabelledResults:
     Attributes:
         labels: Labels of all classes.
         results: Results of a tracker.
-        frame_count: Number of frames of the sequence; else up to the last row of either file.
+        frame_count: Number of frames of the sequence; up to the last row of either file without a seqmap.
     """
 
     labels: TrackingRows
@@ -66,7 +66,7 @@ def label_folder(path: Path) -> Path:
     """Find the folder of SSSS.txt: a path itself, or label_02 in it or in its training/.
 
     Raises:
-        DriveError: there is none.
+        DriveError: There is no such folder.
     """
     for folder in (path, path / "label_02", path / "training" / "label_02"):
         if sequences_in(folder):
@@ -84,13 +84,13 @@ def pair_with_labels(
     """Find the two files of each sequence: of a seqmap, else of all that have results.
 
     Args:
-        results: Folder of SSSS.txt files.
-        labels: Folder of SSSS.txt files.
+        results: Folder of result files SSSS.txt.
+        labels: Folder of label files SSSS.txt.
         seqmap: File with the names and lengths of the sequences.
 
     Raises:
-        DriveError: a file is missing.
-        LabelError: the seqmap cannot be read.
+        DriveError: A file is missing.
+        LabelError: The seqmap cannot be read.
     """
     if not results.is_dir():
         raise DriveError(results, expected="a folder of results SSSS.txt", found="no such folder")
@@ -112,7 +112,7 @@ def read_seqmap(path: Path) -> dict[str, int]:
     """Read the lengths of sequences by name.
 
     Raises:
-        LabelError: the file or one of its rows cannot be read, or names a sequence again.
+        LabelError: The file or a row cannot be read, or a sequence is named twice.
     """
     lengths: dict[str, int] = {}
     expected = "a sequence that is named once, `empty`, its first frame and its length"

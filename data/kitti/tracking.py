@@ -34,8 +34,8 @@ def open_tracking(
     """Open a sequence of a training or testing folder; its files are read frame by frame.
 
     Raises:
-        DriveError: there is no scan in it.
-        CalibrationError: the calibration file cannot be used, or the INS has none.
+        DriveError: The sequence has no scan.
+        CalibrationError: The calibration file cannot be used, or the INS has no calibration.
     """
     scans = NumberedFiles.within(folder / "velodyne" / sequence, SCAN_SUFFIXES)
     if not len(scans):
@@ -77,7 +77,7 @@ class OxtsFile:
         """Split the file into rows, which are parsed on access.
 
         Raises:
-            PoseError: the file is no text.
+            PoseError: The file is not text.
         """
         try:
             return cls(path, tuple(path.read_text().splitlines()))
@@ -88,7 +88,7 @@ class OxtsFile:
         """Read the packet of a frame.
 
         Raises:
-            PoseError: it is missing or malformed.
+            PoseError: The packet is missing or malformed.
         """
         where = f"{self.path} row {number + 1}"
         row = self.rows[number] if number < len(self.rows) else ""

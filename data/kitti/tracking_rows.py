@@ -36,17 +36,17 @@ class TrackingRows(Rows):
     """N rows of one sequence.
 
     Attributes:
-        frames: (N,) from 0.
-        ids: (N,) of the object or track, below 0 where there is none.
-        types: (N,) one of `TYPES`, in any case.
-        truncation: (N,) levels 0, 1, 2; -1 unknown.
-        occlusion: (N,) levels 0, 1, 2, 3; -1 unknown.
-        alphas_rad: (N,) heading as seen from the camera; -10 unknown.
-        boxes_px: (N, 4) x1 y1 x2 y2.
+        frames: (N,) frame numbers, from 0.
+        ids: (N,) ids of objects or tracks, below 0 where there is none.
+        types: (N,) class names, each one of `TYPES`, upper or lower case.
+        truncation: (N,) truncation levels 0, 1, 2; -1 unknown.
+        occlusion: (N,) occlusion levels 0, 1, 2, 3; -1 unknown.
+        alphas_rad: (N,) headings as seen from the camera (alpha); -10 unknown.
+        boxes_px: (N, 4) image boxes x1 y1 x2 y2.
         sizes_hwl_m: (N, 3) height, width, length; -1 unknown.
-        bottoms_cam_m: (N, 3) x right, y down, z forward; -1000 unknown.
-        headings_rad: (N,) ry; -10 unknown.
-        scores: (N,) NaN in labels, which have none.
+        bottoms_cam_m: (N, 3) bottom centres, x right, y down, z forward; -1000 unknown.
+        headings_rad: (N,) headings ry; -10 unknown.
+        scores: (N,) scores; NaN in labels, which have none.
     """
 
     frames: Int
@@ -76,12 +76,11 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
     """Read the labels of a sequence.
 
     Args:
-        path: File of label_02.
-        frame_count: Number of frames of the sequence, beyond which no row may lie; None where it is
-            unknown.
+        path: Label file of a sequence.
+        frame_count: Number of frames of the sequence, where it is known; no row may be of a later frame.
 
     Raises:
-        LabelError: the file or one of its rows cannot be read, a type or a number is none that the
+        LabelError: The file or a row cannot be read, a class or a frame number is not one that the
             benchmark knows, or an id of one type is twice in a frame.
     """
     table = _read_table(path, _LABEL_COLUMNS)
@@ -92,7 +91,7 @@ def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows
     """Read the results of a tracker for a sequence; an empty file means no objects.
 
     Raises:
-        LabelError: as `read_label_rows`.
+        LabelError: The same faults as for `read_label_rows`.
     """
     table = _read_table(path, _RESULT_COLUMNS)
     return _checked(_to_rows(table, table.numbers[:, -1]), path, frame_count)

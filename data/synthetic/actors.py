@@ -37,10 +37,10 @@ class Body:
     """A shape shared by several actors.
 
     Attributes:
-        kind: KITTI's type.
-        size_m: length, width, height of its label.
-        poses: meshes of one cycle of steps or pedal turns; one for what is rigid.
-        cycle_m: way covered in a cycle.
+        kind: Class name of KITTI.
+        size_m: Length, width and height of its label in metres.
+        poses: Meshes of one cycle of steps or pedal turns; a single one for a rigid body.
+        cycle_m: Distance covered in a cycle in metres.
     """
 
     kind: str
@@ -64,12 +64,12 @@ class Actor:
     """One participant.
 
     Attributes:
-        track_id: its number, the same in all frames.
-        body: its shape.
-        appearance: (slots, 4) palette.
-        path: its way; None for what is parked.
-        world_SE3_parked: (4, 4) pose of what is parked.
-        is_steered: whether it faces where its way leads, as who turns off does, and not along the road.
+        track_id: Track id, the same in all frames.
+        body: Shape of the actor.
+        appearance: (slots, 4) palette of colours and reflectances.
+        path: Path of the actor; None for a parked one.
+        world_SE3_parked: (4, 4) pose of a parked actor.
+        is_steered: Whether it faces along its path, as a turning vehicle does, and not along the road.
     """
 
     track_id: int

@@ -23,10 +23,10 @@ class CachedDrive(SyntheticDrive):
         """Draw the world.
 
         Args:
-            frames: how many scans.
-            seed: of the world and of all noise.
-            sensor: the LiDAR.
-            noise: of the INS; else as KITTI's.
+            frames: Number of scans.
+            seed: Seed of the world and of all noise.
+            sensor: LiDAR model.
+            noise: Noise of the INS; else that of KITTI's INS.
         """
         super().__init__(frames, seed=seed, sensor=sensor, noise=noise, images=False)
         self._scans: dict[int, LidarScan] = {}

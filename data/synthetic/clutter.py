@@ -28,17 +28,17 @@ class ClutterConfig:
     """How much of what stands along a road; shares from 0 to 1, numbers in 100 m of each side.
 
     Attributes:
-        bushes: thickets of one to six bushes on the land.
-        grass: patches of tall grass on the land and along the kerb.
-        conifers: trees with twigs down to the ground.
-        rails: share of the edges with a guard rail, or a barrier of concrete.
-        railings: share of the pavements' edges with a railing or a fence of wire.
-        boxes: cabinets, bins, pillars, boards, benches and bicycle stands.
-        shelters: bus stops.
-        poles: groups of poles, signs and signals on the pavement.
-        islands: traffic islands in the middle of the road, with signs and signals.
-        delineators: white posts.
-        parking_lots: places off the road where vehicles stand.
+        bushes: Thickets of one to six bushes on the land.
+        grass: Patches of tall grass on the land and along the kerb.
+        conifers: Trees with twigs down to the ground.
+        rails: Share of the edges with a guard rail, or a barrier of concrete.
+        railings: Share of the pavements' edges with a railing or a fence of wire.
+        boxes: Cabinets, bins, pillars, boards, benches and bicycle stands.
+        shelters: Bus stops.
+        poles: Groups of poles, signs and signals on the pavement.
+        islands: Traffic islands in the middle of the road, with signs and signals.
+        delineators: White posts.
+        parking_lots: Parking lots beside the road.
     """
 
     bushes: float = 0.0
@@ -92,11 +92,11 @@ class _Verge:
     """One side of a road, on which clutter is placed.
 
     Attributes:
-        road: the road.
-        side: 1 to its left, -1 to its right.
-        rng: draws what stands where.
-        shrubs: bushes 1 m high, to be stretched.
-        grasses: patches of grass 1 m high, to be stretched.
+        road: Road.
+        side: Side of the road: 1 left, -1 right.
+        rng: Random generator of positions and shapes.
+        shrubs: Bushes 1 m high, to be stretched.
+        grasses: Patches of grass 1 m high, to be stretched.
     """
 
     road: Road

@@ -26,15 +26,15 @@ class SynthConfig:
 
     Attributes:
         layout: KITTI's raw, tracking or object layout.
-        frames: of each drive; of all together in the object layout.
-        drives: how many; the object layout takes as many worlds as it needs.
-        sensor: the LiDAR.
-        seed: of the first drive; the next have the next seeds.
-        noise: of the INS.
-        images: whether to write images.
-        config: the street of every drive; else the first is the demonstration street and each next
+        frames: Number of frames of each drive; of all together in the object layout.
+        drives: Number of drives; the object layout takes as many worlds as it needs.
+        sensor: LiDAR model.
+        seed: Seed of the first drive; the next drives have the next seeds.
+        noise: Noise of the INS.
+        images: Whether to write images.
+        config: Street of every drive; else the first is the demonstration street and each next
             one another kind.
-        ego_m_s: speed that the ego vehicle wishes for; else that of the street.
+        ego_m_s: Desired speed of the ego vehicle in m/s; else that of the street.
     """
 
     layout: Layout = "raw"
@@ -67,9 +67,9 @@ def write_drives(
     """Write drives below a folder; return the folder that opens as each.
 
     Args:
-        out: where.
-        synth_config: what.
-        done: called after each frame.
+        out: Folder for the drives.
+        synth_config: Configuration of the drives.
+        done: Function called after each frame.
     """
     with limit_blas_threads():  # frames are written side by side already
         if synth_config.layout == "object":

@@ -45,12 +45,12 @@ class SyntheticDrive:
         """Draw the world.
 
         Args:
-            frames: how many scans.
-            seed: of the world and of all noise.
-            sensor: the LiDAR.
-            config: how the world is drawn; else a lively street.
-            noise: of the INS; else as KITTI's.
-            images: whether frames carry images.
+            frames: Number of scans.
+            seed: Seed of the world and of all noise.
+            sensor: LiDAR model.
+            config: World configuration; else a street with dense traffic.
+            noise: Noise of the INS; else that of KITTI's INS.
+            images: Whether frames carry images.
         """
         if frames < 1:
             raise UsageError("synthetic drive", expected="at least one frame", found=str(frames))

@@ -28,22 +28,22 @@ class EchoModel:
     """How shots return; shares are of 1, spreads are deviations of the logarithm.
 
     Attributes:
-        lost_signal: reflectance over the squared share of the range at which half of all shots is lost.
-        lost_glossy: the same of paint and panes, whose coat scatters little back.
-        full_power: share of the sensor's range up to which it evens out the echo of a surface face on; of
+        lost_signal: Reflectance over the squared share of the range at which half of all shots is lost.
+        lost_glossy: Value of `lost_signal` for paint and panes, whose coat scatters little back.
+        full_power: Share of the sensor's range up to which it evens out the echo of a surface face on; of
             a slanting one it falls short sooner.
-        min_echo: weaker ones are reported as 0.
-        grazing: strength of an echo from a surface seen edge on, over that face on.
-        glossy_grazing: the same of glossy paint and panes.
-        mirror: share of the shots that black gloss turns away when seen edge on.
-        speckle: spread from shot to shot.
-        gain: spread from laser to laser of one sensor, which shows as rings on the road.
-        weak: share of lasers that are much weaker than the others.
-        weak_gain: their gain.
-        near_focus: share of the way to where a laser meets level ground at which its echo is at full
+        min_echo: Weakest echo that is reported; weaker ones are reported as 0.
+        grazing: Strength of an echo from a surface seen edge on, over that face on.
+        glossy_grazing: Value of `grazing` for glossy paint and panes.
+        mirror: Share of the shots that black gloss turns away when seen edge on.
+        speckle: Spread from shot to shot.
+        gain: Spread from laser to laser of one sensor, which shows as rings on the road.
+        weak: Share of lasers that are much weaker than the others.
+        weak_gain: Gain of the weak lasers.
+        near_focus: Share of the distance to where a laser meets level ground at which its echo is at full
             strength; nearer things are out of the receiver's focus.
-        farthest_focus_m: the same at most.
-        retro: echo of a retroreflector over that of white paint.
+        farthest_focus_m: Greatest distance from which an echo is at full strength, in metres.
+        retro: Echo of a retroreflector over that of white paint.
     """
 
     lost_signal: float = 0.035
@@ -115,8 +115,8 @@ class Shots:
 
     Attributes:
         albedo: (N,) reflectance of the surface face on.
-        cosine: (N,) of the angle between the ray and the surface's normal.
-        distance_m: (N,) along the ray; infinity where it meets nothing.
+        cosine: (N,) cosine of the angle between the ray and the surface's normal.
+        distance_m: (N,) distance along the ray in metres; infinity where it meets nothing.
     """
 
     albedo: Float32

@@ -20,15 +20,15 @@ class Exposure:
     """What the camera does to light.
 
     Attributes:
-        gain: of the light.
-        noise: standard deviation of the sensor's noise at mid grey, in grey levels of 255.
-        blur_px: of the lens.
-        metering: share of the way to the gain at which the image is of middle brightness.
-        contrast: steepness of the tone curve in its middle; 1 for the display's gamma alone.
-        saturation: of colours, over those of the light.
+        gain: Gain of the light.
+        noise: Standard deviation of the sensor's noise at mid grey, in grey levels of 255.
+        blur_px: Blur of the lens in pixels, standard deviation.
+        metering: Weight of automatic exposure, from 0 for a fixed gain to 1 for an image of middle brightness.
+        contrast: Steepness of the tone curve in its middle; 1 for the display's gamma alone.
+        saturation: Saturation of colours relative to the light.
         white: (3,) gains of red, green and blue.
-        vignette: share of the light that is lost in the corners.
-        has_mosaic: whether each pixel senses one colour, the others being interpolated.
+        vignette: Share of the light that is lost in the corners.
+        has_mosaic: Whether each pixel senses one colour, the others being interpolated.
     """
 
     gain: float = 1.0

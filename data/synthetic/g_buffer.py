@@ -12,11 +12,11 @@ class RenderState:
     """What is the same for all bands of one image.
 
     Attributes:
-        pinhole: the camera in its place.
+        pinhole: Pinhole camera at its pose.
         velo_to_world: (3, 3) rotation of the LiDAR.
-        moving: what moves in view.
-        casting: those of it near enough to cast shadows.
-        footprints: pose, length and width of the vehicles around.
+        moving: Moving objects in view.
+        casting: Moving objects near enough to cast shadows.
+        footprints: Pose, length and width of the vehicles nearby.
     """
 
     pinhole: PinholeCamera
@@ -31,14 +31,14 @@ class GBuffer:
     """What the pixels of one band see.
 
     Attributes:
-        rows: of the image.
-        shape: rows and columns of the band.
-        rays: one a pixel, row by row.
-        hits: where they end.
-        seen: (K,) pixels that see something.
-        slots: (K,) material.
-        points: (K, 3) in the world.
-        normals: (K, 3) towards the camera.
+        rows: Rows of the image.
+        shape: Rows and columns of the band.
+        rays: Rays, one per pixel, row by row.
+        hits: Hits of the rays.
+        seen: (K,) indices of the pixels whose ray meets a surface.
+        slots: (K,) material slots.
+        points: (K, 3) points in the world.
+        normals: (K, 3) unit normals, turned towards the camera.
     """
 
     rows: slice

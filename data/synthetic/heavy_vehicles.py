@@ -33,15 +33,15 @@ class HeavyDesign:
     """Measures of one heavy vehicle in metres.
 
     Attributes:
-        kind: how it is built.
-        length_m: bumper to bumper.
-        width_m: without mirrors.
-        height_m: road to roof.
-        cab_m: length of the cab, 0 for none.
-        cab_height_m: road to the cab's roof.
-        deck_m: height of the loading deck, or of a bus's floor.
-        wheel_m: wheel radius.
-        axles_m: places of the axles along x, the front first.
+        kind: Kind of body.
+        length_m: Length from bumper to bumper.
+        width_m: Width without mirrors.
+        height_m: Height of the roof above the road.
+        cab_m: Length of the cab, 0 for none.
+        cab_height_m: Height of the cab's roof above the road.
+        deck_m: Height of the loading deck, or of a bus's floor.
+        wheel_m: Wheel radius.
+        axles_m: Positions of the axles along x, the front first.
     """
 
     kind: HeavyKind

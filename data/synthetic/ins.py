@@ -25,8 +25,8 @@ class InsNoise:
     """Standard deviations of an INS; the defaults are those that KITTI's maker states.
 
     Attributes:
-        position_m: along each axis.
-        angle_deg: about each axis.
+        position_m: Standard deviation of the position along each axis in metres.
+        angle_deg: Standard deviation of the angle about each axis in degrees.
     """
 
     position_m: float = 0.02
@@ -56,10 +56,10 @@ def packets(
     """Measure (F, 4, 4) true poses.
 
     Args:
-        world_SE3_imu: true poses, x of the world to the east and y to the north.
-        rate_hz: packets a second.
-        noise: how wrong they are.
-        rng: draws the errors.
+        world_SE3_imu: (F, 4, 4) true poses, x of the world to the east and y to the north.
+        rate_hz: Packets per second.
+        noise: Noise of the INS.
+        rng: Random generator of the errors.
     """
     frames = len(world_SE3_imu)
     shift_m = errors(frames, 1 / rate_hz, noise.position_m, rng)

@@ -28,14 +28,14 @@ class LabelConfig:
     """Which objects are labelled, and which are image regions that nobody cares about.
 
     Attributes:
-        min_height_px: lower objects are DontCare.
-        unknown_height_px: lower ones have occlusion 3, unknown.
-        max_distance_m: farther ones are DontCare.
-        min_visible_share: of the object within the image; below it is DontCare.
-        visible_share: at least so much seen is occlusion 0.
-        partly_share: at least so much seen is occlusion 1, less is 2.
-        max_truncation: share outside the image beyond which an object is DontCare.
-        min_visible_px: area that must be seen for the object to be noticed at all.
+        min_height_px: Height in pixels below which an object is DontCare.
+        unknown_height_px: Height in pixels below which the occlusion is 3, unknown.
+        max_distance_m: Distance in metres beyond which an object is DontCare.
+        min_visible_share: Visible share of the object within the image below which it is DontCare.
+        visible_share: Visible share from which the occlusion is 0.
+        partly_share: Visible share from which the occlusion is 1; below, it is 2.
+        max_truncation: Share outside the image above which an object is DontCare.
+        min_visible_px: Visible area in square pixels below which an object is not annotated at all.
     """
 
     min_height_px: float = 12.0
@@ -53,11 +53,11 @@ class _ImageObject:
     """One object before the camera.
 
     Attributes:
-        actor: who it is.
-        state: where it is and which shape it has.
-        box_px: (4,) around its outline, cut at the image's edges.
-        truncation: share of its volume outside the image.
-        distance_m: along the camera's axis.
+        actor: Actor.
+        state: Pose and shape of the actor.
+        box_px: (4,) box around its outline, cut at the image's edges.
+        truncation: Share of its volume outside the image.
+        distance_m: Distance along the camera's axis in metres.
     """
 
     actor: Actor
@@ -79,12 +79,12 @@ def label(
     """Label what the camera sees at a time.
 
     Args:
-        world: what is there.
-        calibration: of the camera.
-        world_SE3_velo: pose of the LiDAR.
-        time_s: when.
-        is_tracking: truncation as tracking's levels 0, 1 and 2 instead of a share.
-        config: what is labelled.
+        world: World.
+        calibration: Calibration of the camera.
+        world_SE3_velo: (4, 4) pose of the LiDAR.
+        time_s: Time in seconds.
+        is_tracking: Whether truncation has the tracking benchmark's levels 0, 1 and 2 instead of a share.
+        config: Rules of the annotation.
     """
     camera = PinholeCamera(calibration, world_SE3_velo)
     image_objects = _objects_in_image(world, camera, time_s, config)

@@ -28,8 +28,8 @@ class LidarScan:
     """N returns and what each of them is.
 
     Attributes:
-        points_velo: (N, 4) at the frame's time.
-        truth: classes, object numbers and motion.
+        points_velo: (N, 4) points in the LiDAR frame at the frame's time.
+        truth: Class, instance and motion of each point.
     """
 
     points_velo: Float32

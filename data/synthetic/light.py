@@ -25,13 +25,13 @@ class Daylight:
 
     Attributes:
         sun: (3,) unit vector towards the sun.
-        is_sunny: whether it is out.
-        cloud_shift: where the clouds stand, in texture units.
-        strength: light of the sun over the usual.
-        haze: share of white in the sky, 0 for deep blue.
-        cover: deviations by which more of the sky is cloud than is clear.
-        skyline: sine of the height of the trees at the horizon.
-        surround: sine of the height up to which glossy things mirror a street and not its sky.
+        is_sunny: Whether the sun shines.
+        cloud_shift: Offset of the clouds in texture units.
+        strength: Light of the sun relative to the usual.
+        haze: Share of white in the sky, 0 for deep blue.
+        cover: Cloudiness in standard deviations; positive where more of the sky is cloud than is clear.
+        skyline: Sine of the height of the trees at the horizon.
+        surround: Sine of the height up to which glossy surfaces mirror a street and not its sky.
     """
 
     sun: Float64

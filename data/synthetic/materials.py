@@ -89,12 +89,12 @@ class Material(NamedTuple):
     """One slot's defaults.
 
     Attributes:
-        rgb: linear colour, 0..1.
-        reflectance: what a LiDAR reports of it face on, 0..1, as on KITTI's scans.
-        semantic: class of static things with this slot; objects such as cars override it.
-        gloss: share of the sky that it mirrors face on.
-        drop: share of laser returns lost whatever the range.
-        transmission: share of laser shots that go through it.
+        rgb: Linear colour, 0..1.
+        reflectance: Reflectance that a LiDAR reports face on, 0..1, as in KITTI's scans.
+        semantic: Class of static surfaces with this slot; objects such as cars override it.
+        gloss: Share of the sky that it mirrors face on.
+        drop: Share of laser returns lost whatever the range.
+        transmission: Share of laser shots that go through it.
     """
 
     rgb: tuple[float, float, float]

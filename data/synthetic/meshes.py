@@ -17,9 +17,9 @@ class Mesh:
     """V vertices and T triangles.
 
     Attributes:
-        vertices_m: (V, 3).
+        vertices_m: (V, 3) vertices in metres.
         triangles: (T, 3) vertex numbers.
-        slots: (T,) material of each triangle.
+        slots: (T,) material slot of each triangle.
         normals: (T, 3, 3) unit normal at each corner.
         texture_m: (T, 3, 2) texture coordinates at each corner, in metres on the surface.
     """

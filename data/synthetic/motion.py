@@ -13,10 +13,10 @@ class Path:
     """A way along the road, sampled in time.
 
     Attributes:
-        times_s: (K,) even steps.
-        s_m: (K,) along the centreline.
-        l_m: (K,) to its left.
-        facing: 1 along the road, -1 against it, for who stands still.
+        times_s: (K,) times in equal steps.
+        s_m: (K,) positions along the centreline in metres.
+        l_m: (K,) positions to the left of the centreline in metres.
+        facing: Direction of a standing actor: 1 along the road, -1 against it.
     """
 
     times_s: Float64

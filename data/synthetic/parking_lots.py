@@ -20,9 +20,9 @@ class ParkingLot:
     """A place off the road where vehicles stand.
 
     Attributes:
-        s_m: where it begins.
-        length_m: along the road.
-        side: 1 to the road's left, -1 to its right.
+        s_m: Start along the road in metres.
+        length_m: Length along the road in metres.
+        side: Side of the road: 1 left, -1 right.
     """
 
     s_m: float

@@ -23,10 +23,10 @@ class MovingObject:
     """A moving thing at a reference time.
 
     Attributes:
-        shape: number of its shape in the scene.
-        object_row: number of its palette and class in the scene.
+        shape: Index of its shape in the scene.
+        object_row: Row of its palette and class in the scene's tables.
         world_SE3_object: (4, 4) pose.
-        velocity_m_s: (3,) in world axes.
+        velocity_m_s: (3,) velocity in world axes.
     """
 
     shape: int
@@ -40,10 +40,10 @@ class Rays:
     """N rays.
 
     Attributes:
-        origins_m: (N, 3) in world coordinates.
-        directions: (N, 3) unit.
+        origins_m: (N, 3) origins in world coordinates.
+        directions: (N, 3) unit directions.
         delays_s: (N,) firing time after the reference time.
-        near: which rays may pass within a radius of a point.
+        near: Function that returns the rays that may pass within a radius of a point.
     """
 
     origins_m: Float32
@@ -57,12 +57,12 @@ class Hits:
     """Where N rays end.
 
     Attributes:
-        distance_m: (N,) along the ray; infinity where it meets nothing.
+        distance_m: (N,) distance along the ray in metres; infinity where it meets nothing.
         row: (N,) row of the surface table; -1 where it meets nothing.
-        object_row: (N,) number of the thing met; -1 for nothing.
+        object_row: (N,) row of the object that is met; -1 for none.
         u: (N,) barycentric coordinate of the triangle's second corner.
-        v: (N,) of its third corner.
-        moving: (N,) row of the list of moving things, -1 for what stands still.
+        v: (N,) barycentric coordinate of its third corner.
+        moving: (N,) index into the list of moving objects, -1 for static surfaces.
     """
 
     distance_m: Float32
@@ -180,12 +180,12 @@ class SurfaceTables:
     """What R triangles and O things look like.
 
     Attributes:
-        slots: (R,) material.
-        face_normals: (R, 3) in the frame of their scene or shape.
-        corner_normals: (R, 3, 3) rounded.
-        texture_m: (R, 3, 2).
+        slots: (R,) material slots.
+        face_normals: (R, 3) normals in the frame of their scene or shape.
+        corner_normals: (R, 3, 3) smoothed normals at the corners.
+        texture_m: (R, 3, 2) texture coordinates at the corners in metres.
         palettes: (O, slots, 4) colour and reflectance.
-        semantics: (O,) class of the whole thing, 0 to take each material's own.
+        semantics: (O,) class of the whole object, 0 for that of each material.
         instances: (O,) object numbers, 0 for none.
     """
 

@@ -24,20 +24,20 @@ class RoadShape:
     """Curves, slopes and cross-section of a road; phases are drawn with the world.
 
     Attributes:
-        curvature_1_m: sharpest curve.
-        curve_length_m: from one left curve to the next.
-        slope: steepest rise or fall, metres a metre.
-        slope_length_m: from one crest to the next.
-        bank: steepest lateral slope, left over right.
-        crown: fall of each lane towards its kerb.
-        lane_m: width of a lane.
-        parking_m: width of a parking lane, 0 for none.
-        kerb_m: height of the kerbs.
-        pavement_m: width of a pavement.
-        lanes: in each direction.
-        land_m: heights that the land rises to beside the road, right and left; negative for ditches.
-        land_reach_m: way over which it rises.
-        roughness_m: standard deviation of the heights of the land's bumps.
+        curvature_1_m: Greatest curvature in 1/m.
+        curve_length_m: Distance from one left curve to the next in metres.
+        slope: Greatest slope, rise over distance.
+        slope_length_m: Distance from one crest to the next in metres.
+        bank: Greatest lateral slope, left over right.
+        crown: Fall of each lane towards its kerb.
+        lane_m: Width of a lane.
+        parking_m: Width of a parking lane, 0 for none.
+        kerb_m: Height of the kerbs.
+        pavement_m: Width of a pavement.
+        lanes: Number of lanes in each direction.
+        land_m: Heights of the land beside the road, right and left, in metres; negative for ditches.
+        land_reach_m: Distance over which the land rises in metres.
+        roughness_m: Standard deviation of the height of bumps of the land in metres.
     """
 
     curvature_1_m: float = 1 / 160
@@ -81,10 +81,10 @@ class Road:
     """A road of one shape.
 
     Attributes:
-        shape: curves, slopes and cross-section.
-        phases_rad: (3,) where curve, slope and bank begin.
-        start_m: first s.
-        end_m: last s.
+        shape: Curves, slopes and cross-section.
+        phases_rad: (3,) phases of curve, slope and bank.
+        start_m: First position s in metres.
+        end_m: Last position s in metres.
     """
 
     shape: RoadShape

@@ -65,9 +65,9 @@ class Scenario:
     """What happens to the object.
 
     Attributes:
-        kind: KITTI's type of the object.
-        challenges: all that happens, each in its part of the drive.
-        duration_s: of the drive; all that happens is stretched with it.
+        kind: Class of the object.
+        challenges: Challenges, each in its part of the drive.
+        duration_s: Duration of the drive in seconds; all events are stretched with it.
     """
 
     kind: TargetClass = "Car"
@@ -118,11 +118,11 @@ class ScenarioDrive(SyntheticDrive):
         """Draw the street and who is on it.
 
         Args:
-            scenario: what happens.
-            seed: of the street, of looks and of all noise.
-            sensor: the LiDAR.
-            noise: of the INS; else as KITTI's.
-            images: whether frames carry images.
+            scenario: Scenario.
+            seed: Seed of the street, of appearances and of all noise.
+            sensor: LiDAR model.
+            noise: Noise of the INS; else that of KITTI's INS.
+            images: Whether frames carry images.
         """
         self.scenario = scenario
         frames = max(round(scenario.duration_s * sensor.rate_hz), 2)

@@ -17,10 +17,10 @@ class Part:
     """One thing that never moves.
 
     Attributes:
-        mesh: in world coordinates.
+        mesh: Mesh in world coordinates.
         palette: (slots, 4) colour and reflectance.
-        semantic: class of all its points, 0 to take each material's own.
-        instance: its object number, 0 for what is no object.
+        semantic: Class of all its points, 0 for that of each material.
+        instance: Object number, 0 for what is not an object.
     """
 
     mesh: Mesh

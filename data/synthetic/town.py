@@ -18,16 +18,16 @@ class TownConfig:
     """How a street is built up; shares from 0 to 1.
 
     Attributes:
-        houses: share of plots with a house at the pavement's edge.
-        greenery: share of kerbside places with a tree, and of gardens with a hedge.
-        furniture: share of kerbside places with a lamp, sign or bollard.
-        parking: share of parking places taken, where there is a parking lane.
-        borders: share of gardens with a hedge, fence or wall towards the pavement.
-        lamps: share of the lamps' places with one.
-        backdrop: share of places behind the houses with a tall tree.
-        low_crowns: share of trees whose leaves reach down to the ground.
-        leaves: of a tree.
-        ground_reflectance: of road and land, over the usual.
+        houses: Share of plots with a house at the pavement's edge.
+        greenery: Share of kerbside places with a tree, and of gardens with a hedge.
+        furniture: Share of kerbside places with a lamp, sign or bollard.
+        parking: Share of parking places taken, where there is a parking lane.
+        borders: Share of gardens with a hedge, fence or wall towards the pavement.
+        lamps: Share of the lamps' places with one.
+        backdrop: Share of places behind the houses with a tall tree.
+        low_crowns: Share of trees whose leaves reach down to the ground.
+        leaves: Number of leaves of a tree.
+        ground_reflectance: Reflectance of road and land relative to the usual.
     """
 
     houses: float = 0.65
@@ -47,8 +47,8 @@ class Clearing:
     """A stretch of road where nothing may stand, as where people cross.
 
     Attributes:
-        s_m: its middle.
-        half_m: half its length.
+        s_m: Middle of the stretch in metres along the road.
+        half_m: Half its length in metres.
     """
 
     s_m: float
@@ -66,12 +66,12 @@ def lay_out_street(
     """Return the ground of a stretch and all that is built on it.
 
     Args:
-        road: the road.
-        stretch_m: from and to.
-        config: how it is built up.
-        clearings: where nothing may stand.
-        rng: draws what stands where.
-        is_free: whether a plot may be built on, by where it begins, its length and its side.
+        road: Road.
+        stretch_m: Start and end of the stretch in metres.
+        config: Configuration of the town.
+        clearings: Stretches where nothing may be placed.
+        rng: Random generator of positions and shapes.
+        is_free: Function that tells whether a plot may be built on, by its start, length and side.
     """
     parts = [street.ground(road, *stretch_m, _ground_palette(config))]
     for side in (-1, 1):
@@ -93,10 +93,10 @@ class _Roadside:
     """One side of a road, to be built up.
 
     Attributes:
-        road: the road.
-        side: 1 to its left, -1 to its right.
-        config: how densely it is built up.
-        rng: draws what stands where.
+        road: Road.
+        side: Side of the road: 1 left, -1 right.
+        config: Configuration of the town.
+        rng: Random generator of positions and shapes.
     """
 
     road: Road

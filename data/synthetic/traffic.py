@@ -25,9 +25,9 @@ class Block:
     """A place of the lane that is closed for a while, as by someone who crosses.
 
     Attributes:
-        place_m: where vehicles stop, along the lane's direction.
-        from_s: closed from.
-        until_s: open again.
+        place_m: Position where vehicles stop, along the lane's direction, in metres.
+        from_s: Start of the closure in seconds.
+        until_s: End of the closure in seconds.
     """
 
     place_m: float
@@ -40,10 +40,10 @@ class Slowdown:
     """A vehicle's wish to go slower for a while.
 
     Attributes:
-        vehicle: its row.
-        from_s: begins.
-        until_s: ends.
-        factor: share of its desired speed; 0 stops it.
+        vehicle: Row of the vehicle.
+        from_s: Start in seconds.
+        until_s: End in seconds.
+        factor: Share of its desired speed; 0 stops it.
     """
 
     vehicle: int
@@ -57,9 +57,9 @@ class Lane:
     """Vehicles of one lane, first in front; places run along the lane's own direction.
 
     Attributes:
-        place_m: (V,) centres at the start of the warm-up, falling.
-        length_m: (V,).
-        desired_m_s: (V,).
+        place_m: (V,) positions of the centres at the start of the warm-up, falling.
+        length_m: (V,) lengths in metres.
+        desired_m_s: (V,) desired speeds.
     """
 
     place_m: Float64

@@ -21,8 +21,8 @@ class TruthFiles:
     """Where the exact truth of a drive lies.
 
     Attributes:
-        labels: boxes of everyone around, as tracking labels.
-        poses: world_SE3_velo, 12 numbers a row.
+        labels: Boxes of all objects around the vehicle, as tracking labels.
+        poses: Poses world_SE3_velo, 12 numbers per row.
     """
 
     labels: Path
@@ -47,8 +47,8 @@ def read_truth(drive: KittiSequence, files: TruthFiles) -> list[PosedLabels]:
     """Read the exact boxes and pose of every frame.
 
     Raises:
-        LabelError: the labels cannot be read.
-        PoseError: there is not one pose for each frame.
+        LabelError: The labels cannot be read.
+        PoseError: The file does not have one pose for each frame.
     """
     assert drive.calibration is not None
     labels = read_tracking_labels(files.labels, drive.calibration)

@@ -46,23 +46,23 @@ class VehicleDesign:
                   rear wheel        front wheel
 
     Attributes:
-        style: how it is cut.
-        length_m: bumper to bumper.
-        width_m: without mirrors.
-        height_m: road to roof.
-        belt_m: height of the window sills.
-        bonnet_m: height of the bonnet at the windscreen.
-        nose_m: height of the bonnet's front edge.
-        tail_m: height of the boot lid, or of the rear window's lower edge.
-        screen_ahead_m: foot of the windscreen.
-        roof_ahead_m: front edge of the roof.
-        roof_back_m: rear edge of the roof.
-        screen_back_m: foot of the rear window.
-        roof_width: roof's share of the width.
-        wheel_m: wheel radius.
-        clearance_m: road to sill.
-        has_rear_windows: behind the front doors.
-        has_dark_bumpers: of bare plastic.
+        style: Body style.
+        length_m: Length from bumper to bumper.
+        width_m: Width without mirrors.
+        height_m: Height of the roof above the road.
+        belt_m: Height of the window sills.
+        bonnet_m: Height of the bonnet at the windscreen.
+        nose_m: Height of the bonnet's front edge.
+        tail_m: Height of the boot lid, or of the rear window's lower edge.
+        screen_ahead_m: Foot of the windscreen.
+        roof_ahead_m: Front edge of the roof.
+        roof_back_m: Rear edge of the roof.
+        screen_back_m: Foot of the rear window.
+        roof_width: Width of the roof as a share of the width.
+        wheel_m: Wheel radius.
+        clearance_m: Height of the sill above the road.
+        has_rear_windows: Whether there are windows behind the front doors.
+        has_dark_bumpers: Whether the bumpers are of bare plastic.
     """
 
     style: BodyStyle
@@ -132,9 +132,9 @@ def draw_design(style: BodyStyle, rng: np.random.Generator, size: float = 1.0) -
     """Draw a vehicle of one style, its measures a few per cent around the typical ones.
 
     Args:
-        style: how it is cut.
-        rng: draws its measures.
-        size: of its ground plan over that of new vehicles; older ones are smaller, though as tall.
+        style: Body style.
+        rng: Random generator of its measures.
+        size: Scale of its ground plan relative to new vehicles; older ones are smaller, though as tall.
     """
     spread = np.array([0.06, 0.03, 0.03, *[0.02] * 4, *[0.1] * 4])
     length, width, height, belt, bonnet, nose, tail, *back = (

@@ -24,16 +24,16 @@ class World:
     """A street and all that happens on it.
 
     Attributes:
-        config: how it was drawn.
-        road: the ground as a formula.
-        scene: what rays meet.
-        actors: all participants but the ego vehicle, by track id.
-        ego: its way.
+        config: World configuration.
+        road: Ground as a formula.
+        scene: Scene for ray casting.
+        actors: All actors but the ego vehicle, by track id.
+        ego: Path of the ego vehicle.
         sway_rad: (3, 2) phases of the ego body's sway in roll, pitch and heave.
         sun: (3,) unit vector towards the sun.
-        shapes: numbers of each actor's shapes in the scene, by track id.
-        object_rows: number of each actor in the scene, by track id.
-        sensor_unit: serial number of the LiDAR, whose lasers differ from those of others.
+        shapes: Indices of each actor's shapes in the scene, by track id.
+        object_rows: Row of each actor in the scene's tables, by track id.
+        sensor_unit: Serial number of the LiDAR, whose lasers differ from those of others.
     """
 
     config: WorldConfig

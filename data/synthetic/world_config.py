@@ -13,20 +13,20 @@ class WorldConfig:
     """How a street and its traffic are drawn; the defaults make a lively street for a demonstration.
 
     Attributes:
-        road: curves, slopes and cross-section.
-        town: how the street is built up.
-        clutter: what else stands along it.
-        ego_m_s: speed that the ego vehicle wishes for.
-        leader_gap_m: from the ego vehicle to the first vehicle before it.
-        vehicle_gap_m: mean distance between the vehicles of a lane.
-        ego_lane: that the ego vehicle keeps, 0 beside the centreline.
-        is_mixed_fleet: whether vehicles of all styles drive, and not the commonest ones only.
-        heavy: share of the vehicles that are trucks or buses.
-        cyclists: in 100 m of street, both sides together.
-        pedestrians: in 100 m of street, both sides together.
-        crossing_every_s: between two people who cross before the ego vehicle, 0 for none.
-        slowdown_every_s: between two slowdowns of the vehicle before the ego vehicle, 0 for none.
-        is_sunny: whether the sun casts shadows.
+        road: Curves, slopes and cross-section of the road.
+        town: Buildings and vegetation along the street.
+        clutter: Other objects along the street.
+        ego_m_s: Desired speed of the ego vehicle in m/s.
+        leader_gap_m: Distance from the ego vehicle to the first vehicle ahead in metres.
+        vehicle_gap_m: Mean distance between the vehicles of a lane in metres.
+        ego_lane: Lane of the ego vehicle, 0 beside the centreline.
+        is_mixed_fleet: Whether vehicles of all styles drive, and not only the commonest.
+        heavy: Share of the vehicles that are trucks or buses.
+        cyclists: Number of cyclists per 100 m of street, both sides together.
+        pedestrians: Number of pedestrians per 100 m of street, both sides together.
+        crossing_every_s: Seconds between two pedestrians who cross in front of the ego vehicle, 0 for none.
+        slowdown_every_s: Seconds between two slowdowns of the vehicle ahead, 0 for none.
+        is_sunny: Whether the sun casts shadows.
     """
 
     road: RoadShape = field(default_factory=RoadShape)

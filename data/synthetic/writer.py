@@ -41,11 +41,11 @@ class EncodedFrame:
     """What one frame puts on disk.
 
     Attributes:
-        scan: x, y, z, reflectance as float32.
-        truth: a SemanticKITTI word for each point.
-        image: PNG, or None without a camera.
-        packet: row of the INS.
-        labels: by KITTI's rules.
+        scan: Scan: x, y, z, reflectance as float32.
+        truth: SemanticKITTI label of each point.
+        image: Image as PNG, or None without a camera.
+        packet: INS packet as a row of text.
+        labels: Labels by KITTI's rules.
     """
 
     scan: bytes
@@ -68,10 +68,10 @@ def write_raw(drive: SyntheticDrive, out: Path, number: int, done: Callable[[], 
     """Write a drive as a KITTI raw recording; return its folder.
 
     Args:
-        drive: what is written.
-        out: gets the folder of the date.
-        number: of the drive.
-        done: called after each frame.
+        drive: Drive to write.
+        out: Folder in which the folder of the date is made.
+        number: Number of the drive.
+        done: Function called after each frame.
     """
     folder = out / DATE / f"{DATE}_drive_{number:04d}_sync"
     for name, text in format_raw_calibration(drive.rig).items():
@@ -106,10 +106,10 @@ def write_tracking(
     """Write a drive as a sequence of KITTI's tracking benchmark; return the training folder.
 
     Args:
-        drive: what is written.
-        out: gets the folder training.
-        number: of the sequence.
-        done: called after each frame.
+        drive: Drive to write.
+        out: Folder in which the folder training is made.
+        number: Number of the sequence.
+        done: Function called after each frame.
     """
     folder, name = out / "training", f"{number:04d}"
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())
@@ -145,11 +145,11 @@ def write_objects(
     """Write some frames of a drive as frames of KITTI's object benchmark; return the training folder.
 
     Args:
-        drive: of which frames are written.
-        out: gets the folder training.
-        first_number: of the first frame written; the others follow.
-        frames: which frames of the drive.
-        done: called after each frame.
+        drive: Drive of which frames are written.
+        out: Folder in which the folder training is made.
+        first_number: Number of the first written frame; the others follow.
+        frames: Indices of the frames of the drive.
+        done: Function called after each frame.
     """
     folder = out / "training"
     write_atomically(folder / "sensor.json", sensor_to_json(drive.sensor).encode())

@@ -49,7 +49,7 @@ def test_a_missing_result_says_that_nothing_was_detected(folders):
     (folders[0] / "000011.txt").write_text(FOUND)
     found = read_detection_set(*folders)
     assert found.missing_results == (5,)
-    assert found.beyond == (11,)
+    assert found.extra_results == (11,)
     assert 1 not in found.detections.frames
 
 

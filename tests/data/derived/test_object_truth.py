@@ -69,8 +69,8 @@ def test_what_the_camera_does_not_see_is_still_there(folder: Path):
     drive = open_drive(folder)
     whole = DriveObjects.of(drive)
     one = whole.sequences(FRAMES)[0]
-    hidden = [labels[labels.track_ids != one.track_id] for labels in whole.seen[2:4]]
-    seen = [*whole.seen[:2], *hidden, *whole.seen[4:]]
+    hidden = [labels[labels.track_ids != one.track_id] for labels in whole.camera_labels[2:4]]
+    seen = [*whole.camera_labels[:2], *hidden, *whole.camera_labels[4:]]
     track = DriveObjects(whole.sequence, whole.stamps_s, seen, whole.truth).track(one)
     assert track.frames.tolist() == list(range(FRAMES))
     assert track.occlusion[2:4].tolist() == [2, 2]
