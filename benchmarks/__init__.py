@@ -1,1 +1,1 @@
-"""Every stage beside its plain form and the best library for it; run by `trifuse bench`."""
+"""Every stage beside its reference implementation and the best library; run by `trifuse bench`."""

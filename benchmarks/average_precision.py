@@ -1,4 +1,4 @@
-"""KITTI's measure of detections beside its plain form, on boxes as a detector of cars makes them."""
+"""KITTI's average precision beside its reference implementation, on simulated detections of cars."""
 
 from collections.abc import Callable
 
@@ -33,8 +33,8 @@ def compare_average_precision() -> Comparison:
         return np.array([curve.precision for curve in curves])
 
     forms: dict[str, Callable[[int], Float64]] = {
-        "ours": ours,
-        "plain: every frame at every threshold": reference,
+        "Trifuse": ours,
+        "reference: every frame at every threshold": reference,
     }
     precisions: dict[str, list[Float64]] = {name: [] for name in forms}
     timings = time_interleaved(
@@ -43,7 +43,7 @@ def compare_average_precision() -> Comparison:
         observe=lambda name, i, output: precisions[name].append(output),
     )
     difference: dict[str, Cell] = {
-        name: f"{np.abs(np.array(curves) - np.array(precisions['ours'])).max():.0e}"
+        name: f"{np.abs(np.array(curves) - np.array(precisions['Trifuse'])).max():.0e}"
         for name, curves in precisions.items()
     }
     return Comparison(

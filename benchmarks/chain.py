@@ -36,7 +36,7 @@ class ChainMetrics:
 def back_and_forth(
     drive: Drive | Sequence[Frame], frames: int, turn_s: float = 0.1
 ) -> Iterator[Frame]:
-    """Yield so many frames by driving to the end, back in reverse, and so on, time going forward."""
+    """Yield a number of frames by driving to the end and back again, with time going forward."""
     last = len(drive) - 1
     for number in range(frames):
         phase = number % (2 * last) if last else 0
@@ -45,7 +45,7 @@ def back_and_forth(
 
 
 def measure_chain(drive: Drive, frames: int, config: PipelineConfig) -> ChainMetrics:
-    """Run the chain over so many frames of a drive."""
+    """Run the chain over a number of frames of a drive."""
     pipeline = Pipeline(drive.sensor, config)
     times: list[dict[str, float]] = []
     memory_start = resident_mib()

@@ -1,4 +1,4 @@
-"""What `trifuse bench` compares, stage by stage: ours beside plain forms, the thesis' form and libraries."""
+"""Comparisons of `trifuse bench`: each stage beside reference implementations, the thesis' method and libraries."""
 
 from collections.abc import Callable, Mapping
 

@@ -14,7 +14,7 @@ from perception.detection.depthcn.detector import DepthCn
 
 
 def compare_depthcn(prepared: PreparedDrive) -> Comparison:
-    """Detect from scan to boxes; the plain form calls the same network for each candidate.
+    """Detect from scan to boxes; the reference implementation calls the same network for each proposal.
 
     Raises:
         ModelError: The network does not ship with this copy.
@@ -27,9 +27,10 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
         return Contender("the thesis' network", lambda i: network.detect(frames[i]))
 
     contenders = [
-        Contender("ours", lambda i: ours.detect(frames[i])),
+        Contender("Trifuse", lambda i: ours.detect(frames[i])),
         Contender(
-            "each candidate alone", lambda i: detect_one_by_one(ours.verifier, frames[i], sensor)
+            "reference: one proposal at a time",
+            lambda i: detect_one_by_one(ours.verifier, frames[i], sensor),
         ),
     ]
     add_peer(contenders, thesis)
@@ -43,13 +44,13 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
         "detections": {name: f"{np.mean(counts):.1f}" for name, counts in found.items()}
     }
     for stage, milliseconds in _parts_ms(prepared).items():
-        metrics[f"{stage} ms"] = {"ours": f"{milliseconds:.1f}"}
+        metrics[f"{stage} [ms]"] = {"Trifuse": f"{milliseconds:.1f}"}
     return Comparison("DepthCN, from scan to boxes", timings, metrics)
 
 
 def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
-    """Return the median time of each part of ours."""
-    detector = DepthCn("default", prepared.drive.sensor)
+    """Return the median time of each part of the detector."""
+    detector = DepthCnConfig().open(prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
         for stage, spent_s in run_depthcn(detector, frame).timings_s.items():

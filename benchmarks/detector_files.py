@@ -1,4 +1,4 @@
-"""Detectors that have learned nothing, as files: their speed is that of trained ones."""
+"""Detectors with random weights, as model files: they are as fast as trained ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ def write_detector(
 
 
 def _limit_confident_boxes(detector: YoloDetector, images: torch.Tensor) -> None:
-    """Let batch norms see pictures, and few boxes be likely."""
+    """Calibrate the batch norms, and bias the objectness so that few boxes are likely."""
     with torch.no_grad():
         for _ in range(3):
             detector.train()(images)

@@ -49,7 +49,7 @@ class Workload:
 
     @classmethod
     def make(cls, prepared: PreparedDrive, folder: Path) -> "Workload":
-        """Write the networks, and make pictures of all frames.
+        """Write the networks, and prepare the images of all frames.
 
         Raises:
             ImageError: The drive has no images.
@@ -91,11 +91,13 @@ def compare_detectors(prepared: PreparedDrive) -> Comparison:
         in_turn = MultimodalDetector(_open(work, "int8", threads=2), workers=1)
         full = MultimodalDetector(_open(work, "fp32", threads=1))
         contenders = [
-            Contender("ours: int8, two at once", lambda i: ours.detect(frames[i], work.dense[i])),
+            Contender(
+                "Trifuse: int8, two at once", lambda i: ours.detect(frames[i], work.dense[i])
+            ),
             Contender("int8, in turn", lambda i: in_turn.detect(frames[i], work.dense[i])),
             Contender("fp32, two at once", lambda i: full.detect(frames[i], work.dense[i])),
             Contender("maps alone", lambda i: densify(project_frame(frames[i]))),
-            Contender("maps and ours", lambda i: ours.detect(frames[i])),
+            Contender("maps and Trifuse", lambda i: ours.detect(frames[i])),
         ]
         for library, variant in product(_LIBRARIES, _FORMS):
             add_peer(contenders, lambda: _three_networks(work, variant, library))  # noqa: B023 - called at once

@@ -1,4 +1,4 @@
-"""Ground by other people's hands, behind our `GroundModel`, so that one measure judges all."""
+"""Ground by other libraries behind `GroundModel`, so that all are measured alike."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Other ways to make a map dense, beside which ours is measured."""
+"""Other methods to fill a sparse map, to compare with."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""Dense maps by every method on the same scans: time, and how well returns that were left out are told."""
+"""Dense maps by every method on the same scans: time, and errors at held-out returns."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _LEFT_OUT = 0.1
 _RELATIVE, _ABSOLUTE_M = 0.05, 0.5
 
 _CONTENDERS: Mapping[str, Fill] = {
-    "ours": FILL_METHODS["default"],
+    "Trifuse": FILL_METHODS["default"],
     "thesis: Delaunay, nearest vertex (SciPy)": FILL_METHODS["thesis"],
     "nearest return": FILL_METHODS["nearest"],
     "linear in triangles (SciPy)": FILL_METHODS["linear"],
@@ -44,7 +44,7 @@ class HeldOutErrors:
 
 
 def compare_maps(prepared: PreparedDrive) -> Comparison:
-    """Project, fill and encode both maps of every frame; judge each method by a tenth of the returns, left out."""
+    """Project, fill and encode both maps of every frame; measure each method at a held-out tenth of the returns."""
     sparse = [project_frame(frame) for frame in prepared.frames]
 
     def contender(name: str, fill: Fill) -> Contender:
@@ -55,10 +55,14 @@ def compare_maps(prepared: PreparedDrive) -> Comparison:
         return Contender(name, run)
 
     timings = time_interleaved([contender(*item) for item in _CONTENDERS.items()], len(sparse))
-    metrics: dict[str, dict[str, Cell]] = {"MAE m": {}, "within %": {}, "reflectance MAE": {}}
+    metrics: dict[str, dict[str, Cell]] = {
+        "MAE [m]": {},
+        "within 5 % [%]": {},
+        "reflectance MAE": {},
+    }
     for name, errors in held_out_errors(sparse, np.random.default_rng(0)).items():
-        metrics["MAE m"][name] = f"{errors.depth_m.mean():.3f}"
-        metrics["within %"][name] = f"{100 * errors.is_close.mean():.2f}"
+        metrics["MAE [m]"][name] = f"{errors.depth_m.mean():.3f}"
+        metrics["within 5 % [%]"][name] = f"{100 * errors.is_close.mean():.2f}"
         metrics["reflectance MAE"][name] = f"{errors.reflectance.mean():.4f}"
     return Comparison("depth and reflectance map", timings, metrics)
 
@@ -66,7 +70,7 @@ def compare_maps(prepared: PreparedDrive) -> Comparison:
 def held_out_errors(
     scans: list[SparseMaps], generator: np.random.Generator
 ) -> dict[str, HeldOutErrors]:
-    """Leave a tenth of the returns of each scan out; compare where all methods know something."""
+    """Hold out a tenth of the returns of each scan; compare where all methods give a value."""
     parts: dict[str, list[HeldOutErrors]] = {name: [] for name in _CONTENDERS}
     for sparse in scans:
         is_out = generator.random(len(sparse)) < _LEFT_OUT

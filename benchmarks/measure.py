@@ -87,7 +87,7 @@ def timing_table(title: str, timings: Sequence[Timing], **columns: Mapping[str, 
         ]
         for t in timings
     ]
-    return format_table(title, ("", "median ms", "99 % ms", "ours = 1", *names), rows)
+    return format_table(title, ("", "p50 [ms]", "p99 [ms]", "relative time", *names), rows)
 
 
 def resident_mib() -> float:

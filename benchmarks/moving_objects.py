@@ -17,7 +17,7 @@ from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.types import Float32
 
 _METHODS: dict[str, DatmoMethod] = {
-    "ours": "default",
+    "Trifuse": "default",
     "thesis: grids (5.2, Table 7.4)": "thesis",
     "thesis: the author's values": "author",
 }
@@ -60,7 +60,7 @@ def compare_short_term_maps(prepared: PreparedDrive) -> Comparison:
         def run(i: int) -> Float32:
             return short_term_map.update(*inputs[i])
 
-        name = "ours" if form is ShortTermMap else "every grid turned anew"
+        name = "Trifuse" if form is ShortTermMap else "every grid transformed again"
         return Contender(f"{name}, {queue} in the queue", run)
 
     contenders = [contender(ShortTermMap, queue) for queue in (50, 10, 200)]

@@ -1,4 +1,4 @@
-"""The same model files by other people's hands: OpenVINO in place of ONNX Runtime."""
+"""The same model files with OpenVINO in place of ONNX Runtime."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from perception.errors import MissingDependencyError
 
 
 def openvino_network(file: Path, threads: int) -> Network:
-    """Open a detector's file for one picture at a time.
+    """Open a detector's file for one image at a time.
 
     Raises:
         MissingDependencyError: OpenVINO is not installed.

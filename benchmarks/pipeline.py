@@ -1,4 +1,4 @@
-"""Every stage together: one after another, side by side, and as frames come from a LiDAR; and memory."""
+"""The whole pipeline: sequential, parallel, and at the frame rate of a LiDAR; and its memory."""
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,14 +13,14 @@ from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame, Result
 
-# So many frames of a drive are kept in memory, so that reading is not measured: 16 s as they were driven. From
-# there on it goes back, where for some frames all moves otherwise than it did.
+# Frames kept in memory, so that reading is not measured: 16 s as they were driven. After them the drive is
+# played backwards, where for some frames all objects move otherwise than before.
 _KEPT = 160
 
 
 @dataclass(frozen=True)
 class PipelineTiming:
-    """What one way of giving frames to the pipeline took.
+    """Time and memory of the pipeline for one way of giving it frames.
 
     Attributes:
         frames: Number of frames that arrived.
@@ -46,26 +46,26 @@ class PipelineTiming:
 def measure_pipeline(
     drive: Drive, frames: int, config: PipelineConfig
 ) -> dict[str, PipelineTiming]:
-    """Run everything over so many frames of a drive, in three ways."""
+    """Run the pipeline over a number of frames of a drive: sequential, parallel, and at the sensor's rate."""
     kept = [drive[index] for index in range(min(len(drive), _KEPT))]
     turn_s = 1 / drive.sensor.rate_hz
     timings: dict[str, PipelineTiming] = {}
     with Pipeline(drive.sensor, replace(config, parallel=False)) as pipeline:
         given = back_and_forth(kept, frames, turn_s)
-        timings["one stage after another"] = _measure(map(pipeline.step, given), frames)
+        timings["sequential"] = _measure(map(pipeline.step, given), frames)
     with Pipeline(drive.sensor, config) as pipeline:
         given = back_and_forth(kept, frames, turn_s)
-        timings["side by side"] = _measure(map(pipeline.step, given), frames)
+        timings["parallel"] = _measure(map(pipeline.step, given), frames)
         pipeline.reset()
         given = back_and_forth(kept, frames, turn_s)
         with pipeline.stream(_at_sensor_rate(given, turn_s), "latest") as results:
-            name = f"as they come, {drive.sensor.rate_hz:.0f} a second, the latest"
+            name = f"at {drive.sensor.rate_hz:.0f} Hz, the latest frame"
             timings[name] = replace(_measure(results, frames), dropped=results.dropped)
     return timings
 
 
 def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
-    """Return speed, latency and memory of each way, and when stages run one after another what each takes."""
+    """Return speed, latency and memory of each way, and the time of each stage."""
     rows = [
         [
             name,
@@ -78,7 +78,7 @@ def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
         ]
         for name, timing in timings.items()
     ]
-    header = ("", "frames", "dropped", "results/s", "median ms", "99 % ms", "MiB")
+    header = ("", "frames", "dropped", "results/s", "p50 [ms]", "p99 [ms]", "memory [MiB]")
     alone, beside = list(timings.values())[:2]
     stages = [
         [
@@ -87,17 +87,17 @@ def pipeline_table(timings: Mapping[str, PipelineTiming]) -> str:
         ]
         for stage in alone.stages
     ]
-    head = ("stage", "median ms", "99 % ms", "side by side", "99 % ms")
+    head = ("stage", "p50 [ms]", "p99 [ms]", "parallel p50 [ms]", "parallel p99 [ms]")
     return "\n\n".join(
         [
-            format_table("all stages: from a frame's arrival to its result", header, rows),
-            format_table("stages, one after another and side by side", head, stages),
+            format_table("end to end", header, rows),
+            format_table("stages, sequential and parallel", head, stages),
         ]
     )
 
 
 def _at_sensor_rate(frames: Iterable[Frame], turn_s: float) -> Iterator[Frame]:
-    """Yield a frame each turn of the LiDAR, late ones at once."""
+    """Yield a frame at the rate of the LiDAR, late ones at once."""
     start_s = time.perf_counter()
     for number, frame in enumerate(frames):
         time.sleep(max(start_s + number * turn_s - time.perf_counter(), 0.0))

@@ -1,4 +1,4 @@
-"""Clustering and proposals: ours, the plain form and scikit-learn on the same points."""
+"""Clustering and proposals: Trifuse, the reference implementation and scikit-learn on the same points."""
 
 from collections.abc import Callable
 
@@ -20,24 +20,24 @@ from perception.maps.projection import camera_of
 from perception.types import Bool, Float64, Int, Labels, Method
 
 _RULES = ProposalConfig()
-_OURS, _PEER = "ours", "scikit-learn"
+_OURS, _PEER = "Trifuse", "scikit-learn"
 _OVERLAPS = (0.5, 0.7)
 
 
 def compare_clusters(prepared: PreparedDrive) -> Comparison:
-    """DBSCAN of what stands in the camera's view (6.1.2), and whether all give it the same labels."""
+    """Cluster the points above ground in the camera's view by DBSCAN (6.1.2); compare the labels."""
     places_m = []
     for frame in prepared.frames:
         rules = _RULES.cell_m, _RULES.min_variance_m2
         places_m.append(
             find_above_ground(frame.points_velo, *camera_of(frame), *rules, "thesis").xy_m
         )
-    reference = Contender("by definition", _clustering(cluster_by_definition, places_m))
+    reference = Contender("reference: by definition", _clustering(cluster_by_definition, places_m))
     return _compare("clusters in view", places_m, [reference])
 
 
 def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
-    """DBSCAN of what stands all around; there the plain form takes minutes."""
+    """Cluster the points above ground of a whole scan, for which the reference takes minutes."""
     places_m = []
     for frame in prepared.frames:
         cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
@@ -47,7 +47,7 @@ def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
 
 
 def compare_proposals(prepared: PreparedDrive) -> Comparison:
-    """From the scan to boxes, and which share of the cars in view they reach."""
+    """Propose boxes from the scan, and measure the share of the cars in view that they reach."""
     views = [(frame.points_velo, *camera_of(frame)) for frame in prepared.frames]
 
     def ours(method: Method) -> Callable[[int], Float64]:
@@ -56,7 +56,7 @@ def compare_proposals(prepared: PreparedDrive) -> Comparison:
     contenders = [
         Contender(_OURS, ours("default")),
         Contender("thesis: cells that vary", ours("thesis")),
-        Contender("thesis, by loop", lambda i: boxes_by_loop(*views[i], _RULES)),
+        Contender("reference: loop", lambda i: boxes_by_loop(*views[i], _RULES)),
     ]
     boxes_px: dict[str, list[Float64]] = {contender.name: [] for contender in contenders}
     timings = time_interleaved(
@@ -70,7 +70,7 @@ def compare_proposals(prepared: PreparedDrive) -> Comparison:
     if prepared.drive.has_labels:
         cars_px = [_cars_px(prepared.drive.labels(i)) for i in range(len(views))]
         for overlap in _OVERLAPS:
-            metrics[f"cars % at IoU {overlap:g}"] = {
+            metrics[f"cars [%] at IoU {overlap:g}"] = {
                 name: _reached(cars_px, found, overlap) for name, found in boxes_px.items()
             }
     return Comparison("proposals", timings, metrics)
@@ -87,7 +87,7 @@ def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Co
         name: f"{sum(map(np.array_equal, found, labels[_OURS]))} of {len(found)}"
         for name, found in labels.items()
     }
-    return Comparison(title, timings, {"frames as ours": same})
+    return Comparison(title, timings, {"equal frames": same})
 
 
 def _clustering(

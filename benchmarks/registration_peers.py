@@ -1,4 +1,4 @@
-"""Registration by other people's hands, and the plain calls of the library that we build upon."""
+"""Registration by other libraries, and the one-line call of small_gicp."""
 
 from collections.abc import Callable
 

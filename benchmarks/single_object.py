@@ -1,4 +1,4 @@
-"""Following one object: every tracker on the same frames, and the filters of its colours."""
+"""Tracking one object: every tracker on the same frames, and the filters of its colour model."""
 
 import logging
 from collections.abc import Callable
@@ -21,7 +21,7 @@ _COLORS_IN_USE = 70  # the thesis' mean (5.3.3)
 
 
 def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
-    """Let every tracker follow the object that stays longest of those labelled in the first frame."""
+    """Let every tracker track the object of the first frame that is labelled longest."""
     config = PipelineConfig.for_motion("none")
     pipeline = Pipeline(prepared.drive.sensor, config)
     tracker_inputs = [
@@ -41,13 +41,13 @@ def compare_single_object_trackers(prepared: PreparedDrive) -> Comparison:
         try:
             contenders.append(contender(name))
         except PerceptionError as error:
-            log.warning("left out: %s", error)
+            log.warning("not measured: %s", error)
     timings = time_interleaved(contenders, len(tracker_inputs))
-    return Comparison(f"following one object, track {track_id}", timings, {})
+    return Comparison(f"tracking one object, track {track_id}", timings, {})
 
 
 def compare_color_filters(_: PreparedDrive) -> Comparison:
-    """The bank of filters over the bins of a colour model, beside a loop over them."""
+    """Filter the bins of a colour model by one batch of filters and by a loop over them."""
     title = f"colour model, {_COLORS_IN_USE} of 512 bins in use"
     return Comparison(title, time_color_filters(_COLORS_IN_USE), {})
 
@@ -65,7 +65,7 @@ def _longest(prepared: PreparedDrive) -> tuple[int, Boxes3D]:
     """Return the track of the first frame that is labelled in most frames, and its first box."""
     if not prepared.drive.has_labels:
         raise DriveError(
-            prepared.drive.root, expected="labels, to know what to follow", found="none"
+            prepared.drive.root, expected="labels of the object to track", found="none"
         )
     labels = [prepared.drive.labels(frame.index) for frame in prepared.frames]
     later = np.concatenate([of_frame.track_ids for of_frame in labels])
@@ -74,7 +74,7 @@ def _longest(prepared: PreparedDrive) -> tuple[int, Boxes3D]:
         raise DriveError(
             prepared.drive.root,
             expected="a labelled object in the first frame",
-            found="none that stays",
+            found="none in a later frame",
         )
     longest = int(np.argmax(stays))
     return int(labels[0].track_ids[longest]), labels[0].boxes_velo[longest : longest + 1]

@@ -1,4 +1,4 @@
-"""Each stage beside its plain form, the thesis' form, and the best library for it."""
+"""Each stage beside its reference implementation, the thesis' method, and the best library."""
 
 import logging
 from collections.abc import Callable
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Comparison:
-    """The timings of one stage, and what else its contenders are judged by.
+    """The timings of one stage, and the metrics of its contenders.
 
     Attributes:
         stage: Name of the stage.
@@ -63,7 +63,7 @@ class PreparedDrive:
 
 
 def prepare(drive: Drive, frames: int, config: PipelineConfig) -> PreparedDrive:
-    """Read and register so many frames from the start of a drive."""
+    """Read and register a number of frames from the start of a drive."""
     odometry, scans, read = LidarOdometry(config.registration), [], []
     for index in range(min(frames, len(drive))):
         frame = drive[index]
@@ -84,7 +84,7 @@ def prepare(drive: Drive, frames: int, config: PipelineConfig) -> PreparedDrive:
 
 
 def compare_registration(prepared: PreparedDrive) -> Comparison:
-    """Ours, scan by scan, beside library calls from scan to scan and the thesis' whole window."""
+    """Register scan by scan, beside library calls from scan to scan and the thesis' whole window."""
     frames, odometry = prepared.frames, LidarOdometry(prepared.config.registration)
 
     def ours(i: int) -> object:
@@ -102,10 +102,10 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
         return run
 
     contenders = [
-        Contender("ours", ours),
+        Contender("Trifuse", ours),
         Contender("small_gicp, one plain call", scan_to_scan(plain_small_gicp)),
         Contender(
-            "thesis: the window anew (Algorithm 2)",
+            "thesis: whole window (Algorithm 2)",
             lambda i: register_window(prepared.windows[i]),
         ),
     ]
@@ -117,7 +117,7 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
 
 
 def compare_ground(prepared: PreparedDrive) -> Comparison:
-    """Ours and the thesis' planes on merged scans; one plane and Patchwork++ on the newest scan."""
+    """Estimate the ground by both methods on merged scans; by one plane and Patchwork++ on the newest scan."""
     sensor, config = prepared.drive.sensor, prepared.config
     default = ground_estimator(config.ground, "default", sensor, config.area)
     thesis = ground_estimator(config.ground, "thesis", sensor, config.area)
@@ -126,7 +126,7 @@ def compare_ground(prepared: PreparedDrive) -> Comparison:
         return prepared.frames[i].points_velo
 
     contenders = [
-        Contender("ours", lambda i: default.update(prepared.windows[i])),
+        Contender("Trifuse", lambda i: default.update(prepared.windows[i])),
         Contender("thesis: piecewise planes", lambda i: thesis.update(prepared.windows[i])),
     ]
 
@@ -156,16 +156,16 @@ def compare_ground(prepared: PreparedDrive) -> Comparison:
         for name, rows in feet.items()
         if rows
     }
-    return Comparison("ground", timings, {"mDE mm": errors} if errors else {})
+    return Comparison("ground", timings, {"mDE [mm]": errors} if errors else {})
 
 
 def compare_voxels(prepared: PreparedDrive) -> Comparison:
     """Count the voxels of whole scans, beside numpy's unique rows."""
     size_m = 0.1
     contenders = [
-        Contender("ours", lambda i: count_voxels(prepared.frames[i].points_velo, size_m)),
+        Contender("Trifuse", lambda i: count_voxels(prepared.frames[i].points_velo, size_m)),
         Contender(
-            "np.unique over rows",
+            "reference: np.unique over rows",
             lambda i: count_voxels_by_unique_rows(prepared.frames[i].points_velo, size_m),
         ),
     ]
@@ -173,14 +173,14 @@ def compare_voxels(prepared: PreparedDrive) -> Comparison:
 
 
 def compare_motion(prepared: PreparedDrive) -> Comparison:
-    """Free space beside the thesis' counters, on the same ground."""
+    """Segment motion by free space and by the thesis' counters, on the same ground."""
     sensor, config = prepared.drive.sensor, prepared.config
     estimator = ground_estimator(config.ground, "default", sensor, config.area)
     grounds = [estimator.update(window) for window in prepared.windows]
     free_space = motion_segmenter(config.motion, "default", sensor, config.area)
     counters = motion_segmenter(config.motion, "thesis", sensor, config.area)
     contenders = [
-        Contender("ours", lambda i: free_space.update(prepared.windows[i], grounds[i])),
+        Contender("Trifuse", lambda i: free_space.update(prepared.windows[i], grounds[i])),
         Contender(
             "thesis: counters (Fig. 5.6)",
             lambda i: counters.update(prepared.windows[i], grounds[i]),
@@ -190,8 +190,8 @@ def compare_motion(prepared: PreparedDrive) -> Comparison:
 
 
 def add_peer(contenders: list[Contender], make: Callable[[], Contender]) -> None:
-    """Add a peer, or say why it is left out."""
+    """Add a peer, or log why it is not measured."""
     try:
         contenders.append(make())
     except (MissingDependencyError, ModelError) as error:
-        log.warning("left out: %s", error)
+        log.warning("not measured: %s", error)

@@ -1,6 +1,6 @@
-"""The plain form of the adaptive colour model, as oracle and as baseline: one filter a bin, in a loop.
+"""Reference implementation of the adaptive colour model: one filter per bin, in a loop.
 
-It says what the batched bank must say, line by line as the thesis puts it (5.3.3, Adaptive Updating of ℜ
+It gives what the batched filters must give, line by line as the thesis describes it (5.3.3, Adaptive Updating of ℜ
 Bins), and it is what took most of the thesis' time a frame (7.1.2, Computational Analysis).
 """
 
@@ -61,11 +61,11 @@ def wandering_ratios(in_use: int, frames: int, seed: int = 0) -> Float64:
 
 
 def time_color_filters(in_use: int = 70, frames: int = 50) -> list[Timing]:
-    """Time a frame of the bank and of its plain form side by side; 70 bins are the thesis' mean."""
+    """Time a frame of the batched filters and of the reference; 70 bins are the thesis' mean."""
     seen = wandering_ratios(in_use, frames)
     ours, reference = AdaptiveColorModel(), ReferenceAdaptiveColors()
     contenders = [
-        Contender("ours", lambda frame: ours.update(seen[frame])),
-        Contender("one filter a bin", lambda frame: reference.update(seen[frame])),
+        Contender("Trifuse", lambda frame: ours.update(seen[frame])),
+        Contender("reference: one filter per bin", lambda frame: reference.update(seen[frame])),
     ]
     return time_interleaved(contenders, frames)

@@ -1,6 +1,6 @@
-"""The plain forms of the thesis' 2.5D motion grids, as oracle and as baseline.
+"""Reference implementation of the thesis' 2.5D motion grids.
 
-They say what the fast forms must say, line by line as thesis 5.2 puts it.
+They give what the fast functions must give, line by line as thesis 5.2 describes it.
 """
 
 from collections import deque
@@ -45,7 +45,7 @@ class _StoredGrid:
 
 
 class ReferenceShortTermMap:
-    """The short-term map as Algorithm 4 has it: all stored grids are turned anew at every scan."""
+    """The short-term map as in Algorithm 4: all stored grids are transformed at every scan."""
 
     def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
         self._cells, self._config = cells, config

@@ -1,4 +1,4 @@
-"""DBSCAN by its definition, point by point: the oracle of the tests."""
+"""Reference implementation of DBSCAN: by its definition, point by point."""
 
 from collections import deque
 

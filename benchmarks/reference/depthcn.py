@@ -1,4 +1,4 @@
-"""Verification one candidate at a time, and suppression by loop: the oracle of the tests."""
+"""Reference implementation of DepthCN: one proposal at a time, and suppression in a loop."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from perception.types import Detections, Float64, Frame, UInt8
 def detect_one_by_one(
     verifier: Verifier, frame: Frame, sensor: LidarModel = HDL_64E, max_iou: float = 0.5
 ) -> Detections:
-    """Detect as `DepthCn` does, with a call of the network for each candidate."""
+    """Detect as `DepthCn` does, with a call of the network for each proposal."""
     calibration, size_px = camera_of(frame)
     proposals = propose(frame.points_velo, calibration, size_px)
     image = encode_channels(
@@ -31,7 +31,7 @@ def detect_one_by_one(
 
 
 def verify_one_by_one(verifier: Verifier, image: UInt8, windows: Float64) -> VerifierPrediction:
-    """Judge (M, 4) windows of a picture with a call of the network for each."""
+    """Classify (M, 4) windows of an image with a call of the network for each."""
     verified = [verifier.predict(image, window[None]) for window in windows]
     return VerifierPrediction(
         np.concatenate([np.zeros(0), *(one.scores for one in verified)]),

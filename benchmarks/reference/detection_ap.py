@@ -1,6 +1,6 @@
-"""The plain form of KITTI's detection measure, as oracle and as baseline: frame by frame, box by box.
+"""Reference implementation of KITTI's average precision: frame by frame, box by box.
 
-It says what the fast form must say, in the words of the protocol: every frame is matched once to find the
+It gives what the fast function must give, as the protocol describes it: every frame is matched once to find the
 thresholds and once again at each of them.
 """
 

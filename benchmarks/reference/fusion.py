@@ -1,4 +1,4 @@
-"""Tri-boxes and their 23 features by plain loops, as 6.2.4 tells them: the twin of the vectorised ones."""
+"""Tri-boxes and their 23 features by plain loops, as 6.2.4 describes them: reference of the vectorised ones."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Maps in plain loops: the oracle of the tests."""
+"""Reference implementation of the maps, in loops."""
 
 from itertools import pairwise
 

@@ -1,6 +1,6 @@
-"""The plain forms of the tracking of many objects, as oracle and as baseline: one filter a track, in loops.
+"""Reference implementation of the tracking of many objects: one filter per track, in loops.
 
-They say what the batched forms must say, line by line as the thesis puts it (5.2.2, Tracking Module).
+It gives what the batched tracker must give, line by line as the thesis describes it (5.2.2, Tracking Module).
 """
 
 from dataclasses import dataclass
@@ -185,7 +185,7 @@ class ReferencePointTracker:
 
 
 def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
-    """Simulate things of five points each that drive straight through the local grid, a scan a frame."""
+    """Simulate objects of five points each that drive straight through the local grid, one scan per frame."""
     rng = np.random.default_rng(seed)
     start_m = rng.uniform([-8, -9], [20, 9], (count, 2))
     velocity_m_s = rng.uniform([-2, -1], [4, 1], (count, 2))
@@ -201,13 +201,14 @@ def moving_squares(count: int, frames: int, seed: int = 0) -> list[Footprints]:
 
 
 def time_trackers(objects: int, frames: int = 50) -> list[Timing]:
-    """Time a frame of the batched tracker and of the plain one on the same objects, side by side."""
+    """Time a frame of the batched tracker and of the reference on the same objects."""
     scans, pose, nothing = moving_squares(objects, frames), np.eye(4), Footprints.empty()
     ours, reference = PointTracker(), ReferencePointTracker()
     contenders = [
-        Contender("ours", lambda i: ours.update(0.1 * i, pose, scans[i], nothing)),
+        Contender("Trifuse", lambda i: ours.update(0.1 * i, pose, scans[i], nothing)),
         Contender(
-            "one filter a track", lambda i: reference.update(0.1 * i, pose, scans[i], nothing)
+            "reference: one filter per track",
+            lambda i: reference.update(0.1 * i, pose, scans[i], nothing),
         ),
     ]
     return time_interleaved(contenders, frames)

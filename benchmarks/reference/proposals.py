@@ -1,4 +1,4 @@
-"""The thesis' proposals point by point and cell by cell: the oracle of the tests."""
+"""Reference implementation of the thesis' proposals: point by point and cell by cell."""
 
 import math
 import statistics

@@ -1,4 +1,4 @@
-"""The tracking measures in their plain form: frame after frame, pair after pair, as their papers say."""
+"""Reference implementation of HOTA, CLEAR and identity metrics: frame by frame, pair by pair, as in their papers."""
 
 from collections import defaultdict
 
@@ -59,7 +59,7 @@ def _hota_at(
 
 
 def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
-    """Keep what a tracker's user would keep: who had whom last, and who had whom a frame ago."""
+    """Count CLEAR by the last match of each object and that of the frame before."""
     lengths, track_lengths = _lengths(sequence)
     last: dict[int, int] = {}
     before: dict[int, int] = {}
@@ -96,7 +96,7 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
 
 
 def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
-    """Assign every object and every track a partner or nobody, at the least sum of lost boxes."""
+    """Assign objects and tracks to each other, or to none, at the smallest sum of lost boxes."""
     lengths, track_lengths = _lengths(sequence)
     truths, tracks = list(lengths), list(track_lengths)
     height, width = len(truths), len(tracks)
@@ -132,7 +132,7 @@ def _lengths(sequence: TrackedSequence) -> tuple[dict[int, int], dict[int, int]]
 
 
 def _matches(frame: TrackedFrame, weights: Float64) -> list[tuple[_Couple, float]]:
-    """Return the couples of the heaviest assignment that weigh anything, and how alike they are."""
+    """Return the pairs of the assignment of greatest weight that have a weight, and their similarity."""
     rows, columns = linear_sum_assignment(weights, maximize=True)
     return [
         ((int(frame.truth_ids[row]), int(frame.track_ids[column])), frame.similarity[row, column])

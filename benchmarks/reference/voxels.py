@@ -1,6 +1,6 @@
-"""The plain forms of voxel counting and of the thesis' static-moving counters, as oracle and as baseline.
+"""Reference implementation of voxel counting and of the thesis' static-moving counters.
 
-They say what the fast forms must say, line by line as thesis 2.1.2 and 5.1.3 put it.
+They give what the fast functions must give, line by line as thesis 2.1.2 and 5.1.3 describe it.
 """
 
 import numpy as np

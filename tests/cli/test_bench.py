@@ -16,7 +16,7 @@ def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
         ratios = [timing["ratio"] for timing in document[part]["timings"]]
         assert ratios[0] == 1.0
         assert len(ratios) >= 2
-    assert document["depthcn"]["timings"][1]["name"] == "each candidate alone"
-    errors = document["ground"]["figures"]["mDE mm"]
-    assert float(errors["ours"]) < 30.0
+    assert document["depthcn"]["timings"][1]["name"] == "reference: one proposal at a time"
+    errors = document["ground"]["figures"]["mDE [mm]"]
+    assert float(errors["Trifuse"]) < 30.0
     assert document["chain"]["default"]["memory_end_mib"] > 0
