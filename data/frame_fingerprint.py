@@ -1,4 +1,4 @@
-"""Fingerprints of frames and of the code that processes them: keys of the sample store."""
+"""Fingerprints of frames and code: keys of cached data."""
 
 import hashlib
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from perception.types import Drive
 
 
 def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
-    """Return the fingerprint of a frame, which changes with the content of its files."""
+    """Return what identifies a frame and the contents of its files."""
     files = frame_files(drive, index)
     stats = [path.stat() if path.is_file() else None for path in files]
     return {
@@ -31,7 +31,7 @@ def frame_fingerprint(drive: Drive, index: int) -> dict[str, Any]:
 
 
 def frame_files(drive: Drive, index: int) -> list[Path]:
-    """Return the files of a frame and its labels; none for a drive that is not on disk."""
+    """Return the files of a frame and its labels; none for a drive in memory."""
     if isinstance(drive, ObjectFrames):
         number = drive.number(index)
         scan = drive.scans.path(number)
@@ -50,7 +50,7 @@ def _image_files(drive: ObjectFrames | KittiSequence, number: int) -> list[Path]
 
 @cache
 def code_fingerprint(*sources: ModuleType | Path) -> str:
-    """Return a hash of packages, modules and files, so that cached data does not outlive a change of the code."""
+    """Return a hash of packages, modules and files, so that cached data of older code is not used."""
     files = [file for source in sources for file in _python_files(source)]
     return entry_key(code=[file.read_text() for file in sorted(files)])
 

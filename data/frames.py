@@ -1,4 +1,4 @@
-"""Read the frames of a drive in order, one frame ahead."""
+"""Read the frames of a drive in order, the next one in the background."""
 
 import logging
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ OnBadFrame = Literal["stop", "skip"]
 
 
 def frame_count(drive: Drive, limit: int | None) -> int:
-    """Return the number of frames of a drive, or the limit where it is smaller."""
+    """Return the number of frames of a drive, or the limit where that is less."""
     return len(drive) if limit is None else min(limit, len(drive))
 
 

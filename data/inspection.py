@@ -1,4 +1,4 @@
-"""Read every file of a drive once, and list what is missing, damaged or implausible."""
+"""Read every file of a drive once, and list missing, damaged and implausible data."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -36,16 +36,16 @@ _WHAT = {
     ScanError: "scans missing or damaged",
     ImageError: "images missing, damaged or of another size",
     PoseError: "INS packets missing or malformed",
-    CalibrationError: "calibration that cannot be used",
-    LabelError: "labels that cannot be read",
-    MountingError: "LiDAR not where its axes and its model say",
-    DriveError: "timestamps that cannot be read",
+    CalibrationError: "unusable calibration",
+    LabelError: "unreadable labels",
+    MountingError: "LiDAR mounting that contradicts its axes or its model",
+    DriveError: "unreadable timestamps",
 }
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of fault.
+    """One kind of fault or note.
 
     Attributes:
         what: Kind of the finding in a few words.
@@ -62,7 +62,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class DriveSummary:
-    """Description of a drive.
+    """Summary of a drive.
 
     Attributes:
         name: Name of the drive.
@@ -85,14 +85,14 @@ class DriveSummary:
 
 @dataclass(frozen=True)
 class DriveReport:
-    """Description of a drive, and all faults found in it."""
+    """Summary of a drive and all findings."""
 
     summary: DriveSummary
     findings: tuple[Finding, ...]
 
     @property
     def faults(self) -> int:
-        """Number of damaged or implausible files and values."""
+        """Number of damaged or implausible data."""
         return sum(finding.count for finding in self.findings if finding.is_fault)
 
 
@@ -174,7 +174,7 @@ def _scans_of(drive: KittiDrive) -> KittiDrive:
 
 
 def _inspect_setup(frame: Frame, drive: KittiDrive, collected: _FindingList) -> None:
-    """Check the mounting of LiDAR and camera on one frame of a drive."""
+    """Check the mounting of LiDAR and camera, for which one frame is enough."""
     try:
         check_mounting(frame.points_velo, drive.sensor, frame.source)
     except MountingError as error:
@@ -192,7 +192,7 @@ def _inspect_truth(drive: KittiDrive, index: int, collected: _FindingList) -> No
         if drive.point_labels is not None:
             drive.point_truth(index)
     except ScanError:
-        pass  # said already where the frame was read
+        pass  # reported where the frame was read
     except PerceptionError as error:
         collected.add_error(error)
 
@@ -232,9 +232,9 @@ def _parts(drive: KittiDrive) -> Iterator[str]:
 
 def _add_missing_parts(drive: KittiDrive, collected: _FindingList) -> None:
     consequences = {
-        "images": (drive.has_images, "the stages that need a camera cannot run"),
-        "INS": (drive.has_poses or not drive.is_sequence, "registration alone gives the poses"),
-        "labels": (drive.has_labels, "nothing can be measured against labels"),
+        "images": (drive.has_images, "stages that need a camera cannot run"),
+        "INS": (drive.has_poses or not drive.is_sequence, "poses come from registration alone"),
+        "labels": (drive.has_labels, "no evaluation against labels"),
     }
     for part, (is_present, consequence) in consequences.items():
         if not is_present:

@@ -1,4 +1,4 @@
-"""Open the drive at a path, whatever its layout."""
+"""Open the drive at a path, in any layout."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ _LAYOUTS = (
 
 @dataclass(frozen=True)
 class _DriveLocation:
-    """Layout and folder that a path refers to.
+    """A recognised drive location.
 
     Attributes:
         folder: Raw drive, folder of raw drives, or training or testing folder.
@@ -70,7 +70,7 @@ def sequences_in(path: Path) -> list[str | None]:
 
 
 def _detect_layout(path: Path) -> _DriveLocation:
-    """Determine the layout of a path, looking into training/, then testing/."""
+    """Return the layout of a path, looking into training/, then testing/."""
     if not path.is_dir():
         raise DriveError(path, expected=_LAYOUTS, found="no such folder")
     if is_raw_drive(path):

@@ -1,4 +1,4 @@
-"""Plausibility of a drive's numbers: times, INS motion, calibration, labels."""
+"""Plausibility checks: times, INS motion, calibration, labels."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Anomaly:
 
 
 def time_anomalies(stamps_s: Mapping[int, float]) -> Iterator[Anomaly]:
-    """Find gaps between consecutive frames, and repeated or decreasing times."""
+    """Find gaps between consecutive frames, and time that does not advance."""
     steps = {b: stamps_s[b] - stamps_s[a] for a, b in pairwise(stamps_s) if b == a + 1}
     if not steps:
         return
@@ -108,7 +108,7 @@ def rotation_anomalies(dst_SE3_src: Float64, where: str) -> Iterator[Anomaly]:
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if error > _ORTHONORMAL or np.linalg.det(rotation) < 0:
         found = "a mirror" if error <= _ORTHONORMAL else f"R R' off the identity by {error:.3g}"
-        yield Anomaly("rotations that are none", f"{where}: expected a rotation, found {found}.")
+        yield Anomaly("invalid rotations", f"{where}: expected a rotation matrix, found {found}.")
 
 
 def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
@@ -125,7 +125,7 @@ def calibration_anomalies(calibration: Calibration) -> Iterator[Anomaly]:
 
 
 def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
-    """Find a calibration by which points ahead do not project into the image."""
+    """Find a LiDAR whose points ahead are not projected into the image."""
     calibration = frame.calibration
     if calibration is None or calibration.image_size_px is None:
         return
@@ -135,7 +135,7 @@ def projection_anomalies(frame: Frame) -> Iterator[Anomaly]:
     share = float(is_in_view(calibration, ahead, calibration.image_size_px).mean())
     if share < _MIN_SHARE_IN_VIEW:
         yield Anomaly(
-            "LiDAR and camera that do not fit",
+            "LiDAR and camera calibration that contradict each other",
             f"{frame.source}: expected the camera to see at least {_MIN_SHARE_IN_VIEW:.0%} of "
             f"the points ahead as {calibration.source} has it, found {share:.1%}.",
         )

@@ -1,4 +1,4 @@
-"""Labels of many frames as rows, as the evaluation of detections takes them."""
+"""Labels of many frames as rows, for the evaluation of detections."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def true_boxes(labels: Sequence[Labels]) -> TrueBoxes:
     benchmarks, 97 % of level 0 are cut by no more than 0.15 and all by no more than 0.5, all but four of
     1,050 of level 1 by more than 0.5; level 2 says nothing certain, half of 633 are whole.
     """
-    labels = [*labels, empty_labels()]  # one frame more, so that there is something to join
+    labels = [*labels, empty_labels()]  # one frame more, so that concatenation has an input
     counts = [len(one) + len(one.dont_care_px) for one in labels]
     regions = [np.full(len(one.dont_care_px), -1.0) for one in labels]
     return TrueBoxes(

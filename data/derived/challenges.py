@@ -1,4 +1,4 @@
-"""Tracking challenges of an object, computed from its labels: the flags of Table A.1, whose own are lost.
+"""Challenges of tracking an object, from its labels: the flags of Table A.1, which were not published.
 
 Table 3.2 states the same factors for eight sequences in words. The thresholds agree with all eight of its
 entries on occlusion and on pose, with seven on relative velocity, and with six on distance, where the
@@ -17,7 +17,7 @@ _SECOND_S = 1.0 - 1e-3  # stamps a second apart differ by rounding
 
 
 class Challenge(StrEnum):
-    """Challenges by the thesis' abbreviations."""
+    """Challenges by the abbreviations of the thesis."""
 
     OCC = "OCC"  # occlusion
     POS = "POS"  # object pose relative to the vehicle varies
@@ -37,7 +37,7 @@ CHALLENGE_DESCRIPTIONS = {
 
 @dataclass(frozen=True)
 class ChallengeConfig:
-    """Thresholds from which a variation is a challenge.
+    """Limits from which a variation is a challenge.
 
     Attributes:
         occluded_share: Share of the frames in which the object is occluded or not labelled.
@@ -54,7 +54,7 @@ class ChallengeConfig:
 
 @dataclass(frozen=True)
 class Variations:
-    """Variation of an object from its first to its last frame.
+    """Variation of an object from its first frame to its last.
 
     Attributes:
         occluded_share: Share of the frames in which the object is occluded or not labelled.
@@ -94,7 +94,7 @@ def variations(track: TrueTrack) -> Variations:
 
 
 def _speed_change_m_s(stamps_s: Float64, distances_m: Float64) -> float:
-    """Compare each frame with the first that is a second later, so that jitter of the boxes does not appear as speed."""
+    """Compare each frame with the first that is a second later, so that jitter of boxes is not speed."""
     later = np.searchsorted(stamps_s, stamps_s + _SECOND_S)
     earlier = np.flatnonzero(later < len(stamps_s))
     later = later[earlier]

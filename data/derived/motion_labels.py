@@ -1,4 +1,4 @@
-"""Motion of labelled objects, computed from label boxes and poses (the flags of Table 3.1).
+"""Motion of labelled objects, from label boxes and poses (the flags of Table 3.1).
 
 The thesis' own flags were never published. Here an object moves while its box travels over the ground.
 The speed of a box is the median of the velocities between all pairs of its positions within a window
@@ -43,7 +43,7 @@ class TrackPositions:
 
 @dataclass(frozen=True)
 class PosedLabels:
-    """Labels, pose and time of one frame.
+    """Labels of one frame with its time and pose.
 
     Attributes:
         frame: Number of the frame.
@@ -105,7 +105,7 @@ class MotionLabels:
 def label_drive_motion(
     drive: KittiSequence, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
-    """Label every box of a drive as static or moving by the poses of its INS.
+    """Label every box of a drive as static or moving, by the poses of its INS.
 
     The boxes of a frame whose pose cannot be read are left out, as are those of a drive without INS.
 
@@ -123,7 +123,7 @@ def posed_labels(drive: KittiSequence, index: int) -> PosedLabels | None:
     try:
         world_SE3_velo = drive.world_SE3_velo(index)
     except PoseError:
-        return None  # whoever reads this frame is told
+        return None  # reading this frame raises the error
     if world_SE3_velo is None:
         return None
     stamp_s = drive.clock.stamp_s(drive.scans.numbers[index])
@@ -148,7 +148,7 @@ def gather_tracks(posed_labels: list[PosedLabels]) -> TrackPositions:
 def label_motion(
     tracks: TrackPositions, thresholds: MotionLabelConfig | None = None
 ) -> MotionLabels:
-    """Label every box as static or moving at its moment."""
+    """Label every box as static or moving at its time."""
     limits = thresholds or MotionLabelConfig()
     velocities_m_s = np.full((len(tracks.frames), 2), np.nan)
     motions = np.full(len(tracks.frames), MotionState.UNKNOWN, np.int64)
@@ -187,7 +187,7 @@ def _velocity_m_s(stamps_s: Float64, positions_m: Float64) -> Float64:
 
 
 def _with_hysteresis(speeds_m_s: Float64, spans_s: Float64, limits: MotionLabelConfig) -> Int:
-    """Apply hysteresis: a moving object stays moving, before and after, while its speed is above the lower threshold."""
+    """Apply the two thresholds: a moving object stays moving, before and after, while above the lower."""
     with np.errstate(invalid="ignore"):
         starts = (speeds_m_s >= limits.start_m_s) & (speeds_m_s * spans_s >= limits.min_travel_m)
         continues = starts | (speeds_m_s >= limits.stop_m_s)

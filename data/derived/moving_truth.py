@@ -42,7 +42,7 @@ class MovingTruth:
     view: EvaluationView
 
     def scene(self, frame: Frame, clearance_m: float) -> MovingScene | None:
-        """Return the moving scene of a frame, or None where its labels have no pose.
+        """Return the objects of a frame, or None where its labels have no pose.
 
         Args:
             frame: Frame with the scan, whose points in each box are counted.
@@ -86,7 +86,7 @@ class MovingTruth:
 def moving_truth(
     drive: Drive, view: EvaluationView = "camera", thresholds: MotionLabelConfig | None = None
 ) -> MovingTruth:
-    """Determine the moving objects of a drive and their velocities.
+    """Return the motion of the labelled objects of a drive.
 
     A synthetic drive knows the exact place of everyone around. The labels of a recorded drive are put
     into the world by its INS.
@@ -107,7 +107,7 @@ def moving_truth(
     if not (isinstance(drive, KittiSequence) and drive.has_labels and drive.has_poses):
         raise DriveError(
             drive.root,
-            expected="labels with tracks, and INS poses, to tell what moves",
+            expected="labels with tracks, and INS poses",
             found="a drive without",
             advice="name the same drive in the tracking layout",
         )
@@ -126,9 +126,9 @@ def _posed_labels(drive: KittiSequence, view: EvaluationView) -> Sequence[PosedL
     if view == "all":
         raise DriveError(
             drive.root,
-            expected="exact truth of everyone around, as `trifuse synth` writes it",
+            expected="exact truth of all objects around, as `trifuse synth` writes it",
             found="labels of what the camera sees",
-            advice="judge with --view camera",
+            advice="evaluate with --view camera",
         )
     return [posed_labels(drive, index) for index in range(len(drive))]
 
@@ -159,7 +159,7 @@ def _labelled_view(frame: Frame, dont_care_px: Float64) -> LabelledView:
     if calibration is None or calibration.image_size_px is None:
         raise CalibrationError(
             frame.source,
-            expected="a camera whose image size is known, to tell what was labelled",
+            expected="a camera calibration with an image size",
             found="none",
         )
     return LabelledView(calibration, calibration.image_size_px, dont_care_px)

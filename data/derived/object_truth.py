@@ -1,4 +1,4 @@
-"""Labelled objects of a drive, each as one track: initialization and truth of the one-object trackers."""
+"""Labelled objects of a drive, each as one track, to initialise and evaluate trackers of one object."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ class DriveObjects:
         )
 
     def sequences(self, min_frames: int) -> list[ObjectSequence]:
-        """Return every object that the camera sees in a minimum number of frames, from its first to its last."""
+        """Return every object in the camera's view in a minimum number of frames, from its first to its last."""
         frames: dict[int, list[int]] = {}
         kinds: dict[int, str] = {}
         for frame, labels in enumerate(self.camera_labels):
@@ -66,7 +66,7 @@ class DriveObjects:
         ]
 
     def track(self, target: ObjectSequence) -> TrueTrack:
-        """Return one object in the frames in which its position is known."""
+        """Return one object in those frames in which its position is known."""
         last = min(target.last_frame, len(self.camera_labels) - 1)
         rows = [self._row(frame, target.track_id) for frame in range(target.first_frame, last + 1)]
         known = [row for row in rows if row is not None]
@@ -87,7 +87,7 @@ class DriveObjects:
         """Return one object in one frame, or None where its position is unknown."""
         posed = None if self.truth is None else self.truth.posed[frame]
         camera_labels = _of_track(self.camera_labels[frame], track_id)
-        # Exact truth knows who is hidden, labels know who is far.
+        # Exact truth has hidden objects, labels have distant ones.
         known = camera_labels if posed is None else _of_track(posed.labels, track_id)
         boxes = known.boxes_velo if len(known) else camera_labels.boxes_velo
         if len(boxes) == 0:

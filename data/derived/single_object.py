@@ -1,4 +1,4 @@
-"""Labelled objects that the thesis tracks: Table 3.2 (8 sequences) and 3D-OTD, Table A.1 (50).
+"""Objects that the thesis tracks: Table 3.2 (8 sequences) and 3D-OTD, Table A.1 (50).
 
 The thesis prints numbers of frames, sizes and types; which KITTI tracks these are follows from them and
 from the track lists of the author's released code. Frames are numbered from 0 and both ends are included.
@@ -21,7 +21,7 @@ from importlib.resources import files
 
 @dataclass(frozen=True)
 class ObjectSequence:
-    """One object to track, and its frames.
+    """One object to track, with its frames.
 
     Attributes:
         name: Name of the sequence in its table.

@@ -29,7 +29,7 @@ IMU_TO_VELO = "calib_imu_to_velo.txt"
 
 @dataclass(frozen=True)
 class DriveCalibration:
-    """Content of a drive's calibration files.
+    """Calibration of a drive's camera and INS.
 
     Attributes:
         camera: Calibration of the left colour camera, or None where the drive states none.
@@ -68,11 +68,11 @@ class CalibrationText:
         return cls(path, {key.rstrip(":"): "".join(row) for key, *row in parts})
 
     def has(self, keys: tuple[str, ...]) -> bool:
-        """Tell whether one of the spellings of a key is there."""
+        """Return whether the file has one of the spellings of a key."""
         return any(key in self.rows for key in keys)
 
     def matrix(self, keys: tuple[str, ...], shape: tuple[int, ...]) -> Float64:
-        """Return the numbers of a key, whichever of its spellings the file uses.
+        """Return the numbers of a key by any of its spellings.
 
         Raises:
             CalibrationError: The key is missing, its numbers are too few or not finite, or the matrix is singular.

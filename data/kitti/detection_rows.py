@@ -112,7 +112,7 @@ def read_frame_list(path: Path) -> tuple[int, ...]:
 
 
 def format_result_rows(detections: DetectedBoxes) -> str:
-    """Return the rows of one frame, each with its line end; KITTI's numbers stand for what is unknown."""
+    """Return the rows of one frame, each with its line end; unknown values get KITTI's numbers."""
     columns = zip(
         detections.types.tolist(),
         detections.alphas_rad.tolist(),
@@ -191,7 +191,7 @@ def _read_table(paths: Sequence[Path | None], columns: int, progress: Progress) 
 
 
 def _read_rows(path: Path, columns: int) -> list[list[str]]:
-    """Split the rows of a file into words; the score of a label is ignored."""
+    """Split the rows of a file into words; a label may carry a score, which is ignored."""
     rows = [line.split() for line in read_label_lines(path)]
     allowed = {columns, _RESULT_COLUMNS}
     for number, row in enumerate(rows, start=1):

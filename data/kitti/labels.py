@@ -134,7 +134,7 @@ def boxes_to_cam(boxes_velo: Boxes3D, calibration: Calibration) -> Float64:
 
 
 def alphas_rad(boxes_velo: Boxes3D, headings_rad: Float64) -> Float64:
-    """Return (M,) alpha: the heading ry less the direction in which the object stands.
+    """Return (M,) alpha: the heading ry minus the direction to the object.
 
     In the official labels that is the direction from the LiDAR, not from the camera (0.008 against 0.09 rad
     at most, measured).

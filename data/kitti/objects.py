@@ -26,14 +26,14 @@ from perception.types import Calibration, Frame, Labels, PointTruth, UInt8
 
 
 def is_object_folder(folder: Path) -> bool:
-    """Tell whether a folder holds object frames."""
+    """Return whether a folder holds object frames."""
     scans = folder / "velodyne"
     return scans.is_dir() and any(path.suffix in SCAN_SUFFIXES for path in scans.iterdir())
 
 
 @dataclass(frozen=True)
 class ObjectFrames:
-    """Independent frames: no order in time, no poses.
+    """Unrelated frames: no order in time, no poses.
 
     Frames are those with a scan, in the order of their numbers, which may have gaps.
 

@@ -23,7 +23,7 @@ _STATUS = "4 10 4 4 0"  # navigation state, satellites, position, velocity and o
 
 @dataclass(frozen=True)
 class InsPacket:
-    """Position, orientation and motion of the IMU on the globe.
+    """Position of the IMU on the globe, and its motion.
 
     Attributes:
         latitude_deg: Latitude in degrees, north positive.

@@ -28,7 +28,7 @@ from perception.types import Float64
 
 
 def is_raw_drive(folder: Path) -> bool:
-    """Tell whether a folder is a raw drive."""
+    """Return whether a folder is a raw drive."""
     return (folder / "velodyne_points" / "data").is_dir()
 
 

@@ -1,4 +1,4 @@
-"""Sensor files, one a frame: scans, images, and the exact truth of synthetic points."""
+"""Sensor files, one per frame: scans, images, and the exact truth of synthetic points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -31,7 +31,7 @@ class InsSource(Protocol):
 
 
 class Clock(Protocol):
-    """Times of the scans of a drive."""
+    """Clock of the scans of a drive."""
 
     def stamp_s(self, number: int) -> float:
         """Return the time of a frame's scan since the drive's first."""
@@ -89,7 +89,7 @@ class KittiSequence:
     is_sequence: bool = True
 
     def __post_init__(self) -> None:
-        """Validate that the position of the INS on the vehicle is known, without which its poses are useless."""
+        """Validate that an INS has a calibration, without which its poses cannot be used."""
         if self.ins is not None and self.velo_SE3_imu is None:
             raise CalibrationError(
                 self.root,
@@ -238,7 +238,7 @@ class CameraFiles:
     def of(
         cls, calibration: DriveCalibration, images: NumberedFiles, *, load_images: bool
     ) -> "CameraFiles":
-        """Combine image files and calibration of a drive."""
+        """Combine the calibration and the images of a drive."""
         camera = calibration.camera
         size = _find_image_size(camera, images)
         if camera is not None and size is not None:
@@ -253,6 +253,6 @@ def _find_image_size(camera: Calibration | None, images: NumberedFiles) -> Image
         try:
             height, width = read_image(path).shape[:2]
         except ImageError:
-            continue  # it will be met again as a frame
+            continue  # reported when the frame is read
         return ImageSize((width, height), source=f"{path}, the drive's first,")
     return None

@@ -15,7 +15,7 @@ from perception.errors import DriveError, LabelError
 
 @dataclass(frozen=True)
 class TrackedSequenceFiles:
-    """Files with the labels and the results of one sequence.
+    """Files of the labels and the results of one sequence.
 
     Attributes:
         name: Name of the sequence, such as 0000.
@@ -100,8 +100,8 @@ def pair_with_labels(
     if not lengths:
         raise DriveError(results, expected="results named SSSS.txt", found="none")
     for name in lengths:
-        _require(results, name, "results", "leave an empty file where a tracker found nothing")
-        _require(labels, name, "labels", "take away results that nothing can be said of")
+        _require(results, name, "results", "add an empty file for a sequence without tracks")
+        _require(labels, name, "labels", "remove results of sequences without labels")
     return [
         TrackedSequenceFiles(name, labels / f"{name}.txt", results / f"{name}.txt", length)
         for name, length in lengths.items()

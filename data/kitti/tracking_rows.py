@@ -88,7 +88,7 @@ def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
 
 
 def read_result_rows(path: Path, frame_count: int | None = None) -> TrackingRows:
-    """Read the results of a tracker for a sequence; an empty file means no objects.
+    """Read the results of a tracker for a sequence; an empty file has no tracks.
 
     Raises:
         LabelError: The same faults as for `read_label_rows`.
@@ -110,7 +110,7 @@ def format_result_rows(rows: TrackingRows) -> str:
 
 @dataclass(frozen=True)
 class _Table:
-    """Columns of a file: frame and id, type, and the numbers after it."""
+    """Columns of a file: frame and id, class, and the numbers after it."""
 
     integers: Int
     types: np.ndarray
@@ -198,7 +198,7 @@ def _is_repeated(rows: TrackingRows, types: np.ndarray) -> Bool:
 
 
 def _row_error(path: Path, is_bad: Bool, expected: str, values: np.ndarray) -> LabelError:
-    """Raise an error that names the first faulty row and its fault."""
+    """Return an error that names the first bad row and its value."""
     row, *column = np.argwhere(is_bad)[0].tolist()
     found = repr(str(values[(row, *column)]))
     return LabelError(f"{path} row {row + 1}", expected=expected, found=found)

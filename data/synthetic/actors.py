@@ -1,4 +1,4 @@
-"""Who takes part in traffic: vehicles, cyclists and people, parked or on their way."""
+"""Actors of the traffic: vehicles, cyclists and pedestrians, parked or moving."""
 
 from dataclasses import dataclass, field
 
@@ -168,7 +168,7 @@ def _heights_m(rng: np.random.Generator, low: float, high: float, count: int) ->
 
 
 def draw_standing_pedestrian(rng: np.random.Generator) -> Body:
-    """Draw someone who stands still."""
+    """Draw a pedestrian who does not move."""
     height = _heights_m(rng, 1.55, 1.92, 1)[0]
     mesh = people.pedestrian(height, 0, is_walking=False)
     return Body("Pedestrian", (0.55, 0.60, height), (mesh,))

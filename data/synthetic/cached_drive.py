@@ -1,4 +1,4 @@
-"""A synthetic drive that is seen once and driven with one INS after another."""
+"""A synthetic drive whose scans are cast once and used with one INS after another."""
 
 from copy import copy
 from typing import Self
@@ -32,7 +32,7 @@ class CachedDrive(SyntheticDrive):
         self._scans: dict[int, LidarScan] = {}
 
     def scan(self, index: int) -> LidarScan:
-        """Return the scan of one frame, casting its rays at the first asking only."""
+        """Return the scan of one frame, casting its rays at the first call only."""
         index = range(len(self))[index]
         if index not in self._scans:
             self._scans[index] = super().scan(index)

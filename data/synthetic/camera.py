@@ -1,4 +1,4 @@
-"""The colour camera: rays through pixels, and the light that comes back along them, made an image."""
+"""The colour camera: casts rays through pixels and renders the light along them."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from perception.types import Calibration, Float32, Float64, Int, UInt8
 _BAND_ROWS = 76  # the image is made in bands of rows, whose arrays stay in the processor's cache
 _VIEW_M = 160.0
 _OPENNESS_M = 45.0  # farther vehicles do not visibly darken the ground around them
-_SHADOWS_M = 70.0  # farther moving things cast none
+_SHADOWS_M = 70.0  # farther moving objects cast none
 
 
 class Camera:
@@ -63,7 +63,7 @@ class Camera:
         return light
 
     def _trace(self, state: RenderState, rows: slice) -> GBuffer:
-        """Cast the rays of a band of pixels and gather what they meet."""
+        """Cast the rays of a band of pixels and gather the surfaces that they hit."""
         width = state.pinhole.size_px[0]
         pixels = slice(rows.start * width, rows.stop * width)
         directions = self._directions_velo[pixels] @ state.velo_to_world.T
@@ -83,7 +83,7 @@ class Camera:
         return GBuffer(rows, shape, rays, hits, seen, slots, points, normals)
 
     def _normals(self, hits: Hits, seen: Int, slots: UInt8, moving: list[MovingObject]) -> Float32:
-        """Return unit normals, interpolated over rounded things."""
+        """Return unit normals, interpolated over rounded surfaces."""
         tables = self._world.scene.tables
         normals = np.zeros((len(hits.row), 3), np.float32)
         normals[seen] = np.take(tables.face_normals, hits.row[seen], axis=0)

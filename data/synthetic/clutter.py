@@ -1,4 +1,4 @@
-"""Lay out what else stands along a road: bushes and grass, rails, boxes, islands with signals, places to park.
+"""Place clutter along a road: bushes and grass, rails, boxes, islands with signals, parking lots.
 
 All of it is drawn from a generator of its own, so that a street without it is the same street.
 """
@@ -25,7 +25,7 @@ _LAND_M = 16.0  # how far beside the road bushes grow
 
 @dataclass(frozen=True)
 class ClutterConfig:
-    """How much of what stands along a road; shares from 0 to 1, numbers in 100 m of each side.
+    """Amounts of clutter along a road; shares from 0 to 1, numbers per 100 m of each side.
 
     Attributes:
         bushes: Thickets of one to six bushes on the land.
@@ -61,7 +61,7 @@ def place_clutter(
     clearings: Sequence[Clearing],
     rng: np.random.Generator,
 ) -> list[Part]:
-    """Return all clutter of a stretch."""
+    """Return the clutter of a stretch of road."""
     if not any(getattr(clutter, amount.name) for amount in fields(clutter)):
         return []
     parts = islands(road, stretch_m, clutter.islands, clearings, rng)
@@ -184,7 +184,7 @@ class _Verge:
         return Part(meshes.moved(mesh, pose), appearance)
 
     def box(self, s_m: float) -> list[Part]:
-        """Set up one of the boxes, boards and stands behind the pavement."""
+        """Place one of the boxes, boards and racks behind the pavement."""
         draw = self.rng.random()
         if draw < 0.12:
             return self._bicycles(s_m)

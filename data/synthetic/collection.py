@@ -1,4 +1,4 @@
-"""Several synthetic drives at once, each of another world."""
+"""Several synthetic drives, each of another world."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ _FRAMES_APART = 18  # so that the scenery is another
 
 @dataclass(frozen=True)
 class SynthConfig:
-    """What to write.
+    """Configuration of synthetic drives.
 
     Attributes:
         layout: KITTI's raw, tracking or object layout.
@@ -48,7 +48,7 @@ class SynthConfig:
     ego_m_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse to write nothing, or an unknown layout."""
+        """Validate the number of frames and the layout."""
         if self.frames < 1 or self.drives < 1:
             found = f"{self.drives} drives of {self.frames} frames"
             raise UsageError("synthetic drives", expected="at least one frame", found=found)

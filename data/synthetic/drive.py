@@ -1,4 +1,4 @@
-"""A synthetic drive in memory: every frame is seen when it is asked for, the same at every asking."""
+"""A synthetic drive in memory: frames are rendered on access, the same at every access."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -61,7 +61,7 @@ class SyntheticDrive:
         self.world: World = self._build_world(config or WorldConfig(), self._random(_WORLD))
 
     def _build_world(self, config: WorldConfig, rng: np.random.Generator) -> World:
-        """Draw what the drive goes through."""
+        """Draw the world of the drive."""
         return build_world(config, self._frames / self.sensor.rate_hz, rng)
 
     def _random(self, stream: int, index: int = 0) -> np.random.Generator:
@@ -81,7 +81,7 @@ class SyntheticDrive:
         return (self[index] for index in range(len(self)))
 
     def __getitem__(self, index: int) -> Frame:
-        """Look at the world at the time of one frame."""
+        """Render one frame."""
         index = range(self._frames)[index]
         return Frame(
             index=index,
@@ -119,11 +119,11 @@ class SyntheticDrive:
         return Camera(self.world, self.calibration, daylight)
 
     def _exposure(self, index: int) -> Exposure:
-        """Return how the camera takes one frame: the same way throughout a drive, but for its metering."""
+        """Return the exposure of one frame: the same throughout a drive, but for its metering."""
         return draw_exposure(self._random(_IMAGE, self._frames + 1))
 
     def ins_packet(self, index: int) -> InsPacket:
-        """Return what the INS says at one frame."""
+        """Return the INS packet of one frame."""
         return self._packets[range(self._frames)[index]]
 
     def world_SE3_velo(self, index: int) -> Float64:
@@ -144,7 +144,7 @@ class SyntheticDrive:
         )  # fmt: skip
 
     def labels_around(self, index: int) -> Labels:
-        """Label everyone around in one frame, exactly, whether the camera sees them or not."""
+        """Return exact labels of all objects around, in the camera's view or not."""
         index = range(self._frames)[index]
         return labelling.label_around(self.world, self._poses[index], self.stamp_s(index))
 

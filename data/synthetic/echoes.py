@@ -1,4 +1,4 @@
-"""What a laser shot brings back: whether there is a return at all, and the reflectance that is reported of it.
+"""Lidar returns: whether a shot has a return, and the reflectance that is reported.
 
     echo      = albedo x angle x gain of the laser x focus x weakening beyond full power x speckle
     reported  = echo, or 0 where it is weaker than the receiver's first step
@@ -25,7 +25,7 @@ _RETRO = (Slot.SIGN, Slot.PLATE, Slot.TAILLIGHT)
 
 @dataclass(frozen=True)
 class EchoModel:
-    """How shots return; shares are of 1, spreads are deviations of the logarithm.
+    """Model of lidar returns; shares are of 1, spreads are standard deviations of the logarithm.
 
     Attributes:
         lost_signal: Reflectance over the squared share of the range at which half of all shots is lost.
@@ -69,7 +69,7 @@ class EchoModel:
         return np.where(is_weak, self.weak_gain, gains).astype(np.float32)
 
     def kept_share(self, sensor: LidarModel, slots: np.ndarray, shots: "Shots") -> Float32:
-        """Return the share of shots that come back at all."""
+        """Return the probability that a shot has a return."""
         signal = shots.albedo * shots.cosine / (shots.distance_m / sensor.max_range_m) ** 2
         # Half of the returns is lost at the limit, nearly none at thrice and nearly all at a third of it.
         lost = np.where(_IS_GLOSSY, self.lost_glossy, self.lost_signal).astype(np.float32)[slots]
@@ -86,7 +86,7 @@ class EchoModel:
         unit: int,
         rng: np.random.Generator,
     ) -> Float32:
-        """Return what is reported of each shot that comes back, in steps of a hundredth."""
+        """Return the reported reflectance of each return, in steps of 0.01."""
         edge_on = np.where(_IS_GLOSSY, self.glossy_grazing, self.grazing).astype(np.float32)
         grazing = edge_on[slots]
         angle = grazing + (1 - grazing) * shots.cosine
@@ -124,7 +124,7 @@ class Shots:
     distance_m: Float32
 
     def within(self, sensor: LidarModel) -> Bool:
-        """Tell which shots end where the sensor can measure."""
+        """Return which shots end where the sensor can measure."""
         return np.asarray(
             (self.distance_m > sensor.min_range_m) & (self.distance_m < sensor.max_range_m)
         )

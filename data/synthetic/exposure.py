@@ -1,4 +1,4 @@
-"""What a colour camera makes of light: metering, lens, colours, noise, tones and a Bayer mosaic."""
+"""From light to an image: metering, lens, colours, noise, tones and a Bayer mosaic."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _FULL = 4095  # last entry of the table of tones
 
 @dataclass(frozen=True)
 class Exposure:
-    """What the camera does to light.
+    """Properties of the camera.
 
     Attributes:
         gain: Gain of the light.
@@ -95,7 +95,7 @@ def _colours(exposure: Exposure) -> Float64:
 
 
 def _tone_shoulder(exposed: Float32) -> Float32:
-    """Bend highlights, lest they clip at once."""
+    """Compress highlights, so that they do not clip at once."""
     return np.asarray(exposed / (1 + _SHOULDER * np.maximum(exposed, 0)) * 0.9, np.float32)
 
 

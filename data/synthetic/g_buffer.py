@@ -1,4 +1,4 @@
-"""What a camera looks at: one moment of a world, and what each pixel of a band of rows sees of it."""
+"""Geometry buffers of the camera: the state of the world at one time, and the surface behind each pixel."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from perception.types import Float32, Float64, Int, UInt8
 
 @dataclass(frozen=True)
 class RenderState:
-    """What is the same for all bands of one image.
+    """State of the world at the time of one image, shared by its bands.
 
     Attributes:
         pinhole: Pinhole camera at its pose.
@@ -28,7 +28,7 @@ class RenderState:
 
 @dataclass(frozen=True)
 class GBuffer:
-    """What the pixels of one band see.
+    """Surfaces behind the pixels of one band.
 
     Attributes:
         rows: Rows of the image.

@@ -33,7 +33,7 @@ class InsNoise:
     angle_deg: float = 0.1
 
     def __post_init__(self) -> None:
-        """Refuse negative deviations."""
+        """Validate that the deviations are not negative."""
         if self.position_m < 0 or self.angle_deg < 0:
             raise UsageError("INS noise", expected="deviations of 0 or more", found=str(vars(self)))
 

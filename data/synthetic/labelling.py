@@ -1,4 +1,4 @@
-"""Labels by KITTI's rules, from exact geometry: what a careful annotator would draw."""
+"""Labels by KITTI's rules, from exact geometry, as a careful annotator draws them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _LATTICE = np.stack(
 
 @dataclass(frozen=True)
 class LabelConfig:
-    """Which objects are labelled, and which are image regions that nobody cares about.
+    """Rules that tell labelled objects from DontCare regions.
 
     Attributes:
         min_height_px: Height in pixels below which an object is DontCare.
@@ -76,7 +76,7 @@ def label(
     is_tracking: bool,
     config: LabelConfig = LabelConfig(),
 ) -> Labels:
-    """Label what the camera sees at a time.
+    """Label the objects in the camera's view at a time.
 
     Args:
         world: World.
@@ -134,7 +134,7 @@ def _objects_in_image(
 
 
 def _outline(actor: Actor, time_s: float) -> Float:
-    """Return (V, 3) the points that a box in the image is drawn around.
+    """Return (V, 3) the points that the image box encloses.
 
     KITTI's boxes of vehicles are their 3D boxes as the camera sees them, cut at the image's edges: in its labelled
     frames all four sides agree within 0.3 % of the box, whatever is hidden. Those of people hold the body.
@@ -145,7 +145,7 @@ def _outline(actor: Actor, time_s: float) -> Float:
 
 
 def _cuboid_edges() -> Float64:
-    """Return (V, 3) points on the twelve edges of a cuboid of unit size that stands on its bottom's centre."""
+    """Return (V, 3) points on the twelve edges of a unit cuboid whose origin is its bottom centre."""
     signs = np.array([(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)])
     along = np.tile(_EDGE_POINTS, len(signs))
     across = signs.repeat(len(_EDGE_POINTS), axis=0)
@@ -158,7 +158,7 @@ _CUBOID_EDGES = _cuboid_edges()
 
 
 def _may_be_in_view(actor: Actor, state: MovingObject, camera: PinholeCamera) -> bool:
-    """Tell whether the sphere around an object reaches into the camera's field of view."""
+    """Return whether the sphere around an object reaches into the camera's field of view."""
     x, _, z = camera.camera_R_world @ (state.world_SE3_object[:3, 3] - camera.centre_m)
     radius = float(np.linalg.norm(actor.body.size_m))
     # Both sides of the image lie within 45 degrees of its axis.
@@ -186,7 +186,7 @@ def _object_in_image(
 
 
 def _cut_at_image(world: World, camera: PinholeCamera, image_object: _ImageObject) -> _ImageObject:
-    """Draw the box of a person who leaves the image around the part that stays in it."""
+    """Shrink the box of a pedestrian at the image border to the part within the image."""
     if image_object.truncation == 0 or not image_object.actor.body.is_person:
         return image_object
     pixels, _ = _sample_pixels([image_object], _EDGE_SAMPLES)
@@ -203,7 +203,7 @@ def _cut_at_image(world: World, camera: PinholeCamera, image_object: _ImageObjec
 def _sample_visibility(
     world: World, camera: PinholeCamera, image_objects: Sequence[_ImageObject], time_s: float
 ) -> tuple[Int, Int, Float64]:
-    """Return, by object, samples that it covers alone, those it is seen in, and its area in pixels."""
+    """Return for each object its samples without occlusion, its visible samples, and its area in pixels."""
     if not image_objects:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     pixels, owner = _sample_pixels(image_objects, _SAMPLES)
@@ -244,7 +244,7 @@ def _sample_pixels(image_objects: Sequence[_ImageObject], max_samples: int) -> t
 
 
 def _covers(world: World, rays: Rays, index: Int, state: MovingObject) -> Bool:
-    """Tell which rays meet an object when nothing else is there."""
+    """Return which rays hit an object, other objects ignored."""
     origins, directions = to_local(rays, index, state)
     return world.scene.meets(state.shape, origins, directions)
 
@@ -252,7 +252,7 @@ def _covers(world: World, rays: Rays, index: Int, state: MovingObject) -> Bool:
 def label_around(
     world: World, world_SE3_velo: Float64, time_s: float, within_m: float = 80.0
 ) -> Labels:
-    """Label everyone around the ego vehicle, seen by a camera or not; image boxes are -1."""
+    """Label all objects around the ego vehicle, in the camera's view or not; image boxes are -1."""
     actors = [actor for actor in world.actors if world.is_near(actor, time_s, within_m)]
     states = [world.state(actor, time_s) for actor in actors]
     return Labels(

@@ -114,7 +114,7 @@ def _fire(world: World, sensor: LidarModel, time_s: float) -> tuple[Rays, Float3
 def _through_glass(
     world: World, rays: Rays, hits: Hits, moving: list[MovingObject], rng: np.random.Generator
 ) -> Hits:
-    """Let most shots at a pane go on to what is behind it."""
+    """Let most shots through glass go on to the surface behind it."""
     slots = world.scene.tables.slots[hits.row]
     passes = rng.random(len(slots), np.float32) < column("transmission")[slots]
     passes &= hits.row >= 0
@@ -140,7 +140,7 @@ def _returns(
     moving: list[MovingObject],
     rng: np.random.Generator,
 ) -> tuple[Bool, Float32]:
-    """Return which shots come back, and with which reflectance."""
+    """Return which shots have a return, and their reflectance."""
     tables = world.scene.tables
     slots = tables.slots[hits.row]
     normals = world.scene.face_normals(hits, moving)

@@ -1,4 +1,4 @@
-"""Daylight: sun, sky, clouds, what stands at the horizon, and what glossy surfaces mirror of it all."""
+"""Daylight: sun, sky, clouds, the skyline, and the reflections of glossy surfaces."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _TREES = rgb(0.035, 0.055, 0.022)
 _SUN, _SKYLIGHT, _OVERCAST = rgb(2.5, 2.36, 2.12), rgb(0.28, 0.35, 0.48), rgb(1.35, 1.40, 1.46)
 _BLUE_FROM = 0.32  # sine of the height at which a clear sky is as blue as overhead
 _CROWNS_1_RAD = 24.0
-_MIRRORED_AT_M = 15.0  # what stands along a street is mirrored as if so far away
+_MIRRORED_AT_M = 15.0  # distance at which a street is mirrored
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Daylight:
         return np.asarray(clear if self.is_sunny else _OVERCAST, np.float32)
 
     def sky(self, directions: Float32) -> Float32:
-        """Return (N, 3) what is seen along directions that meet nothing: sky, clouds, far trees."""
+        """Return (N, 3) light along directions that hit no surface: sky, clouds, distant trees."""
         rise = directions[:, 2]
         light = self._clear(directions)
         span = 1 / np.maximum(rise + 0.12, 0.05)
@@ -117,12 +117,12 @@ class Daylight:
 
     @property
     def _around(self) -> Float32:
-        """Light on what stands along the street."""
+        """Light on the objects along the street."""
         return self.sky_rgb + np.float32(0.4) * self.sun_rgb
 
 
 def draw_daylight(sun: Float64, is_sunny: bool, rng: np.random.Generator) -> Daylight:
-    """Draw the light of one drive whose sun stands somewhere."""
+    """Draw the daylight of one drive for a position of the sun."""
     haze = float(rng.beta(1.2, 1.8))
     return Daylight(
         sun,

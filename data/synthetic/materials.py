@@ -1,4 +1,4 @@
-"""What things are made of: how each material answers a laser and a camera, and which class it has.
+"""Materials: their reflectance, colour and semantic class.
 
 A mesh names a `Slot` for every triangle; an object's palette gives each slot its colour and
 reflectance, so that one car shape is painted a hundred ways.

@@ -1,4 +1,4 @@
-"""Where something is at any time: a path along the road, and the pose that follows from it."""
+"""Paths along the road, and the poses that follow from them."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from perception.types import Float64
 
 @dataclass(frozen=True)
 class Path:
-    """A way along the road, sampled in time.
+    """A path along the road, sampled in time.
 
     Attributes:
         times_s: (K,) times in equal steps.
@@ -32,12 +32,12 @@ class Path:
         )
 
     def speed_m_s(self, times_s: Float64) -> Float64:
-        """Return the speed along the ground, signed by nothing."""
+        """Return the speed over the ground, without a sign."""
         (s0, l0), (s1, l1) = self.at(times_s - 0.05), self.at(times_s + 0.05)
         return np.asarray(np.hypot(s1 - s0, l1 - l0) / 0.1)
 
     def travelled_m(self, time_s: float) -> float:
-        """Return the way covered since the first sample."""
+        """Return the distance travelled since the first sample."""
         distance_m = np.concatenate(
             [[0.0], np.cumsum(np.hypot(np.diff(self.s_m), np.diff(self.l_m)))]
         )
@@ -53,7 +53,7 @@ def vehicle_poses(road: Road, path: Path, times_s: Float64) -> Float64:
 
 
 def upright_poses(road: Road, path: Path, times_s: Float64) -> Float64:
-    """Return (K, 4, 4) world_SE3_body of who stays upright and faces where they go, as people do."""
+    """Return (K, 4, 4) world_SE3_body of actors that stay upright and face along their path, as people do."""
     s, side = path.at(times_s)
     (s0, l0), (s1, l1) = path.at(times_s - 0.05), path.at(times_s + 0.05)
     is_static = np.hypot(s1 - s0, l1 - l0) < 1e-3

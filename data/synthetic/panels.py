@@ -1,4 +1,4 @@
-"""What is drawn on the painted panels and the panes of cars: creases, strips, handles, gaps, dirt, reflections of seats.
+"""Textures of the painted panels and the panes of cars: creases, strips, handles, gaps, dirt, seats.
 
 Texture coordinates of a body are metres along its sides, or `END_U` plus metres across its ends; and
 shares of the way from sill (0) to waist (1), shifted by `SILL_V` and by `VARIANT_V` for each way in which
@@ -48,7 +48,7 @@ def _are_handles(u: Float32, share: Float32) -> Bool:
 
 
 def pane(place: Float32, colours: Float32, fade: Float32) -> Float32:
-    """Let seats, and what is seen through the windows behind, show in a pane."""
+    """Texture a pane with the seats and windows behind it."""
     behind = clouds(place[:, 0] * 9, place[:, 1] * 14)
     shown = 1 + 0.5 * behind + 5 * np.clip(behind - 1.1, 0, 0.6)
     return np.asarray(colours * np.maximum(shown, 0.2)[:, None], np.float32)

@@ -1,4 +1,4 @@
-"""Places along a road, and yards: places off the road where vehicles stand."""
+"""Random positions along a road, and parking lots beside it."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ _YARD_M = (12.0, 34.0)
 def draw_places(
     stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
 ) -> list[float]:
-    """Draw places along a stretch, some number in 100 m."""
+    """Draw positions along a stretch; the amount is per 100 m."""
     count = rng.poisson(amount * (stretch_m[1] - stretch_m[0]) / 100)
     return [float(s_m) for s_m in rng.uniform(stretch_m[0] + 4, stretch_m[1] - 4, count)]
 
 
 @dataclass(frozen=True)
 class ParkingLot:
-    """A place off the road where vehicles stand.
+    """A parking lot beside the road.
 
     Attributes:
         s_m: Start along the road in metres.
@@ -30,7 +30,7 @@ class ParkingLot:
     side: int
 
     def overlaps(self, s_m: float, length_m: float, side: int) -> bool:
-        """Tell whether a plot would lie on it."""
+        """Return whether a plot would overlap it."""
         before, after = s_m + length_m <= self.s_m, s_m >= self.s_m + self.length_m
         return side == self.side and not (before or after)
 
@@ -38,7 +38,7 @@ class ParkingLot:
 def draw_parking_lots(
     stretch_m: tuple[float, float], amount: float, rng: np.random.Generator
 ) -> list[ParkingLot]:
-    """Draw yards along a stretch, none over another."""
+    """Draw parking lots along a stretch that do not overlap."""
     parking_lots: list[ParkingLot] = []
     for side in (-1, 1):
         for s_m in draw_places(stretch_m, amount, rng):

@@ -49,7 +49,7 @@ def islands(
     clearings: Sequence[Clearing],
     rng: np.random.Generator,
 ) -> list[Part]:
-    """Return islands in the middle of a stretch, some number in 100 m, with all that stands on them."""
+    """Return traffic islands in the middle of a stretch with their poles; the amount is per 100 m."""
     parts: list[Part] = []
     for s_m in draw_places(stretch_m, amount, rng):
         length_m = float(rng.uniform(3, 8))

@@ -1,4 +1,4 @@
-"""Patterns on surfaces: what a place on the road or a wall looks like, from its texture coordinates."""
+"""Procedural textures of roads, walls and vehicles, from texture coordinates."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from perception.types import Float32, Int, UInt8
 
 
 class ProceduralTextures:
-    """Gives surfaces their patterns; one for each world, as road markings belong to a road."""
+    """Textures of all materials; one for each world, as road markings belong to a road."""
 
     def __init__(self, road: RoadShape) -> None:
         self._road = road
@@ -36,7 +36,7 @@ class ProceduralTextures:
     def paint(
         self, tables: SurfaceTables, hits: Hits, rows: Int, slots: UInt8, colours: Float32
     ) -> Float32:
-        """Return (K, 3) the colours of some hits under their patterns."""
+        """Return (K, 3) textured colours of some hits."""
         painted = colours.copy()
         for slot, pattern in self._patterns.items():
             at = np.flatnonzero(slots == slot)

@@ -1,4 +1,4 @@
-"""Ray casting: one Embree scene for all that stands still, and one for each shape that moves.
+"""Ray casting: one Embree scene for all static surfaces, and one for each moving shape.
 
 A ray that may meet a moving thing is carried into that thing's own frame, at the moment it is fired,
 so that no geometry is rebuilt from frame to frame and a scan sees motion exactly.
@@ -20,7 +20,7 @@ from perception.types import Bool, Float32, Float64, Int
 
 @dataclass(frozen=True)
 class MovingObject:
-    """A moving thing at a reference time.
+    """A moving object at a reference time.
 
     Attributes:
         shape: Index of its shape in the scene.
@@ -54,7 +54,7 @@ class Rays:
 
 @dataclass(frozen=True)
 class Hits:
-    """Where N rays end.
+    """Hits of N rays.
 
     Attributes:
         distance_m: (N,) distance along the ray in metres; infinity where it meets nothing.
@@ -74,10 +74,10 @@ class Hits:
 
 
 class RaycastingScene:
-    """Everything that rays can meet, and what it is made of."""
+    """Surfaces that rays can hit, with their materials."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
-        """Build the acceleration structure of what stands still."""
+        """Build the acceleration structure of the static surfaces."""
         self._palettes = [part.palette for part in parts]
         self._semantics = [part.semantic for part in parts]
         self._instances = [part.instance for part in parts]
@@ -92,7 +92,7 @@ class RaycastingScene:
         self.tables: SurfaceTables
 
     def add_shape(self, mesh: Mesh) -> int:
-        """Add a shape that moving things can have; return its number."""
+        """Add a shape of moving objects; return its index."""
         self._starts.append(self._starts[-1] + len(self._meshes[-1]))
         self._meshes.append(mesh)
         self._shapes.append(_embree(mesh))
@@ -100,14 +100,14 @@ class RaycastingScene:
         return len(self._shapes) - 1
 
     def add_object(self, palette: Float32, semantic: int, instance: int) -> int:
-        """Add a moving thing's looks; return its number."""
+        """Add the palette and class of a moving object; return its row."""
         self._palettes.append(palette)
         self._semantics.append(semantic)
         self._instances.append(instance)
         return len(self._palettes) - 1
 
     def finish(self) -> None:
-        """Lay out the tables once all shapes and things are known."""
+        """Build the tables once all shapes and objects are known."""
         whole = meshes.merge(self._meshes)
         corners = whole.vertices_m[whole.triangles]
         faces = meshes.face_areas(corners)
@@ -123,7 +123,7 @@ class RaycastingScene:
         )
 
     def cast(self, rays: Rays, moving: Sequence[MovingObject]) -> Hits:
-        """Follow rays to the first thing they meet."""
+        """Return the first surface that each ray hits."""
         met = self._still.run(rays.origins_m, rays.directions, output=1)
         row = met["primID"].copy()
         is_hit = row >= 0
@@ -140,7 +140,7 @@ class RaycastingScene:
         return hits
 
     def _cast_at(self, rays: Rays, number: int, object_row: MovingObject, hits: Hits) -> None:
-        """Overwrite the hits of the rays that meet one moving thing first."""
+        """Overwrite the hits of the rays that hit one moving object first."""
         centre = object_row.world_SE3_object[:3, 3]
         slack = 0.06 * float(np.linalg.norm(object_row.velocity_m_s))
         index = rays.near(centre, self._radii_m[object_row.shape] + slack)
@@ -157,7 +157,7 @@ class RaycastingScene:
         hits.object_row[at], hits.moving[at] = object_row.object_row, number
 
     def blocks(self, rays: Rays, moving: Sequence[MovingObject]) -> Bool:
-        """Tell which rays meet anything at all; panes of glass cast shadows too."""
+        """Return which rays hit any surface; panes of glass cast shadows too."""
         blocked = self._still.run(rays.origins_m, rays.directions, query="INTERSECT") >= 0
         for object_row in moving:
             index = rays.near(object_row.world_SE3_object[:3, 3], self._radii_m[object_row.shape])
@@ -166,18 +166,18 @@ class RaycastingScene:
         return np.asarray(blocked)
 
     def meets(self, shape: int, origins_m: Float32, directions: Float32) -> Bool:
-        """Tell which rays, in a shape's own frame, meet it when nothing else is there."""
+        """Return which rays, in a shape's own frame, hit it, other objects ignored."""
         return np.asarray(self._shapes[shape].run(origins_m, directions, query="INTERSECT") >= 0)
 
     def face_normals(self, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
-        """Return (N, 3) world normals of the faces met; zero where nothing is."""
+        """Return (N, 3) world normals of the faces that are hit; zero where none is."""
         normals = np.where(hits.row[:, None] >= 0, self.tables.face_normals[hits.row], 0)
         return rotated(normals, hits, moving)
 
 
 @dataclass(frozen=True)
 class SurfaceTables:
-    """What R triangles and O things look like.
+    """Materials of R triangles and O objects.
 
     Attributes:
         slots: (R,) material slots.
@@ -198,7 +198,7 @@ class SurfaceTables:
     instances: Int
 
     def classes(self, row: Int, object_row: Int) -> Int:
-        """Return the class of points on given rows of given things."""
+        """Return the class of points on given rows of given objects."""
         own = _SEMANTIC_OF_SLOT[self.slots[row]]
         whole = self.semantics[object_row]
         return np.where(whole > 0, whole, own)
@@ -218,7 +218,7 @@ def _embree(mesh: Mesh) -> EmbreeScene:
 
 
 def to_local(rays: Rays, index: Int, object_row: MovingObject) -> tuple[Float32, Float32]:
-    """Carry some rays into a moving thing's frame at the time each is fired."""
+    """Transform some rays into a moving object's frame at the time each is fired."""
     rotation = object_row.world_SE3_object[:3, :3].astype(np.float32)
     origins = rays.origins_m[index] - object_row.world_SE3_object[:3, 3].astype(np.float32)
     origins -= rays.delays_s[index, None] * object_row.velocity_m_s.astype(np.float32)
@@ -226,7 +226,7 @@ def to_local(rays: Rays, index: Int, object_row: MovingObject) -> tuple[Float32,
 
 
 def rotated(normals: Float32, hits: Hits, moving: Sequence[MovingObject]) -> Float32:
-    """Turn normals on moving things from their own frames to the world's."""
+    """Rotate normals on moving objects from their own frames to the world's."""
     turned = normals.copy()
     at = np.flatnonzero(hits.moving >= 0)
     if len(at):
@@ -238,7 +238,7 @@ def rotated(normals: Float32, hits: Hits, moving: Sequence[MovingObject]) -> Flo
 
 
 def near_any(origins_m: Float32, directions: Float32) -> Callable[[Float64, float], Int]:
-    """Return a search for rays that pass a point, by distance: for rays in no order."""
+    """Return a search by distance for the rays that pass a point, for rays in no order."""
 
     def near(centre_m: Float64, radius_m: float) -> Int:
         offset = centre_m.astype(np.float32) - origins_m

@@ -1,4 +1,4 @@
-"""Where camera, LiDAR and INS sit on the synthetic vehicle: like KITTI's, in numbers of its own."""
+"""Mounting of camera, LiDAR and INS on the synthetic vehicle, similar to KITTI's."""
 
 from collections.abc import Callable
 

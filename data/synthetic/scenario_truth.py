@@ -1,4 +1,4 @@
-"""The object of a scenario as it was, exactly, in every frame: hidden or not."""
+"""Exact track of a scenario's object in every frame, hidden or not."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Scripted scenes with one object to follow, its truth exact: what makes following hard, one at a time or together.
+"""Scripted scenes with one object to track and exact truth: the challenges of tracking, one at a time or together.
 
 Seen from above, the road running to the right; all keep their lanes but who turns:
 
@@ -51,7 +51,7 @@ _EGO_LAG_S = 1.0  # over which the ego vehicle evens out the object's speed
 
 
 class ScenarioChallenge(StrEnum):
-    """What changes or hides the object while it is followed; the attributes of Table 3.2."""
+    """Challenge while the object is tracked; the attributes of Table 3.2."""
 
     OCCLUSION = "occlusion"
     ILLUMINATION = "illumination"
@@ -62,7 +62,7 @@ class ScenarioChallenge(StrEnum):
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens to the object.
+    """Events of a scene.
 
     Attributes:
         kind: Class of the object.
@@ -75,7 +75,7 @@ class Scenario:
     duration_s: float = 6.0
 
     def __post_init__(self) -> None:
-        """Refuse a drive too short for anything to happen in it."""
+        """Validate the duration."""
         if self.duration_s < 0.5:
             raise UsageError(
                 "scenario", expected="a duration of at least 0.5 s", found=f"{self.duration_s:g} s"
@@ -83,18 +83,18 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """What happens, in a word."""
+        """Name of the challenges."""
         if len(self.challenges) == len(ScenarioChallenge):
             return "together"
-        return " and ".join(sorted(self.challenges)) or "no challenge"
+        return " and ".join(sorted(self.challenges)) or "baseline"
 
     def has(self, challenge: ScenarioChallenge) -> bool:
-        """Tell whether something happens."""
+        """Return whether the scenario has a challenge."""
         return challenge in self.challenges
 
 
 def all_scenarios(kind: TargetClass, duration_s: float = 6.0) -> list[Scenario]:
-    """Return nothing happening, one thing at a time, and all of it together."""
+    """Return a scenario without challenges, one for each challenge, and one with all."""
     chosen = [
         frozenset[ScenarioChallenge](),
         *(frozenset([c]) for c in ScenarioChallenge),
@@ -115,7 +115,7 @@ class ScenarioDrive(SyntheticDrive):
         noise: InsNoise | None = None,
         images: bool = True,
     ) -> None:
-        """Draw the street and who is on it.
+        """Draw the street and its actors.
 
         Args:
             scenario: Scenario.
@@ -134,7 +134,7 @@ class ScenarioDrive(SyntheticDrive):
         return _build_world(self.scenario, rng)
 
     def _exposure(self, index: int) -> Exposure:
-        """Return a fixed exposure, lest metering make up for the light that changes."""
+        """Return a fixed exposure, as metering would compensate the change of light."""
         if not self.scenario.has(ScenarioChallenge.ILLUMINATION):
             return Exposure()
         share = self.stamp_s(index) / self.scenario.duration_s
@@ -210,7 +210,7 @@ def _object_path(scenario: Scenario, times_s: Float64) -> Path:
 
 
 def _ego_path(scenario: Scenario, target: Path) -> Path:
-    """Follow the object at an even pace."""
+    """Return the ego path, which follows the object at a smoothed speed."""
     evened_m = gaussian_filter1d(target.s_m, _EGO_LAG_S / _STEP_S, mode="nearest")
     gap_m = np.full_like(evened_m, _GAP_M)
     if scenario.has(ScenarioChallenge.DISTANCE):
@@ -220,7 +220,7 @@ def _ego_path(scenario: Scenario, target: Path) -> Path:
 
 
 def _occluder(scenario: Scenario, target: Path, ego: Path, rng: np.random.Generator) -> Actor:
-    """Let a van overtake, so that it stands in the line of sight at a third of the drive."""
+    """Return a van that overtakes and occludes the object at a third of the drive."""
     gap_m = target.s_m - ego.s_m
     crossing_m = ego.s_m + gap_m * (_VAN_LANE_M - ego.l_m) / (target.l_m - ego.l_m)
     ahead_m = _OVERTAKES * gap_m * (target.times_s - 0.36 * scenario.duration_s)

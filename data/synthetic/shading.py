@@ -1,4 +1,4 @@
-"""Light on what the camera sees: sun and its shadows, sky, dark places under vehicles, gloss, haze."""
+"""Shading: sun and its shadows, sky, occlusion under vehicles, gloss, haze."""
 
 import cv2
 import numpy as np
@@ -26,7 +26,7 @@ _GREY_HAZE = rgb(0.70, 0.76, 0.84)
 
 
 class Shader:
-    """Lights what is seen of one world."""
+    """Shades the visible surfaces of one world."""
 
     def __init__(self, world: World, daylight: Daylight) -> None:
         self._world, self._daylight = world, daylight
@@ -35,7 +35,7 @@ class Shader:
         self._exposed[Slot.LEAVES] = _IN_CROWNS
 
     def shade(self, buffer: GBuffer, state: RenderState) -> Float32:
-        """Return (K, 3) the light that reaches the camera from all that is seen."""
+        """Return (K, 3) the light that reaches the camera from the visible surfaces."""
         tables, daylight = self._world.scene.tables, self._daylight
         object_row = buffer.hits.object_row[buffer.seen]
         colours = np.take(
@@ -65,7 +65,7 @@ class Shader:
         sun = self._daylight.sun.astype(np.float32)
         faces = buffer.normals[asked] @ sun > 0
         asked_facing = asked[faces]
-        # Rounded things are made of flat triangles, which would shade themselves at the rim.
+        # Rounded surfaces consist of flat triangles, which would shade themselves at the rim.
         lift = np.where(IS_ROUNDED[buffer.slots[asked_facing]], np.float32(0.07), np.float32(0.02))
         shift = lift[:, None] * buffer.normals[asked_facing]
         origins = np.asarray(buffer.points[asked_facing] + shift, np.float32)

@@ -1,4 +1,4 @@
-"""What stands along a street: ground, houses, trees, hedges, fences, poles and signs, as parts at (s, l)."""
+"""Parts of a street at (s, l): the ground, upright poses along it, and houses."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from perception.types import Float32, Float64
 
 @dataclass(frozen=True)
 class Part:
-    """One thing that never moves.
+    """A static part of the street.
 
     Attributes:
         mesh: Mesh in world coordinates.
@@ -51,7 +51,7 @@ def ground(road: Road, start_m: float, end_m: float, appearance: Float32 | None 
 
 
 def upright_pose(road: Road, s_m: float, l_m: float, turn_rad: float = 0.0) -> Float64:
-    """Return world_SE3_object of something upright on the ground, x along the road but for a turn."""
+    """Return world_SE3_object of an upright object on the ground, x along the road, turned by an angle."""
     place = road.place(np.array(s_m), np.array(l_m))
     return se3.from_euler(0.0, 0.0, float(road.heading_rad(np.array(s_m))) + turn_rad, place)
 

@@ -33,7 +33,7 @@ def is_marking(shape: RoadShape, s_m: Float32, l_m: Float32) -> Bool:
 
 
 def marking_reflectance(world: World, hits: Hits, slots: UInt8, albedo: Float32) -> Float32:
-    """Raise the reflectance of what is painted on the road."""
+    """Raise the reflectance of road markings."""
     road = np.flatnonzero((slots == Slot.ASPHALT) & (hits.row >= 0))
     place = texture_at(world.scene.tables, hits, road)
     painted = is_marking(world.config.road, place[:, 0], place[:, 1])

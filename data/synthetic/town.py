@@ -1,4 +1,4 @@
-"""Lay out a street: plots of houses and gardens, furniture along the kerb, parked vehicles."""
+"""Lay out a street: plots of houses and gardens, and furniture along the kerb."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from perception.types import Float32, Float64
 
 @dataclass(frozen=True)
 class TownConfig:
-    """How a street is built up; shares from 0 to 1.
+    """Buildings, vegetation and furniture of a street; shares from 0 to 1.
 
     Attributes:
         houses: Share of plots with a house at the pavement's edge.
@@ -44,7 +44,7 @@ class TownConfig:
 
 @dataclass(frozen=True)
 class Clearing:
-    """A stretch of road where nothing may stand, as where people cross.
+    """A stretch of road without objects, as where pedestrians cross.
 
     Attributes:
         s_m: Middle of the stretch in metres along the road.
@@ -63,7 +63,7 @@ def lay_out_street(
     rng: np.random.Generator,
     is_free: Callable[[float, float, int], bool] = lambda s_m, length_m, side: True,
 ) -> list[Part]:
-    """Return the ground of a stretch and all that is built on it.
+    """Return the ground of a stretch, its buildings, vegetation and furniture.
 
     Args:
         road: Road.
@@ -154,7 +154,7 @@ class _Roadside:
         return [Part(wall, street.house_palette(self.rng), SemanticClass.FENCE)]
 
     def _lacks(self, share: float) -> bool:
-        """Draw whether one of many is missing; where all or none are, nothing is drawn."""
+        """Draw whether one of many is missing; no number is drawn for a share of 0 or 1."""
         return share <= 0 or (share < 1 and self.rng.random() >= share)
 
     def _garden(self, s_m: float, length_m: float) -> list[Part]:
@@ -198,7 +198,7 @@ class _Roadside:
         return parts
 
     def _facing_traffic(self, mesh: Mesh, appearance: Float32, s_m: float, out_m: float) -> Part:
-        """Stand something with its -x towards the traffic of this side, its y over the road."""
+        """Place an object with its -x towards the traffic of this side, its y over the road."""
         turn = np.pi if self.side > 0 else 0.0
         pose = street.upright_pose(self.road, s_m, self.side * out_m, turn)
         return Part(meshes.moved(mesh, pose), appearance)

@@ -22,7 +22,7 @@ _HARDEST_M_S2 = 6.0
 
 @dataclass(frozen=True)
 class Block:
-    """A place of the lane that is closed for a while, as by someone who crosses.
+    """A closure of the lane for some time, as by a crossing pedestrian.
 
     Attributes:
         place_m: Position where vehicles stop, along the lane's direction, in metres.
@@ -37,7 +37,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Slowdown:
-    """A vehicle's wish to go slower for a while.
+    """A temporary reduction of a vehicle's desired speed.
 
     Attributes:
         vehicle: Row of the vehicle.
@@ -91,9 +91,9 @@ def simulate_lane(
             if block.from_s <= time < block.until_s:
                 to_block = block.place_m - place - half
                 if time - block.from_s < STEP_S:
-                    # Who can no longer stop in comfort drives through.
+                    # A vehicle that can no longer stop comfortably drives through.
                     ignored[row] = to_block < speed**2 / (2 * 3.0)
-                # Who would arrive only once it is open again need not brake.
+                # A vehicle that arrives after the closure need not brake.
                 in_time = to_block < speed * (block.until_s - time) + 3.0
                 is_nearer = (to_block < gap) & ~ignored[row] & (to_block > -1.0) & in_time
                 gap = np.where(is_nearer, to_block + 1.5, gap)

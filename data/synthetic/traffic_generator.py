@@ -1,4 +1,4 @@
-"""Draw who is on the road and where they go, so that nobody runs into anybody."""
+"""Generate the traffic: actors and their paths, without collisions."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ _MIN_GAP_M = 3.0  # between bumpers at the start
 
 
 class TrafficGenerator:
-    """Draws who is on the road and where they go; nobody runs into anybody."""
+    """Generates actors and their paths, without collisions."""
 
     def __init__(
         self, config: WorldConfig, road: Road, duration_s: float, rng: np.random.Generator
@@ -47,7 +47,7 @@ class TrafficGenerator:
         self.ego = self._drive()
 
     def _drive(self) -> Path:
-        """Simulate both lanes; return the ego vehicle's way."""
+        """Simulate both lanes; return the ego vehicle's path."""
         lane, bodies, ego_row = self._own_lane()
         slowdowns = self._slowdowns(ego_row)
         free = traffic.simulate_lane(lane, self.times_s, [], slowdowns)[:, ego_row]
@@ -150,7 +150,7 @@ class TrafficGenerator:
         return own, oncoming
 
     def add_pedestrians_and_cyclists(self, stretch_m: tuple[float, float]) -> None:
-        """Add those who cross, cyclists at the lanes' edges and people on the pavements."""
+        """Add crossing pedestrians, cyclists at the lanes' edges and pedestrians on the pavements."""
         for path in self._crossers:
             self._try_add(self._walker(), path, 0.35)
         shape, length = self.road.shape, stretch_m[1] - stretch_m[0]
@@ -173,7 +173,7 @@ class TrafficGenerator:
     def _ride(
         self, stretch_m: tuple[float, float], l_m: float, direction: int, pace: float
     ) -> Path:
-        """Draw a steady way along the street."""
+        """Draw a path along the street at a steady pace."""
         middle = self.rng.uniform(stretch_m[0] + 15, stretch_m[1] - 15)
         breath = 1 + 0.12 * np.sin(self.times_s * 0.7 + self.rng.uniform(0, 6))
         travelled_m = np.cumsum(pace * breath) * traffic.STEP_S
@@ -207,7 +207,7 @@ class TrafficGenerator:
         self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
 
     def park_off_road(self, parking_lots: Sequence[ParkingLot]) -> None:
-        """Stand vehicles in yards, in one or two rows, all at about the same angle to the road."""
+        """Park vehicles in parking lots, in one or two rows, all at about the same angle to the road."""
         for parking_lot in parking_lots:
             angle = float(self.rng.choice([0.5, 0.5, 0.5, 0.33, 0.25, 0.0])) * np.pi
             for row in range(int(self.rng.choice([1, 1, 2]))):
@@ -219,7 +219,7 @@ class TrafficGenerator:
         while s < parking_lot.s_m + parking_lot.length_m - 2.0:
             is_heavy = bool(self._heavy) and self.rng.random() < _HEAVY_IN_YARDS
             body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
-            # Long ones stand along the road, lest they reach into it.
+            # Long vehicles park along the road, so that they do not reach into it.
             angle = 0.0 if is_heavy else angle_rad
             along_m = float(np.array([np.cos(angle), np.sin(angle)]) @ body.size_m[:2])
             s += along_m / 2 + 0.4
@@ -239,7 +239,7 @@ class TrafficGenerator:
         self.actors.append(Actor(len(self.actors), body, appearance, None, pose))
 
     def _vehicle(self) -> Body:
-        """Draw one that drives."""
+        """Draw a vehicle that drives."""
         is_heavy = bool(self._heavy) and self.rng.random() < self.config.heavy
         body = self._heavy_vehicle() if is_heavy else self._light_vehicle()
         return body if body.kind != "Misc" else self._light_vehicle()
@@ -257,7 +257,7 @@ class TrafficGenerator:
         return self._riders[int(self.rng.integers(len(self._riders)))]
 
     def _wander(self, l_m: float) -> Float64:
-        """Return the lateral place of a driver who keeps a lane by hand."""
+        """Return the lateral position of a driver within the lane."""
         phases = self.rng.uniform(0, 2 * np.pi, 2)
         drift = np.sin(0.5 * self.times_s + phases[0]) + 0.5 * np.sin(
             0.9 * self.times_s + phases[1]
@@ -279,7 +279,7 @@ class TrafficGenerator:
         self.actors.append(Actor(len(self.actors), body, appearance, path))
 
     def _try_add(self, body: Body, path: Path, radius_m: float) -> None:
-        """Add someone unless they would run into somebody already there."""
+        """Add an actor unless it would collide with another."""
         places = self._sampled(path)
         for other, reach in self._tracks:
             if (np.linalg.norm(other - places, axis=1) < radius_m + reach).any():

@@ -1,4 +1,4 @@
-"""The exact truth that lies beside the labels of a written synthetic drive: poses, and boxes all around.
+"""Exact truth beside the labels of a written synthetic drive: poses, and boxes all around.
 
 raw        label_02.txt  truth_labels.txt  truth_poses.txt in the drive's folder
 tracking   training/{label_02,truth_labels,truth_poses}/SSSS.txt
@@ -18,7 +18,7 @@ from perception.types import Float64
 
 @dataclass(frozen=True)
 class TruthFiles:
-    """Where the exact truth of a drive lies.
+    """Files of the exact truth of a drive.
 
     Attributes:
         labels: Boxes of all objects around the vehicle, as tracking labels.
@@ -30,7 +30,7 @@ class TruthFiles:
 
 
 def truth_files(drive: KittiSequence) -> TruthFiles | None:
-    """Return the files of the exact truth of a drive, or None where it has none, as recorded ones."""
+    """Return the files of the exact truth of a drive, or None for a recorded drive."""
     if drive.label_file is None:
         return None
     folder, name = drive.label_file.parent, drive.label_file.name

@@ -90,7 +90,7 @@ def _section(design: VehicleDesign, x: Float64) -> tuple[Float64, Float64]:
 
 
 def _outline(design: VehicleDesign, x: Float64) -> Float64:
-    """Return the (K,) height of the body's top seen from the side."""
+    """Return (K,) heights of the body's outline from the side."""
     half, height = design.length_m / 2, design.height_m
     roof_front, roof_rear = half - design.roof_ahead_m, -half + design.roof_back_m
     screen, rear_screen = half - design.screen_ahead_m, -half + design.screen_back_m

@@ -1,4 +1,4 @@
-"""Measures of cars and vans, and how they are drawn."""
+"""Dimensions of cars and vans, and their random variation."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,7 +7,7 @@ import numpy as np
 
 
 class BodyStyle(Enum):
-    """How a vehicle is cut."""
+    """Body style of a vehicle."""
 
     HATCHBACK = "hatchback"
     SALOON = "saloon"

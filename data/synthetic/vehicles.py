@@ -69,7 +69,7 @@ def _mirrors(design: VehicleDesign) -> list[Mesh]:
 
 
 def _interior(design: VehicleDesign) -> list[Mesh]:
-    """Build seats and floor, which a laser sees through the windows."""
+    """Build seats and floor, which a laser reaches through the windows."""
     half, width = design.length_m / 2, design.width_m / 2 - 0.2
     front = half - design.roof_ahead_m - 0.35
     rear = max(front - 0.95, -half + 0.5)

@@ -1,4 +1,4 @@
-"""A street with its traffic, drawn from a seed: everything that is true of a synthetic drive."""
+"""A street with its traffic, drawn from a seed: the exact truth of a synthetic drive."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _BEHIND_M, _AHEAD_M = 100.0, 135.0  # how far the street is built around the ego
 
 @dataclass(frozen=True)
 class World:
-    """A street and all that happens on it.
+    """A street with its traffic.
 
     Attributes:
         config: World configuration.
@@ -78,7 +78,7 @@ class World:
         return near, [self.state(actor, time_s) for actor in near]
 
     def is_near(self, actor: Actor, time_s: float, within_m: float) -> bool:
-        """Tell whether an actor is within a distance of the ego vehicle, measured along the road."""
+        """Return whether an actor is within a distance of the ego vehicle, measured along the road."""
         if actor.path is None:
             offset = actor.world_SE3_parked[:2, 3] - self.road.place(*self.ego.at(time_s))[:2]
             return bool(offset @ offset < within_m**2)
@@ -138,7 +138,7 @@ def assemble(
     ego: Path,
     rng: np.random.Generator,
 ) -> World:
-    """Build the scene of what stands, the parked vehicles and the shapes of all who move."""
+    """Build the scene of static parts, parked vehicles and the shapes of moving actors."""
     scene = RaycastingScene([*parts, *(_parked(actor) for actor in actors if actor.path is None)])
     shapes_of: dict[int, tuple[int, ...]] = {}
     for actor in actors:
@@ -167,6 +167,6 @@ def assemble(
 
 
 def _parked(actor: Actor) -> Part:
-    """Make a parked vehicle part of what stands still."""
+    """Return a parked vehicle as a static part."""
     mesh = meshes.moved(actor.body.poses[0], actor.world_SE3_parked)
     return Part(mesh, actor.appearance, actor.body.semantic, actor.track_id + 1)

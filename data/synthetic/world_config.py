@@ -1,4 +1,4 @@
-"""How a synthetic street and its traffic are drawn."""
+"""Configuration of a synthetic street and its traffic."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from perception.errors import UsageError
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """How a street and its traffic are drawn; the defaults make a lively street for a demonstration.
+    """Configuration of a street and its traffic; the defaults make a busy street for a demonstration.
 
     Attributes:
         road: Curves, slopes and cross-section of the road.
@@ -45,7 +45,7 @@ class WorldConfig:
     is_sunny: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse traffic that would not fit on a road."""
+        """Validate speeds, gaps and the lane of the ego vehicle."""
         if not (0 < self.ego_m_s <= 20 and self.vehicle_gap_m >= 12 and self.leader_gap_m >= 9):
             raise UsageError(
                 "synthetic world",

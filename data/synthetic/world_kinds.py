@@ -206,7 +206,7 @@ _SHARES: dict[Callable[[np.random.Generator], WorldConfig], float] = {
 
 
 def _drawn(rng: np.random.Generator, base: Amounts, **limits: tuple[float, float]) -> Amounts:
-    """Draw some amounts anew, one after the other, each between its limits."""
+    """Draw amounts one after the other, each between its limits."""
     amounts: dict[str, Any] = {name: _between(rng, *of_one) for name, of_one in limits.items()}
     return replace(base, **amounts)
 

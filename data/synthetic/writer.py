@@ -38,7 +38,7 @@ _THREADS = 2  # ray casting and array arithmetic let go of the interpreter
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """What one frame puts on disk.
+    """Encoded files of one frame.
 
     Attributes:
         scan: Scan: x, y, z, reflectance as float32.
@@ -57,7 +57,7 @@ class EncodedFrame:
 
 @dataclass(frozen=True)
 class FramePaths:
-    """Where the files of one frame go."""
+    """Paths of the files of one frame."""
 
     scan: Path
     truth: Path
@@ -207,7 +207,7 @@ def _write_frames(
 
 
 def encode_frame(drive: SyntheticDrive, index: int, *, is_tracking: bool) -> EncodedFrame:
-    """See one frame and encode it."""
+    """Render one frame and encode it."""
     scan = drive.scan(index)
     return EncodedFrame(
         scan=scan.points_velo.tobytes(),

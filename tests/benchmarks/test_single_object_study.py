@@ -97,7 +97,7 @@ def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsy
     publish(study_single_object(plot_path, config, VLP_16), plot_path)
     assert cv2.imread(str(plot_path)).std() > 5
     document = json.loads(plot_path.with_suffix(".json").read_text())
-    assert list(document["results"]) == ["no challenge", "pose"]
+    assert list(document["results"]) == ["baseline", "pose"]
     for metrics in document["results"].values():
         assert list(metrics) == ["default", "3d-kf"]
         assert metrics["default"]["scores"]["frames"] == 5

@@ -82,7 +82,7 @@ def test_a_lidar_mounted_otherwise(raw_drive, velo_SE3_else, sentence):
     points = np.fromfile(path, np.float32).reshape(-1, 4)
     points[:, :3] = points[:, :3] @ velo_SE3_else[:3, :3]
     points.tofile(path)
-    found = _findings(raw_drive)["LiDAR not where its axes and its model say"]
+    found = _findings(raw_drive)["LiDAR mounting that contradicts its axes or its model"]
     assert found.first_example.startswith(f"{path}: expected")
     assert sentence in found.first_example
 
@@ -91,8 +91,8 @@ def test_a_calibration_that_does_not_fit(raw_drive):
     path = raw_drive.parent / "calib_velo_to_cam.txt"
     path.write_text("R: 0 1 0 0 0 -1 -1.01 0 0\nT: 0 0 0\n")  # looks back, and stretches
     found = _findings(raw_drive)
-    assert "rotations that are none" in found
-    assert "found 0.0%" in found["LiDAR and camera that do not fit"].first_example
+    assert "invalid rotations" in found
+    assert "found 0.0%" in found["LiDAR and camera calibration that contradict each other"].first_example
 
 
 def test_labels_out_of_place(tracking_root):
@@ -109,5 +109,5 @@ def test_object_frames_are_checked_one_by_one(object_root):
     (np.fromfile(path, np.float32).reshape(-1, 4) * (1, -1, -1, 1)).astype(np.float32).tofile(path)
     assert (
         "000003.bin"
-        in _findings(object_root)["LiDAR not where its axes and its model say"].first_example
+        in _findings(object_root)["LiDAR mounting that contradicts its axes or its model"].first_example
     )

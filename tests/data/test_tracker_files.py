@@ -65,7 +65,7 @@ def test_missing_files_say_what_to_do(folders, tmp_path):
     results, labels = folders
     seqmap = tmp_path / "seqmap.txt"
     seqmap.write_text("0001 empty 000000 000008\n0002 empty 000000 000008\n")
-    with pytest.raises(DriveError, match=r"0002.txt: expected the results .*leave an empty file"):
+    with pytest.raises(DriveError, match=r"0002.txt: expected the results .*add an empty file"):
         pair_with_labels(results, labels, seqmap)
     (results / "0003.txt").touch()
     with pytest.raises(DriveError, match=r"0003.txt: expected the labels of sequence 0003"):

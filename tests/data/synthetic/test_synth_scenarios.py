@@ -46,7 +46,7 @@ def world_positions(drive: ScenarioDrive) -> np.ndarray:
 
 def test_scenarios_are_nothing_each_thing_alone_and_all_together():
     names = [scenario.name for scenario in all_scenarios("Car")]
-    assert names == ["no challenge", *ScenarioChallenge, "together"]
+    assert names == ["baseline", *ScenarioChallenge, "together"]
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_together_the_van_hides_the_object_and_nobody_runs_into_anybody(kind):
 def test_a_short_drive_and_another_sensor():
     drive = ScenarioDrive(Scenario("Cyclist", duration_s=0.5), sensor=VLP_16, images=False)
     assert len(drive) == 5
-    assert drive.name == "cyclist plain"
+    assert drive.name == "cyclist baseline"
     assert drive[4].image is None
 
 
