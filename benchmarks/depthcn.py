@@ -1,4 +1,4 @@
-"""The whole vehicle detector: all candidates of a frame at once, and one after the other."""
+"""DepthCN: all proposals of a frame at once, and one after the other."""
 
 from collections import defaultdict
 from typing import Any
@@ -50,7 +50,7 @@ def compare_depthcn(prepared: PreparedDrive) -> Comparison:
 
 def _parts_ms(prepared: PreparedDrive) -> dict[str, float]:
     """Return the median time of each part of the detector."""
-    detector = DepthCnConfig().open(prepared.drive.sensor)
+    detector = DepthCn("default", prepared.drive.sensor)
     seconds: dict[str, list[float]] = defaultdict(list)
     for frame in prepared.frames:
         for stage, spent_s in run_depthcn(detector, frame).timings_s.items():

@@ -92,7 +92,10 @@ def test_a_calibration_that_does_not_fit(raw_drive):
     path.write_text("R: 0 1 0 0 0 -1 -1.01 0 0\nT: 0 0 0\n")  # looks back, and stretches
     found = _findings(raw_drive)
     assert "invalid rotations" in found
-    assert "found 0.0%" in found["LiDAR and camera calibration that contradict each other"].first_example
+    assert (
+        "found 0.0%"
+        in found["LiDAR and camera calibration that contradict each other"].first_example
+    )
 
 
 def test_labels_out_of_place(tracking_root):
@@ -109,5 +112,7 @@ def test_object_frames_are_checked_one_by_one(object_root):
     (np.fromfile(path, np.float32).reshape(-1, 4) * (1, -1, -1, 1)).astype(np.float32).tofile(path)
     assert (
         "000003.bin"
-        in _findings(object_root)["LiDAR mounting that contradicts its axes or its model"].first_example
+        in _findings(object_root)[
+            "LiDAR mounting that contradicts its axes or its model"
+        ].first_example
     )
