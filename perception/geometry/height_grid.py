@@ -8,16 +8,17 @@ y ^   n3 ---- n4         Heights live at the nodes, numbered along y first. Betw
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Annotated
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import solveh_banded
 
-from perception.types import Float, Float64, Int
+from perception.types import ArrayTable, Float, Float64, Int
 
 
 @dataclass(frozen=True)
-class HeightSamples:
+class HeightSamples(ArrayTable):
     """Scattered heights.
 
     Attributes:
@@ -25,12 +26,8 @@ class HeightSamples:
         weights: (N,) 1 for a height that is known as well as any.
     """
 
-    points: Float64
+    points: Annotated[Float64, 3]
     weights: Float64
-
-    def __len__(self) -> int:
-        """Return N."""
-        return len(self.points)
 
 
 @dataclass(frozen=True)

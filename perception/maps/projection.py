@@ -2,21 +2,21 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Annotated
 
 import cv2
 import numpy as np
 
-from perception.errors import CalibrationError, PerceptionError
+from perception.errors import CalibrationError
 from perception.geometry.camera import project
-from perception.types import Bool, Calibration, Float32, Float64, Frame, Int
+from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Frame, Int
 
 # What is nearer than this is the vehicle itself.
 _NEAREST_M = 0.5
 
 
 @dataclass(frozen=True)
-class SparseMaps:
+class SparseMaps(ArrayTable):
     """N returns in an image, at most one a pixel, the farthest first.
 
     Attributes:
@@ -26,30 +26,10 @@ class SparseMaps:
         size_px: (width, height) of the image.
     """
 
-    pixels: Int
+    pixels: Annotated[Int, 2]
     depth_m: Float32
     reflectance: Float32
-    size_px: tuple[int, int]
-
-    def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
-        count = len(self.depth_m)
-        if self.pixels.shape != (count, 2) or self.reflectance.shape != (count,):
-            raise PerceptionError(
-                "SparseMaps",
-                expected=f"{count} pixels and reflectances, as many as depths",
-                found=f"shapes {self.pixels.shape} and {self.reflectance.shape}",
-            )
-
-    def __len__(self) -> int:
-        """Return N."""
-        return len(self.depth_m)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> Self:
-        """Return the returns of a mask, of indices, or of a slice."""
-        return type(self)(
-            self.pixels[rows], self.depth_m[rows], self.reflectance[rows], self.size_px
-        )
+    size_px: Annotated[tuple[int, int], SHARED]
 
     @cached_property
     def flat_indices(self) -> Int:

@@ -19,11 +19,11 @@ from perception.geometry.se3 import inverse
 from perception.obstacles.config import GroundSurfaceConfig
 from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.sensor import LidarModel
-from perception.types import Bool, Float32, Float64, Int
+from perception.types import ArrayTable, Bool, Float32, Float64, Int
 
 
 @dataclass(frozen=True)
-class _CellPoints:
+class _CellPoints(ArrayTable):
     """The points of one scan that may be ground, or stand on it, and the small cell of each.
 
     Attributes:
@@ -35,9 +35,6 @@ class _CellPoints:
     y: Float32
     z: Float32
     cells: Int
-
-    def __getitem__(self, rows: Bool | Int) -> "_CellPoints":
-        return _CellPoints(self.x[rows], self.y[rows], self.z[rows], self.cells[rows])
 
     @property
     def xyz(self) -> Float64:
@@ -89,14 +86,14 @@ class GroundSurfaceEstimator:
         scan, config = window.newest, self._config
         points = self._points_over_grid(scan)
         memory = self._recall(scan.world_SE3_velo)
-        stiff = self._stiff_surface(_joined(self._lowest(points), memory))
+        stiff = self._stiff_surface(self._lowest(points).joined(memory))
         averages, is_clean = self._averages(points, stiff)
-        samples = _joined(averages, self._gaps(memory, averages))
+        samples = averages.joined(self._gaps(memory, averages))
         coarse_m = self._stiff.bilinear(self._fine.nodes_xy_m).interpolate(stiff)
         fine = self._robust_fit(
             self._fine, samples, coarse_m, config.scales_m, config.fine_stiffness
         )
-        self._remember(HeightSamples(averages.points[is_clean], averages.weights[is_clean]), scan)
+        self._remember(averages[is_clean], scan)
         return HeightSurface(self._fine, fine)
 
     def _points_over_grid(self, scan: PosedScan) -> _CellPoints:
@@ -176,7 +173,7 @@ class GroundSurfaceEstimator:
         recalled = self._footing
         for memory in self._memories:
             moved = _moved(memory.samples.points, velo_SE3_world @ memory.world_SE3_velo)
-            recalled = _joined(recalled, HeightSamples(moved, memory.samples.weights))
+            recalled = recalled.joined(HeightSamples(moved, memory.samples.weights))
         inside = self._cells_of(recalled.points) >= 0
         weights = self._config.memory_weight * recalled.weights
         return HeightSamples(recalled.points[inside], weights[inside])
@@ -186,7 +183,7 @@ class GroundSurfaceEstimator:
         is_observed = np.zeros(self._fine.size, bool)
         is_observed[self._cells_of(newest.points)] = True
         rows = ~is_observed[self._cells_of(memory.points)]
-        return HeightSamples(memory.points[rows], memory.weights[rows])
+        return memory[rows]
 
     def _cells_of(self, points: Float64) -> Int:
         """Return the cell of the surface's grid that each point lies in, -1 outside."""
@@ -234,13 +231,6 @@ def _footing(height_m: float) -> HeightSamples:
     x, y = np.meshgrid([-1.5, 0.0, 1.5], [-0.75, 0.0, 0.75])
     z = np.full(x.size, -height_m)
     return HeightSamples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))
-
-
-def _joined(first: HeightSamples, second: HeightSamples) -> HeightSamples:
-    return HeightSamples(
-        np.concatenate([first.points, second.points]),
-        np.concatenate([first.weights, second.weights]),
-    )
 
 
 def _moved(points: Float64, dst_SE3_src: Float64) -> Float64:

@@ -20,12 +20,15 @@ from perception.types.frame import Calibration, Frame
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
 from perception.types.stages import Method, Progress, StageSpan
+from perception.types.table import SHARED, ArrayTable
 from perception.types.tracks import Tracks
 from perception.types.vehicles import Vehicles
 
 __all__ = [
     "MAP_MODALITIES",
     "MODALITIES",
+    "SHARED",
+    "ArrayTable",
     "Bool",
     "Boxes3D",
     "Calibration",

@@ -3,20 +3,22 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.types.arrays import Bool, Float64, Int
 from perception.types.boxes import Boxes3D
 from perception.types.frame import Calibration, Frame
+from perception.types.table import SHARED, ArrayTable
 
 if TYPE_CHECKING:  # the sensor's module needs the types
     from perception.sensor import LidarModel
 
 
 @dataclass(frozen=True)
-class Labels:
+class Labels(ArrayTable):
     """M labelled objects of one frame, KITTI's conventions already converted.
 
     Attributes:
@@ -30,28 +32,12 @@ class Labels:
     """
 
     boxes_velo: Boxes3D
-    boxes_px: Float64
-    types: np.ndarray
+    boxes_px: Annotated[Float64, 4]
+    types: NDArray[np.str_]
     track_ids: Int
     truncation: Float64
     occlusion: Int
-    dont_care_px: Float64
-
-    def __len__(self) -> int:
-        """Return M."""
-        return len(self.boxes_velo)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> "Labels":
-        """Return the labels of a mask, of indices, or of a slice; DontCare regions stay."""
-        return Labels(
-            self.boxes_velo[rows],
-            self.boxes_px[rows],
-            self.types[rows],
-            self.track_ids[rows],
-            self.truncation[rows],
-            self.occlusion[rows],
-            self.dont_care_px,
-        )
+    dont_care_px: Annotated[Float64, SHARED]
 
 
 class Drive(Protocol):

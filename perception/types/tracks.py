@@ -1,16 +1,15 @@
 """What moves, as objects with an identity."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated
 
-import numpy as np
-
-from perception.types.arrays import Bool, Float64, Int, require_shape
+from perception.types.arrays import Bool, Float64, Int
 from perception.types.boxes import Boxes3D
+from perception.types.table import ArrayTable
 
 
 @dataclass(frozen=True)
-class Tracks:
+class Tracks(ArrayTable):
     """T objects followed over time, as they are at the moment of one scan, in the LiDAR frame of that scan.
 
     Attributes:
@@ -22,27 +21,5 @@ class Tracks:
 
     ids: Int
     boxes: Boxes3D
-    velocities_m_s: Float64
+    velocities_m_s: Annotated[Float64, 2]
     is_observed: Bool
-
-    def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
-        count = len(self.ids)
-        require_shape("Tracks.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
-        require_shape("Tracks.velocities_m_s", self.velocities_m_s, (count, 2))
-        require_shape("Tracks.is_observed", self.is_observed, (count,))
-
-    def __len__(self) -> int:
-        """Return T."""
-        return len(self.ids)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> Self:
-        """Return the tracks of a mask, of indices, or of a slice."""
-        return type(self)(
-            self.ids[rows], self.boxes[rows], self.velocities_m_s[rows], self.is_observed[rows]
-        )
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return no tracks."""
-        return cls(np.zeros(0, np.int64), Boxes3D.empty(), np.zeros((0, 2)), np.zeros(0, bool))

@@ -60,8 +60,10 @@ def test_equals_a_loop_over_points():
 
 
 def test_arrays_of_different_lengths_are_refused():
-    with pytest.raises(PerceptionError, match="as many as depths"):
+    with pytest.raises(PerceptionError) as error:
         SparseMaps(np.zeros((2, 2), int), np.ones(3, np.float32), np.ones(3, np.float32), SIZE)
+    assert error.value.where == "SparseMaps.depth_m"
+    assert (error.value.expected, error.value.found) == ("shape (2,)", "shape (3,)")
 
 
 def test_points_that_are_not_numbers_are_not_seen():

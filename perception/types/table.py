@@ -1,0 +1,141 @@
+"""Tables: frozen dataclasses of parallel arrays with one row for each object."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Final, Self, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from perception.errors import PerceptionError
+from perception.types.arrays import Bool, Int
+
+# Metadata of a field that belongs to the whole table: selecting rows leaves it as it is.
+SHARED: Final = "shared"
+
+
+@dataclass(frozen=True)
+class ArrayTable:
+    """Base of tables: every field is a column, an array or another table, of one length.
+
+    The annotation of a column tells its type, and the shape of a row where a row is no single number:
+
+        @dataclass(frozen=True)
+        class Detections(ArrayTable):
+            boxes_px: Annotated[Float64, 4]              # (M, 4); (M, 4, 4) is Annotated[Float64, 4, 4]
+            scores: Float64                              # (M,)
+            features: Annotated[Float64, ...]            # (M, any)
+            size_px: Annotated[tuple[int, int], SHARED]  # one value of the whole table
+
+    Construction fails where a column has another length or shape than this.
+    """
+
+    def __post_init__(self) -> None:
+        """Validate the lengths and the stated shapes of all columns."""
+        columns = _columns(type(self))
+        length = len(getattr(self, columns[0].name))
+        for column in columns:
+            values = getattr(self, column.name)
+            if len(values) != length or (column.row is not None and values.shape[1:] != column.row):
+                raise PerceptionError(
+                    f"{type(self).__name__}.{column.name}",
+                    expected=f"shape {(length, *(column.row or ()))}",
+                    found=f"shape {getattr(values, 'shape', (len(values),))}",
+                )
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(getattr(self, _columns(type(self))[0].name))
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the rows of a mask, of indices, or of a slice; shared fields stay."""
+        columns = {column.name for column in _columns(type(self))}
+        values = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return type(self)(*(value[rows] if name in columns else value for name, value in values))
+
+    @classmethod
+    def empty(cls, **shared: Any) -> Self:  # noqa: ANN401 - values of any field
+        """Return a table without rows.
+
+        Args:
+            **shared: Values of the shared fields that have no default.
+        """
+        return cls(**{column.name: column.empty() for column in _columns(cls)}, **shared)
+
+    @classmethod
+    def concatenate(cls, parts: Iterable[Self]) -> Self:
+        """Return the rows of all parts, in order; shared fields are those of the first part."""
+        whole = list(parts)
+        if not whole:
+            return cls.empty()
+        columns = {column.name: column for column in _columns(cls)}
+        values = []
+        for field in fields(cls):
+            pieces = [getattr(part, field.name) for part in whole]
+            column = columns.get(field.name)
+            values.append(pieces[0] if column is None else column.concatenate(pieces))
+        return cls(*values)
+
+    def joined(self, others: Self) -> Self:
+        """Return these rows and others after them."""
+        return type(self).concatenate((self, others))
+
+    def replaced(self, rows: Bool | Int, others: Self) -> Self:
+        """Return the table with other rows in the place of some."""
+        places = np.arange(len(self))
+        places[rows] = len(self) + np.arange(len(others))
+        return self.joined(others)[places]
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One column of a table.
+
+    Attributes:
+        name: Name of the field.
+        row: Shape of a row, () of a number; None where any shape will do, and of a table.
+        dtype: Type of the numbers of an array.
+        table: Class of a column that is a table itself.
+    """
+
+    name: str
+    row: tuple[int, ...] | None
+    dtype: Any
+    table: type[ArrayTable] | None
+
+    def empty(self) -> Any:  # noqa: ANN401 - an array or a table
+        return self.table.empty() if self.table else np.zeros((0, *(self.row or ())), self.dtype)
+
+    def concatenate(self, pieces: list[Any]) -> Any:  # noqa: ANN401 - an array or a table
+        return self.table.concatenate(pieces) if self.table else np.concatenate(pieces)
+
+
+def _columns(table: type[ArrayTable]) -> tuple[_Column, ...]:
+    """Return the columns of a table by the annotations of its fields."""
+    if table not in _COLUMNS:
+        _COLUMNS[table] = tuple(_read_columns(table))
+    return _COLUMNS[table]
+
+
+_COLUMNS: dict[type[ArrayTable], tuple[_Column, ...]] = {}
+
+
+def _read_columns(table: type[ArrayTable]) -> Iterator[_Column]:
+    hints = get_type_hints(table, include_extras=True)
+    for field in fields(table):
+        hint = hints[field.name]
+        kind, *stated = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        if SHARED in stated:
+            continue
+        if isinstance(kind, type) and issubclass(kind, ArrayTable):
+            yield _Column(field.name, None, None, kind)
+        else:
+            shape = None if ... in stated else tuple(stated)
+            yield _Column(field.name, shape, _dtype(kind), None)
+
+
+def _dtype(kind: Any) -> Any:  # noqa: ANN401 - any annotation
+    """Return the type of the numbers of an annotated array; of several, the widest, which is the last."""
+    members = get_args(kind)
+    if get_origin(kind) is np.ndarray:
+        return get_args(members[1])[0]
+    return _dtype(members[-1]) if members else np.float64
