@@ -8,14 +8,15 @@ from operator import add
 import numpy as np
 
 from benchmarks.studies.report import value_table
-from perception.cli.evaluations.datmo_report import DatmoProtocol, DatmoReport, compare_datmo
-from perception.cli.evaluations.datmo_steps import datmo_steps
-from perception.datmo.config import DatmoMethod
+from perception.cli.evaluate_datmo import Method, compare_methods
+from perception.cli.flags import DriveFlags
+from perception.evaluation.config import DatmoProtocol
+from perception.evaluation.datmo_measure import DatmoReport
 from perception.evaluation.multi_object.mot_metrics import MotMetrics
 from perception.pipeline import PipelineConfig
 from perception.types import Drive, Float64
 
-METHODS: tuple[DatmoMethod, ...] = ("thesis", "author", "default")
+METHODS: tuple[Method, ...] = ("thesis", "author", "default")
 # Everything around the vehicle counts, as synthetic truth is exact.
 PROTOCOL = DatmoProtocol(view="all")
 
@@ -63,10 +64,10 @@ MethodMetrics = Mapping[str, StudyTrackingMetrics]
 
 def measure_methods(drive: Drive) -> dict[str, StudyTrackingMetrics]:
     """Run every method on the same segmented scans of a drive, and measure its tracks."""
-    steps = datmo_steps(
-        drive, PipelineConfig.for_motion(), METHODS, limit=None, on_bad_frame="stop"
+    comparison = compare_methods(
+        drive, DriveFlags(), PipelineConfig.for_motion(), METHODS, PROTOCOL
     )
-    reports = compare_datmo(drive, steps, METHODS, PROTOCOL)
+    reports = comparison.reports
     return {method: StudyTrackingMetrics.of(report) for method, report in reports.items()}
 
 

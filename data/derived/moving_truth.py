@@ -128,7 +128,7 @@ def _posed_labels(drive: KittiSequence, view: EvaluationView) -> Sequence[PosedL
             drive.root,
             expected="exact truth of all objects around, as `trifuse synth` writes it",
             found="labels of what the camera sees",
-            advice="evaluate with --view camera",
+            advice="evaluate with --protocol.view camera",
         )
     return [posed_labels(drive, index) for index in range(len(drive))]
 

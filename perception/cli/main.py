@@ -73,6 +73,12 @@ COMMANDS: Mapping[str, Command] = {
     "evaluate obstacles": Command(
         "perception.cli.evaluate_obstacles:obstacles", "objects missed, false moving clusters"
     ),
+    "evaluate datmo": Command(
+        "perception.cli.evaluate_datmo:datmo", "tracks of moving objects, several methods compared"
+    ),
+    "evaluate vehicles": Command(
+        "perception.cli.evaluate_vehicles:vehicles", "detected vehicles as objects on the road"
+    ),
     **{f"study {name}": Command(*study) for name, study in STUDIES.items()},
 }
 

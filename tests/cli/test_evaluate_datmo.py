@@ -6,20 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import perception.datmo.stage
+import perception.pipeline.obstacle_chain
 from data.derived.moving_truth import moving_truth
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
-from perception.cli.evaluations import datmo_steps
-from perception.cli.evaluations.datmo_report import (
-    DatmoPredictions,
-    DatmoProtocol,
-    compare_datmo,
-    measure_datmo,
-)
-from perception.cli.evaluations.datmo_tables import datmo_tables
 from perception.cli.main import main
 from perception.datmo.detector import SegmentedScan
+from perception.evaluation.config import DatmoProtocol
+from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Boxes3D, Drive, Frame, Obstacles, Result, Tracks, Voxels
@@ -67,19 +63,16 @@ def drive() -> SyntheticDrive:
 
 
 def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDrive):
-    def steps() -> Iterator[DatmoPredictions]:
-        for frame, tracks in knowing_tracks(drive, FRAMES):
-            boxes, aside_m = tracks.boxes, np.array([0.8, 0.0, 0.0])
-            off = Boxes3D(boxes.bottom_m + aside_m, boxes.size_m, boxes.yaw_rad)
-            answers = {
-                "knows": tracks,
-                "is off": replace(tracks, boxes=off),
-                "idle": Tracks.empty(),
-            }
-            yield DatmoPredictions(frame, answers, dict.fromkeys(answers, 0.002))
-
-    names = ["knows", "is off", "idle"]
-    reports = compare_datmo(drive, steps(), names, DatmoProtocol(view="all"))
+    names, truth = ("knows", "is off", "idle"), moving_truth(drive, "all")
+    measures = {name: DatmoMeasure(truth, DatmoProtocol(view="all")) for name in names}
+    for frame, tracks in knowing_tracks(drive, FRAMES):
+        boxes, aside_m = tracks.boxes, np.array([0.8, 0.0, 0.0])
+        off = Boxes3D(boxes.bottom_m + aside_m, boxes.size_m, boxes.yaw_rad)
+        predictions = (tracks, replace(tracks, boxes=off), Tracks.empty())
+        for name, predicted in zip(names, predictions, strict=True):
+            result = replace(segmented(frame)[0], tracks=predicted)
+            measures[name].update(replace(result, timings_s={"moving objects": 0.002}))
+    reports = {name: one.compute() for name, one in measures.items()}
     knows, is_off, idle = (reports[name] for name in names)
     assert knows.by_distance.hota.hota == knows.by_overlap.clear.mota == 1.0
     assert knows.never_tracked == []
@@ -91,17 +84,17 @@ def test_who_knows_the_truth_scores_one_and_who_errs_does_not(drive: SyntheticDr
     assert idle.by_distance.clear.mota == 0.0
     assert len(idle.never_tracked) == len(idle.objects) == len(knows.objects) >= 2
     assert len(idle.false_tracks.ids) == len(is_off.false_tracks.ids) == 0
-    table = datmo_tables(reports)
-    assert "Objects that must be tracked: is off" in table
-    assert "2.0" in table
+    tables = {table.title: table.text() for table in DatmoComparison(reports).tables()}
+    assert "Objects that must be tracked: is off" in tables
+    assert "2.0" in tables["False tracks, and errors of matched tracks (medians; extent: means)"]
 
 
 def test_results_of_the_pipeline_are_measured_the_same(drive: SyntheticDrive):
-    results = (
-        replace(segmented(frame)[0], tracks=tracks, timings_s={"moving objects": 0.004})
-        for frame, tracks in knowing_tracks(drive, FRAMES)
-    )
-    report = measure_datmo(drive, results)
+    measure = DatmoMeasure(moving_truth(drive))
+    for frame, tracks in knowing_tracks(drive, FRAMES):
+        result = replace(segmented(frame)[0], tracks=tracks)
+        measure.update(replace(result, timings_s={"moving objects": 0.004}))
+    report = measure.compute()
     assert report.protocol.view == "camera"
     assert report.by_distance.hota.hota == 1.0
     assert report.seconds.tolist() == [0.004] * FRAMES
@@ -130,20 +123,22 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 ):
     folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
     answers = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
-    monkeypatch.setattr(datmo_steps, "ObstacleChain", LevelChain)
+    monkeypatch.setattr(perception.pipeline.obstacle_chain, "ObstacleChain", LevelChain)
     monkeypatch.setattr(
-        datmo_steps,
+        perception.datmo.stage,
         "datmo_stage",
         lambda config, sensor, area: Remembering(answers) if config.method == "default" else None,
     )
     out = tmp_path / "figures.json"
-    words = ["datmo", str(folder), "--view", "all", "--methods", "thesis,default"]
-    assert main(["evaluate", *words, "--min-points", "10", "--json", str(out)]) == 0
+    words = ["datmo", str(folder), "--protocol.view", "all", "--methods", "thesis,default"]
+    assert (
+        main(["evaluate", *words, "--protocol.targets.min-points", "10", "--json", str(out)]) == 0
+    )
     printed = capsys.readouterr().out
     assert printed.startswith(f"0000: {FRAMES} of {FRAMES} frames, VLP-16")
     written = json.loads(out.read_text())
     assert written["measure"] == "datmo"
-    assert written["protocol"]["values"]["rule"]["min_points"] == 10
+    assert written["protocol"]["values"]["targets"]["min_points"] == 10
     assert written["data"]["frames_evaluated"] == FRAMES
     results = written["results"]
     assert list(results) == ["thesis", "default"]
@@ -158,8 +153,8 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 
 def test_what_the_command_cannot_do(kitti_root: Path, capsys):
     words = ["evaluate", "datmo", str(kitti_root / "tracking"), "--sequence", "0000"]
-    assert main([*words, "--view", "all"]) == 2
-    assert "--view camera" in capsys.readouterr().err
+    assert main([*words, "--protocol.view", "all"]) == 2
+    assert "--protocol.view camera" in capsys.readouterr().err
     assert main([*words, "--methods", ""]) == 2
     assert "default, thesis, author" in capsys.readouterr().err
     assert main([*words, "--methods", "thesis,thesis"]) == 2

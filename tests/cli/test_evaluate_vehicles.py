@@ -24,26 +24,26 @@ def evaluate(root: Path, *words: object) -> int:
 
 def test_labels_as_they_are_give_every_car_its_place_and_no_switch(street, tmp_path, capsys):
     out = tmp_path / "vehicles.json"
-    assert evaluate(street, "--noise", 0, "--missing", 0, "--json", out) == 0
+    assert evaluate(street, "--noise.sides", 0, "--noise.missing", 0, "--json", out) == 0
     printed = capsys.readouterr().out
-    assert "4 of 4 frames, detector labels, scores from 0.5" in printed
+    assert "4 of 4 frames, HDL-64E, detector labels, scores from 0.5" in printed
     document = json.loads(out.read_text())
     assert document["data"]["frames_evaluated"] == 4
-    label_noise = document["configuration"]["label_noise"]
-    assert (label_noise["noise"], label_noise["missing"]) == (0, 0)
+    label_noise = document["configuration"]["noise"]
+    assert (label_noise["sides"], label_noise["missing"]) == (0, 0)
     results = document["results"]
-    near = results["location"][0]
+    near = results["location"]["0 to 25 m"]
     assert near["detected"] > 0
     assert near["boxed"] == 1
-    assert near["centre_0.5"] < 0.3
-    assert results["ids"]["agreed"] <= results["ids"]["met"]
+    assert near["centre_p50_m"] < 0.3
+    assert results["ids"]["same_id"] <= results["ids"]["colocated"]
 
 
 def test_the_same_seed_gives_the_same_and_frames_can_be_limited(street, tmp_path):
     documents = []
     for name in ("one", "other"):
         out = tmp_path / f"{name}.json"
-        assert evaluate(street, "--seed", 3, "--frames", 2, "--json", out) == 0
+        assert evaluate(street, "--noise.seed", 3, "--frames", 2, "--json", out) == 0
         documents.append(json.loads(out.read_text())["results"])
     assert documents[0] == documents[1]
 

@@ -1,0 +1,127 @@
+"""`trifuse evaluate datmo`."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, get_args
+
+from perception.cli.evaluation import (
+    EvaluatedDrive,
+    EvaluationDocument,
+    open_labelled_drive,
+    publish_report,
+)
+from perception.cli.flags import DriveFlags, ReportFlags
+from perception.errors import UsageError
+from perception.evaluation.config import DatmoProtocol
+from perception.pipeline import PipelineConfig
+from perception.types import Drive, Result
+
+if TYPE_CHECKING:
+    from perception.evaluation.datmo_measure import DatmoComparison
+
+Method = Literal["default", "thesis", "author"]
+
+_PIPELINE, _PROTOCOL = PipelineConfig.for_motion("none"), DatmoProtocol()
+
+
+def datmo(
+    root: Path,
+    *,
+    drive: DriveFlags,
+    report: ReportFlags,
+    methods: tuple[Method, ...] = ("default", "thesis", "author"),
+    pipeline: PipelineConfig = _PIPELINE,
+    protocol: DatmoProtocol = _PROTOCOL,
+) -> None:
+    """Measure how well moving objects are tracked on the ground plane, several methods on the same scans.
+
+    HOTA, CLEAR and IDF1 by distance and by overlap, errors of position, velocity and extent, and each object.
+
+    Example: trifuse evaluate datmo kitti/tracking --sequence 0000 --methods default,thesis
+
+    Args:
+        root: Tracking sequences, or a synthetic drive in raw or tracking layout.
+        methods: Methods that are compared; all of them get the segmented scans of one pipeline.
+        pipeline: Configuration of the pipeline up to the segmented scan.
+        protocol: Protocol of the evaluation; `view: all` takes the exact truth of synthetic drives.
+    """
+    from perception.evaluation.datmo_measure import PROTOCOL_WORDS
+
+    if not methods or len(set(methods)) < len(methods):
+        known = ", ".join(get_args(Method))
+        raise UsageError(
+            "--methods", expected=f"some of {known}, each once", found=repr(",".join(methods))
+        )
+    labelled = open_labelled_drive(root, drive)
+    comparison = compare_methods(labelled, drive, pipeline, methods, protocol)
+    data = EvaluatedDrive.of(labelled, drive.frames, comparison.frames)
+    words = {**PROTOCOL_WORDS, "values": protocol}
+    publish_report(
+        f"{data}, method {pipeline.method}, evaluated view: {protocol.view}",
+        comparison,
+        EvaluationDocument("datmo", data, words, pipeline),
+        report.json,
+    )
+
+
+def compare_methods(
+    drive: Drive,
+    flags: DriveFlags,
+    pipeline: PipelineConfig,
+    methods: Sequence[Method],
+    protocol: DatmoProtocol,
+) -> "DatmoComparison":
+    """Measure the tracks of several methods that get the same segmented scans.
+
+    Args:
+        drive: Drive with labels and poses, or with exact truth.
+        flags: Number of frames, and what to do at a damaged one.
+        pipeline: Configuration of the pipeline up to the segmented scan.
+        methods: Methods, each once.
+        protocol: Protocol of the evaluation.
+
+    Raises:
+        DriveError: the motion of the drive's objects is not known.
+        PerceptionError: a frame cannot be read or used.
+    """
+    from data.derived.moving_truth import moving_truth
+    from perception.evaluation.datmo_measure import DatmoComparison, DatmoMeasure
+
+    truth = moving_truth(drive, protocol.view, protocol.motion)
+    measures = {method: DatmoMeasure(truth, protocol) for method in methods}
+    for results in method_results(drive, flags, pipeline, methods):
+        for method, result in results.items():
+            measures[method].update(result)
+    return DatmoComparison({method: one.compute() for method, one in measures.items()})
+
+
+def method_results(
+    drive: Drive, flags: DriveFlags, pipeline: PipelineConfig, methods: Sequence[Method]
+) -> Iterator[dict[Method, Result]]:
+    """Yield the tracks of every method on each segmented scan, with a progress bar."""
+    import time
+
+    from data.frames import frame_count, read_frames
+    from perception.cli.progress import progress_bar
+    from perception.datmo.stage import datmo_stage
+    from perception.geometry.threads import limit_blas_threads
+    from perception.pipeline.obstacle_chain import ObstacleChain
+
+    chain = ObstacleChain(drive.sensor, pipeline)
+    stages = {
+        method: datmo_stage(replace(pipeline.datmo, method=method), drive.sensor, pipeline.area)
+        for method in methods
+    }
+    frames = read_frames(drive, on_bad_frame=flags.on_bad_frame, limit=flags.frames)
+    for frame in progress_bar(frames, drive.name, frame_count(drive, flags.frames)):
+        segmented, scan = chain.segment(frame)
+        results = {}
+        for method, stage in stages.items():
+            with limit_blas_threads():
+                start_s = time.perf_counter()
+                tracks = segmented.tracks if stage is None else stage.update(scan)
+                seconds = time.perf_counter() - start_s
+            timings_s = {"moving objects": seconds}
+            results[method] = replace(segmented, tracks=tracks, timings_s=timings_s)
+        yield results

@@ -1,0 +1,147 @@
+"""`trifuse evaluate vehicles`."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from perception.cli.evaluation import (
+    EvaluatedDrive,
+    EvaluationDocument,
+    open_labelled_drive,
+    publish_report,
+)
+from perception.cli.flags import DriveFlags, ReportFlags
+from perception.detection.config import NO_DETECTION, DepthCnConfig, DetectionConfig
+from perception.errors import DriveError
+from perception.pipeline import PipelineConfig
+from perception.types import Detections, Drive, Frame, Result
+
+VehicleDetector = Literal["fused", "depthcn", "labels"]
+_PIPELINE = PipelineConfig(detection=DetectionConfig(depthcn=DepthCnConfig(enabled=False)))
+# Types of labels that detectors of cars find.
+_DETECTED = ("Car", "Van")
+_LABEL_SCORE = 0.9
+
+
+@dataclass(frozen=True)
+class LabelNoise:
+    """Noise that makes labels look like detections.
+
+    Attributes:
+        sides: Standard deviation of each side, as a share of the box's width or height.
+        missing: Share of the labels that are not detected, 0 to 1.
+        seed: Seed of the noise and of the missing labels.
+    """
+
+    sides: float = 0.05
+    missing: float = 0.1
+    seed: int = 0
+
+
+_NOISE = LabelNoise()
+
+
+def vehicles(  # noqa: PLR0913 - flags of a command
+    root: Path,
+    *,
+    drive: DriveFlags,
+    report: ReportFlags,
+    detector: VehicleDetector = "fused",
+    min_score: float = 0.5,
+    noise: LabelNoise = _NOISE,
+    pipeline: PipelineConfig = _PIPELINE,
+) -> None:
+    """Measure detected vehicles as objects: HOTA, MOTA and IDF1 in the image, and positions on the road.
+
+    Example: trifuse evaluate vehicles kitti/tracking --sequence 0000 --detector depthcn
+
+    Args:
+        root: Sequences in KITTI's tracking layout, or a synthetic drive in it.
+        detector: Detectors of the pipeline, DepthCN, or noisy labels, which show the error of location and tracking.
+        min_score: Score of a vehicle from which on it counts, 0 to 1.
+        noise: Noise of the labels with `--detector labels`.
+        pipeline: Pipeline configuration.
+    """
+    from perception.evaluation.vehicle_measure import PROTOCOL_WORDS, VehicleMeasure
+
+    labelled = open_labelled_drive(root, drive)
+    _require_track_labels(labelled)
+    measure = VehicleMeasure(min_score)
+    for result in _results(labelled, drive, pipeline, detector, noise):
+        measure.update(result, labelled.labels(result.frame.index), None)
+    metrics = measure.compute()
+    data = EvaluatedDrive.of(labelled, drive.frames, metrics.frames)
+    settings = {"detector": detector, "min_score": min_score, "noise": noise, "pipeline": pipeline}
+    publish_report(
+        f"{data}, detector {detector}, scores from {min_score:g}",
+        metrics,
+        EvaluationDocument("vehicles", data, PROTOCOL_WORDS, settings),
+        report.json,
+    )
+
+
+def _require_track_labels(drive: Drive) -> None:
+    from data.kitti.sequence import KittiSequence
+
+    if not isinstance(drive, KittiSequence) or drive.label_file is None:
+        raise DriveError(
+            drive.root,
+            expected="labels with track ids, as in KITTI's tracking layout",
+            found="none",
+            advice="name a sequence in that layout, or make one: trifuse synth OUT --layout tracking",
+        )
+
+
+def _results(
+    drive: Drive,
+    flags: DriveFlags,
+    pipeline: PipelineConfig,
+    detector: VehicleDetector,
+    noise: LabelNoise,
+) -> Iterator[Result]:
+    """Yield the results of the pipeline, with its own vehicles or those of another detector."""
+    from perception.cli.drive_results import drive_results
+    from perception.detection.depthcn.detector import DepthCn
+    from perception.detection.vehicles.locate import locate
+    from perception.tracking.vehicles.tracker import VehicleTracker
+    from perception.types import MODALITIES, FusedDetections
+
+    if detector == "fused":
+        yield from drive_results(
+            drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame
+        )
+        return
+    detect = (
+        DepthCn("default", drive.sensor).detect
+        if detector == "depthcn"
+        else _label_detector(drive, noise)
+    )
+    tracker, pipeline = VehicleTracker(), replace(pipeline, detection=NO_DETECTION)
+    for result in drive_results(
+        drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame
+    ):
+        found = detect(result.frame)
+        found = found[np.argsort(-found.scores, kind="stable")]
+        sources = np.full((len(found), len(MODALITIES)), -1)
+        fused = FusedDetections(found, sources, np.full(len(found), MODALITIES.index("dm")))
+        located = locate(fused, result.frame, result.ground)
+        tracked = tracker.update(located, result.frame, result.world_SE3_velo, result.tracks)
+        yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)
+
+
+def _label_detector(drive: Drive, noise: LabelNoise) -> Callable[[Frame], Detections]:
+    random = np.random.default_rng(noise.seed)
+
+    def detect(frame: Frame) -> Detections:
+        labels = drive.labels(frame.index)
+        is_found = random.random(len(labels)) >= noise.missing
+        boxes_px = labels.boxes_px[np.isin(labels.types, _DETECTED) & is_found]
+        sizes_px = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
+        noise_px = noise.sides * sizes_px * random.standard_normal(boxes_px.shape)
+        count = len(boxes_px)
+        return Detections(boxes_px + noise_px, np.full(count, _LABEL_SCORE), np.full(count, "Car"))
+
+    return detect

@@ -1,0 +1,118 @@
+"""Metrics of tracking result files by KITTI's 2D protocol, over the sequences of a benchmark."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from perception.evaluation.config import KittiTrackingConfig
+from perception.evaluation.multi_object.hota import ALPHAS
+from perception.evaluation.multi_object.kitti_protocol import (
+    NEIGHBOURS,
+    BoxRows,
+    KittiClass,
+    kitti_frames,
+)
+from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
+from perception.evaluation.report import Table
+
+_COMBINED = "COMBINED"
+_PROTOCOL_WORDS = {
+    "name": "KITTI tracking benchmark, boxes in the image",
+    "similarity": "intersection over union, areas without + 1 pixel",
+    "HOTA": "mean over the thresholds alphas, matched once for all of them",
+    "CLEAR and identity": "at the threshold",
+    "left out": (
+        "labels of a neighbour class, truncated or occluded beyond the configuration, and the predictions "
+        "matched to them; unmatched predictions that are too low or mostly in one DontCare region; rows "
+        "with an id below 0; scores are not read"
+    ),
+    "neighbours": NEIGHBOURS,
+    _COMBINED: "counts and sums over all sequences, not a mean of their ratios",
+}
+
+
+@dataclass(frozen=True)
+class TrackingReport:
+    """Metrics of the tracks of several sequences.
+
+    Attributes:
+        frame_counts: Number of frames of each sequence.
+        by_class: Metrics by class, then by sequence.
+        config: Thresholds of the benchmark.
+    """
+
+    frame_counts: dict[str, int]
+    by_class: dict[KittiClass, dict[str, MotMetrics]]
+    config: KittiTrackingConfig
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of all sequences."""
+        return sum(self.frame_counts.values())
+
+    def combined(self, class_name: KittiClass) -> MotMetrics:
+        """Return the metrics of all sequences together."""
+        return sum(self.by_class[class_name].values(), MotMetrics())
+
+    def tables(self) -> list[Table[Any]]:
+        """Return a table for each class."""
+        rule = (
+            f"KITTI 2D boxes, CLEAR and identity at IoU {self.config.min_iou:g}; ratios in percent"
+        )
+        return [
+            mot_table(f"{name}: {rule}", {**by_sequence, _COMBINED: self.combined(name)})
+            for name, by_sequence in self.by_class.items()
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all metrics by sequence and COMBINED, then by class."""
+        document: dict[str, Any] = {
+            sequence: {name: rows[sequence].to_json() for name, rows in self.by_class.items()}
+            for sequence in self.frame_counts
+        }
+        document[_COMBINED] = {name: self.combined(name).to_json() for name in self.by_class}
+        return document
+
+    def protocol(self) -> dict[str, Any]:
+        """Return the protocol in words and values."""
+        threshold = self.config.min_iou
+        values = {"config": self.config, "threshold": threshold, "alphas": ALPHAS}
+        return {**_PROTOCOL_WORDS, "values": values}
+
+
+class TrackingMeasure:
+    """Accumulates the metrics of tracks in the image, sequence after sequence."""
+
+    def __init__(
+        self, classes: Sequence[KittiClass], config: KittiTrackingConfig | None = None
+    ) -> None:
+        """Start without a sequence.
+
+        Args:
+            classes: Classes that are evaluated.
+            config: Thresholds of the benchmark.
+        """
+        self._config = config or KittiTrackingConfig()
+        self._by_class: dict[KittiClass, dict[str, MotMetrics]] = {name: {} for name in classes}
+        self._frame_counts: dict[str, int] = {}
+
+    def update(self, sequence: str, labels: BoxRows, results: BoxRows, frame_count: int) -> None:
+        """Add one sequence.
+
+        Args:
+            sequence: Name of the sequence.
+            labels: Labels of all classes, with regions of type DontCare.
+            results: Rows of a tracker.
+            frame_count: Number of frames of the sequence.
+
+        Raises:
+            PerceptionError: a row is of a frame beyond the last.
+        """
+        self._frame_counts[sequence] = frame_count
+        for name, metrics in self._by_class.items():
+            frames = kitti_frames(labels, results, name, frame_count, self._config)
+            metrics[sequence] = evaluate_tracks(frames, self._config.min_iou)
+
+    def compute(self) -> TrackingReport:
+        """Return the metrics of all sequences so far."""
+        return TrackingReport(self._frame_counts, self._by_class, self._config)
