@@ -12,7 +12,7 @@ from perception.errors import DriveError
 from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
 from perception.obstacles.dense_cloud import DenseCloud, merge, register_window
-from perception.render.scene_plots import AgedPoints, plot_aged_points
+from perception.render.obstacle_plots import AgedPoints, plot_aged_points
 from perception.types import Bool, Drive, Float32, Float64, GroundModel, UInt8
 
 _CELL_M = 0.1

@@ -8,7 +8,7 @@ from benchmarks.studies.merged_frame import MergedFrame, MergedFrameFlags, read_
 from benchmarks.studies.report import RESULTS, Study, publish
 from perception.evaluation.report import format_table
 from perception.obstacles.ground_planes import PiecewisePlanes, PlaneStep, plane_step
-from perception.render.scene_plots import GatedCloud, plot_gates
+from perception.render.obstacle_plots import GatedCloud, plot_gates
 from perception.types import Bool, Drive, Float
 
 _CLEARANCE_M = 0.2  # d_min of Table 7.1

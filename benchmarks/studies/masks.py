@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import RESULTS, Study, publish, value_table
 from perception.obstacles.motion_counters import CounterSegmenter, MotionCounters
-from perception.render.scene_plots import plot_masks
+from perception.render.obstacle_plots import plot_masks
 from perception.types import Drive, PointState
 
 

@@ -12,12 +12,17 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.render import palette
-from perception.render.canvas import blank_canvas
+from perception.render.canvas import (
+    Align,
+    blank_canvas,
+    draw_text,
+    packed,
+    paint_pixels,
+    pixel_indices,
+)
+from perception.render.ego_vehicle import vehicle_outline_m
+from perception.render.overlay import GroundMesh
 from perception.render.palette import Color
-from perception.render.pixels import packed, paint_pixels, places_of
-from perception.render.surface import GroundMesh
-from perception.render.text import Align, draw_text
-from perception.render.vehicle import vehicle_outline_m
 from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
 
 _FIXED_POINT_BITS = 4
@@ -115,7 +120,7 @@ def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
     tints = np.array([palette.POINTS] * len(PointState), np.uint8)
     tints[PointState.GROUND] = palette.GROUND_POINTS
     pixels = view.to_pixels(result.frame.points_velo)
-    shown, places = places_of(pixels, view.size_px, view.size_px[0])
+    shown, places = pixel_indices(pixels, view.size_px, view.size_px[0])
     states = result.obstacles.point_states.take(shown)
     paint_pixels(canvas, places, packed(tints).take(states))
 
@@ -134,7 +139,7 @@ def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Floa
     edge = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
     corner = view.to_pixels(voxels.centers_m) - (edge - 1) / 2
     width, height = view.size_px
-    shown, first = places_of(corner, (width - edge + 1, height - edge + 1), width)
+    shown, first = pixel_indices(corner, (width - edge + 1, height - edge + 1), width)
     painted = packed(np.broadcast_to(colors, (len(voxels), 3)).take(shown, axis=0).astype(np.uint8))
     square = (np.arange(edge)[:, None] * width + np.arange(edge)).ravel()
     paint_pixels(canvas, (square[:, None] + first).ravel(), np.tile(painted, len(square)))

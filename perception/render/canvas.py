@@ -1,10 +1,28 @@
-"""A picture being drawn: an (H, W, 3) array of RGB."""
+"""The canvas that everything is drawn on, an (H, W, 3) RGB image: single pixels, text and tags."""
+
+from enum import Enum
+from functools import lru_cache
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from perception.render.palette import Color
+from perception.render.palette import TEXT, Color
 from perception.types import Bool, Float64, Int, UInt8
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_TAG_GAP_PX = 6
+
+# Red, green, blue and a spare byte as one number; ten times as fast to write as three bytes.
+PackedColors = NDArray[np.uint32]
+
+
+class Align(Enum):
+    """End of a line of text that stands at its position."""
+
+    LEFT = 0.0
+    CENTER = 0.5
+    RIGHT = 1.0
 
 
 def blank_canvas(size_px: tuple[int, int], color: Color) -> UInt8:
@@ -17,7 +35,7 @@ def blank_canvas(size_px: tuple[int, int], color: Color) -> UInt8:
 
 
 def is_inside(pixels: Float64 | Int, size_px: tuple[int, int], margin_px: float | Int = 0) -> Bool:
-    """Tell which (N, 2) pixels round to one of the canvas, grown by a margin; NaN does not."""
+    """Return an (N,) mask of the (N, 2) pixels that round to one of the canvas, grown by a margin; false for NaN."""
     column, row = pixels[:, 0], pixels[:, 1]
     with np.errstate(invalid="ignore"):
         return np.asarray(
@@ -26,3 +44,102 @@ def is_inside(pixels: Float64 | Int, size_px: tuple[int, int], margin_px: float 
             & (column < size_px[0] - 0.5 + margin_px)
             & (row < size_px[1] - 0.5 + margin_px)
         )
+
+
+def packed(colors: UInt8) -> PackedColors:
+    """Return (N, 3) colours as (N,) numbers."""
+    four = np.zeros((len(colors), 4), np.uint8)
+    four[:, :3] = colors
+    return four.view(np.uint32)[:, 0]
+
+
+def unpacked(image: PackedColors) -> UInt8:
+    """Return (H, W) packed colours as an (H, W, 3) image."""
+    four = image.view(np.uint8).reshape(*image.shape, 4)
+    return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8)
+
+
+def paint_pixels(canvas: UInt8, indices: Int, colors: PackedColors) -> None:
+    """Paint K pixels of a canvas; where an index repeats, the last colour stays.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        indices: (K,) row * width + column of each pixel.
+        colors: (K,) packed colours, or one for all.
+    """
+    four = cv2.cvtColor(canvas, cv2.COLOR_RGB2RGBA)
+    four.view(np.uint32).reshape(-1)[indices] = colors
+    canvas[:] = cv2.cvtColor(four, cv2.COLOR_RGBA2RGB)
+
+
+def pixel_indices(pixels: Float64, size_px: tuple[int, int], width_px: int) -> tuple[Int, Int]:
+    """Return the rows of (N, 2) pixels that round to one within (width, height), and their indices.
+
+    Args:
+        pixels: (N, 2) columns and rows; NaN is outside.
+        size_px: (width, height) within which pixels count.
+        width_px: Width of the canvas, for the index row * width + column.
+    """
+    shown = np.flatnonzero(is_inside(pixels, size_px))
+    column, row = (np.rint(pixels[:, axis].take(shown)).astype(np.int64) for axis in (0, 1))
+    return shown, row * width_px + column
+
+
+def draw_text(
+    canvas: UInt8,
+    text: str,
+    position_px: tuple[float, float],
+    *,
+    color: Color = TEXT,
+    height_px: int = 11,
+    align: Align = Align.LEFT,
+) -> None:
+    """Write one line of text.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        text: Line of text.
+        position_px: (column, row) of its baseline.
+        color: Colour of the letters.
+        height_px: Height of capitals.
+        align: End of the line that stands at the position.
+    """
+    width = text_width_px(text, height_px) if align is not Align.LEFT else 0
+    origin = (round(position_px[0] - width * align.value), round(position_px[1]))
+    cv2.putText(canvas, text, origin, _FONT, _scale(height_px), color, 1, cv2.LINE_AA)
+
+
+@lru_cache(maxsize=1024)
+def text_width_px(text: str, height_px: int = 11) -> int:
+    """Return the width of one line of text."""
+    return int(cv2.getTextSize(text, _FONT, _scale(height_px), 1)[0][0])
+
+
+@lru_cache
+def _scale(height_px: int) -> float:
+    return float(cv2.getFontScaleFromHeight(_FONT, height_px))
+
+
+def draw_tag(canvas: UInt8, text: str, box_px: Float64, color: Color, text_px: int) -> None:
+    """Write text on a dark tag above a box, or below it; nothing where the box is outside the canvas.
+
+    Args:
+        canvas: (H, W, 3) canvas.
+        text: Line of text.
+        box_px: (4,) x1 y1 x2 y2 of the box.
+        color: Colour of the tag's left edge.
+        text_px: Height of capitals.
+    """
+    height, width = canvas.shape[:2]
+    x1, y1, x2, y2 = np.clip(box_px, 0, (width, height, width, height)).tolist()
+    size = (text_width_px(text, text_px) + round(1.2 * text_px), round(1.9 * text_px))
+    if not (x2 > x1 and y2 > y1) or size[0] > width:
+        return
+    left = round(min(max((x1 + x2 - size[0]) / 2, 0), width - size[0]))
+    above, below = round(y1) - _TAG_GAP_PX - size[1], round(y2) + _TAG_GAP_PX
+    top = above if above >= 0 else min(below, height - size[1])
+    tag = canvas[top : top + size[1], left : left + size[0]]
+    tag[:] = tag // 4
+    tag[:, : max(text_px // 4, 2)] = color
+    baseline = (left + 0.7 * text_px, top + 1.45 * text_px)
+    draw_text(canvas, text, baseline, color=TEXT, height_px=text_px)

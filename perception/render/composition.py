@@ -1,34 +1,33 @@
-"""One picture that explains one frame: camera, scene in 3D, bird's-eye view, legend, stage times."""
+"""The image of one frame of a run: camera, scene in 3D, bird's-eye view, legend and stage times."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from perception.detection.config import DetectionConfig
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.render import palette
 from perception.render.birds_eye import draw_birds_eye, view_of_area
 from perception.render.canvas import blank_canvas
-from perception.render.footer import draw_footer
-from perception.render.map_panels import map_panels
-from perception.render.overlay import draw_overlay
+from perception.render.overlay import GroundMesh, draw_overlay, sample_surface
 from perception.render.panels import FittedImage, LegendEntry, place_panel, title_height_px
 from perception.render.perspective import chase_camera, draw_perspective
-from perception.render.surface import GroundMesh, sample_surface
+from perception.render.stage_bar import draw_footer
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracked_object_figure import TrackedObjectFigure
 from perception.render.tracks import TrackStyle, draw_tracks
 from perception.render.trails import Trails
-from perception.render.vehicles import VehicleFigures
+from perception.render.vehicles import VehicleFigures, map_panels
 from perception.types import Float64, Result, UInt8
 
-# The parts of the picture, as shares of its width and height.
+# Sizes of the panels, as shares of the image's width and height.
 _LEFT_SHARE = 0.70
 _FOOTER_SHARE = 0.075
 _CAMERA_SHARE = 0.46
-_MAP_SHARE = 0.3  # of the view from behind
+_MAP_SHARE = 0.3  # of the width of the 3D view
 _GUTTER_PX = 4
-# The bird's-eye view shows a little more than the area that is searched.
+# Margin of the bird's-eye view around the local area.
 _SURROUND_M = 1.0
 _LEGEND: tuple[LegendEntry, ...] = (
     ("ground", (palette.GROUND,)),
@@ -46,24 +45,26 @@ _TRACKED_OBJECT: LegendEntry = ("followed", (palette.TRACKED_OBJECT,))
 
 @dataclass(frozen=True)
 class Composition:
-    """How results become pictures of one fixed size.
+    """Layout of the images of a run, all of one size.
 
     Attributes:
-        size_px: (width, height), even as video needs it.
-        area: the local area that the obstacle stages searched.
-        turn_s: time of one turn of the LiDAR, the budget of a frame.
+        size_px: (width, height) of an image; video needs even numbers.
+        area: Local area of the obstacle stages.
+        turn_s: Time of one LiDAR revolution in seconds, the time budget of a frame.
+        display_score: Score from which a detection is drawn.
     """
 
     size_px: tuple[int, int] = (1600, 900)
     area: LocalArea = field(default_factory=LocalArea)
     turn_s: float = 0.1
+    display_score: float = DetectionConfig.display_score
 
     def __post_init__(self) -> None:
-        """Refuse sizes that no video can have, or that hold no readable text."""
+        """Validate the size: even for video, and large enough for readable text."""
         width, height = self.size_px
         if width % 2 or height % 2 or width < 640 or height < 360:
             raise UsageError(
-                "picture size",
+                "image size",
                 expected="an even width and height of at least 640x360 pixels",
                 found=f"{width}x{height}",
             )
@@ -74,29 +75,29 @@ class Composition:
         trails: Trails | None = None,
         tracked: TrackedObjectFigure | None = None,
     ) -> UInt8:
-        """Return the (height, width, 3) picture of one frame.
+        """Return the (height, width, 3) image of one frame.
 
         Args:
-            result: what the pipeline made of it.
-            trails: where its tracks were before, or None where nobody remembers.
-            tracked: one object drawn over all others, or None.
+            result: Output of the pipeline.
+            trails: Past positions of the tracks, or None.
+            tracked: Object of the one-object tracker, drawn over all others, or None.
         """
         width, height = self.size_px
         scene = self._scene(result, trails, tracked)
         canvas = blank_canvas(self.size_px, palette.BACKGROUND)
         body_px, left_px = round(height * (1 - _FOOTER_SHARE)), round(width * _LEFT_SHARE)
-        # Left: what the camera sees, and below it the same in 3D; without a camera, 3D alone.
+        # Left: the camera's image, and below it the scene in 3D; without a camera, 3D alone.
         camera = _draw_camera(scene, (left_px, round(body_px * _CAMERA_SHARE)))
         behind_top_px = len(camera) + _GUTTER_PX if len(camera) else 0
         behind = _draw_from_behind(scene, (left_px, body_px - behind_top_px))
         place_panel(canvas, camera, (0, 0), "Camera")
         place_panel(canvas, behind, (0, behind_top_px), "3D, from behind the vehicle")
         self._place_maps(canvas, result, (left_px, behind_top_px))
-        # Right: the same from above.
+        # Right: the scene from above.
         right_px = left_px + _GUTTER_PX
         above = self._draw_from_above(scene, (width - right_px, body_px))
         place_panel(canvas, above, (right_px, 0), "From above")
-        # Below: what the colours mean, and where the time went.
+        # Below: legend and times of the stages.
         is_tracking = trails is not None or len(result.tracks) > 0
         legend = [list(_LEGEND if is_tracking else _LEGEND[:-1])]
         if tracked is not None:
@@ -114,15 +115,18 @@ class Composition:
         surface = sample_surface(result.ground, self.area)
         figures = track_figures(result.tracks, paths_velo)
         style = TrackStyle.of_height(self.size_px[1])
-        return _Scene(result, surface, figures, style, tracked, VehicleFigures.of(result))
+        return _Scene(
+            result, surface, figures, style, tracked, VehicleFigures.of(result, self.display_score)
+        )
 
     def _place_maps(self, canvas: UInt8, result: Result, corner_px: tuple[int, int]) -> None:
-        """Put the maps into the corners of the view from behind in which it shows the least."""
+        """Place the maps in the upper corners of the 3D view, which show the least."""
         right_px, top_px = corner_px
-        # Under the title of that view.
+        # Below the title of that view.
         top_px += title_height_px(canvas)
         largest_px = (round(right_px * _MAP_SHARE), self.size_px[1])
-        for place, (title, panel) in enumerate(map_panels(result, largest_px).items()):
+        panels = map_panels(result, largest_px, self.display_score)
+        for place, (title, panel) in enumerate(panels.items()):
             left_px = right_px - panel.shape[1] if place else 0
             place_panel(canvas, panel, (left_px, top_px), title)
 
@@ -140,15 +144,15 @@ class Composition:
 
 @dataclass(frozen=True)
 class _Scene:
-    """All that the three views show.
+    """Content of the three views.
 
     Attributes:
-        result: of one frame.
-        surface: its ground, sampled.
-        figures: its tracks.
-        style: how large tracks are drawn.
-        tracked: the object that is followed by itself, or None.
-        vehicles: what was detected, or None where no detector looked.
+        result: Output of the pipeline.
+        surface: Ground in the LiDAR frame.
+        figures: Tracks as lines and faces.
+        style: Line width and text height of tracks.
+        tracked: Object of the one-object tracker, or None.
+        vehicles: Detected vehicles, or None where no detector ran.
     """
 
     result: Result
@@ -166,7 +170,7 @@ class _Scene:
         self._draw_tracked(panel, image_P_velo)
 
     def draw_on_image(self, fitted: FittedImage, image_P_velo: Float64) -> None:
-        """Draw tracks and vehicles over the camera's image, whose own boxes name the vehicles."""
+        """Draw tracks and vehicles over the camera's image; vehicles are labelled at their 2D boxes."""
         canvas, projection = fitted.canvas, fitted.resizing.project(image_P_velo)
         if self.vehicles is None:
             self.draw_tracks(canvas, projection)
@@ -183,14 +187,14 @@ class _Scene:
 
 
 def _draw_camera(scene: _Scene, largest_px: tuple[int, int]) -> UInt8:
-    """Return the overlay at the largest size that fits, centred on a strip; empty without a camera."""
+    """Return the overlay at the largest size that fits, centred; empty without a camera."""
     image, calibration = scene.result.frame.image, scene.result.frame.calibration
     if image is None or calibration is None:
         return np.zeros((0, largest_px[0], 3), np.uint8)
     image_P_velo = calibration.image_P_velo
     overlay = draw_overlay(image, image_P_velo, scene.surface, scene.result.obstacles)
     fitted = FittedImage.within(overlay, largest_px)
-    # Lines and letters are drawn at the size at which they are seen.
+    # Lines and text are drawn after resizing, so that they keep their size.
     scene.draw_on_image(fitted, image_P_velo)
     return fitted.on_strip(largest_px[0])
 

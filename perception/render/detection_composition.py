@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from perception.render import palette
-from perception.render.canvas import blank_canvas
+from perception.render.canvas import Align, blank_canvas, draw_text
 from perception.render.detections import DETECTED, PROPOSED, draw_boxes, draw_detections
 from perception.render.panels import FittedImage, LegendEntry, draw_legend, place_panel
 from perception.render.stage_bar import draw_stage_bar
-from perception.render.text import Align, draw_text
 from perception.types import Detections, Float64, UInt8
 
 _FOOTER_PX = 64

@@ -11,8 +11,8 @@ from perception.geometry.boxes import corners
 from perception.geometry.camera import project
 from perception.render import palette
 from perception.render.cubes import render_cubes
+from perception.render.ego_vehicle import vehicle_outline_m
 from perception.render.figure import new_figure, rgb, save_figure
-from perception.render.vehicle import vehicle_outline_m
 from perception.types import Boxes3D, Float, Float32, Float64, GroundModel, UInt8, Voxels
 
 if TYPE_CHECKING:

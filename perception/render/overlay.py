@@ -1,4 +1,4 @@
-"""The ground and the obstacles drawn over an image through any projection, the camera's or a virtual one."""
+"""Ground and obstacles drawn over an image through any projection: the camera's or a virtual one."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,32 +7,77 @@ import cv2
 import numpy as np
 
 from perception.geometry.camera import project
+from perception.geometry.grids import LocalArea
 from perception.render import palette
+from perception.render.canvas import PackedColors, packed, unpacked
 from perception.render.cubes import CubeImage, render_cubes
-from perception.render.pixels import PackedColors, packed, unpacked
-from perception.render.surface import GroundMesh
-from perception.types import Float32, Float64, Int, Obstacles, UInt8, Voxels
+from perception.types import Float32, Float64, GroundModel, Int, Obstacles, UInt8, Voxels
 
 _NEAREST_M = 0.7
-# Brightness of the faces across x, y and z: the sun stands high before the vehicle.
+# Brightness of the faces across x, y and z: the light comes from high in front of the vehicle.
 _FACE_LIGHT = np.array([0.82, 0.62, 1.0], np.float32)
-# Fuller voxels are brighter, as in the author's pictures; one of this many points is at full brightness.
+# Voxels of more points are brighter, as in the author's figures; from this number of points on fully bright.
 _FULL_COUNT = 8
 _FULLNESS = (0.8 + 0.2 * np.arange(_FULL_COUNT + 1) / _FULL_COUNT).astype(np.float32)
 _FIXED_POINT_BITS = 4
-# From the fill's colour to the mesh's, by how much of a pixel a line covers.
+# From the colour of the fill to that of the mesh, by the share of a pixel that a line covers.
 _MESH_COLORS = packed(np.linspace(palette.GROUND, palette.GROUND_MESH, 256).astype(np.uint8))
 
 
 @dataclass(frozen=True)
-class OverlayStyle:
-    """How much of the image shows through.
+class GroundMesh:
+    """Heights of the ground on a regular grid over the local area.
 
     Attributes:
-        cube_opacity: of voxels; the author's pictures have 0.5-0.75.
-        ground_opacity: of the ground's fill.
-        mesh_opacity: of the lines on the ground, added to the fill's.
-        gap_px: (columns, rows) of image between an obstacle's voxels that stand before the ground.
+        x_m: (I,) positions ahead of the LiDAR in metres, ascending.
+        y_m: (J,) positions to the left in metres, ascending.
+        height_m: (I, J) z of the ground in the LiDAR frame in metres.
+    """
+
+    x_m: Float64
+    y_m: Float64
+    height_m: Float64
+
+    @property
+    def nodes_m(self) -> Float64:
+        """(I, J, 3) nodes of the grid in the LiDAR frame."""
+        x, y = np.meshgrid(self.x_m, self.y_m, indexing="ij")
+        return np.stack([x, y, self.height_m], axis=-1)
+
+    def slope(self) -> tuple[Float64, Float64]:
+        """Return the (I, J) slopes along x and along y."""
+        along_x, along_y = np.gradient(self.height_m, self.x_m, self.y_m)
+        return np.asarray(along_x), np.asarray(along_y)
+
+
+def sample_surface(ground: GroundModel, area: LocalArea, step_m: float = 1.0) -> GroundMesh:
+    """Sample the ground over the local area, its edges included.
+
+    Args:
+        ground: Ground surface in the LiDAR frame.
+        area: Local area.
+        step_m: Maximum distance of two nodes in metres.
+    """
+    x_m = _ticks(-area.behind_m, area.ahead_m, step_m)
+    y_m = _ticks(-area.side_m, area.side_m, step_m)
+    x, y = np.meshgrid(x_m, y_m, indexing="ij")
+    height_m = ground.height_m(np.column_stack([x.ravel(), y.ravel()]))
+    return GroundMesh(x_m, y_m, np.asarray(height_m, np.float64).reshape(x.shape))
+
+
+def _ticks(start_m: float, stop_m: float, step_m: float) -> Float64:
+    return np.linspace(start_m, stop_m, int(np.ceil((stop_m - start_m) / step_m - 1e-9)) + 1)
+
+
+@dataclass(frozen=True)
+class OverlayStyle:
+    """Opacity of what is drawn over an image, 0 to 1.
+
+    Attributes:
+        cube_opacity: Opacity of voxels; the author's figures have 0.5 to 0.75.
+        ground_opacity: Opacity of the ground's fill.
+        mesh_opacity: Opacity of the lines on the ground, added to that of the fill.
+        gap_px: Largest gap (columns, rows) between voxels of an obstacle through which no ground is drawn.
     """
 
     cube_opacity: float = 0.62
@@ -51,9 +96,16 @@ def draw_overlay(
     obstacles: Obstacles,
     style: OverlayStyle = ON_CAMERA,
 ) -> UInt8:
-    """Return the (H, W, 3) image with the ground in blue, static voxels red and moving ones green.
+    """Return the image with the ground in blue, static voxels in red and moving ones in green.
 
-    The ground is hidden behind obstacles, and nearer cubes hide farther ones.
+    Obstacles hide the ground behind them, and nearer voxels hide farther ones.
+
+    Args:
+        image: (H, W, 3) image, which is not changed.
+        image_P_velo: (3, 4) projection from the LiDAR frame.
+        surface: Ground in the LiDAR frame.
+        obstacles: Static and moving voxels in the LiDAR frame.
+        style: Opacities.
     """
     height, width = image.shape[:2]
     voxels, color_indices = _voxels_and_color_indices(obstacles)
@@ -67,7 +119,7 @@ def draw_overlay(
 
 
 def _cube_colors() -> PackedColors:
-    """Return the colours of cubes: of static and moving ones, by how full they are, by the face."""
+    """Return the colours of cubes by kind (static, moving), number of points and face."""
     kinds = np.array([palette.STATIC, palette.MOVING], np.float32)
     tints = kinds[:, None] * _FULLNESS[:, None]
     return packed((tints[:, :, None] * _FACE_LIGHT[:, None]).astype(np.uint8).reshape(-1, 3))
@@ -77,7 +129,7 @@ _CUBE_COLORS = _cube_colors()
 
 
 def _voxels_and_color_indices(obstacles: Obstacles) -> tuple[Voxels, Int]:
-    """Put static and moving voxels into one set, so that they hide each other; (V,) tells kind and fullness."""
+    """Merge static and moving voxels, so that they hide each other, with the (V,) color index of each."""
     both = Voxels(
         np.concatenate([obstacles.static.centers_m, obstacles.moving.centers_m]),
         np.concatenate([obstacles.static.counts, obstacles.moving.counts]),
@@ -91,7 +143,7 @@ def _voxels_and_color_indices(obstacles: Obstacles) -> tuple[Voxels, Int]:
 def _paint_ground(
     image_P_velo: Float64, size_px: tuple[int, int], surface: GroundMesh, style: OverlayStyle
 ) -> tuple[PackedColors, Float32]:
-    """Return (H, W) colours and (H, W) opacity: a faint fill, and a mesh of lines on it."""
+    """Return the (H, W) colours and (H, W) opacity of a faint fill and a mesh of lines on it."""
     width, height = size_px
     nodes_m = surface.nodes_m
     pixels, depth_m = project(image_P_velo, nodes_m.reshape(-1, 3))
@@ -107,7 +159,7 @@ def _paint_ground(
         cv2.polylines(mesh, lines, False, 255, 1, cv2.LINE_AA, _FIXED_POINT_BITS)
     colors = np.full((height, width), _MESH_COLORS[0])
     opacity = fill * np.float32(style.ground_opacity / 255)
-    # Few pixels are of lines.
+    # Few pixels belong to lines.
     places = np.flatnonzero(mesh != 0)
     shares = mesh.reshape(-1).take(places)
     colors.reshape(-1)[places] = _MESH_COLORS.take(shares)
@@ -116,14 +168,14 @@ def _paint_ground(
 
 
 def _fixed_point(pixels: Float64, size_px: tuple[int, int]) -> Int:
-    """Return pixels for OpenCV's sub-pixel drawing, far outliers pulled in to what it can count."""
+    """Return pixels for OpenCV's sub-pixel drawing, outliers clipped to its range of numbers."""
     reach = 20 * max(size_px)
     clipped = np.clip(pixels, -reach, reach)
     return np.asarray(np.rint(clipped * 2**_FIXED_POINT_BITS), np.int32)
 
 
 def _hide_behind(cubes: CubeImage, opacity: Float32, gap_px: tuple[int, int]) -> None:
-    """Clear the ground in the gaps within an obstacle, which stands before it."""
+    """Clear the ground behind the gaps within an obstacle."""
     solid = np.zeros(opacity.shape, np.uint8)
     solid.reshape(-1)[cubes.pixels] = 1
     closed = cv2.morphologyEx(solid, cv2.MORPH_CLOSE, np.ones(gap_px[::-1], np.uint8))

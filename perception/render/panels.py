@@ -7,9 +7,8 @@ from typing import Self
 import cv2
 import numpy as np
 
-from perception.render.canvas import blank_canvas
+from perception.render.canvas import blank_canvas, draw_text, text_width_px
 from perception.render.palette import PANEL, Color
-from perception.render.text import draw_text, text_width_px
 from perception.types import Float64, UInt8
 
 # What stands in a legend: a word and its colours, of which each thing has one.

@@ -6,11 +6,9 @@ import numpy as np
 from perception.geometry.camera import project
 from perception.geometry.se3 import from_euler
 from perception.render import palette
-from perception.render.canvas import blank_canvas
-from perception.render.overlay import OverlayStyle, draw_overlay
-from perception.render.pixels import packed, paint_pixels, places_of
-from perception.render.surface import GroundMesh
-from perception.render.vehicle import Face, vehicle_faces
+from perception.render.canvas import blank_canvas, packed, paint_pixels, pixel_indices
+from perception.render.ego_vehicle import Face, vehicle_faces
+from perception.render.overlay import GroundMesh, OverlayStyle, draw_overlay
 from perception.types import Float64, PointState, Result, UInt8
 
 _EYE_M = np.array([-13.5, 0.0, 8.2])
@@ -62,7 +60,7 @@ def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
     outside = np.flatnonzero(result.obstacles.point_states == PointState.OUTSIDE)
     points = result.frame.points_velo.take(outside, axis=0)
     pixels, _ = project(image_P_velo, points)
-    seen, places = places_of(pixels, (image.shape[1], image.shape[0]), image.shape[1])
+    seen, places = pixel_indices(pixels, (image.shape[1], image.shape[0]), image.shape[1])
     brightness = 0.45 + 0.9 * np.minimum(points[:, 3:4].take(seen, axis=0), 0.6)
     tints = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
     paint_pixels(image, places, packed(tints))

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from perception.render import palette
+from perception.render.canvas import Align, draw_text
 from perception.render.palette import Color
-from perception.render.text import Align, draw_text
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import UInt8
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from perception.geometry.boxes import corners, edges
-from perception.render.vehicle import vehicle_outline_m
+from perception.render.ego_vehicle import vehicle_outline_m
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 _ARROW_S = 1.0

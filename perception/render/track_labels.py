@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.render import palette
+from perception.render.canvas import draw_text, text_width_px
 from perception.render.palette import Color
-from perception.render.text import draw_text, text_width_px
 from perception.render.track_figures import TrackFigures
 from perception.types import Float64, UInt8
 

@@ -6,10 +6,9 @@ import numpy as np
 
 from perception.geometry.angles import wrap
 from perception.render import palette
-from perception.render.canvas import blank_canvas
+from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
 from perception.render.panels import LegendEntry, draw_legend, place_panel
 from perception.render.speed_chart import STATUS_COLORS, draw_speed_chart
-from perception.render.text import Align, draw_text, text_width_px
 from perception.render.tracked_object_scene import KM_H, TrackedObjectScene
 from perception.render.tracked_object_views import TrackedObjectViews
 from perception.render.tracks import TrackStyle

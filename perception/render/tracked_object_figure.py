@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 
 from perception.render import palette
+from perception.render.canvas import draw_text, text_width_px
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fixed_point, project_strokes
-from perception.render.text import draw_text, text_width_px
 from perception.render.track_figures import TrackFigures, track_figures
 from perception.render.tracked_object_scene import KM_H
 from perception.render.tracks import TrackStyle, draw_track_figures

@@ -7,8 +7,8 @@ from perception.render.birds_eye import (
     draw_squares,
     view_of_area,
 )
+from perception.render.overlay import sample_surface
 from perception.render.palette import GROUND_POINTS, MOVING, PANEL, POINTS
-from perception.render.surface import sample_surface
 from tests.render.conftest import voxels_at
 
 VIEW = BirdsEyeView(size_px=(200, 300), pixels_per_m=10.0, vehicle_px=(100.0, 250.0))

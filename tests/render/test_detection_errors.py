@@ -3,7 +3,7 @@
 import numpy as np
 
 from perception.render import palette
-from perception.render.detection_errors import draw_detection_errors
+from perception.render.detections import draw_detection_errors
 from perception.types import Detections
 
 FOUND, MISSED, VAN = [40.0, 40, 240, 140], [400.0, 40, 600, 140], [700.0, 40, 900, 140]

@@ -1,9 +1,8 @@
 import numpy as np
 
 from perception.geometry.grids import LocalArea
-from perception.render.overlay import OverlayStyle, draw_overlay
+from perception.render.overlay import OverlayStyle, draw_overlay, sample_surface
 from perception.render.palette import GROUND, MOVING, STATIC
-from perception.render.surface import sample_surface
 from perception.types import Obstacles
 from tests.render.conftest import FORWARD_CAMERA, voxels_at
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from perception.render.canvas import Align, text_width_px
 from perception.render.palette import FAINT_TEXT, PANEL, STAGES, STATIC
 from perception.render.stage_bar import draw_stage_bar, draw_worker_bars
-from perception.render.text import Align, text_width_px
 from perception.types import StageSpan
 
 BAR_ROW = 20

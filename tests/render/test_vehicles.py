@@ -7,10 +7,9 @@ import pytest
 
 from perception.render import palette
 from perception.render.composition import Composition
-from perception.render.map_panels import map_panels
 from perception.render.panels import Resizing
 from perception.render.tracks import TrackStyle
-from perception.render.vehicles import VehicleFigures
+from perception.render.vehicles import VehicleFigures, map_panels
 from perception.types import Boxes3D, Detections, FusedDetections, Tracks, Vehicles
 
 SIZE = (200, 100)
