@@ -25,7 +25,8 @@ from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.render.tracked_object_composition import TrackedObjectComposition
-from perception.render.tracked_object_scene import TrackedObjectScene, TrackedObjectTrail
+from perception.render.tracked_object_views import TrackedObjectScene
+from perception.render.trails import TrackedObjectTrail
 from perception.render.video import VideoSink, open_video
 from perception.sensor import LidarModel
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker

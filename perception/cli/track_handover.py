@@ -13,7 +13,7 @@ import numpy as np
 from data.results.trajectory import TrajectoryRecord, trajectory_writer
 from perception.geometry.threads import limit_blas_threads
 from perception.render.tracked_object_figure import TrackedObjectFigure
-from perception.render.tracked_object_scene import TrackedObjectTrail
+from perception.render.trails import TrackedObjectTrail
 from perception.tracking.single_object.handover import TrackHandover
 from perception.types import Result
 

@@ -12,7 +12,7 @@ from perception.evaluation.single_object.errors import single_object_errors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
 from perception.evaluation.single_object.track import PredictedTrack
 from perception.geometry.boxes import transform_boxes
-from perception.render.tracked_object_scene import KM_H
+from perception.render.trails import KM_H
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Calibration, Float64, Result
 

@@ -1,6 +1,6 @@
-"""The local area from above. Each `draw_*` paints one thing onto a canvas; later stages add theirs.
+"""The local area from above: each `draw_*` paints one layer onto a canvas.
 
-      ^ x ahead          A `BirdsEyeView` turns metres of the LiDAR frame into pixels,
+      ^ x ahead          A `BirdsEyeView` maps metres of the LiDAR frame to pixels,
       |                  the vehicle's heading up.
 y <---o
 """
@@ -27,20 +27,20 @@ from perception.types import Float, Float64, PointState, Result, UInt8, Voxels
 
 _FIXED_POINT_BITS = 4
 _RING_STEP_M = 10.0
-# Heights of the static voxels' colours: dark at the ground, full at this height over it.
+# Height above the ground from which static voxels have their full colour; they are dark at the ground.
 _FULL_HEIGHT_M = 1.8
-# Sun from the front left at half height; slopes are drawn steeper than they are.
+# Direction to the light, from the front left; slopes are drawn steeper than they are.
 _TO_LIGHT = np.array([0.5, 0.5, 0.7])
 _SLOPE_EXAGGERATION = 4.0
 
 
 @dataclass(frozen=True)
 class BirdsEyeView:
-    """How metres become pixels.
+    """Projection of the LiDAR frame onto a canvas from above.
 
     Attributes:
         size_px: (width, height) of the canvas.
-        pixels_per_m: scale.
+        pixels_per_m: Scale in pixels per metre.
         vehicle_px: (column, row) of the LiDAR.
     """
 
@@ -56,14 +56,14 @@ class BirdsEyeView:
 
     @property
     def image_P_velo(self) -> Float64:
-        """The same as a (3, 4) projection, from infinitely high: every depth is 1."""
+        """(3, 4) projection from the LiDAR frame, from infinite height: every depth is 1."""
         column, row = self.vehicle_px
         scale = self.pixels_per_m
         return np.array([[0, -scale, 0, column], [-scale, 0, 0, row], [0, 0, 0, 1.0]])
 
     @property
     def reach_m(self) -> float:
-        """The distance from the vehicle to the canvas' farthest corner."""
+        """Distance from the LiDAR to the farthest corner of the canvas in metres."""
         column, row = self.vehicle_px
         width, height = self.size_px
         return float(np.hypot(max(column, width - column), max(row, height - row))) / (
@@ -72,7 +72,7 @@ class BirdsEyeView:
 
 
 def view_of_area(area: LocalArea, size_px: tuple[int, int]) -> BirdsEyeView:
-    """Fit the local area into a canvas, centred, at the largest scale."""
+    """Return the view that shows the local area centred, at the largest scale."""
     width, height = size_px
     length_m, breadth_m = area.ahead_m + area.behind_m, 2 * area.side_m
     scale = min(width / breadth_m, height / length_m)
@@ -93,7 +93,7 @@ def draw_birds_eye(view: BirdsEyeView, result: Result, surface: GroundMesh) -> U
 
 
 def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
-    """Shade the ground as a relief under a low sun; flat ground is evenly blue."""
+    """Shade the ground as a relief; flat ground is evenly blue."""
     along_x, along_y = surface.slope()
     normal = np.stack(
         [-_SLOPE_EXAGGERATION * along_x, -_SLOPE_EXAGGERATION * along_y, np.ones_like(along_x)]
@@ -101,7 +101,7 @@ def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
     light = np.tensordot(_TO_LIGHT, normal / np.linalg.norm(normal, axis=0), axes=1)
     brightness = np.clip(0.42 * light / _TO_LIGHT[2], 0.15, 0.9)[..., None]
     relief = (brightness * palette.GROUND).astype(np.float32)
-    # Rows of the relief run ahead and to the left; rows of a picture run back and to the right.
+    # The relief's axes run ahead and to the left, those of the canvas back and to the right.
     corners = view.to_pixels(
         np.array([(surface.x_m[-1], surface.y_m[-1]), (surface.x_m[0], surface.y_m[0])])
     )
@@ -116,7 +116,7 @@ def draw_ground(canvas: UInt8, view: BirdsEyeView, surface: GroundMesh) -> None:
 
 
 def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
-    """Dot every point of the scan: pale on the ground, grey beyond the local area."""
+    """Draw every point of the scan: pale on the ground, grey outside the local area."""
     tints = np.array([palette.POINTS] * len(PointState), np.uint8)
     tints[PointState.GROUND] = palette.GROUND_POINTS
     pixels = view.to_pixels(result.frame.points_velo)
@@ -126,7 +126,7 @@ def draw_points(canvas: UInt8, view: BirdsEyeView, result: Result) -> None:
 
 
 def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: GroundMesh) -> None:
-    """Draw static voxels as squares, brighter the higher they stand; the highest is on top."""
+    """Draw static voxels as squares, brighter with height, the highest on top."""
     above_m = voxels.centers_m[:, 2] - float(np.median(surface.height_m))
     lowest_first = np.argsort(above_m, kind="stable")
     brightness = np.clip(0.5 + 0.5 * above_m / _FULL_HEIGHT_M, 0.4, 1.0)[lowest_first, None]
@@ -135,7 +135,7 @@ def draw_static(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, surface: Grou
 
 
 def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Float) -> None:
-    """Fill the footprint of each voxel, the last on top, with (3,) or (V, 3) colours."""
+    """Fill the footprint of each voxel with (3,) or (V, 3) colours, the last on top."""
     edge = max(int(np.ceil(voxels.size_m * view.pixels_per_m)), 1)
     corner = view.to_pixels(voxels.centers_m) - (edge - 1) / 2
     width, height = view.size_px
@@ -146,7 +146,7 @@ def draw_squares(canvas: UInt8, view: BirdsEyeView, voxels: Voxels, colors: Floa
 
 
 def draw_rings(canvas: UInt8, view: BirdsEyeView) -> None:
-    """Draw a ring every ten metres around the vehicle, its radius written ahead of it."""
+    """Draw range rings every ten metres around the vehicle, labelled with the radius."""
     center = tuple(round(value * 2**_FIXED_POINT_BITS) for value in view.vehicle_px)
     for radius_m in np.arange(_RING_STEP_M, view.reach_m, _RING_STEP_M):
         radius_px = radius_m * view.pixels_per_m

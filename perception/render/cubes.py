@@ -1,8 +1,8 @@
-"""Voxels as solid cubes in perspective: which cube each pixel sees, and which of its faces.
+"""Voxels as solid cubes in perspective: the visible cube and face of each pixel.
 
-Every cube is splatted as a square, far to near, so that the nearest stays on top. The face that a
-pixel sees is then found by cutting its ray with that one cube. The loop is over cube sizes in
-pixels, a few dozen, never over cubes.
+Every cube is splatted as a square, far to near, so that the nearest stays on top. The visible face of a
+pixel is then found by intersecting its ray with that cube. The loop runs over a few dozen cube sizes in
+pixels, never over cubes.
 """
 
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from perception.types import Float32, Float64, Int, UInt8, Voxels
 
 _NO_CUBE = -1
 _NEAREST_M = 0.6
-# A cube seen at an angle is broader than its edge; a full diagonal would hide what is behind.
+# A cube at an angle is broader than its edge; a full diagonal would hide the cubes behind it.
 _SPREAD = 1.2
-# Rays are remembered for so many rows of an image, or a multiple.
+# Rays are cached for this number of image rows, or a multiple.
 _ROWS = 64
 
 
 @dataclass(frozen=True)
 class CubeImage:
-    """The K pixels of an image that see a cube, in row-major order.
+    """Pixels of an image that show a cube, in row-major order.
 
     Attributes:
-        pixels: (K,) index of the pixel in the flattened image.
-        cubes: (K,) number of the nearest cube.
-        faces: (K,) the face that is seen: 0 across x, 1 across y, 2 across z.
+        pixels: (K,) indices of the pixels in the flattened image.
+        cubes: (K,) indices of the nearest cubes.
+        faces: (K,) visible faces: 0 across x, 1 across y, 2 across z.
     """
 
     pixels: Int
@@ -38,7 +38,7 @@ class CubeImage:
 
 
 def render_cubes(image_P_velo: Float64, size_px: tuple[int, int], voxels: Voxels) -> CubeImage:
-    """Render cubes into an image of (width, height) pixels; what is behind the camera is left out."""
+    """Render cubes into an image of (width, height) pixels; cubes behind the camera are left out."""
     canvas = _splat(image_P_velo, size_px, voxels)
     pixels = np.flatnonzero(canvas != _NO_CUBE)
     cubes = canvas.reshape(-1)[pixels]
@@ -55,7 +55,7 @@ def _splat(image_P_velo: Float64, size_px: tuple[int, int], voxels: Voxels) -> I
     seen = is_inside(pixels, size_px, edge_px // 2) & (depth_m > _NEAREST_M)
     number = np.flatnonzero(seen)
     number = number[np.argsort(-depth_m[number], kind="stable")]
-    # A border as broad as the largest cube spares the clipping of every square.
+    # A border as broad as the largest cube makes clipping unnecessary.
     border = int(edge_px[number].max(initial=1)) + 1
     canvas = np.full((height + 2 * border, width + 2 * border), _NO_CUBE, np.int32)
     corner = np.rint(pixels[number] - (edge_px[number, None] - 1) / 2).astype(np.int64) + border
@@ -64,7 +64,7 @@ def _splat(image_P_velo: Float64, size_px: tuple[int, int], voxels: Voxels) -> I
 
 
 def _fill_squares(canvas: Int, first: Int, edge_px: Int, number: Int) -> None:
-    """Write numbers into squares, given far to near: edges in pixels then never fall."""
+    """Write numbers into squares, ordered far to near: edges in pixels then never decrease."""
     flat, stride = canvas.reshape(-1), canvas.shape[1]
     edges, starts = np.unique(edge_px, return_index=True)
     stops = np.append(starts, len(number))[1:]
@@ -93,12 +93,12 @@ def _faces(image_P_velo: Float64, width: int, voxels: Voxels, pixels: Int, cubes
 
 @lru_cache(maxsize=4)
 def _slowness(projection: bytes, width: int, row_blocks: int) -> Float32:
-    """Return (3, pixels) one over the direction of each pixel's ray; a drive has few cameras.
+    """Return the (3, pixels) reciprocal direction of each pixel's ray; cached, since a drive has few cameras.
 
     Args:
-        projection: the (3, 4) matrix in double precision.
-        width: of the image.
-        row_blocks: so many blocks of rows from the top.
+        projection: Bytes of the (3, 4) projection in double precision.
+        width: Width of the image in pixels.
+        row_blocks: Number of blocks of rows from the top.
     """
     image_P_velo = np.frombuffer(projection).reshape(3, 4)
     velo_R_image = np.linalg.inv(image_P_velo[:, :3]).astype(np.float32)

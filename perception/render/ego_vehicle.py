@@ -1,4 +1,4 @@
-"""The recording vehicle as a simple solid, for pictures that look at it from outside."""
+"""The recording vehicle as a simple solid, for views from outside."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -32,9 +32,9 @@ class Face:
     """One flat side of the vehicle.
 
     Attributes:
-        corners_m: (C, 3) in the LiDAR frame, in order around the face.
-        outward: (3,) unit normal.
-        is_glass: drawn darker.
+        corners_m: (C, 3) corners in the LiDAR frame, in order around the face.
+        outward: (3,) unit normal that points outward.
+        is_glass: Whether the face is drawn darker.
     """
 
     corners_m: Float64
@@ -43,14 +43,14 @@ class Face:
 
 
 def vehicle_outline_m() -> Float64:
-    """Return (4, 2) the corners seen from above, counter-clockwise from front left."""
+    """Return the (4, 2) corners of the outline from above, counter-clockwise from front left."""
     rear, front = _PROFILE_M[:, 0].min(), _PROFILE_M[:, 0].max()
     half = _HALF_WIDTH_M
     return np.array([(front, half), (rear, half), (rear, -half), (front, -half)])
 
 
 def vehicle_faces(ground_height_m: float) -> list[Face]:
-    """Return the sides of the vehicle standing on the ground at that z."""
+    """Return the faces of the vehicle on the ground at a z."""
     faces = []
     for number, (start, stop) in enumerate(pairwise(_PROFILE_M)):
         across = [(*start, 1), (*stop, 1), (*stop, -1), (*start, -1)]

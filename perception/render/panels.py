@@ -1,4 +1,4 @@
-"""The parts of which larger pictures are put together: titled panels, legends, and images at another size."""
+"""Parts of composed images: titled panels, legends and resized images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from perception.render.canvas import blank_canvas, draw_text, text_width_px
 from perception.render.palette import PANEL, Color
 from perception.types import Float64, UInt8
 
-# What stands in a legend: a word and its colours, of which each thing has one.
+# Text of a legend entry and its colours, several where objects of one kind differ in colour.
 LegendEntry = tuple[str, tuple[Color, ...]]
 
 
 def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: str) -> None:
-    """Put a panel, with its title in its upper left corner, into the canvas; nothing of an empty one."""
+    """Place a panel with a title in its upper left corner; an empty panel is left out."""
     if not len(panel):
         return
     column, row = corner_px
@@ -31,7 +31,7 @@ def place_panel(canvas: UInt8, panel: UInt8, corner_px: tuple[int, int], title: 
 
 
 def title_height_px(canvas: UInt8) -> int:
-    """Return how high the titles of panels on a canvas are."""
+    """Return the height of the panel titles on a canvas."""
     return 2 * _title_text_px(canvas) + 4
 
 
@@ -40,7 +40,7 @@ def _title_text_px(canvas: UInt8) -> int:
 
 
 def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> int:
-    """Draw swatches with their words in a row at half height, from the left; return where it ends."""
+    """Draw colour swatches with their text in a row from the left; return the column of the end."""
     column, baseline, swatch_px = 1.2 * text_px, 0.5 * (canvas.shape[0] + text_px), 1.5 * text_px
     for name, colors in legend:
         top = round(baseline - 1.25 * text_px)
@@ -55,17 +55,17 @@ def draw_legend(canvas: UInt8, legend: Sequence[LegendEntry], text_px: int) -> i
 
 @dataclass(frozen=True)
 class Resizing:
-    """Where the pixels of an image come to lie in a picture of a part of it; centres are whole numbers.
+    """Scale and shift from an image to a canvas that shows a part of it; pixel centres are whole numbers.
 
     Attributes:
-        canvas_T_image: (3, 3) homogeneous, without turn.
+        canvas_T_image: (3, 3) homogeneous transform without rotation.
     """
 
     canvas_T_image: Float64
 
     @classmethod
     def of_window(cls, window_px: Float64, size_px: tuple[int, int]) -> Self:
-        """Let a (4,) window x1 y1 x2 y2 of an image fill a picture of (width, height)."""
+        """Return the resizing of a (4,) window x1 y1 x2 y2 of an image to (width, height)."""
         corner, opposite = window_px[:2], window_px[2:]
         scale = np.array(size_px) / (opposite - corner)
         transform = np.diag([*scale, 1.0])
@@ -73,20 +73,20 @@ class Resizing:
         return cls(transform)
 
     def project(self, image_P_velo: Float64) -> Float64:
-        """Return the (3, 4) projection to the picture."""
+        """Return the (3, 4) projection to the canvas."""
         return np.asarray(self.canvas_T_image @ image_P_velo)
 
     def move(self, pixels: Float64) -> Float64:
-        """Return (N, 2) where pixels of the image lie in the picture."""
+        """Return (N, 2) pixels of the image in the canvas."""
         transform = self.canvas_T_image
         return np.asarray(pixels * transform.diagonal()[:2] + transform[:2, 2])
 
     def move_boxes(self, boxes_px: Float64) -> Float64:
-        """Return (M, 4) where boxes x1 y1 x2 y2 of the image lie in the picture."""
+        """Return (M, 4) boxes x1 y1 x2 y2 of the image in the canvas."""
         return self.move(boxes_px.reshape(-1, 2)).reshape(-1, 4)
 
     def cut(self, image: UInt8, size_px: tuple[int, int]) -> UInt8:
-        """Return the enlarged (height, width, 3) part; what lies beyond the image is blank."""
+        """Return the resized (height, width, 3) window; blank beyond the image."""
         return np.asarray(
             cv2.warpAffine(
                 image,
@@ -102,11 +102,11 @@ class Resizing:
 
 @dataclass(frozen=True)
 class FittedImage:
-    """An image at the largest size that fits somewhere.
+    """An image at the largest size that fits a panel.
 
     Attributes:
-        canvas: (h, w, 3).
-        resizing: from the image to it.
+        canvas: (h, w, 3) resized image.
+        resizing: Scale and shift from the image to the canvas.
     """
 
     canvas: UInt8
@@ -117,7 +117,7 @@ class FittedImage:
         """Resize an image to fit within (width, height)."""
         scale = min(largest_px[0] / image.shape[1], largest_px[1] / image.shape[0])
         width, height = round(image.shape[1] * scale), round(image.shape[0] * scale)
-        # Down to half the size, a pixel's neighbours are all that it takes.
+        # Above half the size, bilinear interpolation uses all pixels.
         interpolation = cv2.INTER_AREA if scale <= 0.5 else cv2.INTER_LINEAR
         canvas = cv2.resize(image, (width, height), interpolation=interpolation)
         whole = np.array([0, 0, image.shape[1], image.shape[0]], np.float64)
@@ -125,7 +125,7 @@ class FittedImage:
         return cls(np.asarray(canvas, np.uint8), resizing)
 
     def on_strip(self, width_px: int) -> UInt8:
-        """Return the picture centred on a strip that wide."""
+        """Return the canvas centred on a strip of a width."""
         height, width = self.canvas.shape[:2]
         strip = blank_canvas((width_px, height), PANEL)
         left = (width_px - width) // 2

@@ -1,4 +1,4 @@
-"""The scene in three dimensions, seen from a virtual camera behind and above the vehicle."""
+"""The scene in 3D from a virtual camera behind and above the vehicle."""
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ _FIELD_OF_VIEW_RAD = np.radians(64)
 # Direction to the light that shades the vehicle.
 _TO_LIGHT = np.array([-0.45, 0.25, 0.86])
 _FIXED_POINT_BITS = 4
-# Nothing lies under the obstacles here, and each gap between two voxels shows what is there.
+# No image lies under the obstacles here, and gaps between voxels are left open.
 _SOLID = OverlayStyle(cube_opacity=0.96, ground_opacity=0.42, mesh_opacity=0.25, gap_px=(1, 1))
 
 
@@ -29,9 +29,10 @@ def chase_camera(
     """Return (3, 4) image_P_velo of a camera behind and above the vehicle, looking ahead and down.
 
     Args:
-        size_px: (width, height) of its image.
-        turn_rad: from ahead to where it looks, to the left; it goes around the vehicle.
-        field_of_view_rad: from the left edge to the right.
+        size_px: (width, height) of the image.
+        turn_rad: Angle of the viewing direction from ahead to the left in radians; the camera moves around the
+            vehicle.
+        field_of_view_rad: Horizontal field of view in radians.
     """
     width, height = size_px
     focal_px = width / 2 / np.tan(field_of_view_rad / 2)
@@ -45,7 +46,7 @@ def chase_camera(
 
 
 def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMesh) -> UInt8:
-    """Return the scene as an image of (width, height): points, ground, obstacles and the vehicle."""
+    """Return an image of (width, height) with points, ground, obstacles and the vehicle."""
     image_P_velo = chase_camera(size_px)
     image = blank_canvas(size_px, palette.PANEL)
     _draw_points(image, image_P_velo, result)
@@ -56,7 +57,7 @@ def draw_perspective(size_px: tuple[int, int], result: Result, surface: GroundMe
 
 
 def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
-    """Dot the points outside the local area, brighter where they reflect more."""
+    """Draw the points outside the local area, brighter with their reflectance."""
     outside = np.flatnonzero(result.obstacles.point_states == PointState.OUTSIDE)
     points = result.frame.points_velo.take(outside, axis=0)
     pixels, _ = project(image_P_velo, points)
@@ -67,7 +68,7 @@ def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
 
 
 def draw_vehicle(image: UInt8, image_P_velo: Float64, ground_height_m: float) -> None:
-    """Draw the vehicle standing on the ground at that z, lit from behind and above."""
+    """Draw the vehicle on the ground at a z, lit from behind and above."""
     eye_m = np.asarray(-np.linalg.solve(image_P_velo[:, :3], image_P_velo[:, 3]), np.float64)
     faces = [face for face in vehicle_faces(ground_height_m) if _faces(face, eye_m)]
     for face in sorted(faces, key=lambda face: (-_distance_m(face, eye_m), face.is_glass)):

@@ -1,4 +1,4 @@
-"""The points of a scan through any projection: dim on the ground, bright above it, glowing on one object."""
+"""Points of a scan through any projection: dim on the ground, bright above it, highlighted on one object."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,8 +11,8 @@ from perception.render import palette
 from perception.render.canvas import is_inside
 from perception.types import Bool, Boxes3D, Float32, Float64, GroundModel, UInt8
 
-_GROUND_M = 0.2  # what is lower is ground, d_min of Table 7.5
-_TALL_M = 2.5  # from this height on, points are drawn at full brightness
+_GROUND_M = 0.2  # height below which points are ground, d_min of Table 7.5
+_TALL_M = 2.5  # height from which points are drawn at full brightness
 _GROUND_SHADE = 0.55
 _NEAR_M = 18.0  # nearer points are drawn as squares of two pixels
 _BEHIND_CAMERA_M = 0.5
@@ -20,12 +20,12 @@ _BEHIND_CAMERA_M = 0.5
 
 @dataclass(frozen=True)
 class ScanPoints:
-    """N points and how they look, the lowest first, so that higher ones lie on top.
+    """Points of a scan with their colours, the lowest first, so that higher ones are drawn on top.
 
     Attributes:
-        points_velo: (N, 4).
-        colors: (N, 3).
-        is_marked: (N,) those on the object.
+        points_velo: (N, 4) points in the LiDAR frame.
+        colors: (N, 3) RGB colours.
+        is_marked: (N,) mask of the points on the object.
     """
 
     points_velo: Float32
@@ -34,7 +34,7 @@ class ScanPoints:
 
     @classmethod
     def of(cls, points_velo: Float32, ground: GroundModel, marked: Boxes3D | None) -> Self:
-        """Colour points by their height over the ground, and those in a box as the followed object."""
+        """Colour points by their height above the ground, and those in a box as the tracked object."""
         ordered = points_velo[np.argsort(points_velo[:, 2], kind="stable")]
         above_m: Float64 = np.asarray(ground.distance_m(ordered), np.float64)
         is_ground = above_m < _GROUND_M
@@ -51,14 +51,14 @@ class ScanPoints:
         return cls(ordered, np.minimum(shades, 255).astype(np.uint8), is_marked)
 
     def draw(self, canvas: UInt8, image_P_velo: Float64) -> None:
-        """Dot them onto a canvas, the nearest on top."""
+        """Draw the points, the nearest on top."""
         pixels, depth_m = project(image_P_velo, self.points_velo)
         size_px = (canvas.shape[1] - 1, canvas.shape[0] - 1)
         shown = np.flatnonzero(is_inside(pixels, size_px) & (depth_m > _BEHIND_CAMERA_M))
         shown = shown[np.argsort(-depth_m[shown], kind="stable")]
         column, row = np.rint(pixels[shown]).astype(int).T
         canvas[row, column] = self.colors[shown]
-        # From infinitely high, every depth is 1: there only the object's points are large.
+        # In the top view every depth is 1: there only the object's points are large.
         is_flat = not image_P_velo[2, :3].any()
         is_large = self.is_marked[shown] | ((depth_m[shown] < _NEAR_M) & (not is_flat))
         for down, right in ((0, 1), (1, 0), (1, 1)):

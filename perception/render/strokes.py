@@ -1,4 +1,4 @@
-"""Lines of a scene drawn onto a picture of it, through any projection: smooth, cut at the view, dashed."""
+"""Lines of a scene through any projection: anti-aliased, clipped at the view, dashed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from perception.types import Bool, Float64, Int, UInt8
 _FIXED_POINT_BITS = 4
 _DASH_PX = 10.0
 _DASH_SHARE = 0.55
-# Lines go on beyond the canvas by this much, so that their ends do not show.
+# Lines are continued beyond the canvas, so that their ends are not visible.
 _MARGIN_PX = 8.0
 
 
@@ -23,8 +23,8 @@ class Strokes:
     """K lines on a canvas.
 
     Attributes:
-        owners: (K,) number of the thing to which each belongs.
-        ends_px: (K, 2, 2) columns and rows of both ends.
+        owners: (K,) number of the object that each line belongs to.
+        ends_px: (K, 2, 2) columns and rows of both ends of each line.
     """
 
     owners: Int
@@ -36,7 +36,7 @@ class Strokes:
         return type(self)(self.owners[kept], self.ends_px[kept])
 
     def dashed(self, is_dashed: Bool) -> Self:
-        """Return the lines with those of some owners, told by a mask over all owners, cut into dashes."""
+        """Return the lines, those of the owners in a mask cut into dashes."""
         broken = is_dashed[self.owners]
         length_px = np.hypot(*(self.ends_px[:, 1] - self.ends_px[:, 0]).T)
         dashes = np.where(broken, np.maximum(np.rint(length_px / _DASH_PX), 1), 1).astype(np.int64)
@@ -58,7 +58,7 @@ def project_strokes(
 
 
 def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], widths_px: Int) -> None:
-    """Draw all lines, smooth, owner after owner, in the owners' colours and widths."""
+    """Draw all lines anti-aliased, owner by owner, in the colours and widths of their owners."""
     # Thin lines side by side cost half as much as one thick line with its round ends.
     widths = np.asarray(widths_px[strokes.owners], np.int64)
     line = np.repeat(np.arange(len(widths)), widths)
@@ -77,7 +77,7 @@ def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], width
 
 
 def draw_seam(canvas: UInt8, strokes: Strokes, color: Color, width_px: int) -> None:
-    """Draw all lines with rough edges, for smooth ones to lie on."""
+    """Draw all lines without anti-aliasing, as a background of others."""
     if len(strokes.owners):
         lines = fixed_point(strokes.ends_px)
         cv2.polylines(canvas, list(lines), False, color, width_px, cv2.LINE_8, _FIXED_POINT_BITS)
@@ -86,10 +86,10 @@ def draw_seam(canvas: UInt8, strokes: Strokes, color: Color, width_px: int) -> N
 def fill_polygons(
     canvas: UInt8, corners_px: Float64, colors: Sequence[Color], opacity: float
 ) -> None:
-    """Fill (F, C, 2) convex polygons, each in its colour, so that the canvas shows through."""
+    """Fill (F, C, 2) convex polygons, each in its colour, with an opacity from 0 to 1."""
     if not len(corners_px):
         return
-    # Only the part of the canvas that they touch is blended.
+    # Only the part of the canvas that the polygons touch is blended.
     height, width = canvas.shape[:2]
     low = np.clip(np.floor(corners_px.min(axis=(0, 1))) - 1, 0, (width, height)).astype(int)
     high = np.clip(np.ceil(corners_px.max(axis=(0, 1))) + 2, 0, (width, height)).astype(int)

@@ -1,4 +1,4 @@
-"""A followed object drawn through any projection: its box, its way, its speed, its region of the image."""
+"""A tracked object drawn through any projection: box, path, speed, status and region of the image."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -7,28 +7,32 @@ import cv2
 import numpy as np
 
 from perception.render import palette
-from perception.render.canvas import draw_text, text_width_px
+from perception.render.canvas import draw_tag
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fixed_point, project_strokes
 from perception.render.track_figures import TrackFigures, track_figures
-from perception.render.tracked_object_scene import KM_H
 from perception.render.tracks import TrackStyle, draw_track_figures
+from perception.render.trails import KM_H
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Float64, Tracks, UInt8
 
+STATUS_COLORS: dict[TrackStatus, Color] = {
+    TrackStatus.SEEN: palette.TRACKED_OBJECT,
+    TrackStatus.PREDICTED: palette.TRACKS[3],
+    TrackStatus.LOST: palette.STATIC,
+}
 _REGION_OPACITY = 0.30
 _FIXED_POINT_BITS = 4
-_GAP_PX = 6
 
 
 @dataclass(frozen=True)
 class TrackedObjectFigure:
-    """What is drawn of a followed object that has a box.
+    """Lines and label of a tracked object that has a box.
 
     Attributes:
-        figures: box, and way and arrow where they are wanted.
-        text: its state where it is not seen, and its speed.
-        color: of all.
+        figures: Box, and path and velocity arrow where requested.
+        text: Label: speed, and the status where the object is not observed.
+        color: Colour of lines and label.
     """
 
     figures: TrackFigures
@@ -37,12 +41,12 @@ class TrackedObjectFigure:
 
     @classmethod
     def of(cls, tracked: TrackedObject, path_velo: Float64 | None, name: str = "") -> Self | None:
-        """Make the figure of an object; None of one without a box.
+        """Return the figure of an object, or None of one without a box.
 
         Args:
-            tracked: the object.
-            path_velo: (K, 3) where it was, or None to draw its box alone, without way and arrow.
-            name: what it is called among other tracks, whose labels its words are then like.
+            tracked: Output of the one-object tracker.
+            path_velo: (K, 3) path in the LiDAR frame, or None to draw the box without path and arrow.
+            name: Name among other tracks, which gives the label their form.
         """
         if tracked.box_velo is None:
             return None
@@ -62,7 +66,7 @@ class TrackedObjectFigure:
         )
 
     def draw(self, canvas: UInt8, image_P_velo: Float64, style: TrackStyle) -> None:
-        """Draw it, and its words over its box or under it."""
+        """Draw the lines, and the label above or below the box."""
         (outline_px,) = draw_track_figures(canvas, image_P_velo, self.figures, [self.color], style)
         draw_tag(canvas, self.text, outline_px, self.color, style.text_px)
 
@@ -78,25 +82,8 @@ def _label_text(tracked: TrackedObject, name: str) -> str:
     return f"{name}  {state_text}".strip()
 
 
-def draw_tag(canvas: UInt8, text: str, outline_px: Float64, color: Color, text_px: int) -> None:
-    """Write words on a dark tag over a (4,) rectangle x1 y1 x2 y2, or under it; none where it is not seen."""
-    height, width = canvas.shape[:2]
-    x1, y1, x2, y2 = np.clip(outline_px, 0, (width, height, width, height)).tolist()
-    size = (text_width_px(text, text_px) + round(1.2 * text_px), round(1.9 * text_px))
-    if not (x2 > x1 and y2 > y1) or size[0] > width:
-        return
-    left = round(min(max((x1 + x2 - size[0]) / 2, 0), width - size[0]))
-    over, under = round(y1) - _GAP_PX - size[1], round(y2) + _GAP_PX
-    top = over if over >= 0 else min(under, height - size[1])
-    tag = canvas[top : top + size[1], left : left + size[0]]
-    tag[:] = tag // 4
-    tag[:, : max(text_px // 4, 2)] = color
-    baseline = (left + 0.7 * text_px, top + 1.45 * text_px)
-    draw_text(canvas, text, baseline, color=palette.TEXT, height_px=text_px)
-
-
 def draw_path(canvas: UInt8, image_P_velo: Float64, path_velo: Float64, color: Color) -> None:
-    """Draw a (K, 3) way as a curve."""
+    """Draw a (K, 3) path as a curve."""
     if len(path_velo) < 2:
         return
     segments = np.stack([path_velo[:-1], path_velo[1:]], axis=1)
@@ -109,13 +96,13 @@ def draw_region(canvas: UInt8, hull_px: Float64, outer_px: Float64) -> None:
     """Tint the object's region blue and the ring around it red, as in Fig. 5.13.
 
     Args:
-        canvas: the image.
-        hull_px: (V, 2) corners of the region.
+        canvas: (H, W, 3) image.
+        hull_px: (V, 2) corners of the region in the image.
         outer_px: (V, 2) corners of the region with its ring.
     """
     inside, outside = fixed_point(hull_px), fixed_point(outer_px)
     painted = canvas.copy()
-    # Where two outlines are filled together, what lies within both stays as it is.
+    # Filling two outlines together leaves out what lies within both.
     cv2.fillPoly(painted, [outside, inside], palette.RING, cv2.LINE_AA, _FIXED_POINT_BITS)
     cv2.fillPoly(painted, [inside], palette.INSIDE, cv2.LINE_AA, _FIXED_POINT_BITS)
     cv2.addWeighted(painted, _REGION_OPACITY, canvas, 1 - _REGION_OPACITY, 0, dst=canvas)

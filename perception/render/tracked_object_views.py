@@ -1,4 +1,7 @@
-"""One followed object as each view shows it: the camera, a close-up, the scene in 3D and from above."""
+"""The views of one tracked object: camera image, close-up, 3D view and top view."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,30 +15,61 @@ from perception.render.panels import FittedImage, Resizing
 from perception.render.perspective import chase_camera
 from perception.render.perspective import draw_vehicle as draw_solid_vehicle
 from perception.render.scan_points import ScanPoints
-from perception.render.speed_chart import STATUS_COLORS
 from perception.render.strokes import draw_strokes, project_strokes
-from perception.render.tracked_object_figure import TrackedObjectFigure, draw_path, draw_region
-from perception.render.tracked_object_scene import TrackedObjectScene
+from perception.render.tracked_object_figure import (
+    STATUS_COLORS,
+    TrackedObjectFigure,
+    draw_path,
+    draw_region,
+)
 from perception.render.tracks import TrackStyle
-from perception.tracking.single_object.tracker import TrackStatus
-from perception.types import Calibration, Float64, UInt8
+from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
+from perception.types import Boxes3D, Calibration, Float64, Result, UInt8
 
-_SURROUND_M = 9.0  # shown around object and vehicle from above
+_SURROUND_M = 9.0  # margin around object and vehicle in the top view
 _MIN_SPAN_M = 36.0
-_CLOSE_UP = 1.7  # height of the close-up over that of the object
+_CLOSE_UP = 1.7  # height of the close-up in heights of the object
 _MIN_CLOSE_UP_PX = 56.0
 _FIELD_OF_VIEW_RAD = np.radians(82)
 
 
+@dataclass(frozen=True)
+class TrackedObjectScene:
+    """One tracked object in one frame, in the LiDAR frame of the scan.
+
+    Attributes:
+        result: Pose and ground of the frame.
+        tracked: Output of the one-object tracker.
+        path_velo: (K, 3) path of the object, the oldest position first.
+        ego_path_velo: (E, 3) path of the vehicle on the ground, the oldest position first.
+        speeds_km_h: (F,) speeds in km/h of the frames up to this one, NaN without a box.
+        states: (F,) tracking status of the same frames.
+        seconds: Processing time of the tracker in seconds.
+        region: Region of the object in the image, or None of a tracker that does not use the image.
+        truth: Labelled box, or None where unknown.
+    """
+
+    result: Result
+    tracked: TrackedObject
+    path_velo: Float64
+    ego_path_velo: Float64
+    speeds_km_h: Sequence[float]
+    states: Sequence[TrackStatus]
+    seconds: float
+    region: ImageRegion | None = None
+    truth: Boxes3D | None = None
+
+
 class TrackedObjectViews:
-    """One scene as each view shows it."""
+    """The views of one scene."""
 
     def __init__(self, scene: TrackedObjectScene, style: TrackStyle) -> None:
-        """Prepare what several views show.
+        """Prepare what several views share.
 
         Args:
-            scene: of the object.
-            style: how large things are drawn.
+            scene: Tracked object in one frame.
+            style: Line width and text height.
         """
         self._scene, self._style = scene, style
         self._figure = TrackedObjectFigure.of(scene.tracked, scene.path_velo)
@@ -44,7 +78,7 @@ class TrackedObjectViews:
         self._points = ScanPoints.of(result.frame.points_velo, result.ground, box)
 
     def camera(self, largest_px: tuple[int, int]) -> UInt8:
-        """Return the image with the object's region and box; empty without a camera."""
+        """Return the camera image with the object's region and box; empty without a camera."""
         image, calibration = self._scene.result.frame.image, self._scene.result.frame.calibration
         if image is None or calibration is None:
             return np.zeros((0, largest_px[0], 3), np.uint8)
@@ -69,7 +103,7 @@ class TrackedObjectViews:
     def _window_px(
         self, image_P_velo: Float64, size_px: tuple[int, int], limits_px: tuple[int, int]
     ) -> Float64 | None:
-        """Return (4,) the part of the image around the object, or None where it is not in view."""
+        """Return the (4,) window x1 y1 x2 y2 of the image around the object, or None where it is not in view."""
         outline_px, box = self._scene.tracked.box_px, self._scene.tracked.box_velo
         if box is not None:
             seen = project_segments(image_P_velo, edges(box)[0], limits_px)
@@ -79,7 +113,7 @@ class TrackedObjectViews:
         middle_px, span_px = (outline_px[:2] + outline_px[2:]) / 2, outline_px[2:] - outline_px[:2]
         aspect = size_px[0] / size_px[1]
         high_px = max(_CLOSE_UP * float(max(span_px[1], span_px[0] / aspect)), _MIN_CLOSE_UP_PX)
-        # As large as the image at most, and within it.
+        # At most as large as the image, and within it.
         high_px = min(high_px, limits_px[1], limits_px[0] / aspect)
         half_px = np.array([high_px * aspect, high_px]) / 2
         middle_px = np.clip(middle_px, half_px, np.array(limits_px) - half_px)
@@ -99,7 +133,7 @@ class TrackedObjectViews:
             cv2.rectangle(canvas, first, last, color, self._style.line_px, cv2.LINE_AA)
 
     def from_behind(self, size_px: tuple[int, int]) -> UInt8:
-        """Return the points in 3D, seen over the vehicle towards the object."""
+        """Return the points in 3D from behind the vehicle, towards the object."""
         image_P_velo = chase_camera(size_px, self._bearing_rad(), _FIELD_OF_VIEW_RAD)
         canvas = blank_canvas(size_px, palette.PANEL)
         self._points.draw(canvas, image_P_velo)
@@ -109,7 +143,7 @@ class TrackedObjectViews:
         return canvas
 
     def from_above(self, size_px: tuple[int, int]) -> UInt8:
-        """Return the points from above, as near as object and vehicle both are in view."""
+        """Return the points from above, at the largest scale that shows object and vehicle."""
         view = self._view_of_both(size_px)
         canvas = blank_canvas(size_px, palette.PANEL)
         self._points.draw(canvas, view.image_P_velo)
@@ -136,7 +170,7 @@ class TrackedObjectViews:
         return 0.0 if box is None else float(np.arctan2(box.bottom_m[0, 1], box.bottom_m[0, 0]))
 
     def _view_of_both(self, size_px: tuple[int, int]) -> BirdsEyeView:
-        """Fit vehicle and object into the view, with something around them."""
+        """Fit vehicle and object into the view, with a margin around them."""
         shown_m = np.zeros((1, 2))
         box = self._scene.tracked.box_velo
         if box is not None:

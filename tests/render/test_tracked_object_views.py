@@ -9,17 +9,20 @@ from perception.render import palette
 from perception.render.canvas import blank_canvas
 from perception.render.panels import FittedImage, Resizing
 from perception.render.scan_points import ScanPoints
-from perception.render.speed_chart import STATUS_COLORS, draw_speed_chart
-from perception.render.tracked_object_composition import TrackedObjectComposition
+from perception.render.tracked_object_composition import (
+    STATUS_COLORS,
+    TrackedObjectComposition,
+    draw_speed_chart,
+)
 from perception.render.tracked_object_figure import (
     TrackedObjectFigure,
     draw_path,
     draw_region,
     draw_tag,
 )
-from perception.render.tracked_object_scene import TrackedObjectScene, TrackedObjectTrail
-from perception.render.tracked_object_views import TrackedObjectViews
+from perception.render.tracked_object_views import TrackedObjectScene, TrackedObjectViews
 from perception.render.tracks import TrackStyle
+from perception.render.trails import TrackedObjectTrail
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D

@@ -8,9 +8,9 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.render import palette
+from perception.render.canvas import draw_tag
 from perception.render.curve_plots import CurvePanel, curve_figure, precision_panel
 from perception.render.detections import draw_boxes
-from perception.render.tracked_object_figure import draw_tag
 from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
