@@ -274,7 +274,7 @@ class WorstFramesFolder:
         from data.atomic_file import write_jpeg
         from data.frames import file_number
         from perception.evaluation.detection.frame_errors import worst_frames
-        from perception.render.detection_errors import draw_detection_errors
+        from perception.render.detections import draw_detection_errors
 
         name = "_".join(re.findall(r"\w+", data.path))
         for one in detector.classes:
