@@ -11,10 +11,10 @@ from data.synthetic.drive import SyntheticDrive
 from data.synthetic.ins import InsNoise
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import draw_config
-from data.synthetic.writer import Layout
 from perception.errors import UsageError
 from perception.geometry.threads import limit_blas_threads
 from perception.sensor import HDL_64E, LidarModel
+from perception.types import Layout
 
 _FRAMES_A_WORLD = 5  # of the object layout
 _FRAMES_APART = 18  # so that the scenery is another

@@ -16,7 +16,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -30,7 +29,6 @@ from data.synthetic.materials import MOVING_CLASS
 from perception.sensor import sensor_to_json
 from perception.types import Float64, Labels, PointTruth, UInt8
 
-Layout = Literal["raw", "tracking", "object"]
 DATE = "2025_06_01"
 _NOON = datetime(2025, 6, 1, 12, 0, 0)
 _THREADS = 2  # ray casting and array arithmetic let go of the interpreter

@@ -1,23 +1,16 @@
-"""`trifuse bench`: every stage beside its plain form and the best library for it."""
+"""`trifuse bench`."""
 
 import logging
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from tqdm import tqdm
-
-from data.open_drive import open_drive
-from data.results.documents import describe_machine, write_json
-from data.synthetic.drive import SyntheticDrive
-from perception.cli.table import format_table
+from perception.cli.flags import ReportFlags, SourceFlags
 from perception.detection.config import DetectionConfig
 from perception.errors import ModelError, PerceptionError
-from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.sensor import HDL_64E, load_sensor
 from perception.types import Drive
 
 if TYPE_CHECKING:
@@ -31,44 +24,38 @@ BenchmarkPart = Literal[
     "clusters", "turns", "proposals", "depthcn", "average-precision", "detectors",
 ]  # fmt: skip
 
+_DETECTION = DetectionConfig()
+
 
 def bench(  # noqa: PLR0913 - flags of a command
-    drive: Path | None = None,
     *,
-    sequence: str | None = None,
-    sensor: str | None = None,
+    source: SourceFlags,
+    report: ReportFlags,
+    drive: Path | None = None,
     part: BenchmarkPart = "all",
     frames: int = 30,
     chain_frames: int = 150,
-    detection: DetectionConfig = DetectionConfig(),  # noqa: B008 - frozen
-    json: Path | None = None,
+    detection: DetectionConfig = _DETECTION,
 ) -> None:
-    """Time every stage beside its plain form, the thesis' form and the best library, in one run.
+    """Time every stage beside its reference implementation, the thesis' method and the best library.
 
-    Contenders take turns on the same frames, so that their ratio holds on any machine.
+    All contenders of a part run on the same frames in turns, so that their ratio holds on any machine.
 
     Example: trifuse bench --drive kitti/tracking --sequence 0000 --part ground --frames 154
 
     Args:
-        drive: what to run on; else a synthetic street.
-        sequence: which one, where there are several.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
-        part: one stage, the chain, or all but the detectors, whose networks take a minute to make.
-        frames: for each stage.
-        chain_frames: for the whole chain and for the pipeline, driving back from the end; 1000 shows that memory stays flat.
-        detection: which detectors are part of the pipeline.
-        json: gets the same figures.
+        drive: Drive to run on; else a synthetic street.
+        part: One stage, the chain of obstacle stages, the pipeline, or all; detectors only run by name, since
+            making their networks takes a minute.
+        frames: Number of frames for each stage.
+        chain_frames: Number of frames for the chain and the pipeline, back and forth over the drive; 1000 show
+            that the memory is bounded.
+        detection: Detectors of the pipeline.
     """
+    from data.results.documents import describe_machine, write_json
+
     chain, pipeline, stages, comparisons = _import_benchmarks()
-    model = load_sensor(sensor) if sensor else HDL_64E
-    needs_images = part in ("all", "pipeline", "following", "detectors")
-    opened: Drive = (
-        SyntheticDrive(frames, sensor=model, images=needs_images)
-        if drive is None
-        else open_drive(
-            drive, sequence=sequence, sensor=sensor, images=needs_images or part == "maps"
-        )
-    )
+    opened = _open(drive, source, frames, part)
     config = PipelineConfig.for_motion()
     machine = describe_machine()
     print(f"{opened.name}, {opened.sensor.name}, on {machine}\n", flush=True)
@@ -78,34 +65,51 @@ def bench(  # noqa: PLR0913 - flags of a command
         print(f"{pipeline.pipeline_table(modes)}\n", flush=True)
         document["pipeline"] = modes
     if part in ("all", "chain"):
-        thesis = PipelineConfig.for_motion("thesis")
+        thesis = replace(PipelineConfig.for_motion("thesis"), method="thesis")
         metrics = {
             "default": chain.measure_chain(opened, chain_frames, config),
-            # The thesis' form is some thirty times slower: a tenth of the frames shows it.
-            "thesis": chain.measure_chain(
-                opened, max(chain_frames // 10, 10), replace(thesis, method="thesis")
-            ),
+            # The thesis' methods are thirty times slower: a tenth of the frames is enough.
+            "thesis": chain.measure_chain(opened, max(chain_frames // 10, 10), thesis),
         }
         print(f"{_chain_table(metrics)}\n", flush=True)
         document["chain"] = metrics
     known = {**comparisons.COMPARISONS, **comparisons.ON_REQUEST}
-    chosen = (
-        list(comparisons.COMPARISONS) if part == "all" else [name for name in known if name == part]
-    )
+    chosen = list(comparisons.COMPARISONS) if part == "all" else [n for n in known if n == part]
     prepared = stages.prepare(opened, frames, PipelineConfig.for_obstacles()) if chosen else None
-    for name in tqdm(chosen, "stages", file=sys.stderr, disable=not chosen):
-        try:
-            with limit_blas_threads():
-                comparison = known[name](prepared)
-        except ModelError as error:  # a network that did not come with this copy
-            if part != "all":
-                raise
-            log.warning("left out: %s", error)
-            continue
-        tqdm.write(f"{comparison.table()}\n")
-        document[name] = comparison
-    if json is not None:
-        write_json(json, document)
+    for name in chosen:
+        comparison = _compare(known[name], prepared, is_required=part != "all")
+        if comparison is not None:
+            print(f"{comparison.table()}\n", flush=True)
+            document[name] = comparison
+    if report.json is not None:
+        write_json(report.json, document)
+
+
+def _open(drive: Path | None, source: SourceFlags, frames: int, part: BenchmarkPart) -> Drive:
+    from data.open_drive import open_drive
+    from data.synthetic.drive import SyntheticDrive
+    from perception.sensor import HDL_64E, load_sensor
+
+    needs_images = part in ("all", "pipeline", "following", "detectors")
+    if drive is None:
+        sensor = load_sensor(source.sensor) if source.sensor else HDL_64E
+        return SyntheticDrive(frames, sensor=sensor, images=needs_images)
+    images = needs_images or part == "maps"
+    return open_drive(drive, sequence=source.sequence, sensor=source.sensor, images=images)
+
+
+def _compare(compare: Callable[[Any], Any], prepared: object, *, is_required: bool) -> Any:  # noqa: ANN401 - of benchmarks/
+    """Run one comparison; return None where its network is not in this installation."""
+    from perception.geometry.threads import limit_blas_threads
+
+    try:
+        with limit_blas_threads():
+            return compare(prepared)
+    except ModelError as error:
+        if is_required:
+            raise
+        log.warning("skipped: %s", error)
+        return None
 
 
 def _import_benchmarks() -> tuple[ModuleType, ...]:
@@ -123,20 +127,24 @@ def _import_benchmarks() -> tuple[ModuleType, ...]:
 
 
 def _chain_table(metrics: dict[str, "ChainMetrics"]) -> str:
-    """Return speed, worst frames and memory of the whole chain, ours and the thesis'."""
+    from perception.evaluation.report import Column, Table
+
     default = metrics["default"]
-    rows = [
-        [
-            method,
-            str(f.frames),
-            f"{f.frames_per_s:.1f}",
-            f"{f.median_ms:.1f}",
-            f"{f.p99_ms:.1f}",
-            f"{f.median_ms / default.median_ms:.1f}x",
-            ", ".join(f"{name} {ms:.1f}" for name, ms in f.stages_ms.items()),
-            f"{f.memory_start_mib:.0f} to {f.memory_end_mib:.0f}",
-        ]
-        for method, f in metrics.items()
+    columns = (
+        Column["ChainMetrics"]("frames", lambda row: row.frames),
+        Column["ChainMetrics"]("frames/s", lambda row: row.frames_per_s, ".1f"),
+        Column["ChainMetrics"]("p50 [ms]", lambda row: row.median_ms, ".1f"),
+        Column["ChainMetrics"]("p99 [ms]", lambda row: row.p99_ms, ".1f"),
+        Column["ChainMetrics"](
+            "relative time", lambda row: row.median_ms / default.median_ms, ".1f"
+        ),
+        Column["ChainMetrics"]("start [MiB]", lambda row: row.memory_start_mib, ".0f"),
+        Column["ChainMetrics"]("end [MiB]", lambda row: row.memory_end_mib, ".0f"),
+    )
+    notes = [
+        f"p50 of the stages of {method} [ms]: "
+        + ", ".join(f"{name} {ms:.1f}" for name, ms in row.stages_ms.items())
+        for method, row in metrics.items()
     ]
-    header = ("", "frames", "frames/s", "median ms", "99 % ms", "ours = 1", "stages ms", "MiB")
-    return format_table("whole chain (the thesis reports 0.3 frames/s)", header, rows)
+    title = "whole chain (the thesis reports 0.3 frames/s)"
+    return Table(title, columns, metrics, heading="method", notes=notes).text()

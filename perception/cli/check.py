@@ -1,43 +1,49 @@
-"""`trifuse check`: is this drive fit for use?"""
+"""`trifuse check`."""
 
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from tqdm import tqdm
+from perception.cli.flags import SourceFlags
 
-from data.inspection import DriveReport, DriveSummary, Finding, inspect_drive
-from data.open_drive import open_drive, sequences_in
-from perception.errors import DriveError, PerceptionError
+if TYPE_CHECKING:
+    from data.inspection import DriveReport, DriveSummary
 
 
-def check(root: Path, sequence: str | None = None, sensor: str | None = None) -> None:
-    """Read a drive once; report what is missing, damaged or implausible.
+def check(root: Path, *, source: SourceFlags) -> None:
+    """Read every frame of a drive; report what is missing, damaged or implausible.
 
-    A part that is optional and not there is a note; what is damaged or implausible is a fault.
+    Optional parts that are missing are notes; damaged or implausible data are faults, and the exit code is 2.
+
+    Example: trifuse check kitti/tracking --sequence 0000
 
     Args:
-        root: a KITTI raw drive, a folder of raw drives, tracking sequences, or object frames.
-        sequence: only this one; else all.
-        sensor: HDL-64E, HDL-32E, VLP-16 or a .json file; else what the drive says, else HDL-64E.
+        root: KITTI raw drive, folder of raw drives, tracking folder, object folder, or synthetic drive.
 
     Raises:
         DriveError: there is a fault.
     """
-    sequences = sequences_in(root) if sequence is None else [sequence]
-    faults = 0
-    for name in sequences:
-        faults += _check_one(root, name, sensor, is_only=len(sequences) == 1)
+    from data.open_drive import sequences_in
+    from perception.errors import DriveError
+
+    sequences = sequences_in(root) if source.sequence is None else [source.sequence]
+    is_only = len(sequences) == 1
+    faults = sum(_check_one(root, name, source.sensor, is_only=is_only) for name in sequences)
     if faults:
         raise DriveError(
             root,
             expected="a drive without faults",
             found=f"{faults}",
-            advice="see the table for the first of each kind",
+            advice="the table shows the first example of each kind",
         )
 
 
 def _check_one(root: Path, sequence: str | None, sensor: str | None, *, is_only: bool) -> int:
     """Print the report of one drive and return its number of faults."""
+    from data.inspection import inspect_drive
+    from data.open_drive import open_drive
+    from perception.cli.progress import progress_bar
+    from perception.errors import PerceptionError
+
     try:
         drive = open_drive(root, sequence=sequence, sensor=sensor)
     except PerceptionError as error:
@@ -45,36 +51,33 @@ def _check_one(root: Path, sequence: str | None, sensor: str | None, *, is_only:
             raise
         print(f"{sequence}: cannot be opened\n  {error}\n")
         return 1
-    progress_bar = partial(tqdm, desc=drive.name, unit="frame")
-    report = inspect_drive(drive, progress=progress_bar)
+    report = inspect_drive(drive, progress=lambda frames: progress_bar(frames, drive.name))
     print(format_report(report))
     return report.faults
 
 
-def format_report(report: DriveReport) -> str:
-    """Return what a drive is and a table of what was found in it."""
-    rows = [("", "what", "count", "first example"), *map(_row, report.findings)]
+def format_report(report: "DriveReport") -> str:
+    """Return a description of the drive and a table of the findings."""
+    rows = [("", "finding", "count", "first example")]
+    rows += [
+        ("fault" if one.is_fault else "note", one.what, str(one.count), one.first_example)
+        for one in report.findings
+    ]
     widths = [max(len(row[column]) for row in rows) for column in range(3)]
     table = [
-        f"  {kind:<{widths[0]}}  {what:<{widths[1]}}  {count:>{widths[2]}}  {example}"
-        for kind, what, count, example in rows
+        f"  {kind:<{widths[0]}}  {finding:<{widths[1]}}  {count:>{widths[2]}}  {example}"
+        for kind, finding, count, example in rows
     ]
-    lines = table if report.findings else []
     verdict = f"  {report.faults} faults" if report.faults else "  no faults"
-    return "\n".join([_describe(report.summary), *lines, verdict, ""])
+    return "\n".join([_describe(report.summary), *(table if report.findings else []), verdict, ""])
 
 
-def _row(finding: Finding) -> tuple[str, str, str, str]:
-    kind = "fault" if finding.is_fault else "note"
-    return kind, finding.what, str(finding.count), finding.first_example
-
-
-def _describe(summary: DriveSummary) -> str:
+def _describe(summary: "DriveSummary") -> str:
     words = [f"{summary.frames} frames"]
     if summary.seconds:
         words.append(f"{summary.seconds:.1f} s")
     if summary.distance_m is not None:
         words.append(f"{summary.distance_m:.1f} m driven")
-    words.append(f"{summary.sensor} with {summary.mean_points:,.0f} points a scan")
+    words.append(f"{summary.sensor} with {summary.mean_points:,.0f} points/scan")
     words.append(f"with {', '.join(summary.parts)}" if summary.parts else "scans only")
     return f"{summary.name}: {', '.join(words)}"

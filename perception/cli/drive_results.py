@@ -1,4 +1,4 @@
-"""A drive through the pipeline, frame by frame, with a progress bar."""
+"""The pipeline over the frames of a drive, with a progress bar."""
 
 from collections.abc import Generator
 
@@ -11,21 +11,20 @@ from perception.types import Drive, Result
 def drive_results(
     drive: Drive, config: PipelineConfig, *, limit: int | None, on_bad_frame: OnBadFrame
 ) -> Generator[Result, None, None]:
-    """Yield what the pipeline makes of each frame; frames of no sequence know nothing of each other.
+    """Yield the result of each frame; frames of no sequence, such as object frames, share no state.
 
     Args:
-        drive: what is read.
-        config: of the pipeline.
-        limit: only so many frames from the start, or None.
-        on_bad_frame: stop or skip.
+        drive: Drive to read.
+        config: Pipeline configuration.
+        limit: Number of frames from the start; None for all.
+        on_bad_frame: Stop at a damaged frame, or skip it.
 
     Raises:
         PerceptionError: a frame cannot be read or used.
     """
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
-    count = frame_count(drive, limit)
     with (
         Pipeline(drive.sensor, config) as pipeline,
         pipeline.stream(frames, is_sequence=drive.is_sequence) as results,
     ):
-        yield from progress_bar(results, drive.name, count)
+        yield from progress_bar(results, drive.name, frame_count(drive, limit))

@@ -1,16 +1,10 @@
-"""`trifuse export`: a checkpoint as an ONNX file, shown to say what the checkpoint says."""
+"""`trifuse export`."""
 
 import os
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from data.atomic_file import write_atomically
-from data.open_drive import open_drive
-from data.results.documents import describe_machine, write_json
-from perception.cli.progress import progress_bar
-from perception.cli.table import Cell, format_table
-from perception.detection.detectors.input_size import InputSize
 from perception.errors import MissingDependencyError, UsageError
 
 if TYPE_CHECKING:
@@ -27,27 +21,31 @@ def export(  # noqa: PLR0913 - flags of a command
     int8: bool = False,
     size: str | None = None,
 ) -> None:
-    """Write a trained network as an ONNX file, normalisation and decoding of boxes inside.
+    """Write a trained network as an ONNX file that includes normalisation and box decoding.
 
-    Torch and ONNX Runtime are shown the same inputs: noise, and what a drive shows where one is given. A
-    report beside the file has the largest differences; where they are too large, no model is written.
-    Of a detector, also average precision on the drive's labels: with --int8 the form in 8 bits is
-    written where it is faster and loses at most one percent of it, else that in full precision; the
-    report says why.
+    The outputs of PyTorch and of ONNX Runtime are compared on noise and on the frames of a drive; where they differ too
+    much, no model is written. A report beside the model has the largest differences and, for a detector, the average
+    precision. With --int8 the 8-bit model is written where it is faster and loses at most one percent of it.
 
-    Example: trifuse export runs/dm/best.ckpt --out dm_compact.onnx --data kitti/object --int8 true
+    Example: trifuse export runs/dm/best.ckpt --out dm_compact.onnx --data kitti/object --int8
 
     Args:
-        checkpoint: that training wrote.
-        out: the ONNX file; the report has the same name and ends in .json.
-        data: a drive that the network is shown.
-        sequence: which one, where there are several.
-        frames: of the drive at most, spread evenly.
-        int8: also make an 8-bit form; the one not chosen is written as NAME.int8.onnx or NAME.fp32.onnx.
-        size: of a detector's input, such as 352x1216, in multiples of 32; else as it was trained.
+        checkpoint: Checkpoint of a training.
+        out: ONNX file; the report has the same name and ends in .json.
+        data: Drive for calibration, comparison and average precision.
+        sequence: Sequence of a tracking folder.
+        frames: Maximum number of frames, spread evenly over the drive.
+        int8: Make an 8-bit model too; the one that is not chosen becomes NAME.int8.onnx or NAME.fp32.onnx.
+        size: Input size of a detector as HEIGHTxWIDTH in multiples of 32, such as 352x1216; else that of the training.
     """
+    from data.atomic_file import write_atomically
+    from data.open_drive import open_drive
+    from data.results.documents import describe_machine, write_json
+    from perception.cli.progress import progress_bar
+    from perception.detection.detectors.input_size import InputSize
+
     if int8 and data is None:
-        raise UsageError("--int8", expected="--data, to find its scales with", found="none")
+        raise UsageError("--int8", expected="--data, for calibration", found="none")
     input_size = None if size is None else InputSize.parse(size)
     _require_writable(out)
     exporters = _import_exporters()
@@ -57,9 +55,7 @@ def export(  # noqa: PLR0913 - flags of a command
             checkpoint, drive, frames, int8=int8, size=input_size, progress=progress_bar
         )
     )
-    print(_table(out.name, exported))
-    if exported.variants["fp32"].precision:
-        print(f"\n{_precision_table(exported)}")
+    print("\n\n".join(_tables(out.name, exported)))
     print(f"chosen: {exported.choice.variant}; {exported.choice.reason}")
     write_json(
         out.with_suffix(".json"),
@@ -69,9 +65,9 @@ def export(  # noqa: PLR0913 - flags of a command
             "frames": min(frames, len(drive)) if drive else 0,
             "machine": describe_machine(),
             "tolerances": exported.tolerances,
-            "facts": exported.metadata,
+            "metadata": exported.metadata,
             "opset": exported.opset,
-            "forms": exported.variants,
+            "variants": exported.variants,
             "choice": exported.choice,
         },
     )
@@ -84,7 +80,7 @@ def export(  # noqa: PLR0913 - flags of a command
 
 
 def _import_exporters() -> ModuleType:
-    """Return the module that needs torch."""
+    """Import the exporters, which need PyTorch."""
     try:
         from export import exporters
     except ImportError as error:
@@ -95,7 +91,7 @@ def _import_exporters() -> ModuleType:
 
 
 def _require_writable(out: Path) -> None:
-    """Refuse, before any work is done, a file that could not be written after it."""
+    """Validate, before the work, that the file can be written after it."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         found = "no permission to write" if not os.access(out.parent, os.W_OK) else None
@@ -107,36 +103,38 @@ def _require_writable(out: Path) -> None:
         raise UsageError(f"--out {out}", expected="a file that can be written", found=found)
 
 
-def _table(name: str, exported: "ExportResult") -> str:
-    """Return size, time and differences of every form."""
-    variants = exported.variants
-    outputs = [
-        (kind, output)
-        for kind, parity in variants["fp32"].parity.items()
-        for output in parity.largest
-    ]
-    rows: list[list[Cell]] = []
-    for form_name, variant in variants.items():
-        size = f"{variant.size_bytes / 1e6:.2f}" if variant.size_bytes else None
-        differences = [
-            f"{variant.parity[kind].largest[output]:.1e}" if variant.parity else None
-            for kind, output in outputs
-        ]
-        rows.append([form_name, size, f"{variant.fastest_ms:.1f}", *differences])
-    header = ("", "MB", "ms", *(f"{output}, {kind}" for kind, output in outputs))
-    title = f"{name}: {exported.timed_input}; largest differences from torch"
-    return format_table(title, header, rows)
+def _tables(name: str, exported: "ExportResult") -> list[str]:
+    """Return size, time, differences and average precision of every variant."""
+    from export.variants import ModelVariant
+    from perception.evaluation.report import Column, Table
 
+    full = exported.variants["fp32"]
 
-def _precision_table(exported: "ExportResult") -> str:
-    """Return average precision of every form, by class and overlap, and by difficulty."""
-    variants = exported.variants
+    def difference(kind: str, output: str) -> Column[ModelVariant]:
+        return Column(
+            f"{output}, {kind}",
+            lambda row: row.parity[kind].largest[output] if row.parity else None,
+            ".1e",
+        )
+
+    def precision(of_class: str, level: str) -> Column[ModelVariant]:
+        return Column(f"{of_class} {level}", lambda row: row.precision[of_class][level], ".2f")
+
     columns = [
-        (name, level) for name, levels in variants["fp32"].precision.items() for level in levels
+        Column[ModelVariant](
+            "size [MB]", lambda row: row.size_bytes / 1e6 if row.size_bytes else None, ".2f"
+        ),
+        Column[ModelVariant]("time [ms]", lambda row: row.fastest_ms, ".1f"),
+        *(
+            difference(kind, output)
+            for kind, parity in full.parity.items()
+            for output in parity.largest
+        ),
     ]
-    rows: list[list[Cell]] = [
-        [form_name, *(f"{variant.precision[of_class][level]:.2f}" for of_class, level in columns)]
-        for form_name, variant in variants.items()
-    ]
-    header = ("", *(f"{of_class} {level}" for of_class, level in columns))
-    return format_table("average precision, percent, by class and IoU", header, rows)
+    title = f"{name}: {exported.timed_input}; largest differences from PyTorch"
+    tables = [Table(title, columns, exported.variants)]
+    if full.precision:
+        levels = [(name, level) for name, of in full.precision.items() for level in of]
+        title = "average precision [%] by class and IoU"
+        tables.append(Table(title, [precision(*level) for level in levels], exported.variants))
+    return [table.text() for table in tables]

@@ -12,19 +12,28 @@ OnBadFrame = Literal["stop", "skip"]
 
 
 @dataclass(frozen=True)
-class DriveFlags(FlagGroup):
-    """Frames of the drive.
+class SourceFlags(FlagGroup):
+    """Drive.
 
     Attributes:
         sequence: Sequence of a tracking folder, such as 0000; all of them where a command takes several.
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel; else what the
             drive states, else HDL-64E.
-        frames: Number of frames from the start of the drive; else all.
-        on_bad_frame: Stop at a damaged frame and keep what was done, or skip the frame and report it.
     """
 
     sequence: str | None = None
     sensor: str | None = None
+
+
+@dataclass(frozen=True)
+class DriveFlags(SourceFlags):
+    """Frames of the drive.
+
+    Attributes:
+        frames: Number of frames from the start of the drive; else all.
+        on_bad_frame: Stop at a damaged frame and keep what was done, or skip the frame and report it.
+    """
+
     frames: int | None = None
     on_bad_frame: OnBadFrame = "stop"
 

@@ -52,6 +52,36 @@ class Command:
 
 # Modules are imported when their command is asked for, so that `trifuse --help` is quick.
 COMMANDS: Mapping[str, Command] = {
+    "demo": Command(
+        "perception.cli.demo:demo",
+        "make a short synthetic drive and run every stage on it; needs no data",
+    ),
+    "run": Command(
+        "perception.cli.run:run",
+        "run the pipeline on a drive; write results, a video and a summary",
+    ),
+    "track": Command(
+        "perception.cli.track:track", "track one object: trajectory, speed, box and a video"
+    ),
+    "maps": Command(
+        "perception.cli.maps:maps", "write dense depth and reflectance maps as the camera sees them"
+    ),
+    "synth": Command(
+        "perception.cli.synth:synth",
+        "write synthetic drives in KITTI's layouts, with exact point truth",
+    ),
+    "check": Command(
+        "perception.cli.check:check",
+        "read a drive; report what is missing, damaged or implausible",
+    ),
+    "export": Command(
+        "perception.cli.export:export",
+        "write a trained network as an ONNX file with a parity report",
+    ),
+    "bench": Command(
+        "perception.cli.bench:bench",
+        "time every stage beside its reference implementation and the best library",
+    ),
     "detect": Command(
         "perception.cli.detect:detect", "detect vehicles by DepthCN; write KITTI result files"
     ),
@@ -91,17 +121,8 @@ GROUPS: Mapping[str, str] = {
 
 # TRANSITION: commands that are not yet functions of one file; each moves up into COMMANDS.
 OLD_COMMANDS = {
-    "demo": "make a short synthetic drive and run every stage on it; needs no data",
-    "run": "run the pipeline on a drive; write results, a video and a summary",
-    "track": "track one object: trajectory, speed, box and a video",
-    "maps": "write dense depth and reflectance maps as the camera sees them",
-    "synth": "write synthetic drives in KITTI's layouts, with exact point truth",
-    "check": "read a drive once; report what is missing, damaged or implausible",
     "evaluate": "measure a stage against labels or exact truth",
     "train": "train networks, or search the parameters of the proposals",
-    "study": "repeat a study of the thesis: a figure and a table",
-    "export": "write a trained network as an ONNX file with a parity report",
-    "bench": "time every stage beside its reference implementation and the best library",
 }
 
 _HELP = """usage: trifuse COMMAND [flags]

@@ -1,14 +1,17 @@
-"""How far a command is, as a bar on stderr."""
+"""Progress bars on stderr, and lines that do not run into them."""
 
 import sys
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
+from weakref import WeakSet
 
 from tqdm import tqdm
 
 from perception.types import Progress
 
 Step = TypeVar("Step")
+
+_OPEN: WeakSet["tqdm[Any]"] = WeakSet()
 
 
 def progress_bar(
@@ -19,25 +22,48 @@ def progress_bar(
     unit: str = "frame",
     delay_s: float = 0,
 ) -> Iterable[Step]:
-    """Go through steps and show how many are done.
+    """Iterate over steps and show how many are done.
 
     Args:
-        steps: what is done one after another.
-        description: before the bar.
-        total: how many there are, where they do not say it themselves.
-        unit: what a step is.
-        delay_s: show nothing of what is done before.
+        steps: Steps, one after another.
+        description: Text before the bar.
+        total: Number of steps, where the iterable has no length.
+        unit: Unit of a step.
+        delay_s: Time before the bar is shown.
     """
-    shown: Iterable[Step] = tqdm(
-        steps, description, total, unit=unit, file=sys.stderr, delay=delay_s
-    )
+    shown: Iterable[Step] = _open(steps, description, total, unit, delay_s)
     return shown
 
 
+def counting_bar(description: str, total: int, *, unit: str = "frame") -> "tqdm[Any]":
+    """Return a bar that is a context manager and moves by `update(count)`."""
+    return _open(None, description, total, unit, 0)
+
+
 def frame_progress_bar(description: str) -> Progress:
-    """Return what shows how far the making of something from frames is, where it takes long."""
+    """Return a function that shows progress over frame numbers where they take longer than 2 s."""
 
     def shown(frames: Iterable[int]) -> Iterable[int]:
         return progress_bar(frames, description, delay_s=2)
 
     return shown
+
+
+def _open(
+    steps: Iterable[Any] | None, description: str, total: int | None, unit: str, delay_s: float
+) -> "tqdm[Any]":
+    bar = tqdm(steps, description, total, unit=unit, file=sys.stderr, delay=delay_s)
+    _OPEN.add(bar)
+    return bar
+
+
+def close_bars() -> None:
+    """End the line of every bar that is open, so that the next line starts at the left."""
+    for bar in list(_OPEN):
+        bar.close()
+        _OPEN.discard(bar)
+
+
+def write_line(text: str) -> None:
+    """Write a line to stderr above the bars that are open."""
+    tqdm.write(text, file=sys.stderr)

@@ -1,13 +1,8 @@
-"""`trifuse synth`: synthetic drives in KITTI's layouts."""
+"""`trifuse synth`."""
 
 from pathlib import Path
 
-from tqdm import tqdm
-
-from data.synthetic.collection import SynthConfig, write_drives
-from data.synthetic.ins import InsNoise
-from data.synthetic.writer import Layout
-from perception.sensor import load_sensor
+from perception.types import Layout
 
 
 def synth(  # noqa: PLR0913 - flags of a command
@@ -23,25 +18,30 @@ def synth(  # noqa: PLR0913 - flags of a command
     images: bool = True,
     speed: float | None = None,
 ) -> None:
-    """Write synthetic drives in KITTI's layouts, with exact truth of every point.
+    """Write synthetic drives in KITTI's layouts, with the exact class and motion of every point.
 
-    The first drive is a lively street; further ones are streets of other kinds.
+    The first drive is a busy street; the next ones are other kinds of streets.
 
-    Example: trifuse synth drives --drives 3 --frames 100 --sensor VLP-16 --images false
+    Example: trifuse synth drives --drives 3 --frames 100 --sensor VLP-16 --no-images
 
     Args:
-        out: gets the folder of the date (raw) or the folder training (tracking, object).
-        layout: raw, tracking, or object; object frames come from many different worlds.
-        frames: frames of each drive; frames of all worlds together in the object layout.
-        drives: how many drives; the object layout takes as many worlds as it needs.
-        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file.
-        seed: of the first drive; the same seed gives the same drive bit by bit.
-        ins_noise_m: standard deviation of the INS position along each axis, metres.
-        ins_noise_deg: standard deviation of the INS roll, pitch and yaw, degrees.
-        images: whether to write images of the colour camera.
-        speed: that the ego vehicle wishes for, metres a second; else as the street is drawn.
+        out: Folder for the drives.
+        layout: Folder layout; object frames come from many different streets.
+        frames: Number of frames of each drive; of all streets together in the object layout.
+        drives: Number of drives; the object layout makes as many streets as it needs.
+        sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
+        seed: Seed of the first drive; the same seed gives the same drive bit by bit.
+        ins_noise_m: Standard deviation of the INS position along each axis, in metres.
+        ins_noise_deg: Standard deviation of the INS roll, pitch and yaw, in degrees.
+        images: Write the images of the colour camera.
+        speed: Desired speed of the ego vehicle in metres per second; else that of the street.
     """
-    synth_config = SynthConfig(
+    from data.synthetic.collection import SynthConfig, write_drives
+    from data.synthetic.ins import InsNoise
+    from perception.cli.progress import counting_bar
+    from perception.sensor import load_sensor
+
+    config = SynthConfig(
         layout=layout,
         frames=frames,
         drives=drives,
@@ -51,7 +51,7 @@ def synth(  # noqa: PLR0913 - flags of a command
         images=images,
         ego_m_s=speed,
     )
-    with tqdm(total=synth_config.total_frames, desc="synth", unit="frame") as progress_bar:
-        folders = write_drives(out, synth_config, progress_bar.update)
+    with counting_bar("synth", config.total_frames) as bar:
+        folders = write_drives(out, config, bar.update)
     for folder in dict.fromkeys(folders):
         print(folder)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -11,9 +10,8 @@ from perception.maps.distance_filling import fill_natural, fill_nearest
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
-from perception.types import Bool, Float32
+from perception.types import Bool, Float32, MapMethod
 
-MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
 Fill = Callable[[SparseMaps], FilledMaps]
 
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from perception.maps.densify import DenseMaps, MapMethod
+from perception.maps.densify import DenseMaps
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.projection import SparseMaps
 from perception.maps.triangle_filling import triangles_of
 from perception.render.figure import new_figure, save_figure
-from perception.types import UInt8
+from perception.types import MapMethod, UInt8
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

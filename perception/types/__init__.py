@@ -19,7 +19,7 @@ from perception.types.drive import Drive, Labels, PointTruth
 from perception.types.frame import Calibration, Frame
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
-from perception.types.stages import Method, Progress, StageSpan
+from perception.types.stages import Layout, MapMethod, Method, OnBadFrame, Progress, StageSpan
 from perception.types.table import SHARED, ArrayTable
 from perception.types.tracks import Tracks
 from perception.types.vehicles import Vehicles
@@ -43,11 +43,14 @@ __all__ = [
     "GroundModel",
     "Int",
     "Labels",
+    "Layout",
+    "MapMethod",
     "MapModality",
     "Method",
     "Modality",
     "ModalityDetections",
     "Obstacles",
+    "OnBadFrame",
     "PointState",
     "PointTruth",
     "Progress",

@@ -6,6 +6,12 @@ from typing import Literal
 
 # By which form of a stage: ours, or the thesis' own.
 Method = Literal["default", "thesis"]
+# How sparse depth and reflectance maps are filled.
+MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
+# What is done at a frame that cannot be read.
+OnBadFrame = Literal["stop", "skip"]
+# KITTI's folder layouts.
+Layout = Literal["raw", "tracking", "object"]
 # Goes through numbers, such as of frames, and may show how far it is.
 Progress = Callable[[Iterable[int]], Iterable[int]]
 

@@ -17,6 +17,6 @@ def test_every_part_prints_a_table_and_its_ratios(tmp_path, capsys):
         assert ratios[0] == 1.0
         assert len(ratios) >= 2
     assert document["depthcn"]["timings"][1]["name"] == "reference: one proposal at a time"
-    errors = document["ground"]["figures"]["mDE [mm]"]
+    errors = document["ground"]["metrics"]["mDE [mm]"]
     assert float(errors["Trifuse"]) < 30.0
     assert document["chain"]["default"]["memory_end_mib"] > 0

@@ -11,15 +11,15 @@ import pytest
 import yaml
 
 from data.derived.object_truth import DriveObjects
+from data.derived.track_start import TrackStart, TrackStartConfig, find_start, parse_box
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
 from data.results.trajectory import TrajectoryRecord, TrajectoryRows
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from perception.cli.track import TrackConfig, track_object
-from perception.cli.track_start import TrackStart, TrackStartConfig, find_start, parse_box
-from perception.cli.track_summary import TrackSummary, path_length_m
+from perception.cli.track_object import TrackConfig, track_object
 from perception.errors import PerceptionError, UsageError
+from perception.evaluation.single_object.trajectory_summary import TrajectorySummary, path_length_m
 from perception.pipeline import PipelineConfig
 from perception.pipeline.obstacle_chain import ObstacleChain
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
@@ -72,15 +72,15 @@ class Scripted:
         return TrackedObject(self.states.pop(0), box, np.array([3.0, 4.0]), box_px)
 
 
-def track_scripted(street, out, states, *, in_space=True, start=None) -> TrackSummary:
+def track_scripted(street, out, states, *, in_space=True, start=None) -> TrajectorySummary:
     drive = open_drive(street)
     start = start or TrackStart(
         0, Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     )
-    plan = TrackConfig(
+    config = TrackConfig(
         "scripted", len(states), video=False, make=lambda *_: Scripted(list(states), in_space)
     )
-    return track_object(drive, start, out, plan)
+    return track_object(drive, start, out, config)
 
 
 def lines_of(path: Path) -> list[dict]:
@@ -119,7 +119,7 @@ def test_the_rows_are_those_of_the_benchmark(results, labelled_id):
 
 def test_configuration_and_summary_say_what_was_followed(results, labelled_id):
     config = yaml.safe_load((results / "config.yaml").read_text())
-    assert config["plan"]["tracker"] == "h-fus"
+    assert config["tracker"] == "h-fus"
     assert f"track {labelled_id} (" in config["object"]["name"]
     summary = json.loads((results / "summary.json").read_text())
     assert summary["frames"] == sum(summary["states"].values()) == FRAMES
@@ -132,10 +132,10 @@ def test_states_are_counted_and_lost_places_left_out(street, tmp_path):
     summary = track_scripted(street, tmp_path, states)
     assert list(summary.counts.values()) == [1, 1, 1]
     assert len(summary.positions_world) == 2
-    table = summary.table(None)
-    assert "predicted       1  33.3 %" in table
+    table = summary.text()
+    assert "predicted       1       33.3" in table
     assert "speed 18.0 km/h on average" in table
-    assert "against its" not in table
+    assert "mean error" not in table
     assert read_result_rows(tmp_path / "trajectory.txt").frames.tolist() == [0, 1]
     assert [line["state"] for line in lines_of(tmp_path / "trajectory.jsonl")] == states
 
@@ -149,7 +149,7 @@ def test_a_tracker_in_the_image_gives_rectangles_and_no_place(street, tmp_path):
     rows = read_result_rows(tmp_path / "trajectory.txt")
     np.testing.assert_array_equal(rows.boxes_px, [[10, 20, 30, 40]] * 2)
     assert (rows.sizes_hwl_m == -1).all()
-    assert "in the image alone" in summary.table(None)
+    assert "in the image alone" in summary.text()
 
 
 def test_a_box_without_points_is_said(street, tmp_path, caplog):
@@ -157,7 +157,7 @@ def test_a_box_without_points_is_said(street, tmp_path, caplog):
     summary = track_scripted(street, tmp_path, [TrackStatus.PREDICTED], start=TrackStart(0, high))
     assert summary.points_at_start == 0
     assert "no point of the scan lies in the first box" in caplog.text
-    assert "first box: 0 points" in summary.table(None)
+    assert "first box: 0 points" in summary.text()
 
 
 def test_a_later_start_begins_there(street, tmp_path):
@@ -225,8 +225,9 @@ def test_an_unlabelled_frame_is_answered_with_those_that_are(kitti_root):
 def test_a_tracker_of_images_needs_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
-    with pytest.raises(PerceptionError, match="camera's image"):
+    with pytest.raises(PerceptionError) as caught:
         track_object(drive, TrackStart(0, box), tmp_path, TrackConfig("ms-i", 1, video=False))
+    assert caught.value.expected == "an image and a camera calibration in the first frame"
 
 
 def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path, labelled_id):
@@ -242,7 +243,9 @@ def test_without_a_camera_the_scan_alone_is_followed_and_drawn(street, tmp_path,
 def test_object_frames_are_no_drive_to_follow_in(tmp_path, capsys):
     write_drives(tmp_path, SynthConfig(layout="object", frames=1))
     assert main(["track", str(tmp_path), "--box", "1,2,3,4,5,6,7"]) == 2
-    assert "frames that follow each other" in capsys.readouterr().err
+    assert "expected a sequence of frames to track an object in, found object frames" in (
+        capsys.readouterr().err
+    )
 
 
 def test_who_stands_and_trembles_goes_nowhere():

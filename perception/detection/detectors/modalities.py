@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 
 from perception.errors import ImageError
-from perception.maps.densify import DenseMaps, MapMethod, dense_maps, densify
+from perception.maps.densify import DenseMaps, dense_maps, densify
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps, project_frame
-from perception.types import Frame, MapModality, Modality, UInt8
+from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 

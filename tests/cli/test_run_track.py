@@ -10,7 +10,7 @@ import pytest
 from data.open_drive import open_drive
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
-from perception.cli.track_handover import STAGE, HandoverTracking, NoObjectTracking
+from perception.cli.run_drive import TRACKING_STAGE, HandoverTracking, NoObjectTracking
 from perception.geometry.grids import EgoVehicle
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.render import palette
@@ -58,11 +58,11 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
     path = tmp_path / "trajectory.jsonl"
     with HandoverTracking(tmp_path, hand_over_of(8)) as object_tracking:
         before = object_tracking.update(replace(result, tracks=Tracks.empty()))
-        assert STAGE in before.timings_s
+        assert TRACKING_STAGE in before.timings_s
         assert object_tracking.figure is None
         assert object_tracking.without_object(before) is before
         seen = object_tracking.update(result)
-        assert object_tracking.figure.words == "8  5.0 m/s"
+        assert object_tracking.figure.text == "8  5.0 m/s"
         assert object_tracking.without_object(seen).tracks.ids.tolist() == [3]
         # Its own track is gone; it is followed on.
         object_tracking.update(replace(result, tracks=Tracks.empty()))
@@ -73,7 +73,7 @@ def test_from_its_first_frame_on_the_track_is_written_timed_and_drawn_instead(re
 def test_a_track_that_never_comes_is_said(result, tmp_path, caplog):
     with HandoverTracking(tmp_path, hand_over_of(99)) as object_tracking:
         object_tracking.update(result)
-    assert "--follow 99: no frame had a track or a located vehicle of this id" in caplog.text
+    assert "--track 99: no frame has a track or a located vehicle of this id" in caplog.text
 
 
 def test_a_vehicle_that_is_no_track_is_followed_from_its_first_box_on(result, tmp_path):
@@ -122,9 +122,9 @@ def test_the_followed_object_is_drawn_over_the_others(result, tmp_path):
 
 def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
     # Detected vehicles would share the count of ids.
-    words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", "[]"]
-    assert main([*words, "--follow", "0"]) == 0
-    assert STAGE in capsys.readouterr().out
+    words = ["run", str(street), "--out", str(tmp_path), "--pipeline.detection.modalities", ""]
+    assert main([*words, "--track", "0"]) == 0
+    assert TRACKING_STAGE in capsys.readouterr().out
     given = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
     ids = [[track["id"] for track in line["tracks"]] for line in given]
     first = next(number for number, there in enumerate(ids) if 0 in there)
@@ -137,5 +137,5 @@ def test_a_run_follows_one_of_its_tracks(street, tmp_path, capsys):
 
 
 def test_a_number_below_zero_is_refused(street, tmp_path, capsys):
-    assert main(["run", str(street), "--out", str(tmp_path), "--follow", "-1"]) == 2
+    assert main(["run", str(street), "--out", str(tmp_path), "--track", "-1"]) == 2
     assert "an id of 0 or more, found -1" in capsys.readouterr().err

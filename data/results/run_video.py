@@ -1,0 +1,95 @@
+"""Video of a run, drawn and encoded in a thread beside the pipeline, and a preview image from its middle."""
+
+from collections import deque
+from concurrent.futures import Future
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Protocol, Self
+
+from data.atomic_file import write_jpeg
+from perception.pipeline.workers import ThreadWorker
+from perception.render.composition import Composition
+from perception.render.tracked_object_figure import TrackedObjectFigure
+from perception.render.trails import Trails
+from perception.render.video import VideoFile
+from perception.types import Drive, Result
+
+# Bounds the memory of frames that wait to be drawn.
+_MAX_QUEUED = 2
+
+
+class RunVideo(AbstractContextManager["RunVideo"], Protocol):
+    """Takes the frames of a run to draw."""
+
+    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+        """Draw the next frame.
+
+        Args:
+            result: Result of the frame.
+            shown: The same without the object that `tracked` shows.
+            tracked: Figure of the object that is tracked beside the pipeline, or None.
+        """
+        ...
+
+
+class NoRunVideo:
+    """Draws nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None: ...
+
+    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+        """Ignore the frame."""
+
+
+class RunVideoWriter:
+    """Writes `video.mp4` and `preview.jpg` of a run; a context manager."""
+
+    def __init__(self, out: Path, drive: Drive, composition: Composition, frames: int) -> None:
+        """Start the thread that draws.
+
+        Args:
+            out: Folder of the results.
+            drive: Drive of the run.
+            composition: Layout of an image of the video.
+            frames: Number of frames of the run.
+        """
+        self._out, self._composition = out, composition
+        self._middle, self._count = frames // 2, 0
+        self._video = VideoFile(out / "video.mp4", drive.sensor.rate_hz)
+        self._trails = Trails()
+        self._worker = ThreadWorker("video")
+        self._queue: deque[Future[None]] = deque()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        """Draw the queue and close the video; it stays a partial file where something went wrong."""
+        is_complete = False
+        try:
+            self._wait_for(0)
+            is_complete = kind is None
+        finally:
+            self._worker.close()
+            self._video.close(is_complete=is_complete)
+
+    def add(self, result: Result, shown: Result, tracked: TrackedObjectFigure | None) -> None:
+        """Queue a frame; wait while the queue is full."""
+        self._wait_for(_MAX_QUEUED - 1)
+        self._queue.append(self._worker.submit(self._draw, (result, shown, tracked)))
+
+    def _wait_for(self, length: int) -> None:
+        while len(self._queue) > length:
+            self._queue.popleft().result()
+
+    def _draw(self, frame: tuple[Result, Result, TrackedObjectFigure | None]) -> None:
+        result, shown, tracked = frame
+        self._trails.add(result)
+        image = self._composition.draw(shown, self._trails, tracked)
+        self._video.add(image)
+        if self._count == self._middle:
+            write_jpeg(self._out / "preview.jpg", image, quality=88)
+        self._count += 1

@@ -1,0 +1,212 @@
+"""Run the pipeline over a drive and write its results."""
+
+import logging
+import time
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Protocol, Self
+
+import numpy as np
+
+from data.frames import OnBadFrame, frame_count
+from data.results.documents import write_config
+from data.results.run_folder import RunFolderWriter
+from data.results.run_video import NoRunVideo, RunVideo, RunVideoWriter
+from data.results.trajectory import TrajectoryRecord, trajectory_writer
+from perception.cli.drive_results import drive_results
+from perception.cli.flags import require_positive
+from perception.errors import PerceptionError
+from perception.evaluation.run_summary import RunSummary
+from perception.geometry.threads import limit_blas_threads
+from perception.pipeline import PipelineConfig
+from perception.render.bar_plots import plot_timeline
+from perception.render.composition import Composition
+from perception.render.tracked_object_figure import TrackedObjectFigure
+from perception.render.trails import TrackedObjectTrail
+from perception.tracking.single_object.handover import TrackHandover
+from perception.tracking.single_object.trackers import TRACKERS, single_object_tracker
+from perception.types import Drive, Result
+
+log = logging.getLogger(__name__)
+
+TRACKING_STAGE = "object tracking"
+# Length of the drawn path: a few seconds, as of the other tracks.
+_MAX_DRAWN_POSITIONS = 40
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Configuration of a run.
+
+    Attributes:
+        frames: Number of frames from the start; None for all.
+        video: Whether the video is drawn.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+        pipeline: Pipeline configuration.
+        track: Id of the track or vehicle that a one-object tracker takes over, or None.
+    """
+
+    frames: int | None = None
+    video: bool = True
+    on_bad_frame: OnBadFrame = "stop"
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    track: int | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the number of frames."""
+        require_positive("--frames", self.frames)
+
+
+def run_drive(drive: Drive, out: Path, config: RunConfig) -> RunSummary:
+    """Run the pipeline over a drive; every result file is complete after each frame.
+
+    Args:
+        drive: Drive to run on.
+        out: Folder of the results.
+        config: Configuration of the run.
+
+    Raises:
+        PerceptionError: a frame cannot be used; the results of the frames before it stay.
+    """
+    pipeline = config.pipeline
+    summary = RunSummary(drive.name, out, pipeline.area, pipeline.detection.display_score)
+    results = drive_results(drive, pipeline, limit=config.frames, on_bad_frame=config.on_bad_frame)
+    start = time.perf_counter()
+    with ExitStack() as files:
+        folder = files.enter_context(RunFolderWriter(out, drive, pipeline.area))
+        write_config(out, drive, sensor=drive.sensor.name, **vars(config))
+        video = files.enter_context(_open_video(drive, out, config))
+        tracking = files.enter_context(_object_tracking(drive, out, config))
+        try:
+            for result in map(tracking.update, results):
+                video.add(result, tracking.without_object(result), tracking.figure)
+                folder.write(result)
+                summary.update(result, drive.point_truth(result.frame.index))
+        except PerceptionError:
+            log.warning("%d frames are done; their results are in %s", summary.frames, out)
+            raise
+        finally:
+            results.close()
+            summary.elapsed_s = time.perf_counter() - start
+            folder.write_summary(summary.to_json())
+    if summary.frames:
+        title = f"{drive.name}: a typical frame"
+        plot_timeline(
+            out / "timeline.png", title, summary.times.typical(), 1 / drive.sensor.rate_hz
+        )
+    return summary
+
+
+def _open_video(drive: Drive, out: Path, config: RunConfig) -> RunVideo:
+    if not config.video:
+        return NoRunVideo()
+    composition = Composition(
+        area=config.pipeline.area,
+        turn_s=1 / drive.sensor.rate_hz,
+        display_score=config.pipeline.detection.display_score,
+    )
+    return RunVideoWriter(out, drive, composition, frame_count(drive, config.frames))
+
+
+def _object_tracking(drive: Drive, out: Path, config: RunConfig) -> "ObjectTracking":
+    if config.track is None:
+        return NoObjectTracking()
+    tracker = single_object_tracker(TRACKERS[0], drive.sensor)
+    return HandoverTracking(out, TrackHandover(config.track, tracker, config.pipeline.ego_vehicle))
+
+
+class ObjectTracking(AbstractContextManager["ObjectTracking"], Protocol):
+    """Tracks one object beside the pipeline.
+
+    Attributes:
+        figure: What is drawn of the object in the last frame, or None.
+    """
+
+    figure: TrackedObjectFigure | None
+
+    def update(self, result: Result) -> Result:
+        """Track the object in one frame; return the frame with the time of the stage."""
+        ...
+
+    def without_object(self, result: Result) -> Result:
+        """Return the frame without the pipeline's own box of the object."""
+        ...
+
+
+class NoObjectTracking:
+    """Tracks nothing."""
+
+    figure: TrackedObjectFigure | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None: ...
+
+    def update(self, result: Result) -> Result:
+        """Return the frame as it is."""
+        return result
+
+    def without_object(self, result: Result) -> Result:
+        """Return the frame as it is."""
+        return result
+
+
+class HandoverTracking:
+    """Tracks one object of the pipeline from its first frame on, and writes its trajectory.
+
+    Attributes:
+        figure: What is drawn of the object in the last frame, or None before it appears.
+    """
+
+    def __init__(self, out: Path, handover: TrackHandover) -> None:
+        """Open the file.
+
+        Args:
+            out: Folder of the results, which gets `trajectory.jsonl`.
+            handover: Tracker that waits for the object.
+        """
+        self.figure: TrackedObjectFigure | None = None
+        self._handover, self._trail = handover, TrackedObjectTrail()
+        self._records = trajectory_writer(out)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        """Close the file; warn where the object never appeared."""
+        self._records.close()
+        if kind is None and not self._handover.has_started:
+            log.warning(
+                "--track %d: no frame has a track or a located vehicle of this id; tracks.jsonl and "
+                "vehicles.jsonl hold the ids of this run",
+                self._handover.track_id,
+            )
+
+    def update(self, result: Result) -> Result:
+        """Track the object in one frame, write its trajectory, and make its figure."""
+        start_s = time.perf_counter()
+        with limit_blas_threads():
+            tracked = self._handover.update(result)
+        seconds = time.perf_counter() - start_s
+        if tracked is not None:
+            self._records.write(TrajectoryRecord.of(result, tracked))
+            self._trail.add(result, tracked)
+            path_velo = self._trail.path_velo(result)[-_MAX_DRAWN_POSITIONS:]
+            name = str(self._handover.track_id)
+            self.figure = TrackedObjectFigure.of(tracked, path_velo, name)
+        return replace(result, timings_s={**result.timings_s, TRACKING_STAGE: seconds})
+
+    def without_object(self, result: Result) -> Result:
+        """Return the frame without the pipeline's own 3D box of the object, which is drawn once."""
+        if self.figure is None:
+            return result
+        tracked_id, vehicles = self._handover.track_id, result.vehicles
+        if vehicles is not None:
+            # The box in the image stays: the tracker draws none there.
+            is_other = np.where(vehicles.ids == tracked_id, np.nan, 1.0)
+            bottom_m = vehicles.boxes.bottom_m * is_other[:, None]
+            vehicles = replace(vehicles, boxes=replace(vehicles.boxes, bottom_m=bottom_m))
+        tracks = result.tracks[result.tracks.ids != tracked_id]
+        return replace(result, tracks=tracks, vehicles=vehicles)

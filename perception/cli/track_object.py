@@ -1,0 +1,215 @@
+"""Track one object through a drive and write its trajectory."""
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from data.derived.track_start import TrackStart
+from data.frames import OnBadFrame, frame_count, read_frames
+from data.results.documents import write_config, write_json
+from data.results.trajectory import TrajectoryRecord, TrajectoryRows, trajectory_writer
+from perception.cli.flags import require_positive
+from perception.cli.progress import progress_bar
+from perception.evaluation.single_object.track import TrueTrack
+from perception.evaluation.single_object.trajectory_summary import TrajectorySummary
+from perception.geometry.boxes import points_inside
+from perception.geometry.threads import limit_blas_threads
+from perception.pipeline import PipelineConfig
+from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.render.color_model_plots import ColorModelScene, plot_color_model
+from perception.render.tracked_object_composition import TrackedObjectComposition
+from perception.render.tracked_object_views import TrackedObjectScene
+from perception.render.trails import TrackedObjectTrail
+from perception.render.video import open_video
+from perception.sensor import LidarModel
+from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
+from perception.tracking.single_object.fusion.image_region import ImageRegion
+from perception.tracking.single_object.handover import tracker_input_of
+from perception.tracking.single_object.tracker import (
+    SingleObjectTracker,
+    TrackedObject,
+    TrackerInput,
+)
+from perception.tracking.single_object.trackers import single_object_tracker
+from perception.types import Boxes3D, Drive, Result, UInt8
+
+log = logging.getLogger(__name__)
+
+TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """Configuration of the tracking of one object.
+
+    Attributes:
+        tracker: Name of the tracker.
+        frames: Number of frames from the start frame; None for all.
+        video: Whether the video is drawn.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+        pipeline: Configuration of the stages before the tracker.
+        make: Makes a tracker by its name.
+    """
+
+    tracker: str = "default"
+    frames: int | None = None
+    video: bool = True
+    on_bad_frame: OnBadFrame = "stop"
+    pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
+    make: TrackerFactory = single_object_tracker
+
+    def __post_init__(self) -> None:
+        """Validate the number of frames."""
+        require_positive("--frames", self.frames)
+
+
+def track_object(
+    drive: Drive, start: TrackStart, out: Path, config: TrackConfig
+) -> TrajectorySummary:
+    """Track one object; every result file is complete after each frame.
+
+    Args:
+        drive: Drive to track in.
+        start: First box of the object.
+        out: Folder of the results.
+        config: Configuration of the tracking.
+
+    Raises:
+        PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
+    """
+    tracker = _TimedTracker(config.make(config.tracker, drive.sensor), start.box_velo)
+    summary = TrajectorySummary(
+        drive.name, config.tracker, start.name, out, start.truth, drive.calibration
+    )
+    last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
+    count = last - start.frame
+    renderer = _Renderer(start, count)
+    chain = ObstacleChain(drive.sensor, config.pipeline)
+    frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
+    with ExitStack() as files:
+        records = files.enter_context(trajectory_writer(out))
+        rows = files.enter_context(
+            closing(
+                TrajectoryRows(
+                    out / "trajectory.txt", drive.calibration, start.object_id, start.kind
+                )
+            )
+        )
+        _write_config(out, drive, start, config)
+        video = files.enter_context(
+            open_video(out / "video.mp4" if config.video else None, drive.sensor.rate_hz)
+        )
+        try:
+            for frame in progress_bar(frames, drive.name, count):
+                result, _ = chain.segment(frame)
+                tracker_input = tracker_input_of(result, config.pipeline.ego_vehicle)
+                if not summary.frames:
+                    summary.points_at_start = _points_in(start.box_velo, tracker_input)
+                tracked, seconds = tracker.update(tracker_input)
+                records.write(TrajectoryRecord.of(result, tracked))
+                rows.write(result, tracked)
+                summary.update(result, tracked, seconds)
+                if config.video:
+                    video.add(renderer.draw(result, tracked, seconds, tracker.region))
+                if len(summary.frames) == 1 + count // 2:
+                    _plot_colors(out / "color-model.png", start, result, tracker.tracker)
+        finally:
+            write_json(out / "summary.json", summary.to_json())
+    return summary
+
+
+class _TimedTracker:
+    """A tracker with a clock."""
+
+    def __init__(self, tracker: SingleObjectTracker, box_velo: Boxes3D) -> None:
+        self.tracker, self._box_velo = tracker, box_velo
+        self._is_initialized = False
+
+    def update(self, tracker_input: TrackerInput) -> tuple[TrackedObject, float]:
+        """Return the object in one frame and the time of the tracker."""
+        start_s = time.perf_counter()
+        with limit_blas_threads():
+            if self._is_initialized:
+                tracked = self.tracker.update(tracker_input)
+            else:
+                tracked = self.tracker.init(tracker_input, self._box_velo)
+        self._is_initialized = True
+        return tracked, time.perf_counter() - start_s
+
+    @property
+    def region(self) -> ImageRegion | None:
+        """Image region of the object's colours, or None of a tracker without a colour model."""
+        return self.tracker.colors.region if isinstance(self.tracker, FusionTracker) else None
+
+
+class _Renderer:
+    """Draws the frames of the video with the path of the object."""
+
+    def __init__(self, start: TrackStart, count: int) -> None:
+        self._trail, self._truth = TrackedObjectTrail(), start.truth
+        self._composition = TrackedObjectComposition(frame_count=count, name=start.name)
+
+    def draw(
+        self, result: Result, tracked: TrackedObject, seconds: float, region: ImageRegion | None
+    ) -> UInt8:
+        """Return the image of one frame."""
+        self._trail.add(result, tracked)
+        scene = TrackedObjectScene(
+            result=result,
+            tracked=tracked,
+            path_velo=self._trail.path_velo(result),
+            ego_path_velo=self._trail.ego_path_velo(result),
+            speeds_km_h=self._trail.speeds_km_h,
+            states=self._trail.states,
+            seconds=seconds,
+            region=region,
+            truth=_true_box(self._truth, result.frame.index),
+        )
+        return self._composition.draw(scene)
+
+
+def _write_config(out: Path, drive: Drive, start: TrackStart, config: TrackConfig) -> None:
+    write_config(
+        out,
+        drive,
+        sensor=drive.sensor.name,
+        object={"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},
+        **{name: value for name, value in vars(config).items() if name != "make"},
+    )
+
+
+def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:
+    count = int(np.count_nonzero(points_inside(box_velo, tracker_input.points_velo)))
+    if not count:
+        log.warning("no point of the scan lies in the first box; the tracker starts from it alone")
+    return count
+
+
+def _plot_colors(
+    path: Path, start: TrackStart, result: Result, tracker: SingleObjectTracker
+) -> None:
+    """Plot the colour model of the object (Fig. 5.16) where the tracker has one."""
+    path.unlink(missing_ok=True)
+    image = result.frame.image
+    if not isinstance(tracker, FusionTracker) or image is None or tracker.colors.region is None:
+        return
+    region = tracker.colors.region
+    scene = ColorModelScene(
+        image=image,
+        regions=tracker.colors.regions or (region,),
+        measured=tracker.colors.measured,
+        filtered=tracker.colors.colors.ratios,
+    )
+    plot_color_model(path, f"Colours of {start.name} in frame {result.frame.index}", scene)
+
+
+def _true_box(truth: TrueTrack | None, frame: int) -> Boxes3D | None:
+    if truth is None:
+        return None
+    (rows,) = np.nonzero(truth.frames == frame)
+    return truth.boxes_velo[rows] if len(rows) else None

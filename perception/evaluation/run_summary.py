@@ -1,0 +1,118 @@
+"""Summary of a run: times of the stages, counts per frame, and metrics where the drive has exact truth."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from perception.evaluation.confusion import Confusion, confusion_table
+from perception.evaluation.ground import LabelledScan, ground_confusion
+from perception.evaluation.obstacles import PointMotion, point_motion
+from perception.evaluation.stage_times import StageTimes
+from perception.geometry.grids import LocalArea
+from perception.types import Int, PointState, PointTruth, Result
+
+
+@dataclass
+class RunSummary:
+    """Counts of a run, added frame by frame.
+
+    Attributes:
+        drive: Name of the drive.
+        out: Folder of the results.
+        area: Local area of the pipeline.
+        display_score: Score from which a vehicle is counted.
+        times: Times of the stages.
+        points: Number of points by `PointState`, over all frames.
+        track_ids: Ids of all tracks so far.
+        tracks: Number of tracks of each frame.
+        vehicle_ids: Ids of all tracked vehicles so far.
+        vehicles: Number of vehicles with at least `display_score`, of each frame on which detectors ran.
+        ground: Ground points against exact truth.
+        motion: Static and moving points against exact truth.
+        elapsed_s: Wall time with reading, drawing and writing.
+    """
+
+    drive: str
+    out: Path
+    area: LocalArea
+    display_score: float = 0.5
+    times: StageTimes = field(default_factory=StageTimes)
+    points: Int = field(default_factory=lambda: np.zeros(len(PointState), np.int64))
+    track_ids: set[int] = field(default_factory=set)
+    tracks: list[int] = field(default_factory=list)
+    vehicle_ids: set[int] = field(default_factory=set)
+    vehicles: list[int] = field(default_factory=list)
+    ground: Confusion = field(default_factory=Confusion)
+    motion: PointMotion = field(default_factory=PointMotion)
+    elapsed_s: float = 0.0
+
+    def update(self, result: Result, truth: PointTruth | None) -> None:
+        """Add one frame."""
+        states = result.obstacles.point_states
+        self.times.update(result)
+        self.points = self.points + np.bincount(states, minlength=len(PointState))
+        self.track_ids.update(result.tracks.ids.tolist())
+        self.tracks.append(len(result.tracks))
+        if (vehicles := result.vehicles) is not None:
+            self.vehicle_ids.update(vehicles.ids[vehicles.ids >= 0].tolist())
+            is_counted = vehicles.fused.detections.scores >= self.display_score
+            self.vehicles.append(int(np.count_nonzero(is_counted)))
+        if truth is not None:
+            scan = LabelledScan(result.frame.points_velo, states, truth.classes)
+            self.ground = sum(ground_confusion(scan, self.area), self.ground)
+            self.motion += point_motion(states, truth.classes, truth.is_moving)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far."""
+        return len(self.tracks)
+
+    @property
+    def confusions(self) -> dict[str, Confusion]:
+        """Points against exact truth by class; none where the drive has no exact truth."""
+        if not self.ground.true_positives:
+            return {}
+        return {"ground": self.ground, "static": self.motion.static, "moving": self.motion.moving}
+
+    def text(self) -> str:
+        """Return what is printed at the end of a run."""
+        if not self.frames:
+            return f"{self.drive}: no frame could be read"
+        blocks = [self.times.table(f"{self.drive}: {self.frames} frames").text()]
+        if self.confusions:
+            title = "points against the exact truth of this synthetic drive"
+            blocks.append(confusion_table(title, self.confusions).text())
+        points = self.points / self.frames
+        lines = [
+            f"points/frame: {points[PointState.GROUND]:.0f} ground, "
+            f"{points[PointState.STATIC]:.0f} static, {points[PointState.MOVING]:.0f} moving",
+            f"tracks: {len(self.track_ids)}, {np.mean(self.tracks):.1f}/frame",
+        ]
+        if self.vehicles:
+            lines.append(
+                f"vehicles: {len(self.vehicle_ids)} tracked, {np.mean(self.vehicles):.1f}/frame "
+                f"with a score of at least {self.display_score:g}"
+            )
+        speed = f"{self.frames / self.elapsed_s:.1f} frames/s with reading, drawing and writing"
+        return "\n\n".join([*blocks, "\n".join([*lines, speed, f"results: {self.out}"])])
+
+    def to_json(self) -> dict[str, object]:
+        """Return the content of `summary.json`."""
+        points = {state.name.lower(): int(self.points[state]) for state in PointState}
+        tracks = {
+            "ids": len(self.track_ids),
+            "per_frame": float(np.mean(self.tracks)) if self.frames else None,
+        }
+        vehicles = {"ids": len(self.vehicle_ids), "per_frame": float(np.mean(self.vehicles or [0]))}
+        confusions = {name: counts.to_json() for name, counts in self.confusions.items()}
+        return {
+            "drive": self.drive,
+            "frames": self.frames,
+            "elapsed_s": round(self.elapsed_s, 3),
+            "stages_ms": self.times.table("").to_json(),
+            "points_against_truth": confusions or None,
+            "tracks": tracks,
+            "vehicles": vehicles if self.vehicles else None,
+            "points": points,
+        }
