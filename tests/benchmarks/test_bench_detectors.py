@@ -16,6 +16,7 @@ from perception.errors import ImageError, MissingDependencyError
 from perception.pipeline import PipelineConfig
 from tests.car_frames import write_car_frames
 from tests.detection.bright_cells import bright_cells
+from tests.faults import fault
 
 SIZE = InputSize(64, 96)
 
@@ -51,5 +52,5 @@ def test_openvino_that_is_missing_is_named(monkeypatch, tmp_path):
 def test_a_drive_without_images_is_refused(tmp_path):
     drive = open_drive(write_car_frames(tmp_path / "object", frames=1))
     prepared = PreparedDrive(drive, [drive[0]], [], PipelineConfig())
-    with pytest.raises(ImageError, match="expected a camera image, found none"):
+    with fault(ImageError, expected="a camera image", found="none"):
         Workload.make(prepared, tmp_path)

@@ -12,6 +12,7 @@ import pytest
 from data import array_store
 from data.array_store import ArrayStore, default_folder, entry_key
 from perception.errors import UsageError
+from tests.faults import fault
 
 
 def made(value: int = 0, size: int = 100_000) -> dict[str, np.ndarray]:
@@ -99,8 +100,8 @@ def test_nothing_is_left_of_a_write_that_fails(store: ArrayStore, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(array_store.np, "save", full)
-    with pytest.raises(
-        UsageError, match=r"room to write to, found No space left on device; choose"
+    with fault(
+        UsageError, expected="room to write to", found="No space left on device", advice="choose"
     ):
         store.get("a", made)
     assert list(store.folder.iterdir()) == []
@@ -108,18 +109,18 @@ def test_nothing_is_left_of_a_write_that_fails(store: ArrayStore, monkeypatch):
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(UsageError, match=r"cache folder .*file/cache: expected a folder with room"):
+    with fault(UsageError, where="cache folder", expected="a folder with room"):
         ArrayStore(tmp_path / "file" / "cache")
 
 
 def test_a_folder_that_vanished_is_told(store: ArrayStore):
     store.folder.rmdir()
-    with pytest.raises(UsageError, match="No such file or directory"):
+    with fault(UsageError, found="No such file or directory"):
         store.get("a", made)
 
 
 def test_a_budget_of_nothing_is_refused(tmp_path: Path):
-    with pytest.raises(UsageError, match="budget of the cache: expected above zero"):
+    with fault(UsageError, where="budget of the cache", expected="above zero"):
         ArrayStore(tmp_path, budget_bytes=0)
 
 

@@ -10,6 +10,7 @@ from perception.errors import CalibrationError, UsageError
 from perception.geometry.camera import project
 from perception.types import Frame
 from tests.car_frames import CALIBRATION, SIZE_PX
+from tests.faults import fault
 
 
 @pytest.fixture
@@ -80,9 +81,9 @@ def test_one_seed_is_one_direction_at_every_level(frame):
 
 
 def test_what_cannot_be(frame):
-    with pytest.raises(UsageError, match="expected 0 stops or more, found -1"):
+    with fault(UsageError, expected="0 stops or more", found="-1"):
         darken(frame, -1, rng())
-    with pytest.raises(UsageError, match="share of rays lost: expected from 0 to below 1, found 1"):
+    with fault(UsageError, where="share of rays lost", expected="from 0 to below 1", found="1"):
         drop_points(frame, 1, rng())
-    with pytest.raises(CalibrationError, match="expected a camera's calibration, found none"):
+    with fault(CalibrationError, expected="a camera's calibration", found="none"):
         rotate_calibration(replace(frame, calibration=None), 1, rng())

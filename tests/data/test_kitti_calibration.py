@@ -13,6 +13,7 @@ from data.kitti.calibration import (
 from perception.errors import CalibrationError
 from perception.geometry.se3 import from_euler
 from perception.types import Calibration
+from tests.faults import fault
 
 # LiDAR x forward, y left, z up to camera x right, y down, z forward.
 AXES = np.array([[0, -1, 0, 0.0], [0, 0, -1, -0.08], [1, 0, 0, -0.27], [0, 0, 0, 1]])
@@ -80,7 +81,7 @@ def test_a_singular_matrix_is_named_with_its_file(tmp_path, key):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(CalibrationError, match=r"0007\.txt: .*found no file"):
+    with fault(CalibrationError, where="0007.txt", found="no file"):
         read_benchmark_calibration(tmp_path / "0007.txt")
 
 

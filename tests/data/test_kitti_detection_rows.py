@@ -9,6 +9,7 @@ from data.kitti.detection_rows import format_result_rows, read_detection_set, re
 from perception.errors import DriveError, LabelError
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes
+from tests.faults import fault
 
 CAR = "Car 0.10 1 -1.57 599.41 156.40 629.75 189.25 1.5 1.6 3.9 0.47 1.49 69.44 -1.56"
 DONT_CARE = "DontCare -1 -1 -10 10 20 30 40 -1 -1 -1 -1000 -1000 -1000 -10"
@@ -118,30 +119,32 @@ def test_labels_that_cannot_be_read(folders, row: str, sentence: str):
 
 def test_files_that_are_not_there(folders, tmp_path: Path):
     results, labels = folders
-    with pytest.raises(LabelError, match=r"000004\.txt: expected .*, found no file"):
+    with fault(LabelError, where="000004.txt", found="no file"):
         read_detection_set(results, labels, (3, 4))
-    with pytest.raises(DriveError, match=r"expected texts named 000000\.txt, found no folder"):
+    with fault(DriveError, expected="texts named 000000.txt", found="no folder"):
         read_detection_set(tmp_path / "nowhere", labels)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DriveError, match="found no such file"):
+    with fault(DriveError, found="no such file"):
         read_detection_set(results, tmp_path / "empty")
     write(tmp_path / "others", {100: FOUND})
-    with pytest.raises(DriveError, match=r"results of the 3 frames.*found 1 results of other"):
+    with fault(DriveError, expected="results of the 3 frames", found="1 results of other"):
         read_detection_set(tmp_path / "others", labels)
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "where", "expected", "found"),
     [
-        ("1\nx2\n", "row 2: expected a frame number, found 'x2'"),
-        ("1\n2\n01\n", "row 3: expected each frame once, found 01 as in row 1"),
-        ("\n", "expected frame numbers, one a row, found none"),
+        ("1\nx2\n", "row 2", "a frame number", "'x2'"),
+        ("1\n2\n01\n", "row 3", "each frame once", "01 as in row 1"),
+        ("\n", "val.txt", "frame numbers", "none"),
     ],
 )
-def test_lists_that_cannot_be_read(tmp_path: Path, text: str, sentence: str):
+def test_lists_that_cannot_be_read(
+    tmp_path: Path, text: str, where: str, expected: str, found: str
+):
     frame_list = tmp_path / "val.txt"
     frame_list.write_text(text)
-    with pytest.raises(LabelError, match=sentence):
+    with fault(LabelError, where=where, expected=expected, found=found):
         read_frame_list(frame_list)
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from data.kitti.tracker_files import label_folder, pair_with_labels, read_seqmap, sequences_in
 from perception.errors import DriveError, LabelError
+from tests.faults import fault
 
 LABEL = "{frame} 4 Car 0 0 -1.5 10 20 30 40 1.5 1.8 4.2 -3 1.7 20 0.25\n"
 RESULT = "{frame} 4 Car -1 -1 -10 10 20 30 40 -1 -1 -1 -1000 -1000 -1000 -10 0.75\n"
@@ -28,9 +29,9 @@ def test_labels_are_found_from_any_folder_above(folders):
     labels = folders[1]
     assert [label_folder(path) for path in (labels, *labels.parents[:2])] == [labels] * 3
     assert sequences_in(labels) == ["0001", "0002"]
-    with pytest.raises(DriveError, match=r"expected labels named SSSS.txt.*, found none"):
+    with fault(DriveError, expected="labels named SSSS.txt", found="none"):
         label_folder(labels.parents[2])
-    with pytest.raises(DriveError, match="found no such folder"):
+    with fault(DriveError, found="no such folder"):
         label_folder(labels / "nowhere")
 
 
@@ -57,7 +58,7 @@ def test_a_seqmap_names_sequences_and_their_lengths(folders, tmp_path):
     (files,) = pair_with_labels(*folders, seqmap)
     assert files.read().frame_count == 8
     seqmap.write_text("0001 empty 000000 000007\n")
-    with pytest.raises(LabelError, match=r"0001.txt row 1: expected frames from 0 to 6, found '7'"):
+    with fault(LabelError, where="0001.txt row 1", expected="frames from 0 to 6", found="'7'"):
         pair_with_labels(*folders, seqmap)[0].read()
 
 
@@ -65,16 +66,16 @@ def test_missing_files_say_what_to_do(folders, tmp_path):
     results, labels = folders
     seqmap = tmp_path / "seqmap.txt"
     seqmap.write_text("0001 empty 000000 000008\n0002 empty 000000 000008\n")
-    with pytest.raises(DriveError, match=r"0002.txt: expected the results .*add an empty file"):
+    with fault(DriveError, where="0002.txt", expected="the results", advice="add an empty file"):
         pair_with_labels(results, labels, seqmap)
     (results / "0003.txt").touch()
-    with pytest.raises(DriveError, match=r"0003.txt: expected the labels of sequence 0003"):
+    with fault(DriveError, where="0003.txt", expected="the labels of sequence 0003"):
         pair_with_labels(results, labels)
-    with pytest.raises(DriveError, match=r"expected results named SSSS.txt, found none"):
+    with fault(DriveError, expected="results named SSSS.txt", found="none"):
         pair_with_labels(tmp_path, labels)
-    with pytest.raises(DriveError, match="expected a folder of results"):
+    with fault(DriveError, expected="a folder of results"):
         pair_with_labels(results / "0001.txt", labels)
-    with pytest.raises(LabelError, match="expected a seqmap, found no file"):
+    with fault(LabelError, expected="a seqmap", found="no file"):
         pair_with_labels(results, labels, tmp_path / "nowhere.txt")
 
 
@@ -86,7 +87,7 @@ def test_missing_files_say_what_to_do(folders, tmp_path):
 def test_a_bad_row_of_a_seqmap(tmp_path, row):
     path = tmp_path / "seqmap.txt"
     path.write_text(f"0000 empty 000000 000154\n{row}\n")
-    with pytest.raises(LabelError, match="row 2: expected a sequence that is named once"):
+    with fault(LabelError, where="row 2", expected="a sequence that is named once"):
         read_seqmap(path)
     assert read_seqmap_of(path, "0000 empty 000000 000154") == {"0000": 154}
 

@@ -14,6 +14,7 @@ from data.kitti.tracking_rows import (
     read_result_rows,
 )
 from perception.errors import LabelError, PerceptionError
+from tests.faults import fault
 
 LABEL = "3 4 Car 1 2 -1.5 10.25 20 30.5 40 1.5 1.8 4.2 -3 1.7 20 0.25"
 RESULT = "3 4 Car -1 -1 -10 10.25 20 30.5 40 -1 -1 -1 -1000 -1000 -1000 -10 0.75"
@@ -110,13 +111,13 @@ def test_an_id_may_be_there_again_where_it_means_another(tmp_path):
 
 
 def test_without_a_length_any_frame_may_be():
-    with pytest.raises(LabelError, match="expected a label text, found no file"):
+    with fault(LabelError, expected="a label text", found="no file"):
         read_label_rows(Path("nowhere/0000.txt"))
 
 
 def test_arrays_of_different_lengths_are_refused():
     values = {field.name: getattr(ROWS, field.name) for field in fields(TrackingRows)}
-    with pytest.raises(PerceptionError, match=r"boxes_px: expected shape \(3, 4\)"):
+    with fault(PerceptionError, where="boxes_px", expected="shape (3, 4)"):
         TrackingRows(**{**values, "boxes_px": np.zeros((2, 4))})
 
 

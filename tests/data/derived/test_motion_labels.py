@@ -10,6 +10,7 @@ from perception.evaluation.config import MotionLabelConfig
 from perception.evaluation.objects import MotionState
 from perception.geometry.se3 import from_euler, inverse
 from perception.types import Boxes3D, Labels
+from tests.faults import fault
 
 SCAN_S = 0.1
 
@@ -139,7 +140,7 @@ def test_objects_without_a_track_are_left_out():
 
 
 def test_thresholds_out_of_order_are_refused():
-    with pytest.raises(UsageError, match="stop_m_s <= start_m_s"):
+    with fault(UsageError, expected="stop_m_s <= start_m_s"):
         MotionLabelConfig(start_m_s=0.5, stop_m_s=0.8)
 
 

@@ -14,6 +14,7 @@ from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.objects import MotionState
 from perception.sensor import VLP_16
 from perception.types import Drive
+from tests.faults import fault
 
 FRAMES = 8
 
@@ -94,10 +95,10 @@ def test_poses_that_do_not_fit_the_drive_are_refused(drive, tmp_path: Path):
     poses = folder / "truth_poses.txt"
     rows = poses.read_text().splitlines()
     poses.write_text("\n".join(rows[:2]))
-    with pytest.raises(PoseError, match="8 rows of 12"):
+    with fault(PoseError, expected="8 rows of 12"):
         moving_truth(open_drive(folder))
     poses.write_text("one two\n")
-    with pytest.raises(PoseError, match="12 numbers a row"):
+    with fault(PoseError, expected="12 numbers a row"):
         moving_truth(open_drive(folder))
 
 
@@ -110,11 +111,11 @@ def test_recorded_labels_know_the_camera_s_view_only(kitti_root: Path):
     assert np.linalg.norm(scene.velocities_m_s, axis=1)[:3] == pytest.approx(
         [4.93, 3.51, 1.12], abs=0.01
     )
-    with pytest.raises(DriveError, match="--view camera"):
+    with fault(DriveError, expected="exact truth", advice="--view camera"):
         moving_truth(drive, "all")
 
 
 def test_a_drive_without_labels_cannot_say_what_moves(kitti_root: Path):
     drive = open_drive(kitti_root / "raw" / "2011_09_26" / "2011_09_26_drive_0005_sync")
-    with pytest.raises(DriveError, match="tracking layout"):
+    with fault(DriveError, expected="INS poses", advice="tracking layout"):
         moving_truth(drive)

@@ -10,6 +10,7 @@ from perception.errors import UsageError
 from perception.geometry import se3
 from perception.sensor import VLP_16
 from perception.types import Frame
+from tests.faults import fault
 
 
 def test_same_seed_same_drive_bit_by_bit(street_drive):
@@ -68,7 +69,7 @@ def test_ins_errors_have_the_stated_deviation_and_memory():
 
 
 def test_nonsense_is_refused():
-    with pytest.raises(UsageError, match="at least one frame"):
+    with fault(UsageError, expected="at least one frame"):
         SyntheticDrive(0)
-    with pytest.raises(UsageError, match="deviations of 0 or more"):
+    with fault(UsageError, expected="deviations of 0 or more"):
         InsNoise(position_m=-1.0)

@@ -15,6 +15,7 @@ from data.synthetic.traffic_generator import _apart
 from data.synthetic.world_config import WorldConfig
 from perception.errors import UsageError
 from perception.geometry.box_overlap_bev import iou_bev
+from tests.faults import fault
 
 KINDS = [
     world_kinds.town_street,
@@ -117,5 +118,5 @@ def test_points_on_trucks_are_labelled_so():
 
 
 def test_an_ego_lane_that_the_road_lacks_is_refused():
-    with pytest.raises(UsageError, match="ego_lane below the 1 lanes"):
+    with fault(UsageError, expected="ego_lane below the 1 lanes"):
         WorldConfig(ego_lane=1)

@@ -15,6 +15,7 @@ from perception.errors import UsageError
 from perception.geometry.boxes import points_inside
 from perception.sensor import VLP_16
 from perception.types import Boxes3D
+from tests.faults import fault
 
 FRAMES = 60
 
@@ -135,5 +136,5 @@ def test_a_short_drive_and_another_sensor():
 
 
 def test_a_drive_too_short_for_anything_is_refused():
-    with pytest.raises(UsageError, match=r"at least 0.5 s, found 0.1 s"):
+    with fault(UsageError, expected="at least 0.5 s", found="0.1 s"):
         Scenario(duration_s=0.1)

@@ -11,6 +11,7 @@ from data.synthetic.vehicle_designs import BodyStyle, draw_design
 from data.synthetic.world_config import WorldConfig
 from data.synthetic.world_kinds import draw_config
 from perception.errors import UsageError
+from tests.faults import fault
 
 
 def test_a_place_on_the_road_is_found_again():
@@ -109,5 +110,5 @@ def test_drawn_configurations_differ_and_are_possible():
     rng = np.random.default_rng(0)
     drawn = [draw_config(rng) for _ in range(20)]
     assert len({config.road.pavement_m for config in drawn}) == 20
-    with pytest.raises(UsageError, match="leader_gap_m from 9"):
+    with fault(UsageError, expected="leader_gap_m from 9"):
         WorldConfig(leader_gap_m=3.0)

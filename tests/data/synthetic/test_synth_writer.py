@@ -9,6 +9,7 @@ from data.synthetic.materials import SemanticClass
 from data.synthetic.writer import DATE, semantic_kitti_labels
 from perception.errors import UsageError
 from perception.sensor import VLP_16
+from tests.faults import fault
 
 FRAMES = 2
 
@@ -76,7 +77,7 @@ def test_words_tell_class_motion_and_instance(street_drive):
 
 
 def test_nothing_to_write_is_refused():
-    with pytest.raises(UsageError, match="at least one frame"):
+    with fault(UsageError, expected="at least one frame"):
         SynthConfig(frames=0)
-    with pytest.raises(UsageError, match="raw, tracking or object"):
+    with fault(UsageError, expected="raw, tracking or object"):
         SynthConfig(layout="odometry")
