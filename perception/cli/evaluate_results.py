@@ -1,9 +1,10 @@
-"""`trifuse evaluate results`: result files of any program against labels, by KITTI's 2D protocols."""
+"""`trifuse evaluate results`: detection and tracking result files of any program, by KITTI's 2D protocols."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from perception.cli.evaluate_detection import PrecisionFlags
 from perception.cli.evaluation import EvaluationDocument, publish_report
@@ -11,7 +12,9 @@ from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, DetectionClass
 
-_SPLIT = "the frames counted under data; the training data of the detector are not known"
+Kind = Literal["auto", "detections", "tracks"]
+
+_SPLIT = "the files under data; the training data of the program are not known"
 
 
 @dataclass(frozen=True)
@@ -30,9 +33,59 @@ class ResultPrecisionFlags(PrecisionFlags):
     recall_points: tuple[int, ...] = (11, 40)
 
 
+def evaluate_results(  # noqa: PLR0913 - flags of a command
+    results: Path,
+    *,
+    labels: Path,
+    metric: ResultPrecisionFlags,
+    report: ReportFlags,
+    kind: Kind = "auto",
+    classes: tuple[str, ...] = (),
+    frame_list: Path | None = None,
+    seqmap: Path | None = None,
+    plot: Path | None = None,
+) -> None:
+    """Measure result files of any program: average precision of detections, or HOTA, CLEAR and IDF1 of tracks.
+
+    Detections: NNNNNN.txt of a frame with 16 columns, the score last. Tracks: SSSS.txt of a sequence with 18
+    columns. An empty file means that nothing was found, as does a missing file of detections.
+
+    Example: trifuse evaluate results results/latest/tracks --labels kitti/tracking
+
+    Args:
+        results: Folder of the result files.
+        labels: Folder of the label files, or the root of KITTI's object or tracking data.
+        kind: Kind of the results; auto decides by the names of the files.
+        classes: Classes to measure, several with commas; else Car, Pedestrian and Cyclist, of tracks car and
+            pedestrian; of detections, with --iou any other.
+        frame_list: File of frame numbers, one a row, of detections; else all frames with labels.
+        seqmap: File of sequence names and numbers of frames, of tracks; else all sequences with results.
+        plot: PNG file for the precision-recall curves of detections.
+    """
+    if kind == "tracks" or (kind == "auto" and _are_tracks(results)):
+        _measure_tracks(results, labels, classes, seqmap, report.json)
+    else:
+        _measure_detections(
+            results,
+            labels,
+            _parse_classes(classes, metric.iou),
+            metric,
+            frame_list,
+            plot,
+            report.json,
+        )
+
+
+def _are_tracks(results: Path) -> bool:
+    """Tell whether the files are named as sequences, 0000.txt, and not as frames, 000000.txt."""
+    folder = results / "data" if (results / "data").is_dir() else results
+    names = sorted(file.stem for file in folder.glob("*.txt")) if folder.is_dir() else []
+    return bool(names) and len(names[0]) != len("000000")
+
+
 @dataclass(frozen=True)
 class DetectionFiles:
-    """Files that the metrics rest on.
+    """Files that the metrics of detections rest on.
 
     Attributes:
         results: Folder of the result files.
@@ -51,29 +104,15 @@ class DetectionFiles:
     detections: int
 
 
-def evaluate_results(  # noqa: PLR0913 - flags of a command
+def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
     results: Path,
-    *,
     labels: Path,
-    metric: ResultPrecisionFlags,
-    report: ReportFlags,
-    classes: tuple[str, ...] = ("Car", "Pedestrian", "Cyclist"),
-    frame_list: Path | None = None,
-    plot: Path | None = None,
+    classes: Sequence[DetectionClass],
+    metric: PrecisionFlags,
+    frame_list: Path | None,
+    plot: Path | None,
+    json: Path | None,
 ) -> None:
-    """Measure KITTI detection result files of any program: average precision by KITTI's 2D protocol.
-
-    An empty or missing result file means that nothing was detected in its frame.
-
-    Example: trifuse evaluate results results/latest/data --labels kitti/object --plot precision.png
-
-    Args:
-        results: Folder of 000000.txt with 16 columns a row, the score last.
-        labels: Folder of 000000.txt, or the root of KITTI's object data.
-        classes: Classes to measure, several with commas: Car, Pedestrian, Cyclist, with --iou any other.
-        frame_list: File of frame numbers, one a row; else all frames with labels.
-        plot: PNG file for the precision-recall curves.
-    """
     from data.kitti.detection_rows import read_detection_set, read_frame_list
     from perception.cli.progress import frame_progress_bar, progress_bar
     from perception.evaluation.detection.class_precision import (
@@ -82,14 +121,13 @@ def evaluate_results(  # noqa: PLR0913 - flags of a command
         measure_precision,
     )
 
-    chosen = [_parse_class(name, metric.iou) for name in classes]
     numbers = None if frame_list is None else read_frame_list(frame_list)
     found = read_detection_set(results, labels, numbers, frame_progress_bar("reading"))
     progress = partial(progress_bar, description="bootstrap", unit="resample", delay_s=2)
     frames = len(found.numbers)
     precision = [
         measure_precision(found.truths, found.detections, frames, one, metric, progress)
-        for one in chosen
+        for one in classes
     ]
     files = DetectionFiles(
         results.resolve(),
@@ -99,17 +137,66 @@ def evaluate_results(  # noqa: PLR0913 - flags of a command
         found.missing_results,
         len(found.detections),
     )
-    values = {"classes": chosen, "difficulties": DIFFICULTIES, **asdict(metric)}
+    values = {"classes": classes, "difficulties": DIFFICULTIES, **asdict(metric)}
     document = EvaluationDocument(
-        "results", files, {**PROTOCOL, "values": values}, {"metric": metric}, _SPLIT
+        "detections", files, {**PROTOCOL, "values": values}, {"metric": metric}, _SPLIT
     )
     computed = PrecisionReport(f"Average precision, {frames} frames", precision, metric)
-    heading = _describe(results, files, found.extra_results)
-    publish_report(heading, computed, document, report.json)
+    publish_report(_describe(results, files, found.extra_results), computed, document, json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 
         plot_curves(plot, f"{results}: {frames} frames", computed.panels(), share_y="all")
+
+
+@dataclass(frozen=True)
+class TrackFiles:
+    """Files that the metrics of tracks rest on.
+
+    Attributes:
+        results: Folder of the result files.
+        labels: Folder of the label files.
+        seqmap: File that named the sequences, if any.
+        frames: Number of frames of each sequence.
+    """
+
+    results: Path
+    labels: Path
+    seqmap: Path | None
+    frames: dict[str, int]
+
+
+def _measure_tracks(
+    results: Path, labels: Path, classes: Sequence[str], seqmap: Path | None, json: Path | None
+) -> None:
+    from data.kitti.tracker_files import label_folder, pair_with_labels, sequences_in
+    from perception.cli.progress import progress_bar
+    from perception.evaluation.multi_object.kitti_protocol import NEIGHBOURS
+    from perception.evaluation.tracking_measure import TrackingMeasure
+
+    requested = {name.lower() for name in classes or ("car", "pedestrian")}
+    if not requested <= set(NEIGHBOURS):
+        raise UsageError("--classes", expected=", ".join(NEIGHBOURS), found=",".join(classes))
+    chosen = [name for name in NEIGHBOURS if name in requested]
+    folder, measure = label_folder(labels), TrackingMeasure(chosen)
+    pairs = pair_with_labels(results, folder, seqmap)
+    for files in progress_bar(pairs, "tracks", unit="sequence", delay_s=2):
+        rows = files.read()
+        measure.update(files.name, rows.labels, rows.results, rows.frame_count)
+    computed = measure.compute()
+    used = TrackFiles(
+        results.resolve(), folder.resolve(), seqmap and seqmap.resolve(), computed.frame_counts
+    )
+    document = EvaluationDocument("tracks", used, computed.protocol(), {"classes": chosen}, _SPLIT)
+    heading = (
+        f"{results}: {len(computed.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
+        f"{computed.frames} frames"
+    )
+    publish_report(heading, computed, document, json)
+
+
+def _parse_classes(names: Sequence[str], ious: Sequence[float]) -> list[DetectionClass]:
+    return [_parse_class(name, ious) for name in names] if names else list(KITTI_CLASSES)
 
 
 def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:

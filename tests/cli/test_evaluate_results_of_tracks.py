@@ -1,4 +1,4 @@
-"""`trifuse evaluate tracks`: as the benchmark's own tool, count by count."""
+"""`trifuse evaluate results` of tracks: equal to the benchmark's own tool, count by count."""
 
 import json
 import tarfile
@@ -31,7 +31,7 @@ def oracle(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
 
 
 def evaluate(*words: str | Path) -> int:
-    return main(["evaluate", "tracks", *map(str, words)])
+    return main(["evaluate", "results", *map(str, words)])
 
 
 @pytest.mark.parametrize("tracker", ["perturbed", "iou_rrc", "corner"])
@@ -111,7 +111,7 @@ def test_classes_may_be_chosen(small, capsys):
     assert "car:" not in printed
     # One missed, one false: MOTA is -100 %.
     assert combined_row(printed, "cyclist")[5] == "-100.000"
-    assert evaluate(results, "--labels", labels, "--classes", "Cyclist, car") == 0
+    assert evaluate(results, "--labels", labels, "--classes", "Cyclist,car") == 0
     printed = capsys.readouterr().out
     assert combined_row(printed, "car")[8:12] == ["2", "0", "0", "1"]
     assert "cyclist:" in printed
@@ -138,5 +138,4 @@ def test_what_is_wrong_is_said_in_one_sentence(small, capsys):
     assert evaluate(results, "--labels", labels) == 2
     assert "0000.txt row 1: expected 18 columns, found 17." in capsys.readouterr().err
     assert evaluate(results, "--labels", labels, "--classes", "car,bus") == 2
-    expected = "--classes: expected some of car, pedestrian, cyclist, with commas, found 'car,bus'."
-    assert expected in capsys.readouterr().err
+    assert "--classes: expected car, pedestrian, cyclist, found car,bus" in capsys.readouterr().err
