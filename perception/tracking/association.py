@@ -1,4 +1,4 @@
-"""Which detection belongs to which track."""
+"""Association of detections with tracks."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,13 @@ from perception.types import Bool, Float64, Int
 
 @dataclass(frozen=True)
 class Association:
-    """Pairs of T tracks and D detections, and what is left of both.
+    """Pairs of T tracks and D detections, and the unmatched rest of both.
 
     Attributes:
         tracks: (P,) row of the track of each pair.
         detections: (P,) row of the detection of each pair.
-        unmatched_tracks: rows of tracks without a detection.
-        unmatched_detections: rows of detections without a track.
+        unmatched_tracks: Rows of tracks without a detection.
+        unmatched_detections: Rows of detections without a track.
     """
 
     tracks: Int
@@ -26,11 +26,11 @@ class Association:
 
 
 def assign_hungarian(costs: Float64, is_allowed: Bool) -> Association:
-    """Match as many allowed pairs of (T, D) as there can be, at the least sum of costs.
+    """Match the maximum number of allowed pairs at the minimum sum of costs (Hungarian method).
 
     Args:
-        costs: (T, D) of each pair, 0 or more.
-        is_allowed: (T, D) which pairs passed the gate.
+        costs: (T, D) cost of each pair, 0 or more.
+        is_allowed: (T, D) whether a pair passed the gate.
     """
     # One forbidden pair costs more than all allowed ones together.
     forbidden = 1.0 + 2.0 * min(costs.shape) * float(costs[is_allowed].max(initial=0.0))
@@ -40,15 +40,15 @@ def assign_hungarian(costs: Float64, is_allowed: Bool) -> Association:
 
 
 def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> Association:
-    """Match allowed pairs of (T, D) at the least sum of costs, where each one unmatched costs something, too.
+    """Match allowed pairs at the minimum sum of costs, where an unmatched pair has a cost, too.
 
-    What is hidden or missed leaves its track without a detection: to match as many as there can be would
-    hand on the neighbour's instead, and the next one's to the neighbour.
+    An object that is hidden or missed leaves its track without a detection: to match the maximum number of pairs would
+    give it the neighbour's detection, and the neighbour the next one's.
 
     Args:
-        costs: (T, D) of each pair.
-        is_allowed: (T, D) which pairs passed the gate.
-        max_cost: cost of a pair from which on both rather stay alone.
+        costs: (T, D) cost of each pair.
+        is_allowed: (T, D) whether a pair passed the gate.
+        max_cost: Cost of a pair at and above which both stay unmatched.
     """
     is_worthwhile = is_allowed & (costs < max_cost)
     tracks, detections = linear_sum_assignment(np.where(is_worthwhile, costs, max_cost))
@@ -57,13 +57,17 @@ def assign_with_max_cost(costs: Float64, is_allowed: Bool, max_cost: float) -> A
 
 
 def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
-    """Let each track, in order, take the nearest detection in its gate that no track before it took.
+    """Match each track, in order, with the nearest detection in its gate that is not matched yet.
 
-    Gating and nearest neighbour of the thesis (5.2.2, Data Association).
+    This is the gating and nearest neighbour of the thesis (5.2.2, Data Association).
+
+    Args:
+        distances: (T, D) distance of each pair.
+        is_allowed: (T, D) whether a pair passed the gate.
     """
     rows, columns = np.nonzero(is_allowed)
     nearest_first = np.lexsort((distances[rows, columns], rows))
-    # What one track takes bears on all later ones: only this walk over the allowed pairs is in turn.
+    # A match excludes pairs of all later tracks: only this loop over the allowed pairs is sequential.
     taken: dict[int, int] = {}
     is_matched: set[int] = set()
     for track, detection in zip(
@@ -77,10 +81,12 @@ def assign_greedily(distances: Float64, is_allowed: Bool) -> Association:
 
 
 def _association(tracks: Int, detections: Int, shape: tuple[int, ...]) -> Association:
-    return Association(tracks, detections, _others(tracks, shape[0]), _others(detections, shape[1]))
+    return Association(
+        tracks, detections, _unmatched(tracks, shape[0]), _unmatched(detections, shape[1])
+    )
 
 
-def _others(rows: Int, count: int) -> Int:
+def _unmatched(rows: Int, count: int) -> Int:
     is_left = np.ones(count, bool)
     is_left[rows] = False
     return np.flatnonzero(is_left)

@@ -1,4 +1,4 @@
-"""Objects followed as boxes: the default tracker."""
+"""Tracker of moving objects as boxes, the default."""
 
 from dataclasses import replace
 
@@ -24,16 +24,16 @@ from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
 
 class BoxTracker:
-    """Follows things as boxes, placed by the sides that face the sensor."""
+    """Tracks moving objects as boxes, located by the sides that face the sensor; a `MultiObjectTracker`."""
 
     def __init__(
         self, area: LocalArea | None = None, config: BoxTrackerConfig | None = None
     ) -> None:
-        """Begin without a track.
+        """Create a tracker without tracks.
 
         Args:
-            area: outside of which nothing is seen, so that what leaves it is gone; None for no end.
-            config: every choice.
+            area: Local area of the clusters, outside of which unseen tracks are deleted; None for no limit.
+            config: Motion, heading, size and life cycle of tracks.
         """
         self._area = area
         self._config = config or BoxTrackerConfig()
@@ -41,7 +41,7 @@ class BoxTracker:
         self.clear()
 
     def clear(self) -> None:
-        """End all tracks; their ids are not used again."""
+        """Delete all tracks; their ids are not used again."""
         self._tracks = TrackTable.empty()
         self._static_before_m = np.zeros((0, 2))
         self._stamp_s: float | None = None
@@ -49,7 +49,7 @@ class BoxTracker:
     def update(
         self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
-        """Take in what one scan shows and say where everything is that is tracked."""
+        """Update the tracks by the clusters of one scan, and return the reported ones."""
         if self._stamp_s is None or stamp_s > self._stamp_s:
             elapsed_s = 0.0 if self._stamp_s is None else stamp_s - self._stamp_s
             self._stamp_s = stamp_s
@@ -62,7 +62,7 @@ class BoxTracker:
         return self._report(self._stamp_s, world_SE3_velo)
 
     def _predict(self, elapsed_s: float) -> None:
-        """Move the tracks to now; over a long gap in time nothing is carried."""
+        """Predict the tracks; after a long gap in time none is left."""
         tracks = self._tracks[is_alive(self._tracks, self._stamp, self._config.lifecycle)]
         headings = update_from_course(tracks, elapsed_s, self._config.heading)
         states = motion_model.predict(tracks.states, elapsed_s, self._config.motion)
@@ -76,14 +76,14 @@ class BoxTracker:
         )
 
     def _update_with_moving(self, clusters: Footprints, sensor_m: Float64) -> Footprints:
-        """Let moving things continue tracks, the confirmed ones first; return those that continue none."""
-        is_sure = self._tracks.is_confirmed
+        """Continue tracks by moving clusters, the confirmed ones first; return the unmatched clusters."""
+        is_confirmed_before = self._tracks.is_confirmed
         clusters = join_fragments(
             clusters,
-            self._is_inside_boxes(self._tracks[is_sure], clusters.centroids_m),
+            self._is_inside(self._tracks[is_confirmed_before], clusters.centroids_m),
             self._config.fragment_share,
         )
-        for rows in (np.flatnonzero(is_sure), np.flatnonzero(~is_sure)):
+        for rows in (np.flatnonzero(is_confirmed_before), np.flatnonzero(~is_confirmed_before)):
             if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
                 measured = measure_boxes(tracks, clusters, sensor_m, self._config)
@@ -97,13 +97,13 @@ class BoxTracker:
                 clusters = clusters[pairs.unmatched_detections]
         return clusters
 
-    def _is_inside_boxes(self, tracks: TrackTable, positions_m: Float64) -> Bool:
-        """Tell (T, F) which places lie within the boxes of which tracks, and a little around them."""
+    def _is_inside(self, tracks: TrackTable, positions_m: Float64) -> Bool:
+        """Return (T, F) whether each position lies within the box of each track, or in its margin."""
         sizes_m = likely_sizes_m(tracks, self._config.size) + 2 * self._config.fragment_margin_m
         return is_inside_boxes(positions_m, tracks.mean[:, :2], sizes_m, tracks.yaw_rad)
 
     def _update_with_static(self, clusters: Footprints, sensor_m: Float64) -> None:
-        """Let standing things continue confirmed tracks that nothing moving continued."""
+        """Continue confirmed tracks by static clusters where no moving cluster has."""
         is_new = self._is_newly_static(clusters)
         rows = np.flatnonzero(may_be_static(self._tracks, self._stamp, self._config.lifecycle))
         if len(clusters) == 0 or len(rows) == 0:
@@ -122,7 +122,7 @@ class BoxTracker:
         )
 
     def _is_newly_static(self, clusters: Footprints) -> Bool:
-        """Tell which standing things were not there in the scan before, and remember them."""
+        """Return whether each static cluster is new since the last scan, and store them."""
         before, self._static_before_m = self._static_before_m, clusters.centroids_m
         if len(before) == 0 or len(clusters) == 0:
             return np.ones(len(clusters), bool)
@@ -133,7 +133,7 @@ class BoxTracker:
     def _update_matched(
         self, rows: Int, clusters: Footprints, sensor_m: Float64, *, is_moving: bool
     ) -> None:
-        """Let each of some tracks be continued by one thing."""
+        """Correct some tracks by one cluster each."""
         if len(rows) == 0:
             return
         tracks = update_tracks(self._tracks[rows], clusters, sensor_m, self._config)
@@ -148,9 +148,9 @@ class BoxTracker:
         self._tracks = self._tracks.replaced(rows, tracks)
 
     def _init_tracks(self, clusters: Footprints, sensor_m: Float64) -> None:
-        """Begin a track with each thing that continues none and is no part of what is tracked."""
+        """Begin a track with each unmatched cluster that is not part of a confirmed track's object."""
         sure = self._tracks[self._tracks.is_confirmed]
-        is_part = self._is_inside_boxes(sure, clusters.centroids_m).any(axis=0)
+        is_part = self._is_inside(sure, clusters.centroids_m).any(axis=0)
         clusters = clusters[np.flatnonzero(~is_part)]
         if len(clusters) == 0:
             return
@@ -159,11 +159,9 @@ class BoxTracker:
         self._next_id += len(clusters)
 
     def _delete_tracks(self, world_SE3_velo: Float64) -> None:
-        """End the tracks that nobody has seen for too long, and those unseen beyond the area."""
+        """Delete the tracks that are unseen for too long or beyond the area, and doubled ones."""
         tracks = self._tracks
-        is_doubled = (
-            self._is_inside_boxes(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
-        )
+        is_doubled = self._is_inside(tracks, tracks.mean[:, :2]) & tracks.is_confirmed[:, None]
         is_doubled &= tracks.ids[:, None] < tracks.ids
         goes_on = is_alive(tracks, self._stamp, self._config.lifecycle) & ~is_doubled.any(axis=0)
         if self._area is not None:
@@ -177,7 +175,7 @@ class BoxTracker:
         return 0.0 if self._stamp_s is None else self._stamp_s
 
     def _report(self, stamp_s: float, world_SE3_velo: Float64) -> Tracks:
-        """Report the tracks in the frame of the scan."""
+        """Return the reported tracks in the frame of the scan."""
         tracks = self._tracks[is_reported(self._tracks, stamp_s, self._config.lifecycle)]
         sizes_m = likely_sizes_m(tracks, self._config.size)
         boxes_world = Boxes3D(

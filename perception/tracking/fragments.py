@@ -1,7 +1,7 @@
-"""Parts of one thing that a detector could not join, because nothing returns between them.
+"""Fragments of one object that a detector could not join, as there are no returns between them.
 
-A roof seen through a gap in the beams, a seat behind glass, a far end behind a post: a scan alone
-does not tell that they belong together. A track knows how large its thing is.
+A roof above a gap between beams, a seat behind glass, a far end behind a post: one scan does not show that they belong
+together. The track knows the size of its object.
 """
 
 import numpy as np
@@ -14,25 +14,25 @@ from perception.types import Bool, Float64, Int
 def is_inside_boxes(
     positions_m: Float64, centers_m: Float64, sizes_m: Float64, yaw_rad: Float64
 ) -> Bool:
-    """Tell (T, F) which of (F, 2) places lie within which of T boxes.
+    """Return (T, F) whether each position lies within each box.
 
     Args:
-        positions_m: (F, 2).
-        centers_m: (T, 2) of the boxes.
-        sizes_m: (T, 2) their lengths and widths.
-        yaw_rad: (T,) their headings.
+        positions_m: (F, 2) positions.
+        centers_m: (T, 2) centres of the boxes.
+        sizes_m: (T, 2) lengths and widths of the boxes.
+        yaw_rad: (T,) headings of the boxes.
     """
     away_m = np.abs(from_world(positions_m[None] - centers_m[:, None], yaw_rad))
     return np.asarray((away_m <= sizes_m[:, None] / 2).all(axis=2))
 
 
 def join_fragments(clusters: Footprints, is_within: Bool, max_share: float) -> Footprints:
-    """Join the small things that lie within one box to the largest one there.
+    """Join the small clusters within one box to the largest one there.
 
     Args:
-        clusters: F.
-        is_within: (T, F) which things lie within which boxes; the first box has them.
-        max_share: of the points of the largest; what has more stays a thing of its own.
+        clusters: F clusters.
+        is_within: (T, F) whether a cluster lies within a box; a cluster belongs to its first box.
+        max_share: Maximum number of points of a fragment, as a share of those of the largest cluster.
     """
     if len(clusters) < 2 or not is_within.any():
         return clusters
@@ -47,7 +47,7 @@ def join_fragments(clusters: Footprints, is_within: Bool, max_share: float) -> F
 
 
 def _joined(clusters: Footprints, whole_of: Int) -> Footprints:
-    """Return W wholes from (F,) the number of each thing's whole; every number occurs."""
+    """Return W joined clusters by (F,) the number of the one that each belongs to; every number occurs."""
     order = np.argsort(np.repeat(whole_of, clusters.corners), kind="stable")
     points = np.bincount(whole_of, clusters.points)
     sums = [np.bincount(whole_of, clusters.points * xy_m) for xy_m in clusters.centroids_m.T]

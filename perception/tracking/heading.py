@@ -1,4 +1,4 @@
-"""Where a tracked thing points: along its way once it is fast enough, before that along its shape."""
+"""Heading of a track: from its course once it is fast enough, before that from its shape."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import measure_extents
 from perception.types import Bool, Float64
 
-UNKNOWN_VARIANCE = np.pi**2 / 3  # of an angle that may be any
+UNKNOWN_VARIANCE = np.pi**2 / 3  # of a uniformly distributed angle
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class Headings:
     """T headings.
 
     Attributes:
-        yaw_rad: (T,).
-        variance: (T,).
+        yaw_rad: (T,) headings.
+        variance: (T,) variances, in rad².
     """
 
     yaw_rad: Float64
@@ -28,22 +28,21 @@ class Headings:
 
 
 def yaws_of_shape(clusters: Footprints, steps: int = 45) -> Float64:
-    """Return (F,) along which heading, 0 to pi, the longer side of each outline's smallest rectangle lies."""
+    """Return (F,) the direction, 0 to pi, of the longer side of each outline's smallest rectangle."""
     if len(clusters) == 0:
         return np.zeros(0)
     yaws_rad = np.arange(steps) * np.pi / 2 / steps
-    sizes_m = (
-        measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m + 0.02
-    )  # a line has an area, too
+    # A line has an area, too.
+    sizes_m = measure_extents(clusters, yaws_rad, np.zeros(2)).sizes_m + 0.02
     best = np.argmin(sizes_m.prod(axis=2), axis=0)
     length_m, width_m = sizes_m[best, np.arange(len(clusters))].T
     return np.asarray(yaws_rad[best] + np.where(width_m > length_m, np.pi / 2, 0.0))
 
 
 def first_yaws(clusters: Footprints, sensor_xy_m: Float64, config: HeadingConfig) -> Float64:
-    """Return (F,) the likely heading, but for its sign, of things that were never seen before.
+    """Return (F,) the likely heading of new clusters, except for its sign.
 
-    Along the longer side; but one that is as wide as a vehicle and faces the sensor is a front or a rear.
+    It is that of the longer side; but a side that is as wide as a vehicle and faces the sensor is a front or a rear.
     """
     yaw_rad = yaws_of_shape(clusters)
     low_m, high_m = clusters.extents_m(yaw_rad)
@@ -56,11 +55,11 @@ def first_yaws(clusters: Footprints, sensor_xy_m: Float64, config: HeadingConfig
 
 
 def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConfig) -> Headings:
-    """Turn every heading towards the way that its track takes."""
+    """Predict every heading, and correct it by the course of its track."""
     variance = tracks.yaw_variance + (config.turn_rate_rad_s * elapsed_s) ** 2
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     course_variance = _course_variance(tracks, course_rad)
-    is_heard = (tracks.speeds_m_s >= config.min_speed_m_s) & (
+    is_used = (tracks.speeds_m_s >= config.min_speed_m_s) & (
         course_variance <= config.max_deviation_rad**2
     )
     off_rad = wrap(course_rad - tracks.yaw_rad)
@@ -68,21 +67,21 @@ def update_from_course(tracks: TrackTable, elapsed_s: float, config: HeadingConf
     off_rad = np.where(is_backwards, wrap(off_rad + np.pi), off_rad)
     is_new = (tracks.yaw_variance > config.unsettled_variance) | (np.abs(off_rad) > np.pi / 2)
     noise = course_variance + config.course_deviation_rad**2
-    gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_heard
-    left = np.where(is_new & is_heard, noise, variance * (1 - gain))
-    yaw_rad = np.where(is_new & ~is_heard, _course_side(tracks, course_rad, config), tracks.yaw_rad)
+    gain = np.where(is_new, 1.0, variance / (variance + noise)) * is_used
+    left = np.where(is_new & is_used, noise, variance * (1 - gain))
+    yaw_rad = np.where(is_new & ~is_used, _course_side(tracks, course_rad, config), tracks.yaw_rad)
     return Headings(wrap(yaw_rad + gain * off_rad), np.minimum(left, UNKNOWN_VARIANCE))
 
 
 def _course_side(tracks: TrackTable, course_rad: Float64, config: HeadingConfig) -> Float64:
-    """Return (T,) of both headings along the shape the one nearer to a way that is not known well."""
+    """Return (T,) the one of both headings along the shape that is nearer to an uncertain course."""
     is_ahead = np.abs(wrap(course_rad - tracks.yaw_rad)) <= np.pi / 2
     is_slow = tracks.speeds_m_s < config.front_speed_m_s
     return np.where(is_ahead | is_slow, tracks.yaw_rad, tracks.yaw_rad + np.pi)
 
 
 def _course_variance(tracks: TrackTable, course_rad: Float64) -> Float64:
-    """Return (T,) the variance of the direction of each velocity, to first order."""
+    """Return (T,) the variance of the course, to first order."""
     across = np.stack([-np.sin(course_rad), np.cos(course_rad)], axis=-1)
     spread = np.einsum("ti,tij,tj->t", across, tracks.covariance[:, 2:, 2:], across)
     return np.asarray(spread / np.maximum(tracks.speeds_m_s, 1e-3) ** 2)
@@ -95,20 +94,20 @@ def _may_reverse(tracks: TrackTable, config: HeadingConfig) -> Bool:
 
 
 def update_from_shape(tracks: TrackTable, clusters: Footprints, config: HeadingConfig) -> Headings:
-    """Turn the heading of each of T tracks towards the nearest side of the thing that shows it.
+    """Correct the heading of each of T tracks by the axis of the cluster that continues it.
 
-    A rectangle does not tell its front: its four headings are one, and none turns a track by more
-    than an eighth of a turn.
+    A rectangle does not show its front: its four headings are equivalent, and none turns a track by more than an
+    eighth of a turn.
     """
     shape_rad = yaws_of_shape(clusters)
     low_m, high_m = clusters.extents_m(shape_rad)
     has_shape = (high_m - low_m)[:, 0] >= config.shape_length_m
     off_rad = wrap(shape_rad - tracks.yaw_rad, np.pi / 2)
-    # A heading that nothing has told yet is the last rectangle's, and as good as this one.
+    # A heading without a course is that of the last rectangle, and as good as this one.
     known = np.minimum(tracks.yaw_variance, config.shape_deviation_rad**2)
     gain = has_shape * (known / (known + config.shape_deviation_rad**2))
     yaw_rad = tracks.yaw_rad + gain * off_rad
-    # Which of the four it is stays unknown until the thing moves.
+    # Which of the four it is stays unknown until the object moves.
     is_settled = tracks.yaw_variance <= config.unsettled_variance
     variance = np.where(is_settled, tracks.yaw_variance * (1 - gain), tracks.yaw_variance)
     return Headings(wrap(yaw_rad), variance)

@@ -1,6 +1,6 @@
-"""How tracked things move over the ground, and how far what is seen may lie from what was expected.
+"""Constant-velocity motion of tracked objects over the ground, and the noise of their observed centres.
 
-state      x  y  vx  vy      (world that stands still)
+state      x  y  vx  vy      (world)
 measured   x  y              centre of the box
 """
 
@@ -13,14 +13,14 @@ from perception.tracking.config import MotionModelConfig
 from perception.tracking.kalman import Gaussians
 from perception.types import Float64, Int
 
-OBSERVE_PLACE = np.eye(2, 4)
+_OBSERVATION = np.eye(2, 4)
 
 
 def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Gaussians:
-    """Let everything go on as it went, but for accelerations that come and go at random.
+    """Predict the states, with random accelerations.
 
-    The noise of two steps is that of one as long as both, so that neither the scan rate nor a gap in
-    time changes what is believed.
+    The noise of two steps is that of one step as long as both, so that neither the scan rate nor a gap in time changes
+    the covariance.
     """
     transition, position, speed = np.eye(4), slice(0, 2), slice(2, 4)
     transition[position, speed] = elapsed_s * np.eye(2)
@@ -34,7 +34,14 @@ def predict(states: Gaussians, elapsed_s: float, model: MotionModelConfig) -> Ga
 def init(
     positions_m: Float64, noise: Float64, sizes_m: Float64, model: MotionModelConfig
 ) -> Gaussians:
-    """Return the states of what was seen once, at (T, 2) places with (T, 2, 2) noise and (T, 2) sizes."""
+    """Return the states after one observation.
+
+    Args:
+        positions_m: (T, 2) observed positions.
+        noise: (T, 2, 2) covariances of the positions.
+        sizes_m: (T, 2) observed lengths and widths.
+        model: Initial velocities.
+    """
     count = len(positions_m)
     is_small = sizes_m.max(axis=1) < model.small_length_m
     speed_m_s = np.where(is_small, model.small_initial_speed_m_s, model.initial_speed_m_s)
@@ -46,12 +53,12 @@ def init(
 
 @dataclass(frozen=True)
 class CenterUncertainty:
-    """What makes centres doubtful, along heading and left; arrays of any one shape (..., 2).
+    """Sources of uncertainty of centres, along the heading and to the left; arrays of one shape (..., 2).
 
     Attributes:
-        seen_m: length and width of what was seen, whose ends lie between its points.
-        swing_m: by how much the centre moves where the heading is wrong.
-        slack_m: by how much what is seen is too short or too long.
+        seen_m: (..., 2) observed length and width, whose ends lie between points.
+        swing_m: (..., 2) shift of the centre by an error of the heading.
+        slack_m: (..., 2) difference of observed and estimated size.
     """
 
     seen_m: Float64
@@ -65,10 +72,10 @@ def position_noise(
     """Return (..., 2, 2) the noise of centres over the ground plane.
 
     Args:
-        uncertainty: (..., 2).
-        points: (...) how many were seen; a side is known as well as they lie close.
-        yaw_rad: (...) the heading.
-        model: how well sides are seen.
+        uncertainty: (..., 2) sources of uncertainty.
+        points: (...) numbers of observed points; more points locate a side better.
+        yaw_rad: (...) headings.
+        model: Noise of sides.
     """
     missed_m = model.sampling * uncertainty.seen_m / np.sqrt(points)[..., None]
     slack_m = model.slack_share * uncertainty.slack_m
@@ -87,5 +94,5 @@ def squared_distances(states: Gaussians, centers_m: Float64, noise: Float64) -> 
 
 
 def correct(states: Gaussians, centers_m: Float64, noise: Float64) -> Gaussians:
-    """Take in one centre (T, 2) with its noise (T, 2, 2) for each state."""
-    return kalman.update(states, centers_m, OBSERVE_PLACE, noise)
+    """Correct each state by one centre (T, 2) with its noise (T, 2, 2)."""
+    return kalman.update(states, centers_m, _OBSERVATION, noise)

@@ -1,14 +1,14 @@
-"""The thesis' tracker (5.2.2, Tracking Module): each object a point with a Kalman filter of its own.
+"""The thesis' tracker (5.2.2, Tracking Module): each object is a point with a Kalman filter of its own.
 
-A detection that no track claims begins a track; the next frame confirms it or drops it. A track that
-finds no detection is predicted. Nothing but leaving the local grid ends a confirmed one.
+An unmatched detection begins a track; the next frame confirms or deletes it. A track without a detection is predicted.
+A confirmed track is deleted only when it leaves the local grid.
 
-The author's released program does several of these otherwise. Each difference is a rule, so that either
-can be had, and `THESIS_POINT_TRACKER` and `AUTHOR_POINT_TRACKER` name the two whole.
+The author's released program differs in several of these. Each difference is a parameter; `THESIS_POINT_TRACKER` and
+`AUTHOR_POINT_TRACKER` are the two sets of values.
 """
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated
 
 import numpy as np
 
@@ -17,60 +17,36 @@ from perception.geometry.se3 import inverse
 from perception.tracking.association import Association, assign_greedily
 from perception.tracking.config import THESIS_POINT_TRACKER, PointTrackerConfig
 from perception.tracking.kalman import Gaussians, predict, update
-from perception.types import Bool, Boxes3D, Float64, Int, Tracks
+from perception.types import ArrayTable, Bool, Boxes3D, Float64, Int, Tracks
 
-# What the filters know of an object, in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
+# State of an object in the world: [x_m, y_m, velocity_x_m_s, velocity_y_m_s].
 _OBSERVATION = np.eye(2, 4)
-_NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, which the released noise belongs to
+_NOMINAL_STEP_S = 0.1  # of a LiDAR at 10 Hz, to which the released noise belongs
 
 
 @dataclass(frozen=True)
-class _PointTracks:
+class _PointTracks(ArrayTable):
     """T objects between two frames.
 
     Attributes:
-        ids: (T,) rising.
-        states: (T) in the world.
-        low_world_m: (T,) z of the lowest point when last seen.
-        size_m: (T, 3) along x, y and z of the LiDAR frame when last seen.
-        is_confirmed: (T,) not in its first frame any more, and not dropped.
-        is_observed: (T,) measured in the last frame.
+        ids: (T,) ids, rising.
+        states: (T) states in the world.
+        low_world_m: (T,) z of the lowest point of the last observation.
+        size_m: (T, 3) size along x, y and z of the LiDAR frame in the last observation.
+        is_confirmed: (T,) whether the track is confirmed.
+        is_observed: (T,) whether the last frame observed the object.
     """
 
     ids: Int
     states: Gaussians
     low_world_m: Float64
-    size_m: Float64
+    size_m: Annotated[Float64, 3]
     is_confirmed: Bool
     is_observed: Bool
 
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    def __getitem__(self, rows: Bool | Int) -> Self:
-        return type(self)(
-            self.ids[rows],
-            self.states[rows],
-            self.low_world_m[rows],
-            self.size_m[rows],
-            self.is_confirmed[rows],
-            self.is_observed[rows],
-        )
-
-    def joined(self, others: Self) -> Self:
-        """Return these objects and others after them."""
-        return type(self)(
-            np.concatenate([self.ids, others.ids]),
-            self.states.joined(others.states),
-            np.concatenate([self.low_world_m, others.low_world_m]),
-            np.concatenate([self.size_m, others.size_m]),
-            np.concatenate([self.is_confirmed, others.is_confirmed]),
-            np.concatenate([self.is_observed, others.is_observed]),
-        )
-
 
 class PointTracker:
-    """Follows objects as points, all filters of a frame in one computation."""
+    """Tracks moving objects as points, all filters of a frame in one computation; a `MultiObjectTracker`."""
 
     def __init__(self, config: PointTrackerConfig = THESIS_POINT_TRACKER) -> None:
         self.config = config
@@ -78,20 +54,20 @@ class PointTracker:
         self.clear()
 
     def clear(self) -> None:
-        """End all tracks, as where poses before and after no longer fit; ids are not used again."""
+        """Delete all tracks; their ids are not used again."""
         self._tracks = self._init_tracks(Footprints.empty(), np.eye(4))
         self._stamp_s: float | None = None
 
     def update(
         self, stamp_s: float, world_SE3_velo: Float64, moving: Footprints, static: Footprints
     ) -> Tracks:
-        """Take in what one scan shows; things that stand say nothing to this tracker.
+        """Update the tracks by the moving clusters of one scan, and return the reported ones.
 
         Args:
-            stamp_s: time of the scan; one not later than the last repeats the last answer's moment.
+            stamp_s: Time of the scan; a scan that is not later than the last one changes nothing.
             world_SE3_velo: (4, 4) pose of the scan.
-            moving: things that move, in the LiDAR frame of the scan.
-            static: not used.
+            moving: Moving clusters in the LiDAR frame of the scan.
+            static: Static clusters; they are not used.
         """
         elapsed_s = _NOMINAL_STEP_S if self._stamp_s is None else stamp_s - self._stamp_s
         if elapsed_s > 0:
@@ -100,7 +76,7 @@ class PointTracker:
         return self._report(world_SE3_velo)
 
     def _step(self, step_s: float, world_SE3_velo: Float64, moving: Footprints) -> None:
-        """Move all tracks to the next frame."""
+        """Predict, associate, correct, and manage all tracks."""
         before, new_tracks = self._tracks, self._init_tracks(moving, world_SE3_velo)
         measured_m = new_tracks.states.mean[:, :2]
 
@@ -122,7 +98,7 @@ class PointTracker:
         self._next_id += len(born)
 
     def _init_tracks(self, moving: Footprints, world_SE3_velo: Float64) -> _PointTracks:
-        """Return each detection as the track that it would begin, still without an id."""
+        """Return each detection as a new track, without an id."""
         count, moved = len(moving), moving.moved(world_SE3_velo)
         min_m, greatest_m = moving.extents_m(np.zeros(count))
         covariance = self.config.initial_variance * np.eye(4)
@@ -150,7 +126,7 @@ class PointTracker:
     def _correct(
         self, before: Gaussians, predicted: Gaussians, measured_m: Float64, pairs: Association
     ) -> Gaussians:
-        """Correct the tracks that were seen, and by their last position the others, if so ruled."""
+        """Correct the observed tracks and, where misses hold the position, the others by their last position."""
         noise = self.config.measurement_variance_m2 * np.eye(2)
         if self.config.on_miss == "hold":
             every_m = before.mean[:, :2].copy()
@@ -162,7 +138,7 @@ class PointTracker:
     def _update_matched(
         self, tracks: _PointTracks, new_tracks: _PointTracks, pairs: Association
     ) -> _PointTracks:
-        """Note which tracks were seen, and how large and high each of these was."""
+        """Update which tracks are observed, and their size and height."""
         low_world_m, size_m = tracks.low_world_m.copy(), tracks.size_m.copy()
         low_world_m[pairs.tracks] = new_tracks.low_world_m[pairs.detections]
         size_m[pairs.tracks] = new_tracks.size_m[pairs.detections]
@@ -178,7 +154,7 @@ class PointTracker:
         )
 
     def _is_near(self, tracks: _PointTracks, world_SE3_velo: Float64) -> Bool:
-        """Tell which objects have not left the area for good."""
+        """Return whether each object is within the area or the distance at which its track is kept."""
         bottom_m = _bottoms_in_velo(tracks, world_SE3_velo)
         return self.config.area.contains_xy(bottom_m, self.config.kept_beyond_area_m)
 

@@ -1,4 +1,4 @@
-"""How long, wide and high a tracked thing is: what was seen of it so far, and what that suggests."""
+"""Size of a track: its past observations, and the size of a common vehicle that they suggest."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from perception.types import Bool, Float64, Int
 
 
 def likely_sizes_m(tracks: TrackTable, config: SizeEstimateConfig) -> Float64:
-    """Return (T, 2) length and width: as seen where seen whole, else at least what is common."""
+    """Return (T, 2) length and width: as observed if completely observed, else at least those of a common vehicle."""
     least = np.array([config.min_length_m, config.min_width_m])
     length_m, width_m = np.maximum(tracks.sizes_m, least).T
     is_known = tracks.complete_counts >= config.min_complete_hits
@@ -25,37 +25,37 @@ def likely_sizes_m(tracks: TrackTable, config: SizeEstimateConfig) -> Float64:
     )
 
 
-def remember(
+def update_sizes(
     tracks: TrackTable, seen_m: Float64, is_complete: Bool, config: SizeEstimateConfig
 ) -> tuple[Float64, Float64, Int]:
-    """Return the new sizes, recent sizes and complete counts after each track was seen once more.
+    """Return the sizes, recent sizes and complete counts of each track after one more observation.
 
-    A size grows towards what two of the last three sights reached. Once settled it goes back only from
-    what noise added to it, while the thing is seen from end to end: part of a thing does not shrink it.
+    A size grows towards the median of the last three observations. Once settled it shrinks only, slowly, while both
+    ends are observed: an observation of a part does not shrink it.
 
     Args:
-        tracks: T.
-        seen_m: (T, 2) length and width of what was seen now.
-        is_complete: (T, 2) whether from end to end.
-        config: what is believed.
+        tracks: T tracks.
+        seen_m: (T, 2) observed length and width.
+        is_complete: (T, 2) whether both ends are observed.
+        config: Gains and limits.
     """
     limited_m = np.minimum(seen_m, config.max_size_m)
     recent_m = np.concatenate([limited_m[:, None], tracks.recent_sizes_m[:, :2]], axis=1)
-    usual_m = np.median(recent_m, axis=1)
-    # A box along a wrong heading is too large, and the first few headings are the worst.
+    median_m = np.median(recent_m, axis=1)
+    # A box along a wrong heading is too large, and the first headings are the least certain.
     shrinkage = np.maximum(config.shrink_gain, 1 / (1 + tracks.hits))[:, None]
     gain = np.where(
-        usual_m > tracks.sizes_m, config.growth_gain, np.where(is_complete, shrinkage, 0.0)
+        median_m > tracks.sizes_m, config.growth_gain, np.where(is_complete, shrinkage, 0.0)
     )
     is_settled = tracks.hits >= config.settling_hits
     sizes_m = np.where(
-        is_settled[:, None], tracks.sizes_m + gain * (usual_m - tracks.sizes_m), usual_m
+        is_settled[:, None], tracks.sizes_m + gain * (median_m - tracks.sizes_m), median_m
     )
     return sizes_m, recent_m, tracks.complete_counts + (is_complete & is_settled[:, None])
 
 
 def with_sides_swapped(tracks: TrackTable, rows: Bool) -> TrackTable:
-    """Take length for width and width for length where a heading turned out to be a quarter turn off."""
+    """Swap length and width of the tracks whose heading has turned by a quarter turn."""
     order = np.where(rows[:, None], [1, 0], [0, 1])
     return replace(
         tracks,

@@ -1,4 +1,4 @@
-"""When a track is believed, when it is told of, and when it ends."""
+"""Confirmation, reporting and deletion of tracks."""
 
 import numpy as np
 
@@ -6,9 +6,11 @@ from perception.tracking.config import TrackLifecycleConfig
 from perception.tracking.track_table import TrackTable
 from perception.types import Bool
 
+_ROUNDING_S = 1e-3  # of stamps
+
 
 def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
-    """Tell which tracks have been seen often enough; once believed, always believed."""
+    """Return whether each track is confirmed: observed often enough and moving; a confirmed track stays so."""
     age_s = tracks.last_seen_s - tracks.first_seen_s
     travelled_m = np.linalg.norm(tracks.mean[:, :2] - tracks.first_seen_world_m, axis=1)
     travels = (
@@ -22,7 +24,7 @@ def is_confirmed(tracks: TrackTable, config: TrackLifecycleConfig) -> Bool:
 
 
 def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
-    """Tell which tracks go on: seen lately and, unless they are confirmed, confirmed soon."""
+    """Return whether each track is kept: observed recently, and as a moving object not too long ago."""
     limit_s = np.where(tracks.is_confirmed, config.max_unseen_s, config.max_unseen_unconfirmed_s)
     is_lost = stamp_s - tracks.last_seen_s > limit_s + _ROUNDING_S
     is_static = stamp_s - tracks.last_moved_s > config.max_static_s + _ROUNDING_S
@@ -30,20 +32,17 @@ def is_alive(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -
 
 
 def may_be_static(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
-    """Tell which confirmed tracks, unseen in this scan, may have come to a stand."""
+    """Return whether each confirmed track that is not observed in this scan may have stopped."""
     is_fresh = stamp_s - tracks.last_seen_s <= config.max_stopping_s + _ROUNDING_S
     is_slow = tracks.speeds_m_s <= config.max_stopping_speed_m_s
     return np.asarray(tracks.is_confirmed & (tracks.last_seen_s < stamp_s) & is_fresh & is_slow)
 
 
 def is_reported(tracks: TrackTable, stamp_s: float, config: TrackLifecycleConfig) -> Bool:
-    """Tell which tracks are worth reporting."""
+    """Return whether each track is reported."""
     limit_s = np.where(
         tracks.hits >= config.min_hits_reported_unseen, config.max_unseen_reported_s, 0.0
     )
     is_observed = stamp_s - tracks.last_seen_s <= limit_s + _ROUNDING_S
     moves = stamp_s - tracks.last_moved_s <= config.max_static_reported_s + _ROUNDING_S
     return np.asarray(tracks.is_confirmed & is_observed & moves)
-
-
-_ROUNDING_S = 1e-3

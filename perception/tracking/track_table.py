@@ -1,11 +1,9 @@
-"""All tracks of a tracker as columns of one table, so that a scan costs a few array operations."""
+"""Table of the tracks of the box tracker, so that a scan costs a few array operations."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated
 
-import numpy as np
-
-from perception.tracking.columns import GroundPlaneTracks
+from perception.tracking.tracker import GroundPlaneTracks
 from perception.types import Bool, Float64, Int
 
 
@@ -14,59 +12,35 @@ class TrackTable(GroundPlaneTracks):
     """T tracks of moving objects.
 
     Attributes:
-        ids: (T,) rising.
+        ids: (T,) ids, rising.
         yaw_rad: (T,) heading.
-        yaw_variance: (T,) of the heading.
-        sizes_m: (T, 2) remembered length and width.
-        recent_sizes_m: (T, 3, 2) length and width as seen the last three times, the newest first.
-        complete_counts: (T, 2) how often length and width were seen from end to end.
-        heights_m: (T,) remembered.
-        low_world_m: (T,) z of the ground under it.
-        first_seen_s: (T,) stamp of the first sight.
-        first_seen_world_m: (T, 2) place of the first sight.
-        last_seen_s: (T,) stamp of the last sight.
-        last_moved_s: (T,) stamp of the last sight as something that moves.
-        hits: (T,) how often it was seen moving.
-        points: (T,) how many points it has shown in all.
-        is_confirmed: (T,)
+        yaw_variance: (T,) variance of the heading, in rad².
+        sizes_m: (T, 2) estimated length and width.
+        recent_sizes_m: (T, 3, 2) length and width of the last three observations, the newest first.
+        complete_counts: (T, 2) number of observations of the whole length and width.
+        heights_m: (T,) estimated height.
+        low_world_m: (T,) z of the bottom.
+        first_seen_s: (T,) time of the first observation.
+        first_seen_world_m: (T, 2) position of the first observation.
+        last_seen_s: (T,) time of the last observation.
+        last_moved_s: (T,) time of the last observation as a moving object.
+        hits: (T,) number of observations as a moving object.
+        points: (T,) number of points of all observations.
+        is_confirmed: (T,) whether the track is confirmed.
     """
 
     ids: Int
     yaw_rad: Float64
     yaw_variance: Float64
-    sizes_m: Float64
-    recent_sizes_m: Float64
-    complete_counts: Int
+    sizes_m: Annotated[Float64, 2]
+    recent_sizes_m: Annotated[Float64, 3, 2]
+    complete_counts: Annotated[Int, 2]
     heights_m: Float64
     low_world_m: Float64
     first_seen_s: Float64
-    first_seen_world_m: Float64
+    first_seen_world_m: Annotated[Float64, 2]
     last_seen_s: Float64
     last_moved_s: Float64
     hits: Int
     points: Int
     is_confirmed: Bool
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return no tracks."""
-        none, whole = np.zeros(0), np.zeros(0, np.int64)
-        return cls(
-            ids=whole,
-            mean=np.zeros((0, 4)),
-            covariance=np.zeros((0, 4, 4)),
-            yaw_rad=none,
-            yaw_variance=none,
-            sizes_m=np.zeros((0, 2)),
-            recent_sizes_m=np.zeros((0, 3, 2)),
-            complete_counts=np.zeros((0, 2), np.int64),
-            heights_m=none,
-            low_world_m=none,
-            first_seen_s=none,
-            first_seen_world_m=np.zeros((0, 2)),
-            last_seen_s=none,
-            last_moved_s=none,
-            hits=whole,
-            points=whole,
-            is_confirmed=np.zeros(0, bool),
-        )

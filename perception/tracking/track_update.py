@@ -1,6 +1,6 @@
-"""What the sight of a thing tells of a track: its first box, and a better one every time it is seen again.
+"""Update of box tracks by the clusters that continue them, and new tracks.
 
-All places are in the world that stands still; `sensor_m` (2,) is where the LiDAR is in it.
+All positions are in the world; `sensor_m` (2,) is that of the LiDAR.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from perception.geometry.footprints import Footprints
 from perception.tracking import motion_model
 from perception.tracking.config import BoxTrackerConfig, SizeEstimateConfig
 from perception.tracking.heading import UNKNOWN_VARIANCE, first_yaws, update_from_shape
-from perception.tracking.size_estimate import likely_sizes_m, remember
+from perception.tracking.size_estimate import likely_sizes_m, update_sizes
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import (
     Extents,
@@ -26,12 +26,12 @@ from perception.types import Float64, Int
 
 @dataclass(frozen=True)
 class BoxMeasurements:
-    """Where T tracks would be if they showed as F things.
+    """Measurements of T tracks by F clusters.
 
     Attributes:
-        centers_m: (T, F, 2).
-        noise: (T, F, 2, 2) their covariance.
-        sizes_m: (T, F, 2) seen length and width.
+        centers_m: (T, F, 2) centres of the boxes.
+        noise: (T, F, 2, 2) covariances of the centres.
+        sizes_m: (T, F, 2) observed lengths and widths.
     """
 
     centers_m: Float64
@@ -42,7 +42,7 @@ class BoxMeasurements:
 def measure_boxes(
     tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> BoxMeasurements:
-    """Measure every track by every one of F things, at least one."""
+    """Measure every track by every one of F clusters, at least one."""
     seen = measure_extents(clusters, tracks.yaw_rad, sensor_m)
     return _measure(tracks, seen, clusters.points[None], config)
 
@@ -52,7 +52,7 @@ def _measure(
 ) -> BoxMeasurements:
     sizes_m = likely_sizes_m(tracks, config.size)
     centers = place_centers(seen, sizes_m, config.size.complete_angle_rad)
-    # A box turns around the side that is seen: its centre swings as far as the hidden part is long.
+    # A box turns around the observed side: its centre swings by the length of the hidden part.
     swing_rad = np.sqrt(np.minimum(tracks.yaw_variance, config.motion.max_swing_rad**2))
     hidden_m = np.maximum(sizes_m[:, None] - seen.sizes_m, 0.0)
     swing_m = hidden_m[..., ::-1] / 2 * swing_rad[:, None, None]
@@ -67,7 +67,7 @@ def _measure(
 def update_tracks(
     tracks: TrackTable, clusters: Footprints, sensor_m: Float64, config: BoxTrackerConfig
 ) -> TrackTable:
-    """Correct each of T tracks by the thing that continues it."""
+    """Correct each of T tracks by the cluster that continues it."""
     headings = update_from_shape(tracks, clusters, config.heading)
     tracks = replace(tracks, yaw_rad=headings.yaw_rad, yaw_variance=headings.variance)
     seen = _own_extents(clusters, tracks.yaw_rad, sensor_m)
@@ -89,7 +89,7 @@ def update_tracks(
 def init_tracks(
     clusters: Footprints, sensor_m: Float64, stamp_s: float, config: BoxTrackerConfig
 ) -> TrackTable:
-    """Return the tracks that F things begin; their ids are 0 to F - 1."""
+    """Return the new tracks of F clusters; their ids are 0 to F - 1."""
     count, yaw_rad = len(clusters), first_yaws(clusters, sensor_m, config.heading)
     seen = _own_extents(clusters, yaw_rad, sensor_m)
     sizes_m, stamps_s = seen.sizes_m[:, 0], np.full(count, stamp_s)
@@ -121,16 +121,16 @@ def init_tracks(
 
 
 def _own_extents(clusters: Footprints, yaw_rad: Float64, sensor_m: Float64) -> Extents:
-    """Measure each of F outlines along its own heading, as F tracks of one outline each."""
+    """Return the extents of each of F outlines along its own heading, as F tracks of one outline each."""
     low_m, high_m = clusters.extents_m(yaw_rad)
     return Extents(low_m[:, None], high_m[:, None], sensor_along(sensor_m, yaw_rad))
 
 
 def _grown(tracks: TrackTable, seen: Extents, config: SizeEstimateConfig) -> TrackTable:
-    """Remember the sizes; a box that grows does so behind the side that faces the sensor."""
+    """Update the sizes; a box grows behind the side that faces the sensor."""
     before_m = likely_sizes_m(tracks, config)
     is_complete = seen.is_complete(config.complete_angle_rad)[:, 0]
-    sizes_m, recent_m, complete = remember(tracks, seen.sizes_m[:, 0], is_complete, config)
+    sizes_m, recent_m, complete = update_sizes(tracks, seen.sizes_m[:, 0], is_complete, config)
     grown = replace(tracks, sizes_m=sizes_m, recent_sizes_m=recent_m, complete_counts=complete)
     growth_m = likely_sizes_m(grown, config) - before_m
     away_m = from_world(tracks.mean[:, :2], tracks.yaw_rad) - seen.sensor_m

@@ -1,9 +1,9 @@
-"""Where the centre of a box is, told by the sides that face the sensor.
+"""Centre of a box from the sides that face the sensor.
 
-    left ^                      Along each axis of the box the outline reaches from `low` to
-         |   hidden             `high`. An end that faces the sensor is where the box ends. The
-    +----+----+                 end behind is hidden; it follows from the remembered size.
-low | outline  :  high + rest   An end that is seen along the face beside it is measured too.
+    left ^                      Along each axis of the box the outline extends from `low` to
+         |   hidden             `high`. An end that faces the sensor is an end of the box. The
+    +----+----+                 far end is hidden; it follows from the estimated size. An end
+low | outline  :  high + rest   that is observed along the face beside it is measured, too.
     +----+----+
    facing the sensor
 """
@@ -18,12 +18,12 @@ from perception.types import Bool, Float64
 
 @dataclass(frozen=True)
 class Extents:
-    """How far each of F outlines reaches along and across each of T headings.
+    """Extents of F outlines along and across T headings.
 
     Attributes:
-        low_m: (T, F, 2) least coordinate along heading and left, from the frame's origin.
-        high_m: (T, F, 2) greatest.
-        sensor_m: (T, 2) the sensor's coordinates in the same axes.
+        low_m: (T, F, 2) minimum coordinate along the heading and to the left, from the frame's origin.
+        high_m: (T, F, 2) maximum coordinate.
+        sensor_m: (T, 2) coordinates of the sensor in the same axes.
     """
 
     low_m: Float64
@@ -32,13 +32,13 @@ class Extents:
 
     @property
     def sizes_m(self) -> Float64:
-        """(T, F, 2) seen length and width."""
+        """(T, F, 2) observed length and width."""
         return self.high_m - self.low_m
 
     def is_complete(self, min_angle_rad: float) -> Bool:
-        """Tell along which axes (T, F, 2) both ends are seen, on a face that is not too slanted.
+        """Return (T, F, 2) whether both ends along an axis are observed, on a face that is not too slanted.
 
-        Length is seen on the left or right face, width on the front or the rear.
+        Length is observed on the left or right face, width on the front or the rear.
         """
         sensor_m = self.sensor_m[:, None]
         beside_m = np.maximum(self.low_m - sensor_m, sensor_m - self.high_m)
@@ -50,9 +50,9 @@ def measure_extents(clusters: Footprints, yaw_rad: Float64, sensor_xy_m: Float64
     """Measure F outlines along T headings.
 
     Args:
-        clusters: F, at least one.
+        clusters: F clusters, at least one.
         yaw_rad: (T,) headings.
-        sensor_xy_m: (2,) place of the sensor in the frame of the things.
+        sensor_xy_m: (2,) position of the sensor in the frame of the clusters.
     """
     cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
     x, y = clusters.vertices_m.T
@@ -68,18 +68,17 @@ def measure_extents(clusters: Footprints, yaw_rad: Float64, sensor_xy_m: Float64
 
 
 def sensor_along(sensor_xy_m: Float64, yaw_rad: Float64) -> Float64:
-    """Return (T, 2) the place of the sensor along each heading and to the left of it."""
+    """Return (T, 2) the position of the sensor along each heading and to the left of it."""
     return from_world(np.broadcast_to(sensor_xy_m, (len(yaw_rad), 2)), yaw_rad)
 
 
 @dataclass(frozen=True)
 class Centers:
-    """Where the centres of T boxes are if they show as F outlines, along heading and left.
+    """Centres of T boxes that are observed as F outlines, along the heading and to the left.
 
     Attributes:
-        along_left_m: (T, F, 2).
-        slack_m: (T, F, 2) by how much what is seen is too short or too long where nothing says which
-            end is true.
+        along_left_m: (T, F, 2) coordinates of the centres.
+        slack_m: (T, F, 2) difference of observed and estimated size where neither end is known to be the box's.
     """
 
     along_left_m: Float64
@@ -87,12 +86,12 @@ class Centers:
 
 
 def place_centers(seen: Extents, sizes_m: Float64, min_angle_rad: float) -> Centers:
-    """Place each box by the one end that faces the sensor or, where both ends are seen, between them.
+    """Locate each box by the end that faces the sensor or, where both ends are observed, between them.
 
     Args:
-        seen: outlines along headings.
-        sizes_m: (T, 2) remembered length and width.
-        min_angle_rad: of a face that shows its far end.
+        seen: Extents of the outlines.
+        sizes_m: (T, 2) estimated length and width.
+        min_angle_rad: Minimum angle to the line of sight of a face whose far end is observed.
     """
     half_m, sensor_m = sizes_m[:, None] / 2, seen.sensor_m[:, None]
     is_complete = seen.is_complete(min_angle_rad)

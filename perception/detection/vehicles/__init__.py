@@ -1,1 +1,1 @@
-"""Detected vehicles as objects on the road: their points, places and boxes, and who they are over time."""
+"""Location of detected vehicles in the scan: their points, distances and boxes."""

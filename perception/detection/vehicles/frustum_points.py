@@ -1,4 +1,4 @@
-"""What stands on the ground where boxes in the image look, and how high the ground is there."""
+"""Points above the ground within the frustums of boxes in the image, and the height of the ground there."""
 
 from dataclasses import dataclass
 
@@ -13,13 +13,13 @@ from perception.types import Bool, Calibration, Float32, Float64, GroundModel, I
 
 @dataclass(frozen=True)
 class FrustumPoints:
-    """K points of a scan that stand on the ground around boxes in the image.
+    """K points of a scan above the ground and around boxes in the image.
 
     Attributes:
-        rows: (K,) where they are in the scan.
-        xyz_m: (K, 3) in the LiDAR frame.
+        rows: (K,) rows of the points in the scan.
+        xyz_m: (K, 3) positions in the LiDAR frame.
         pixels: (K, 2) column and row.
-        depths_m: (K,) along the optical axis.
+        depths_m: (K,) depths along the optical axis.
         ground_m: (K,) z of the ground below.
     """
 
@@ -37,18 +37,18 @@ def find_frustum_points(
     ground: GroundModel | None,
     config: VehiclePointsConfig,
 ) -> FrustumPoints:
-    """Find what stands on the ground in (M, 4) boxes, and how high the ground is there.
+    """Return the points above the ground within boxes in the image, and the height of the ground there.
 
     Args:
-        points_velo: (N, 4) the scan.
-        boxes_px: where to look, in the image or beside it.
-        camera: its calibration, and (width, height) of its image.
-        ground: the ground below, or None: then what is lowest around is the ground.
-        config: every choice.
+        points_velo: (N, 4) points of the scan.
+        boxes_px: (M, 4) boxes, within the image or beyond its borders.
+        camera: Calibration, and (width, height) of the image.
+        ground: Ground model; None takes the lowest points around for the ground.
+        config: Distances and heights.
     """
     around_px = _with_ground_before(boxes_px, camera[1])
     low_px, size_px = _window(around_px)
-    # Pixels are counted from the corner of what is looked at, so that all else is passed over at once.
+    # Pixels are counted from the corner of the window around all boxes, so that points outside drop out at once.
     shift = np.array([[1, 0, -low_px[0]], [0, 1, -low_px[1]], [0, 0, 1]])
     window_P_velo = shift @ camera[0].image_P_velo
     rows = np.flatnonzero(may_be_in_view(points_velo, window_P_velo, size_px))
@@ -63,7 +63,7 @@ def find_frustum_points(
     ground_m = lowest_around_m
     if ground is not None and len(rows):
         model_m = ground.height_m(xyz_m[:, :2])
-        # A model goes on beyond what it was fitted to, but does not hold there.
+        # A model extends beyond the points it was fitted to, but is not valid there.
         is_near = np.hypot(xyz_m[:, 0], xyz_m[:, 1]) <= config.model_reach_m
         holds = is_near & (np.abs(model_m - lowest_around_m) < config.model_error_m)
         ground_m = np.where(holds, model_m, lowest_around_m)
@@ -79,7 +79,7 @@ def find_frustum_points(
 
 
 def extend_beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePointsConfig) -> Float64:
-    """Return (M, 4) boxes; those that a side of the image cuts go on beyond it."""
+    """Return (M, 4) boxes; those that a side of the image cuts are extended beyond it."""
     x1, y1, x2, y2 = np.clip(boxes_px.T, -width_px, 2 * width_px)
     reach_px = config.border_extension * (y2 - y1)
     return np.column_stack(
@@ -93,7 +93,7 @@ def extend_beyond_borders(boxes_px: Float64, width_px: int, config: VehiclePoint
 
 
 def _with_ground_before(boxes_px: Float64, size_px: tuple[int, int]) -> Float64:
-    """Let (M, 4) boxes go on as far below as the ground before a vehicle shows."""
+    """Return (M, 4) boxes, extended downwards to the visible ground in front of a vehicle."""
     x1, y1, x2, y2 = boxes_px.T
     last_px = size_px[1] - 1
     lowest_px = np.clip(y2 + (y2 - y1) / 3, 0, last_px)
@@ -101,14 +101,14 @@ def _with_ground_before(boxes_px: Float64, size_px: tuple[int, int]) -> Float64:
 
 
 def _window(boxes_px: Float64) -> tuple[Float64, tuple[int, int]]:
-    """Return the upper left pixel, and (width, height), of a window with all boxes in it."""
+    """Return the upper left pixel, and (width, height), of the window around all boxes."""
     low_px = np.floor(boxes_px[:, :2].min(axis=0))
     width, height = (np.ceil(boxes_px[:, 2:].max(axis=0)) - low_px).astype(int) + 1
     return low_px, (max(int(width), 1), max(int(height), 1))
 
 
 def _is_around(pixels: Float64, boxes_px: Float64, size_px: tuple[int, int]) -> Bool:
-    """Tell which pixels of a window lie in a box."""
+    """Return whether each pixel of a window lies in a box."""
     width, height = size_px
     is_near = np.zeros((height + 2, width + 2), bool)
     for x1, y1, x2, y2 in np.maximum(boxes_px, 0).astype(np.int64).tolist():

@@ -1,10 +1,10 @@
-"""Boxes around vehicles of which one or two sides are seen.
+"""L-shape fit: boxes around vehicles of which one or two sides are observed.
 
- left ^          For each of some directions the points reach from `low` to `high`; the ends that
-      |   . . .  face the sensor are the sides that are seen, and points should lie on them. What
- +----+    .  :  is unseen follows from the size of common cars. Which side is the long one, and
- |         .  :  how far the box goes on behind what hides it, is told by the box in the image:
- +-------- . .   the projection has to be as wide.
+ left ^          Along each of some directions the points extend from `low` to `high`; the ends that
+      |   . . .  face the sensor are the observed sides, and points should lie on them. The hidden
+ +----+    .  :  sides follow from the size of common cars. The 2D box determines which side is the
+ |         .  :  long one, and how far the box extends behind an occlusion: the projection has to be
+ +-------- . .   as wide.
 facing the sensor
 """
 
@@ -18,12 +18,12 @@ from perception.types import Float32, Float64, Int
 
 @dataclass(frozen=True)
 class ImageSpans:
-    """Where F vehicles are in the image, and how it is projected.
+    """Columns of F vehicles in the image, and their projection.
 
     Attributes:
-        left_right_px: (F, 2) columns between which each is seen.
-        image_P_velo: (3, 4).
-        width_px: of the image.
+        left_right_px: (F, 2) left and right column of each vehicle.
+        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
+        width_px: Width of the image.
         heights_m: (F,) z at which the vehicles are projected.
     """
 
@@ -38,9 +38,9 @@ class Rectangles:
     """F rectangles on the ground.
 
     Attributes:
-        centers_m: (F, 2).
-        sizes_m: (F, 2) length and width.
-        yaw_rad: (F,) of one of the two ends; which one is the front is not known.
+        centers_m: (F, 2) centres.
+        sizes_m: (F, 2) lengths and widths.
+        yaw_rad: (F,) directions of one of the two ends; which one is the front is not known.
     """
 
     centers_m: Float64
@@ -50,13 +50,13 @@ class Rectangles:
 
 @dataclass(frozen=True)
 class _Extents:
-    """How far points reach along F x D directions and to the left of them; the sensor is at 0.
+    """Extents of points along F x D directions and to the left of them; the sensor is at 0.
 
     Attributes:
-        yaw_rad: (F, D).
-        low_m: (F, D, 2).
-        high_m: (F, D, 2).
-        costs: (F, D) of points that lie on no side that is seen.
+        yaw_rad: (F, D) directions.
+        low_m: (F, D, 2) minimum coordinates.
+        high_m: (F, D, 2) maximum coordinates.
+        costs: (F, D) costs of points that lie on no observed side.
     """
 
     yaw_rad: Float32
@@ -82,11 +82,11 @@ def fit_rectangles(
 
     Args:
         xy_m: (K, 2) points around a sensor at the origin.
-        owners: (K,) rising from 0 to F - 1; each owns at least one.
-        spans: where they are in the image.
-        config: every choice.
+        owners: (K,) number of the vehicle of each point, rising from 0 to F - 1; each has at least one point.
+        spans: Columns of the vehicles in the image.
+        config: Directions, sizes and costs.
     """
-    # Single precision is a tenth of a millimetre at most, and takes half of the time.
+    # Single precision is accurate to a tenth of a millimetre, and takes half of the time.
     samples = _sampled(xy_m, owners, config.samples).astype(np.float32)
     step_rad = np.pi / 2 / config.directions
     coarse = np.tile(np.arange(config.directions) * step_rad, (len(samples), 1)).astype(np.float32)
@@ -99,7 +99,7 @@ def fit_rectangles(
 
 
 def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
-    """Return (F, count, 2) points of each vehicle, evenly picked; some twice where there are fewer."""
+    """Return (F, count, 2) evenly sampled points of each vehicle, with repetition where there are fewer."""
     counts = np.bincount(owners)
     starts = np.cumsum(counts) - counts
     picked = (np.arange(count) + 0.5) / count * counts[:, None]
@@ -107,15 +107,15 @@ def _sampled(xy_m: Float64, owners: Int, count: int) -> Float64:
 
 
 def _measure_extents(samples: Float32, yaw_rad: Float32, config: LShapeFitConfig) -> _Extents:
-    """Measure samples (F, P, 2) along directions (F, D)."""
+    """Return the extents of samples (F, P, 2) along directions (F, D)."""
     vehicles, count = samples.shape[:2]
     axes = _axes(yaw_rad).reshape(vehicles, 2 * yaw_rad.shape[1], 2)
     turned = (axes @ samples.swapaxes(1, 2)).reshape(*yaw_rad.shape, 2, count)
     beyond = int(config.trim_share * count)
-    # So few are sorted in a tenth of the time that it takes to find two of them (np.partition).
+    # Sorting this few takes a tenth of the time of np.partition.
     ordered = np.sort(turned, axis=-1)
     low_m, high_m = ordered[..., beyond], ordered[..., count - 1 - beyond]
-    # Only a side that faces the sensor is seen; one that the sensor is beside is not.
+    # Only a side that faces the sensor is observed, not one that the sensor is beside.
     side_m = np.where(low_m > 0, low_m, np.where(high_m < 0, high_m, np.inf))
     off_m = np.abs(turned - side_m[..., None])
     off_m = np.minimum(off_m[:, :, 0], off_m[:, :, 1])
@@ -133,14 +133,16 @@ def _axes(yaw_rad: Float32) -> Float32:
 def _best_rectangles(
     extents: _Extents, spans: ImageSpans, config: LShapeFitConfig
 ) -> tuple[Rectangles, Float32]:
-    """Try sizes and places; return the best and the direction (F,) along which it was measured."""
+    """Return the best of all sizes and positions, and the direction (F,) along which it was measured."""
     extents = extents.best(config.kept_directions)
-    # Few numbers of many: what there are few of comes first, and vehicles and directions come last.
+    # Short axes come first, vehicles and directions last, which makes for long inner loops.
     sizes_m, size_costs = _sizes(extents, config)  # (2, O, F, T), (O, F, T)
-    centers_m, place_costs = _places(extents, sizes_m, config)  # (3, 2, O, F, T), (3, 2, F, T)
+    centers_m, position_costs = _positions(
+        extents, sizes_m, config
+    )  # (3, 2, O, F, T), (3, 2, F, T)
     costs = _span_costs(extents.yaw_rad, sizes_m, centers_m, spans, config)  # (3, 3, O, F, T)
     costs += extents.costs + size_costs
-    costs += (place_costs[:, None, 0] + place_costs[None, :, 1])[:, :, None]
+    costs += (position_costs[:, None, 0] + position_costs[None, :, 1])[:, :, None]
     costs = costs.transpose(3, 4, 2, 0, 1)
     vehicles = np.arange(len(costs))
     best = costs.reshape(len(costs), -1).argmin(axis=1) if len(costs) else vehicles
@@ -166,7 +168,7 @@ def _best_rectangles(
 
 
 def _sizes(extents: _Extents, config: LShapeFitConfig) -> tuple[Float32, Float32]:
-    """Return (2, O, F, T) sizes along and left, first with the length along, and what they cost."""
+    """Return (2, O, F, T) sizes along and left, first with the length along, and their costs."""
     lengths_m = np.array(config.lengths_m, np.float32)
     widths_m = np.full_like(lengths_m, config.width_m[0])
     either_m = np.stack([np.append(lengths_m, widths_m), np.append(widths_m, lengths_m)])
@@ -179,22 +181,22 @@ def _sizes(extents: _Extents, config: LShapeFitConfig) -> tuple[Float32, Float32
     return sizes_m, off_length**2 + off_width**2
 
 
-def _places(
+def _positions(
     extents: _Extents, sizes_m: Float32, config: LShapeFitConfig
 ) -> tuple[Float32, Float32]:
-    """Return (3, 2, O, F, T) centres that begin at the low end, lie evenly, end at the high end; and costs."""
+    """Return (3, 2, O, F, T) centres of boxes at the low end, centred, and at the high end; and their costs."""
     low_m, high_m = (end_m.transpose(2, 0, 1).copy() for end_m in (extents.low_m, extents.high_m))
     half_m = sizes_m / 2
-    places_m = np.empty((3, *sizes_m.shape), np.float32)
-    places_m[0] = low_m[:, None] + half_m
-    places_m[1] = ((low_m + high_m) / 2)[:, None]
-    places_m[2] = high_m[:, None] - half_m
+    positions_m = np.empty((3, *sizes_m.shape), np.float32)
+    positions_m[0] = low_m[:, None] + half_m
+    positions_m[1] = ((low_m + high_m) / 2)[:, None]
+    positions_m[2] = high_m[:, None] - half_m
     costs = np.empty((3, *low_m.shape), np.float32)
     is_low_seen, is_high_seen = low_m > 0, high_m < 0
     costs[0] = np.where(is_high_seen, config.hidden_side_cost, 0.0)
     costs[1] = np.where(is_low_seen | is_high_seen, config.centered_cost, 0.0)
     costs[2] = np.where(is_low_seen, config.hidden_side_cost, 0.0)
-    return places_m, costs
+    return positions_m, costs
 
 
 def _span_costs(
@@ -204,11 +206,11 @@ def _span_costs(
     spans: ImageSpans,
     config: LShapeFitConfig,
 ) -> Float32:
-    """Return (3, 3, O, F, T) how much the projection misses the sides of the box in the image."""
+    """Return (3, 3, O, F, T) the cost of the difference between the projection and the 2D box."""
     rows = spans.image_P_velo[[0, 2]].astype(np.float32)
     heights_m = spans.heights_m.astype(np.float32)
-    # Column x depth and depth are linear in place: a corner's are the centre's and half a size
-    # along each way.
+    # Column times depth, and depth, are linear in position: a corner's are the centre's plus half a size
+    # along each axis.
     per_m = np.einsum("ui,ftwi->uwft", rows[:, :2], _axes(yaw_rad), order="C")
     start = (rows[:, 2:3] * heights_m + rows[:, 3:])[:, None, None, None, :, None]
     along, left = np.moveaxis(per_m[:, None, :, None] * centers_m, 2, 0)  # (2, 3, O, F, T)
@@ -219,7 +221,7 @@ def _span_costs(
     columns = u / np.maximum(w, np.float32(0.1))  # (4, 3, 3, O, F, T)
     left_px, right_px = spans.left_right_px.astype(np.float32).T[:, :, None]
     deviation_px = config.edge_deviation_px + config.edge_deviation_share * (right_px - left_px)
-    # Of what is beyond the image's sides, the box ends there.
+    # A 2D box ends at the image's sides.
     off_left = np.clip(columns.min(axis=0), 0, spans.width_px - 1) - left_px
     off_right = np.clip(columns.max(axis=0), 0, spans.width_px - 1) - right_px
     return np.asarray((off_left**2 + off_right**2) / deviation_px**2)

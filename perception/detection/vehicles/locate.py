@@ -1,4 +1,4 @@
-"""Detections become objects on the road: their points, how far they are, and the box around each."""
+"""Location of detections in the scan: the points, the distance and the box of each vehicle."""
 
 from dataclasses import replace
 
@@ -27,19 +27,20 @@ def locate(
     ground: GroundModel | None,
     config: VehicleConfig | None = None,
 ) -> Vehicles:
-    """Find each detection in the scan.
+    """Locate each detection in the scan.
 
-    Headings are known but for their sign, and point away from the LiDAR's back; ids and velocities are for
-    a tracker to tell.
+    Headings are known except for their sign, and lie within half a turn; a tracker adds ids and velocities.
+    Detections below the minimum score are not located: a detector may report a hundred of them a frame, and their
+    time would be lost for the others.
 
     Args:
         fused: M detections.
-        frame: whose scan it is; the image matters by its size only, where the calibration does not say it.
-        ground: below the scan, or None: then what is lowest around a vehicle is its ground.
-        config: every choice.
+        frame: Frame of the detections.
+        ground: Ground model; None takes the lowest points around a vehicle for its ground.
+        config: Points, boxes and minimum score.
 
     Raises:
-        CalibrationError: the frame has no camera, or nothing says how large its image is.
+        CalibrationError: The frame has no camera, or the size of its image is not known.
     """
     config, camera, count = config or VehicleConfig(), camera_of(frame), len(fused)
     boxes_px = fused.detections.boxes_px
@@ -67,7 +68,7 @@ def _boxes(
     camera: tuple[Calibration, tuple[int, int]],
     config: LShapeFitConfig,
 ) -> Boxes3D:
-    """Return (M) boxes; rows of NaN where there are too few points."""
+    """Return (M) boxes; rows of NaN where there are not enough points."""
     count = len(boxes_px)
     bottom_m, size_m = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     yaw_rad = np.full(count, np.nan)

@@ -1,9 +1,9 @@
-"""Which points of a scan belong to which detected vehicle: not the ground, nor what is seen before or behind it.
+"""Segmentation of the points of detected vehicles: neither the ground nor points in front of or behind them.
 
-Every return covers about the same part of the image, so that what a box was drawn around holds most of the
-returns about its middle. Within each box the points that stand on the ground are clustered from above; each
-has a say by how central it lies, by whether a vehicle there would be as high as the box, and by how few
-other boxes claim it. The cluster of the greatest say is the vehicle.
+Every return covers about the same part of the image, so that the vehicle has most of the returns near the middle of its
+box. Within each box the points above the ground are clustered in top view; each point votes by how central it is, by
+whether a vehicle at its depth would have the height of the box, and by how few other boxes claim it. The cluster with
+the most votes is the vehicle.
 """
 
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ class VehiclePoints:
     """K points of M vehicles.
 
     Attributes:
-        rows: (K,) where they are in the scan.
-        owners: (K,) whose they are, from 0 to M - 1.
-        xyz_m: (K, 3) in the LiDAR frame.
+        rows: (K,) rows of the points in the scan.
+        owners: (K,) number of the vehicle of each point, from 0 to M - 1.
+        xyz_m: (K, 3) positions in the LiDAR frame.
         ground_m: (K,) z of the ground below.
     """
 
@@ -47,14 +47,14 @@ def find_points(
     ground: GroundModel | None,
     config: VehiclePointsConfig,
 ) -> VehiclePoints:
-    """Find the points of the vehicles in (M, 4) boxes.
+    """Return the points of the vehicles in M boxes.
 
     Args:
-        points_velo: (N, 4) the scan.
-        boxes_px: x1 y1 x2 y2.
-        camera: its calibration, and (width, height) of its image.
-        ground: the ground below, or None: then what is lowest around is the ground.
-        config: every choice.
+        points_velo: (N, 4) points of the scan.
+        boxes_px: (M, 4) boxes, x1 y1 x2 y2.
+        camera: Calibration, and (width, height) of the image.
+        ground: Ground model; None takes the lowest points around for the ground.
+        config: Distances, heights, votes and clusters.
     """
     if not len(boxes_px):
         none = np.zeros(0, np.int64)
@@ -65,8 +65,8 @@ def find_points(
     likely = _likelihoods(near, boxes_px, claims, camera, config)
     claimed = np.bincount(claims.sampled_points, likely, len(near.rows))[claims.sampled_points]
     votes = np.divide(likely**2, claimed, out=np.zeros(len(likely)), where=likely > 0)
-    # What hides a vehicle may be the best cluster in the boxes of both. It is the vehicle in whose box it is
-    # the likelier; the other one is in what is left.
+    # An occluder may be the best cluster in its own box and in that of the occluded vehicle. It belongs to the box
+    # in which it is likelier; the other vehicle is among the remaining points.
     first = claims.owners(votes, likely, len(near.rows), len(boxes_px))[claims.sampled_points]
     is_left = (first < 0) | (first == claims.sampled_boxes)
     owners = claims.owners(votes * is_left, likely, len(near.rows), len(boxes_px))
@@ -76,15 +76,15 @@ def find_points(
 
 @dataclass(frozen=True)
 class _Claims:
-    """L pairs of a box and a point in it, box after box, of which S have a say.
+    """L pairs of a box and a point in it, box after box, of which S vote.
 
     Attributes:
-        box: (L,).
-        point: (L,).
-        along_m: (L,) how far along the line of sight to the box.
-        left_m: (L,) how far to the left of it.
-        sampled: (S,) rows of pairs.
-        labels: (S,) their clusters; no two boxes have one in common.
+        box: (L,) number of the box.
+        point: (L,) number of the point.
+        along_m: (L,) coordinate along the line of sight to the box.
+        left_m: (L,) coordinate to the left of it.
+        sampled: (S,) rows of the pairs that vote.
+        labels: (S,) clusters of these; no two boxes have a cluster in common.
     """
 
     box: Int
@@ -101,35 +101,33 @@ class _Claims:
         x1, y1, x2, y2 = boxes_px.T[:, :, None]
         is_in = (u >= x1) & (u <= x2) & (v >= y1) & (v <= y2)
         box, point = np.divmod(np.flatnonzero(is_in), max(len(u), 1))
-        along_m, left_m = _along_line_of_sight(
-            near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box
-        )
+        along_m, left_m = _along_view_axis(near.xyz_m[:, 0][point], near.xyz_m[:, 1][point], box)
         sampled = _sample_each(box, config.max_samples)
         labels = _clusters(along_m[sampled], left_m[sampled], box[sampled], config)
         return cls(box, point, along_m, left_m, sampled, labels)
 
     @property
     def sampled_boxes(self) -> Int:
-        """(S,)."""
+        """(S,) boxes of the pairs that vote."""
         return self.box[self.sampled]
 
     @property
     def sampled_points(self) -> Int:
-        """(S,)."""
+        """(S,) points of the pairs that vote."""
         return self.point[self.sampled]
 
     def owners(self, votes: Float64, likely: Float64, points: int, boxes: int) -> Int:
-        """Return (points,) the box that each belongs to by (S,) says and likelihoods, or -1.
+        """Return (points,) the box that each point belongs to by (S,) votes and likelihoods, or -1.
 
-        To a box belongs what lies, from above, within its cluster of the greatest say; to the likelier of
-        two what lies within both.
+        A box has the points within the extent, in top view, of its cluster with the most votes; points within the
+        extents of two boxes belong to the likelier one.
         """
         is_best = _is_best(self.labels, self.sampled_boxes, votes)
         best, best_boxes = self.sampled[is_best], self.sampled_boxes[is_best]
         is_within = np.ones(len(self.box), bool)
-        for place_m in (self.along_m, self.left_m):
-            low_m, high_m = _extents(place_m[best], best_boxes, boxes)
-            is_within &= (place_m >= low_m[self.box]) & (place_m <= high_m[self.box])
+        for position_m in (self.along_m, self.left_m):
+            low_m, high_m = _extents(position_m[best], best_boxes, boxes)
+            is_within &= (position_m >= low_m[self.box]) & (position_m <= high_m[self.box])
         own = np.flatnonzero(is_within)
         counts = np.bincount(best_boxes, minlength=boxes)
         likelihoods = np.bincount(best_boxes, likely[is_best], boxes) / np.maximum(counts, 1)
@@ -148,7 +146,7 @@ def _likelihoods(
     camera: tuple[Calibration, tuple[int, int]],
     config: VehiclePointsConfig,
 ) -> Float64:
-    """Return (S,) how much it looks as if each point were of the vehicle of the box, from 0 to 1."""
+    """Return (S,) the likelihood, 0 to 1, that each point is of the vehicle of its box."""
     (calibration, size_px), box, point = camera, claims.sampled_boxes, claims.sampled_points
     x1, y1, x2, y2 = boxes_px.T
     off_center = np.zeros(len(box))
@@ -166,24 +164,24 @@ def _likelihoods(
     )
 
 
-def _along_line_of_sight(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
-    """Turn (L,) places, box by box, into how far along the line of sight and how far left of it."""
+def _along_view_axis(x_m: Float64, y_m: Float64, box: Int) -> tuple[Float64, Float64]:
+    """Return (L,) coordinates along the line of sight to the mean of each box's points, and to the left of it."""
     x_sum_m, y_sum_m = np.bincount(box, x_m), np.bincount(box, y_m)
     away_m = np.maximum(np.hypot(x_sum_m, y_sum_m), 1e-6)
     cos, sin = (x_sum_m / away_m)[box], (y_sum_m / away_m)[box]
     return cos * x_m + sin * y_m, cos * y_m - sin * x_m
 
 
-def _sample_each(box: Int, most: int) -> Int:
-    """Return rows of (L,) rising numbers, evenly picked, so that none is there more often than that."""
+def _sample_each(box: Int, max_count: int) -> Int:
+    """Return rows of (L,) rising numbers, evenly sampled, so that none occurs more often than a maximum."""
     counts = np.bincount(box)
     starts = np.cumsum(counts) - counts
-    stride = -(-counts // most)
+    stride = -(-counts // max_count)
     return np.flatnonzero((np.arange(len(box)) - starts[box]) % stride[box] == 0)
 
 
-# From a cell to those whose middles are no more than a gap away, less what points lie off the middles; in
-# one half of the directions: so many cells along, and from so many to so many left.
+# Steps from a cell to those whose middles are no more than a gap away, less the offsets of points from the middles;
+# in one half of the directions: number of cells along, and range of cells to the left.
 _CELLS_PER_GAP = 3
 _STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 
@@ -191,8 +189,7 @@ _STEPS = np.array([(0, 1, 2), (1, -2, 2), (2, -1, 1)])
 def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePointsConfig) -> Int:
     """Return (L,) the cluster of each point of each box; boxes have no clusters in common.
 
-    Points lie in cells that are a share of a gap wide, of each box its own; cells are joined that are about
-    a gap apart.
+    Points lie in cells of a fraction of a gap, separate for each box; cells about a gap apart are connected.
     """
     if not len(box):
         return np.zeros(0, np.int64)
@@ -201,14 +198,14 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePoints
     along = np.floor(along_m / cell_m).astype(np.int64)
     left = np.floor(left_m / cell_m).astype(np.int64)
     along, left = along - along.min(), left - left.min()
-    # Some cells beyond the last of a row are empty, so that no step leads to another row's.
+    # Empty cells beyond the last one of a row keep a step from leading to another row.
     row = int(left.max()) + 1 + _CELLS_PER_GAP
     keys = (box * (int(along.max()) + 1 + _CELLS_PER_GAP) + along) * row + left
     ordered, order = sorted_keys(keys)
     is_first = np.append(True, ordered[1:] != ordered[:-1])
     cells, cell_of = ordered[is_first], np.empty(len(keys), np.int64)
     cell_of[order] = is_first.cumsum() - 1
-    # Numbered row by row, all cells that a step leads to lie side by side.
+    # Cells are numbered row by row, so that all cells that a step leads to are adjacent.
     along, low, high = _STEPS.T[:, :, None]
     starts = np.searchsorted(cells, cells + along * row + low).T.ravel()
     ends = np.searchsorted(cells, cells + along * row + high, side="right").T.ravel()
@@ -216,16 +213,16 @@ def _clusters(along_m: Float64, left_m: Float64, box: Int, config: VehiclePoints
     return connected_parts(len(cells), step // len(_STEPS), second)[cell_of]
 
 
-def _extents(place_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
-    """Return (M,) least and greatest place in each box; least above greatest where there is none."""
+def _extents(position_m: Float64, box: Int, boxes: int) -> tuple[Float64, Float64]:
+    """Return (M,) minimum and maximum coordinate in each box; the minimum is larger where there is none."""
     low_m, high_m = np.full(boxes, np.inf), np.full(boxes, -np.inf)
-    np.minimum.at(low_m, box, place_m)
-    np.maximum.at(high_m, box, place_m)
+    np.minimum.at(low_m, box, position_m)
+    np.maximum.at(high_m, box, position_m)
     return low_m, high_m
 
 
 def _is_best(labels: Int, box: Int, votes: Float64) -> Bool:
-    """Tell which pairs are of the cluster that has the greatest say in their box, if any has one."""
+    """Return whether each pair is of the cluster with the most votes in its box, if there are votes."""
     if len(labels) == 0:
         return np.zeros(0, bool)
     vote_sums = np.bincount(labels, votes)

@@ -16,7 +16,7 @@ from perception.tracking.single_object.pitch_ground import PitchFilter
 from perception.tracking.single_object.point_motion import (
     ConstantAcceleration,
     LastPosition,
-    PointMotion,
+    PointFilter,
     heading_from_course,
 )
 from perception.tracking.single_object.tracker import (
@@ -96,7 +96,7 @@ class CentroidTracker:
         variances = np.array([self._config.motion.measurement])
         return self._move(last, predicted.corrected(position[None], variances), elapsed_s)
 
-    def _set_missed(self, last: WorldBox, predicted: PointMotion, elapsed_s: float) -> WorldBox:
+    def _set_missed(self, last: WorldBox, predicted: PointFilter, elapsed_s: float) -> WorldBox:
         """Keep the prediction, for a limited time."""
         self._unseen_s += elapsed_s
         if self._unseen_s > self._config.lost_after_s:
@@ -111,7 +111,7 @@ class CentroidTracker:
         self._localizer.reset(last.position_m)
         return replace(last, velocity_m_s=np.zeros(3))
 
-    def _move(self, last: WorldBox, motion: PointMotion, elapsed_s: float) -> WorldBox:
+    def _move(self, last: WorldBox, motion: PointFilter, elapsed_s: float) -> WorldBox:
         """Move the box, and turn it along its course."""
         displacement_m = motion.position - self._motion.position
         yaw_rad = heading_from_course(
@@ -120,7 +120,7 @@ class CentroidTracker:
         self._motion = motion
         return WorldBox(motion.position, last.size_m, yaw_rad, motion.velocity)
 
-    def _motion_at(self, position_m: Float64) -> PointMotion:
+    def _motion_at(self, position_m: Float64) -> PointFilter:
         if not self._has_filter:
             return LastPosition(position_m, np.zeros(3))
         return ConstantAcceleration.at_rest(position_m, self._config.motion.initial)

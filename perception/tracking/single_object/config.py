@@ -169,7 +169,7 @@ class ColorModelConfig:
 
 
 @dataclass(frozen=True)
-class FusionConfig:
+class FusionTrackerConfig:
     """The thesis' fusion tracker H-Fus (5.3): LiDAR and camera each locate the object, a filter fuses both.
 
     The variances are those of the author's later trials, which trust the scan more. With his first ones
@@ -515,5 +515,5 @@ class SingleObjectTrackerConfig:
 
     box: BoxFitTrackerConfig = field(default_factory=BoxFitTrackerConfig)
     point: CentroidTrackerConfig = field(default_factory=CentroidTrackerConfig)
-    fusion: FusionConfig = field(default_factory=FusionConfig)
+    fusion: FusionTrackerConfig = field(default_factory=FusionTrackerConfig)
     baselines: BaselinesConfig = field(default_factory=BaselinesConfig)

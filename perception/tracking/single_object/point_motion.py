@@ -18,7 +18,7 @@ from perception.types import Float64
 _NOMINAL_STEP_S = 0.1
 
 
-class PointMotion(Protocol):
+class PointFilter(Protocol):
     """State of a point's motion."""
 
     @property

@@ -1,10 +1,9 @@
-"""One number for one object, whoever follows it: detected vehicles and moving objects share their ids.
+"""Common ids of detected vehicles and moving objects: one object has one id in both lists.
 
-All ids come from one count. A moving object gets the next number when it is first told of, a vehicle when it
-is believed. Where they are at one place then, the later one takes the id of the earlier one, and nobody's id
-ever changes. Where both have an id already, and stay at one place for some scans, the moving object takes
-the vehicle's. So the id of a vehicle never changes, and that of a moving object at most once for each
-vehicle that it turns out to be. They stay bound until they have been apart for as many scans.
+All ids come from one counter. A moving object gets the next id when it is first reported, a vehicle when it is
+confirmed. If they overlap then, the later one takes the id of the earlier one. If both have an id already and overlap
+for some scans, the moving object takes the vehicle's. The id of a vehicle never changes, and that of a moving object at
+most once for each vehicle that it turns out to be. They stay bound until they have been apart for as many scans.
 """
 
 import numpy as np
@@ -14,12 +13,12 @@ from perception.tracking.association import assign_hungarian
 from perception.tracking.vehicles.config import SharedIdsConfig
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 
-# More moving objects than are ever told of at once, and those of the last while.
+# Maximum number of moving objects whose ids are remembered: more than are ever reported within a minute.
 _REMEMBERED = 1000
 
 
 class SharedIds:
-    """Gives ids to vehicles and to moving objects, scan after scan."""
+    """Assigns ids to vehicles and to moving objects, scan after scan."""
 
     def __init__(self, config: SharedIdsConfig | None = None) -> None:
         self._config = config or SharedIdsConfig()
@@ -27,24 +26,24 @@ class SharedIds:
         self.clear()
 
     def clear(self) -> None:
-        """Forget who has which id; none is given again."""
-        # Of a moving object, by the number that its tracker gave; what is not told of may be again.
+        """Forget all assignments; ids are not used again."""
+        # Id of each moving object, by its number in its tracker; an object that is not reported may be again.
         self._id_of: dict[int, int] = {}
-        self._together: dict[
-            tuple[int, int], int
-        ] = {}  # scans of a vehicle's id and a tracker's number
-        self._apart: dict[int, int] = {}  # scans that a moving object has been off its vehicle
+        # Number of scans that a vehicle's id and a tracker's number have been together.
+        self._together: dict[tuple[int, int], int] = {}
+        # Number of scans that a moving object has been apart from its vehicle.
+        self._apart: dict[int, int] = {}
 
     def share(
         self, vehicle_ids: Int, is_new: Bool, boxes: Boxes3D, tracks: Tracks
     ) -> tuple[Int, Tracks]:
-        """Return the ids of V vehicles, and the moving objects by their shared ids.
+        """Return the ids of V vehicles, and the moving objects with their common ids.
 
         Args:
-            vehicle_ids: (V,) ids given before, -1 of vehicles that have none.
-            is_new: (V,) which of those shall have one from now on.
-            boxes: (V) where they are; rows of NaN where that is not known.
-            tracks: moving objects in the same frame, by the numbers of their tracker.
+            vehicle_ids: (V,) present ids; -1 of vehicles without one.
+            is_new: (V,) whether a vehicle without an id gets one.
+            boxes: (V) boxes of the vehicles; rows of NaN where they are not known.
+            tracks: Moving objects in the same frame, with the ids of their own tracker.
         """
         numbers = tracks.ids.tolist()
         overlap = _overlap(boxes, tracks.boxes)
@@ -62,14 +61,14 @@ class SharedIds:
         return self._next_id - 1
 
     def _partners(self, overlap: Float64) -> dict[int, int]:
-        """Return the row of the moving object that each vehicle shares its place with."""
+        """Return the row of the moving object that each vehicle overlaps."""
         pairs = assign_hungarian(1.0 - overlap, overlap >= self._config.min_iou)
         return dict(zip(pairs.tracks.tolist(), pairs.detections.tolist(), strict=True))
 
     def _with_new(
         self, vehicle_ids: Int, is_new: Bool, partners: dict[int, int], numbers: list[int]
     ) -> Int:
-        """Give ids to new vehicles: that of the moving object there, unless another vehicle has it."""
+        """Give ids to new vehicles: that of the overlapping moving object, unless another vehicle has it."""
         ids = vehicle_ids.copy()
         for row in np.flatnonzero(is_new).tolist():
             number = numbers[partners[row]] if row in partners else None
@@ -78,7 +77,7 @@ class SharedIds:
         return ids
 
     def _bind_new(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
-        """Give ids to new moving objects: that of the vehicle there, unless another one has it."""
+        """Give ids to new moving objects: that of the overlapping vehicle, unless another one has it."""
         rows = {track: vehicle for vehicle, track in partners.items()}
         for track, number in enumerate(numbers):
             if number in self._id_of:
@@ -88,7 +87,7 @@ class SharedIds:
             self._assign_id(number, vehicle_id if is_free else self._take_next())
 
     def _bind_lasting(self, ids: Int, partners: dict[int, int], numbers: list[int]) -> None:
-        """Rename moving objects that have been with a vehicle of another id for some scans."""
+        """Give moving objects the id of a vehicle that they have overlapped for some scans."""
         together: dict[tuple[int, int], int] = {}
         for row, track in partners.items():
             vehicle, number = int(ids[row]), numbers[track]
@@ -102,7 +101,7 @@ class SharedIds:
         self._together = together
 
     def _split(self, ids: Int, overlap: Float64, numbers: list[int]) -> None:
-        """Give a new id to a moving object that has been off the vehicle of its id for some scans."""
+        """Give a new id to a moving object that has been apart from the vehicle of its id for some scans."""
         row_of = {vehicle: row for row, vehicle in enumerate(ids.tolist()) if vehicle >= 0}
         apart: dict[int, int] = {}
         for track, number in enumerate(numbers):
@@ -116,7 +115,7 @@ class SharedIds:
         self._apart = apart
 
     def _assign_id(self, number: int, shared: int) -> None:
-        """Give an id to a moving object; one that is not told of now and had it loses it."""
+        """Give an id to a moving object; an unreported one that had it loses it."""
         others = {key: value for key, value in self._id_of.items() if value != shared}
         latest = list(others.items())[-_REMEMBERED:]
         self._id_of = {**dict(latest), number: shared}
@@ -126,7 +125,7 @@ class SharedIds:
 
 
 def _overlap(vehicles: Boxes3D, objects: Boxes3D) -> Float64:
-    """Return (V, T) overlap on the ground; NaN of a vehicle of which the place is not known."""
+    """Return (V, T) IoU on the ground; NaN of a vehicle whose box is not known."""
     overlap = np.full((len(vehicles), len(objects)), np.nan)
     known = np.flatnonzero(np.isfinite(vehicles.bottom_m).all(axis=1))
     if len(known) and len(objects):

@@ -1,7 +1,7 @@
-"""What the sight of a vehicle tells of its track, in the image and on the ground."""
+"""Update of vehicle tracks by the detections that continue them, in the image and on the ground."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -13,19 +13,19 @@ from perception.tracking import motion_model
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.vehicle_table import VehicleTable
 from perception.tracking.visible_sides import from_world, to_world
-from perception.types import Bool, Boxes3D, Float64, Int, Vehicles
+from perception.types import ArrayTable, Bool, Boxes3D, Float64, Vehicles
 
 _NEAREST_M = 0.5
 
 
 @dataclass(frozen=True)
 class FrameGeometry:
-    """From where, when and through what the vehicles are seen.
+    """Time, pose and projection of one frame.
 
     Attributes:
-        stamp_s: of the scan.
+        stamp_s: Time of the scan.
         world_SE3_velo: (4, 4) pose of the LiDAR.
-        image_P_velo: (3, 4) projection to pixels.
+        image_P_velo: (3, 4) projection from the LiDAR frame to pixels.
     """
 
     stamp_s: float
@@ -43,26 +43,24 @@ class FrameGeometry:
 
 
 @dataclass(frozen=True)
-class VehicleObservations:
-    """D detections in the world that stands still.
+class VehicleObservations(ArrayTable):
+    """D detections in the world.
 
     Attributes:
-        boxes_px: (D, 4).
-        scores: (D,).
-        boxes_world: (D) rows of NaN where they were not located.
-        noise: (D, 2, 2) covariance of their places.
+        boxes_px: (D, 4) boxes in the image.
+        scores: (D,) scores.
+        boxes_world: (D) boxes in the world; rows of NaN where they are not located.
+        noise: (D, 2, 2) covariances of the positions.
     """
 
-    boxes_px: Float64
+    boxes_px: Annotated[Float64, 4]
     scores: Float64
     boxes_world: Boxes3D
-    noise: Float64
+    noise: Annotated[Float64, 2, 2]
 
     @classmethod
-    def of(
-        cls, vehicles: Vehicles, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
-    ) -> Self:
-        """Put vehicles into the world."""
+    def of(cls, vehicles: Vehicles, frame: FrameGeometry, config: VehicleTrackerConfig) -> Self:
+        """Transform vehicles to the world."""
         points = np.maximum(vehicles.point_counts, 1)
         away_m = np.nan_to_num(np.linalg.norm(vehicles.boxes.bottom_m, axis=1))
         variances = (
@@ -74,86 +72,74 @@ class VehicleObservations:
         return cls(
             detections.boxes_px,
             detections.scores,
-            transform_boxes(frame_geometry.world_SE3_velo, vehicles.boxes),
+            transform_boxes(frame.world_SE3_velo, vehicles.boxes),
             variances[:, None, None] * np.eye(2),
-        )
-
-    def __len__(self) -> int:
-        """Return D."""
-        return len(self.scores)
-
-    def __getitem__(self, rows: Bool | Int) -> Self:
-        """Return the detections of a mask or of indices."""
-        return type(self)(
-            self.boxes_px[rows], self.scores[rows], self.boxes_world[rows], self.noise[rows]
         )
 
     @property
     def is_located(self) -> Bool:
-        """(D,) whether the LiDAR found them."""
+        """(D,) whether the vehicle is located in the scan."""
         return np.asarray(np.isfinite(self.boxes_world.bottom_m[:, 0]))
 
 
 def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig) -> VehicleTable:
-    """Let everything on the ground go on as it went."""
+    """Predict the states on the ground."""
     states = motion_model.predict(tracks.states, elapsed_s, config.motion)
     return replace(tracks, mean=states.mean, covariance=states.covariance)
 
 
-def expected_boxes_px(tracks: VehicleTable, frame_geometry: FrameGeometry) -> Float64:
-    """Return (T, 4) where in the image each track is now; NaN behind the camera.
+def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
+    """Return (T, 4) the predicted box of each track in the image; NaN behind the camera.
 
-    A box moves and grows as its 3D box does; of what is nowhere on the ground, as it did so far.
+    A 2D box moves and grows as its 3D box does; that of a track without a 3D box as it did so far.
     """
-    now_px = frame_geometry.anchors_px(tracks)
+    now_px = frame.anchors_px(tracks)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
     corners = tracks.boxes_px.reshape(-1, 2, 2) - tracks.anchors_px[:, None, :2]
     on_ground = (now_px[:, None, :2] + scale[:, None] * corners).reshape(-1, 4)
-    unseen_s = (frame_geometry.stamp_s - tracks.last_seen_s)[:, None]
+    unseen_s = (frame.stamp_s - tracks.last_seen_s)[:, None]
     in_image = tracks.boxes_px + unseen_s * tracks.speeds_px_s
     return np.where(tracks.is_located[:, None], on_ground, in_image)
 
 
-def init(
-    observations: VehicleObservations, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
+def init_tracks(
+    observations: VehicleObservations, frame: FrameGeometry, config: VehicleTrackerConfig
 ) -> VehicleTable:
-    """Return the tracks that D detections begin."""
-    tracks = VehicleTable.init_in_image(
-        observations.boxes_px, observations.scores, frame_geometry.stamp_s
-    )
-    return _seen_on_ground(tracks, observations, frame_geometry, config)
+    """Return the new tracks of D detections."""
+    tracks = VehicleTable.init_in_image(observations.boxes_px, observations.scores, frame.stamp_s)
+    return _seen_on_ground(tracks, observations, frame, config)
 
 
 def update_tracks(
     tracks: VehicleTable,
     observations: VehicleObservations,
-    frame_geometry: FrameGeometry,
+    frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
     """Correct each of T tracks by the detection that continues it."""
-    elapsed_s = np.maximum(frame_geometry.stamp_s - tracks.last_seen_s, 1e-3)[:, None]
+    elapsed_s = np.maximum(frame.stamp_s - tracks.last_seen_s, 1e-3)[:, None]
     speeds_px_s = (observations.boxes_px - tracks.boxes_px) / elapsed_s
     gain = config.image_speed_gain
     tracks = replace(
         tracks,
         score_sum=tracks.score_sum + observations.scores,
-        last_seen_s=np.full(len(tracks), frame_geometry.stamp_s),
+        last_seen_s=np.full(len(tracks), frame.stamp_s),
         boxes_px=observations.boxes_px,
         speeds_px_s=tracks.speeds_px_s + gain * (speeds_px_s - tracks.speeds_px_s),
     )
-    return _seen_on_ground(tracks, observations, frame_geometry, config)
+    return _seen_on_ground(tracks, observations, frame, config)
 
 
 def _seen_on_ground(
     tracks: VehicleTable,
     observations: VehicleObservations,
-    frame_geometry: FrameGeometry,
+    frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
-    """Correct those that the LiDAR found where they were expected; place anew those that it found not."""
+    """Correct the tracks located near their prediction, and relocate those located elsewhere for some time."""
     distances = np.diagonal(position_distances(tracks, observations))
     is_expected = tracks.is_located & (distances <= config.motion.gate)
-    is_lost = frame_geometry.stamp_s - tracks.last_located_s > config.relocate_after_s
+    is_lost = frame.stamp_s - tracks.last_located_s > config.relocate_after_s
     relocated = np.flatnonzero(
         observations.is_located & ~is_expected & (is_lost | ~tracks.is_located)
     )
@@ -163,16 +149,12 @@ def _seen_on_ground(
         )
     rows = np.flatnonzero(observations.is_located & is_expected)
     if len(rows):
-        tracks = tracks.replaced(
-            rows, _corrected(tracks[rows], observations[rows], frame_geometry, config)
-        )
+        tracks = tracks.replaced(rows, _corrected(tracks[rows], observations[rows], frame, config))
     both = np.concatenate([relocated, rows])
     last_located_s = tracks.last_located_s.copy()
-    last_located_s[both] = frame_geometry.stamp_s
+    last_located_s[both] = frame.stamp_s
     tracks = replace(tracks, last_located_s=last_located_s)
-    return replace(
-        tracks, anchors_px=np.nan_to_num(frame_geometry.anchors_px(tracks), nan=_NEAREST_M)
-    )
+    return replace(tracks, anchors_px=np.nan_to_num(frame.anchors_px(tracks), nan=_NEAREST_M))
 
 
 def position_distances(tracks: VehicleTable, observations: VehicleObservations) -> Float64:
@@ -180,7 +162,7 @@ def position_distances(tracks: VehicleTable, observations: VehicleObservations) 
     centers_m = np.broadcast_to(
         observations.boxes_world.bottom_m[:, :2], (len(tracks), len(observations), 2)
     )
-    # What was never located has no covariance.
+    # A track that was never located has no covariance.
     noise = np.broadcast_to(observations.noise, (len(tracks), len(observations), 2, 2))
     distances = motion_model.squared_distances(tracks.states, centers_m, noise)
     return np.where(tracks.is_located[:, None] & observations.is_located, distances, np.nan)
@@ -209,7 +191,7 @@ def _placed(
 def _corrected(
     tracks: VehicleTable,
     observations: VehicleObservations,
-    frame_geometry: FrameGeometry,
+    frame: FrameGeometry,
     config: VehicleTrackerConfig,
 ) -> VehicleTable:
     boxes = observations.boxes_world
@@ -218,7 +200,7 @@ def _corrected(
     sizes_m = tracks.sizes_m + share[:, None] * (boxes.size_m - tracks.sizes_m)
     axis = config.heading_memory * tracks.axis + _doubled(boxes.yaw_rad)
     yaw_rad = _nearer_end(np.arctan2(axis[:, 1], axis[:, 0]) / 2, tracks.yaw_rad)
-    shift_m = _hidden_shift_m(boxes, sizes_m, frame_geometry.world_SE3_velo[:2, 3])
+    shift_m = _hidden_shift_m(boxes, sizes_m, frame.world_SE3_velo[:2, 3])
     states = motion_model.correct(
         tracks.states, boxes.bottom_m[:, :2] + shift_m, observations.noise
     )
@@ -236,7 +218,7 @@ def _corrected(
 
 
 def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> VehicleTable:
-    """Let a velocity that is well known tell front from rear and, once fast, the heading."""
+    """Choose front and rear by a well-known velocity and, once it is fast, correct the heading by the course."""
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
     tells = (excess_m_s >= config.course_speed_m_s)[:, None]
@@ -247,7 +229,7 @@ def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> Veh
 
 
 def _hidden_shift_m(boxes: Boxes3D, sizes_m: Float64, sensor_m: Float64) -> Float64:
-    """Return (T, 2) how far centres move where boxes take other sizes behind the sides that are seen."""
+    """Return (T, 2) the shift of the centres of boxes that change size behind their observed sides."""
     away_m = from_world(boxes.bottom_m[:, :2] - sensor_m, boxes.yaw_rad)
     is_outside = np.abs(away_m) > boxes.size_m[:, :2] / 2
     growth_m = (sizes_m - boxes.size_m)[:, :2] / 2
@@ -260,25 +242,25 @@ def _doubled(yaw_rad: Float64) -> Float64:
 
 
 def _nearer_end(yaw_rad: Float64, reference_rad: Float64) -> Float64:
-    """Return of each heading and its opposite the one nearer to another heading."""
+    """Return the one of each heading and its opposite that is nearer to another heading."""
     return wrap(reference_rad + wrap(yaw_rad - reference_rad, np.pi))
 
 
-def boxes_in_scan(tracks: VehicleTable, frame_geometry: FrameGeometry) -> Boxes3D:
+def boxes_in_scan(tracks: VehicleTable, frame: FrameGeometry) -> Boxes3D:
     """Return (T) boxes in the frame of the scan."""
     bottom_m = np.column_stack([tracks.mean[:, :2], tracks.low_world_m])
     boxes = transform_boxes(
-        se3.inverse(frame_geometry.world_SE3_velo),
+        se3.inverse(frame.world_SE3_velo),
         Boxes3D(bottom_m, tracks.sizes_m, tracks.yaw_rad),
     )
     return Boxes3D(boxes.bottom_m, boxes.size_m, wrap(boxes.yaw_rad))
 
 
 def velocities_in_scan(
-    tracks: VehicleTable, frame_geometry: FrameGeometry, config: VehicleTrackerConfig
+    tracks: VehicleTable, frame: FrameGeometry, config: VehicleTrackerConfig
 ) -> Float64:
-    """Return (T, 2) over the ground along x and y of the scan; NaN while they are hardly known."""
-    turn_rad = np.arctan2(frame_geometry.world_SE3_velo[1, 0], frame_geometry.world_SE3_velo[0, 0])
+    """Return (T, 2) velocities over the ground along x and y of the scan; NaN while they are too uncertain."""
+    turn_rad = np.arctan2(frame.world_SE3_velo[1, 0], frame.world_SE3_velo[0, 0])
     velocities_m_s = from_world(tracks.mean[:, 2:], np.full(len(tracks), turn_rad))
     is_known = tracks.is_located & (
         tracks.speed_deviations_m_s <= config.max_reported_speed_deviation_m_s

@@ -1,8 +1,8 @@
-"""Detected vehicles followed over time, in the image and on the ground.
+"""Tracker of detected vehicles, in the image and on the ground.
 
-A detection continues the track that it overlaps in the image as the track is expected there now, and beside
-which it stands on the ground. Each makes up for what the other lacks: in the image far vehicles are told
-apart that give hardly a return; on the ground those that hide each other.
+A detection continues the track whose predicted box it overlaps in the image and whose predicted position it is near on
+the ground. Both complement each other: the image distinguishes far vehicles of few returns, the ground those that
+occlude each other.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from perception.tracking.vehicles.track_update import (
     VehicleObservations,
     boxes_in_scan,
     expected_boxes_px,
-    init,
+    init_tracks,
     position_distances,
     predict,
     update_tracks,
@@ -33,11 +33,11 @@ _ROUNDING_S = 1e-3
 
 @dataclass(frozen=True)
 class VehicleTrackerResult:
-    """What one scan shows, by ids on which all agree.
+    """Vehicles and moving objects of one scan, with common ids.
 
     Attributes:
-        vehicles: with ids, and velocities; -1 of those that are not believed yet.
-        tracks: moving objects; one that is also a vehicle has its id.
+        vehicles: Vehicles with ids and velocities; the id of an unconfirmed one is -1.
+        tracks: Tracks of moving objects; one that is also a vehicle has its id.
     """
 
     vehicles: Vehicles
@@ -45,7 +45,7 @@ class VehicleTrackerResult:
 
 
 class VehicleTracker:
-    """Follows detected vehicles, and gives ids to them and to what moves."""
+    """Tracks detected vehicles, and gives common ids to them and to moving objects."""
 
     def __init__(self, config: VehicleTrackerConfig | None = None) -> None:
         self._config = config or VehicleTrackerConfig()
@@ -53,7 +53,7 @@ class VehicleTracker:
         self.clear()
 
     def clear(self) -> None:
-        """End all tracks; their ids are not used again."""
+        """Delete all tracks; their ids are not used again."""
         self._tracks = VehicleTable.init_in_image(np.zeros((0, 4)), np.zeros(0), 0.0)
         self._stamp_s: float | None = None
         self._shared_ids.clear()
@@ -65,16 +65,16 @@ class VehicleTracker:
         world_SE3_velo: Float64,
         tracks: Tracks | None = None,
     ) -> VehicleTrackerResult:
-        """Take in what one scan shows.
+        """Update the tracks by the detections of one frame.
 
         Args:
-            vehicles: located detections of the frame, of no ids.
-            frame: its time and its camera; one that is not later than the last begins anew.
-            world_SE3_velo: (4, 4) its pose in a world that stands still.
-            tracks: what moves in the same scan, by the numbers of its own tracker; None without one.
+            vehicles: Located detections of the frame, without ids.
+            frame: Time and camera; a frame that is not later than the last one clears the tracks.
+            world_SE3_velo: (4, 4) pose of the frame.
+            tracks: Moving objects in the same scan, with the ids of their own tracker; None without one.
 
         Raises:
-            CalibrationError: the frame has no camera, or nothing says how large its image is.
+            CalibrationError: The frame has no camera, or the size of its image is not known.
         """
         if self._stamp_s is not None and frame.stamp_s <= self._stamp_s:
             self.clear()
@@ -87,7 +87,7 @@ class VehicleTracker:
         return VehicleTrackerResult(self._with_tracks(vehicles, frame_geometry), tracks)
 
     def _predict(self, frame_geometry: FrameGeometry) -> None:
-        """Move what goes on to now; ends what nobody has seen for too long."""
+        """Predict the tracks, and delete those unseen for too long."""
         elapsed_s = 0.0 if self._stamp_s is None else frame_geometry.stamp_s - self._stamp_s
         self._stamp_s = frame_geometry.stamp_s
         tracks, config = self._tracks, self._config
@@ -98,7 +98,7 @@ class VehicleTracker:
     def _update_and_init(
         self, observations: VehicleObservations, frame_geometry: FrameGeometry
     ) -> None:
-        """Let detections continue tracks, the surer ones first; the others begin new ones."""
+        """Continue tracks by detections, those of high scores first, and begin new tracks by the others."""
         config = self._config
         self._row_of = np.full(len(observations), -1)
         sure = observations.scores >= config.high_score
@@ -119,7 +119,9 @@ class VehicleTracker:
         new = np.flatnonzero(is_left)
         if len(new):
             self._row_of[new] = len(self._tracks) + np.arange(len(new))
-            self._tracks = self._tracks.joined(init(observations[new], frame_geometry, config))
+            self._tracks = self._tracks.joined(
+                init_tracks(observations[new], frame_geometry, config)
+            )
 
     def _match(
         self, tracks: VehicleTable, observations: VehicleObservations, frame_geometry: FrameGeometry
@@ -128,13 +130,13 @@ class VehicleTracker:
         expected_px = np.nan_to_num(expected_boxes_px(tracks, frame_geometry))
         iou = iou_px(expected_px, observations.boxes_px)
         on_ground, gate = position_distances(tracks, observations), config.motion.gate
-        # Behind others the LiDAR may be mistaken by a whole car: beyond its gate it says no more than that.
+        # Behind others the located position may be off by a whole car: beyond the gate its cost is constant.
         on_ground = np.minimum(np.nan_to_num(on_ground, nan=gate / 2), gate)
         in_image = _side_distances(expected_px, observations.boxes_px, config)
         return assign_with_max_cost(in_image + on_ground, iou >= config.min_iou, config.max_cost)
 
     def _give_ids(self, frame_geometry: FrameGeometry, moving: Tracks) -> Tracks:
-        """Give ids to what is believed from now on; return what moves by its shared ids."""
+        """Give ids to newly confirmed tracks; return the moving objects with their common ids."""
         tracks = self._tracks
         is_new = (tracks.ids < 0) & (tracks.score_sum >= self._config.min_score_sum)
         boxes = _where_known(boxes_in_scan(tracks, frame_geometry), tracks)
@@ -143,7 +145,7 @@ class VehicleTracker:
         return moving
 
     def _with_tracks(self, vehicles: Vehicles, frame_geometry: FrameGeometry) -> Vehicles:
-        """Return the detections with what their tracks know of them."""
+        """Return the detections with the ids, velocities and boxes of their tracks."""
         seen = np.flatnonzero(self._row_of >= 0)
         tracks = self._tracks[self._row_of[seen]]
         ids, velocities_m_s = vehicles.ids.copy(), vehicles.velocities_m_s.copy()
@@ -158,9 +160,9 @@ class VehicleTracker:
 def _side_distances(
     expected_px: Float64, seen_px: Float64, config: VehicleTrackerConfig
 ) -> Float64:
-    """Return (T, D) squared distances of the four sides, in their standard deviations.
+    """Return (T, D) squared distances of the four sides, in standard deviations.
 
-    Cars in a row overlap in the image by much, but differ in where they stand on it and in size.
+    Cars in a row overlap much in the image, but differ in position and size.
     """
     sizes_px = np.maximum(expected_px[:, 2:] - expected_px[:, :2], config.min_size_px)
     deviations_px = config.side_deviation_share * np.tile(sizes_px, 2)[:, None]
@@ -176,7 +178,7 @@ def _where_known(boxes: Boxes3D, tracks: VehicleTable) -> Boxes3D:
 def _overwritten(
     boxes: Boxes3D, seen: Int, tracks: VehicleTable, tracked: Boxes3D, frame_geometry: FrameGeometry
 ) -> Boxes3D:
-    """Put the boxes of tracks that were found on the ground now in the place of single sights."""
+    """Replace the boxes of single detections by those of the tracks that are located now."""
     is_found = tracks.is_located & (tracks.last_located_s == frame_geometry.stamp_s)
     rows, tracked = seen[is_found], tracked[is_found]
     bottom_m, size_m, yaw_rad = boxes.bottom_m.copy(), boxes.size_m.copy(), boxes.yaw_rad.copy()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.tracking.single_object.box.environment import BackgroundModel, LocalGround
-from perception.tracking.single_object.box.object_motion import POSE, MotionState
+from perception.tracking.single_object.box.object_motion import POSE, KinematicState
 from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
 from perception.tracking.single_object.box.pose_search import (
@@ -33,7 +33,7 @@ class BoxTrack:
 
     stamp_s: float
     last_seen_s: float
-    state: MotionState
+    state: KinematicState
     ground: LocalGround
     shape: ObjectShape
     background: BackgroundModel

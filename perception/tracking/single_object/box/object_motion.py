@@ -26,7 +26,7 @@ _STATIC_GATE = (
 
 
 @dataclass(frozen=True)
-class MotionState:
+class KinematicState:
     """Pose and motion of one object.
 
     Attributes:
@@ -37,7 +37,7 @@ class MotionState:
     mean: Float64
     covariance: Float64
 
-    def with_pose(self, pose: Float64, pose_covariance: Float64) -> "MotionState":
+    def with_pose(self, pose: Float64, pose_covariance: Float64) -> "KinematicState":
         """Return the state given the estimate of its pose; the rest follows by its correlation.
 
         Args:
@@ -48,29 +48,29 @@ class MotionState:
         regression = np.linalg.solve(prior[POSE, POSE], prior[POSE]).T  # (5, 3), identity above
         mean = self.mean + regression @ (pose - self.mean[POSE])
         covariance = prior + regression @ (pose_covariance - prior[POSE, POSE]) @ regression.T
-        return MotionState(mean, (covariance + covariance.T) / 2)
+        return KinematicState(mean, (covariance + covariance.T) / 2)
 
 
 class ObjectMotionModel(Protocol):
     """Motion of one kind of object."""
 
-    def init(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> KinematicState:
         """Return the initial state at (3,) a pose with (3,) standard deviations."""
         ...
 
-    def predict(self, state: MotionState, elapsed_s: float) -> MotionState:
+    def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         """Return the state after a time."""
         ...
 
-    def correct_heading(self, state: MotionState) -> MotionState:
+    def correct_heading(self, state: KinematicState) -> KinematicState:
         """Return a corrected state with the heading that its velocity implies."""
         ...
 
-    def velocity_m_s(self, state: MotionState) -> Float64:
+    def velocity_m_s(self, state: KinematicState) -> Float64:
         """Return (2,) the velocity over the ground, in the world."""
         ...
 
-    def may_be_static(self, state: MotionState) -> bool:
+    def may_be_static(self, state: KinematicState) -> bool:
         """Return whether the velocity may be zero."""
         ...
 
@@ -91,20 +91,20 @@ class ConstantTurnRateMotion:
         self._config, self._max_step_s = config, max_step_s
         self._axle_m = config.axle_share * length_m
 
-    def init(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> KinematicState:
         """Return the initial state, of any speed."""
         config = self._config
         spread = np.array([*deviations, config.initial_speed_m_s, config.initial_turn_rate_rad_s])
-        return MotionState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
+        return KinematicState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
 
-    def predict(self, state: MotionState, elapsed_s: float) -> MotionState:
+    def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         """Return the state after a time, along the curve."""
         steps = max(1, int(np.ceil(elapsed_s / self._max_step_s)))
         for _ in range(steps):
             state = self._step(state, elapsed_s / steps)
         return state
 
-    def _step(self, state: MotionState, elapsed_s: float) -> MotionState:
+    def _step(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         x, y, yaw, speed, turn = state.mean
         decay = np.exp(-elapsed_s / self._config.turn_time_constant_s)
         middle_yaw = yaw + turn * elapsed_s / 2
@@ -122,10 +122,10 @@ class ConstantTurnRateMotion:
         transition[2, 4] = elapsed_s
         transition[4, 4] = decay
         noise = self._process_noise(along, across, state, elapsed_s)
-        return MotionState(mean, transition @ state.covariance @ transition.T + noise)
+        return KinematicState(mean, transition @ state.covariance @ transition.T + noise)
 
     def _process_noise(
-        self, along: Float64, across: Float64, state: MotionState, elapsed_s: float
+        self, along: Float64, across: Float64, state: KinematicState, elapsed_s: float
     ) -> Float64:
         """Return the noise of an unknown acceleration along, across and around, constant for the step."""
         config = self._config
@@ -141,20 +141,20 @@ class ConstantTurnRateMotion:
         spread = (config.acceleration_m_s2, turn_push, config.lateral_speed_m_s)
         return np.asarray((push * np.square(spread)) @ push.T)
 
-    def correct_heading(self, state: MotionState) -> MotionState:
+    def correct_heading(self, state: KinematicState) -> KinematicState:
         """Turn an object round that moves backwards and cannot."""
         if self._config.may_reverse or state.mean[3] > -self._config.min_speed_m_s:
             return state
         flip = np.diag([1.0, 1.0, 1.0, -1.0, 1.0])
         turned = flip @ state.mean + np.array([0.0, 0.0, np.pi, 0.0, 0.0])
-        return MotionState(turned, flip @ state.covariance @ flip)
+        return KinematicState(turned, flip @ state.covariance @ flip)
 
-    def velocity_m_s(self, state: MotionState) -> Float64:
+    def velocity_m_s(self, state: KinematicState) -> Float64:
         """Return the velocity along the heading."""
         yaw, speed = state.mean[2:4]
         return np.array([speed * np.cos(yaw), speed * np.sin(yaw)])
 
-    def may_be_static(self, state: MotionState) -> bool:
+    def may_be_static(self, state: KinematicState) -> bool:
         """Return whether the speed is within two standard deviations of zero."""
         return bool(abs(state.mean[3]) <= 2 * np.sqrt(state.covariance[3, 3]))
 
@@ -165,13 +165,13 @@ class ConstantVelocityMotion:
     def __init__(self, config: WalkerMotionConfig | None = None) -> None:
         self._config = config or WalkerMotionConfig()
 
-    def init(self, pose: Float64, deviations: Float64) -> MotionState:
+    def init(self, pose: Float64, deviations: Float64) -> KinematicState:
         """Return the initial state, of any velocity."""
         speed_m_s = self._config.initial_speed_m_s
         spread = np.array([*deviations, speed_m_s, speed_m_s])
-        return MotionState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
+        return KinematicState(np.array([*pose, 0.0, 0.0]), np.diag(spread**2))
 
-    def predict(self, state: MotionState, elapsed_s: float) -> MotionState:
+    def predict(self, state: KinematicState, elapsed_s: float) -> KinematicState:
         """Return the state after a time, straight on."""
         config = self._config
         transition = np.eye(5)
@@ -185,11 +185,11 @@ class ConstantVelocityMotion:
         is_walking = float(np.hypot(*state.mean[3:])) > config.min_speed_m_s
         turn_rate_rad_s = config.turn_rate_rad_s if is_walking else config.static_turn_rate_rad_s
         noise[2, 2] = turn_rate_rad_s**2 * elapsed_s
-        return MotionState(
+        return KinematicState(
             transition @ state.mean, transition @ state.covariance @ transition.T + noise
         )
 
-    def correct_heading(self, state: MotionState) -> MotionState:
+    def correct_heading(self, state: KinematicState) -> KinematicState:
         """Turn the heading towards the course, by the gain of their variances."""
         config = self._config
         speed_m_s = float(np.hypot(*state.mean[3:]))
@@ -207,13 +207,13 @@ class ConstantVelocityMotion:
         covariance[2] *= 1 - gain
         covariance[:, 2] *= 1 - gain
         covariance[2, 2] += gain**2 * noise
-        return MotionState(mean, covariance)
+        return KinematicState(mean, covariance)
 
-    def velocity_m_s(self, state: MotionState) -> Float64:
+    def velocity_m_s(self, state: KinematicState) -> Float64:
         """Return the velocity of the state."""
         return state.mean[3:]
 
-    def may_be_static(self, state: MotionState) -> bool:
+    def may_be_static(self, state: KinematicState) -> bool:
         """Return whether the velocity is within its gate around zero."""
         velocity, spread = state.mean[3:], state.covariance[3:, 3:]
         return bool(velocity @ np.linalg.solve(spread, velocity) <= _STATIC_GATE)

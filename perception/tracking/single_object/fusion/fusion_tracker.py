@@ -4,7 +4,7 @@ import numpy as np
 
 from perception.sensor import LidarModel
 from perception.tracking.single_object.centroid_tracker import CentroidTracker
-from perception.tracking.single_object.config import CentroidTrackerConfig, FusionConfig
+from perception.tracking.single_object.config import CentroidTrackerConfig, FusionTrackerConfig
 from perception.tracking.single_object.fusion.back_projection import back_project
 from perception.tracking.single_object.fusion.color_localizer import ColorLocalizer
 from perception.tracking.single_object.localizer import LocalizerInput, ObjectLocalizer
@@ -16,7 +16,7 @@ from perception.types import Float64
 class FusedLocalizer(ObjectLocalizer):
     """Locates an object in scan and image independently, and fuses both positions."""
 
-    def __init__(self, config: FusionConfig) -> None:
+    def __init__(self, config: FusionTrackerConfig) -> None:
         self._config = config
         self._point = ConstantAcceleration.at_rest(np.zeros(3), config.initial)
         self.colors = ColorLocalizer(config.colors, config.image)
@@ -98,7 +98,7 @@ class FusionTracker(CentroidTracker):
     def __init__(
         self,
         sensor: LidarModel,
-        config: FusionConfig | None = None,
+        config: FusionTrackerConfig | None = None,
         point: CentroidTrackerConfig | None = None,
     ) -> None:
         """Create a tracker without an object.
@@ -108,7 +108,7 @@ class FusionTracker(CentroidTracker):
             config: Mean shifts, colour model and fusion.
             point: Tracking loop.
         """
-        self._fused = FusedLocalizer(config or FusionConfig())
+        self._fused = FusedLocalizer(config or FusionTrackerConfig())
         super().__init__(self._fused, sensor, point)
 
     @property

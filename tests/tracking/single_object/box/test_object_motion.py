@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from perception.tracking.single_object.box.object_motion import MotionState, motion_model_for
+from perception.tracking.single_object.box.object_motion import KinematicState, motion_model_for
 
 CAR, CYCLIST, WALKER = (
     motion_model_for(np.array(size))
@@ -12,8 +12,8 @@ CAR, CYCLIST, WALKER = (
 EXACT = np.full(3, 0.01)
 
 
-def _state(*mean: float) -> MotionState:
-    return MotionState(np.array(mean), np.eye(5) * 0.01)
+def _state(*mean: float) -> KinematicState:
+    return KinematicState(np.array(mean), np.eye(5) * 0.01)
 
 
 def test_wheels_roll_around_the_centre_of_their_curve() -> None:
@@ -65,14 +65,14 @@ def test_cars_may_go_backwards_and_cyclists_may_not() -> None:
 
 def test_what_stands_does_not_turn() -> None:
     certain = np.diag([0.01, 0.01, 0.01, 1e-6, 1e-6]) ** 2
-    stands = CAR.predict(MotionState(np.zeros(5), certain), 1.0)
-    rolls = CAR.predict(MotionState(np.array([0, 0, 0, 5.0, 0]), certain), 1.0)
+    stands = CAR.predict(KinematicState(np.zeros(5), certain), 1.0)
+    rolls = CAR.predict(KinematicState(np.array([0, 0, 0, 5.0, 0]), certain), 1.0)
     assert stands.covariance[2, 2] < 0.5 * rolls.covariance[2, 2]
 
 
 def test_a_walker_faces_its_way_even_after_turning_round() -> None:
-    state = MotionState(np.array([0, 0, 0.0, -1.4, 0.0]), np.eye(5) * 0.001)
+    state = KinematicState(np.array([0, 0, 0.0, -1.4, 0.0]), np.eye(5) * 0.001)
     assert abs(WALKER.correct_heading(state).mean[2]) == pytest.approx(np.pi)
-    stands = MotionState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)
+    stands = KinematicState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)
     assert WALKER.correct_heading(stands).mean[2] == 0.7
     assert WALKER.may_be_static(stands)
