@@ -13,7 +13,7 @@ from perception.datmo.elevation import LevelPlane, elevation_grid
 from perception.datmo.short_term_map import ShortTermMap
 from perception.datmo.stage import datmo_stage
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.types import Float32
 
 _METHODS: dict[str, DatmoMethod] = {
@@ -26,7 +26,7 @@ _METHODS: dict[str, DatmoMethod] = {
 def compare_moving_objects(prepared: PreparedDrive) -> Comparison:
     """Detection and tracking by every method, on the same segmented scans."""
     config = PipelineConfig.for_motion("none")
-    chain = ObstacleChain(prepared.drive.sensor, config)
+    chain = LidarStages(prepared.drive.sensor, config)
     scans = [chain.segment(frame)[1] for frame in prepared.frames]
 
     def contender(name: str, method: DatmoMethod) -> Contender:

@@ -15,8 +15,9 @@ from perception.cli.table import Cell
 from perception.errors import DriveError, MissingDependencyError, ModelError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.se3 import inverse
-from perception.localization.registration import LidarOdometry
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow, register_window
+from perception.localization.odometry import LidarOdometry
+from perception.localization.registration import register_window
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.ground import ground_estimator
 from perception.obstacles.motion_segmentation import motion_segmenter
 from perception.obstacles.voxels import count_voxels

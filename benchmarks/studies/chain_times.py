@@ -12,8 +12,9 @@ from perception.cli.progress import progress_bar
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import inverse, transform_points
+from perception.localization.registration import register_window
+from perception.localization.scan_window import PosedScan, ScanWindow, merge
 from perception.obstacles.above_ground import split_by_ground
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.obstacles.motion_counters import (
     classify_columns,

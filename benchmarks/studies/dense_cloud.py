@@ -11,7 +11,8 @@ from benchmarks.studies.report import RESULTS, Study, publish
 from perception.errors import DriveError
 from perception.evaluation.report import format_table
 from perception.geometry.grids import LocalArea
-from perception.obstacles.dense_cloud import DenseCloud, merge, register_window
+from perception.localization.registration import register_window
+from perception.localization.scan_window import DenseCloud, merge
 from perception.render.obstacle_plots import AgedPoints, plot_aged_points
 from perception.types import Bool, Drive, Float32, Float64, GroundModel, UInt8
 

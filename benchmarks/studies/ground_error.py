@@ -13,9 +13,9 @@ from perception.cli.progress import progress_bar
 from perception.errors import DriveError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.grids import LocalArea
-from perception.localization.registration import LidarOdometry
+from perception.localization.odometry import LidarOdometry
+from perception.localization.scan_window import PosedScan, ScanWindow, merge
 from perception.obstacles.config import PiecewisePlanesConfig
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.render.bar_plots import ValueGrid, plot_grid
 from perception.types import Drive

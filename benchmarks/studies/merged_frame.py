@@ -10,8 +10,8 @@ from perception.cli.flags import require_positive
 from perception.cli.parser import FlagGroup
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
-from perception.localization.registration import LidarOdometry
-from perception.obstacles.dense_cloud import DenseCloud, PosedScan, ScanWindow, merge
+from perception.localization.odometry import LidarOdometry
+from perception.localization.scan_window import DenseCloud, PosedScan, ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanes, PiecewisePlanesEstimator
 from perception.types import Drive, Frame
 

@@ -12,7 +12,7 @@ from perception.datmo.grid_detector import MotionGridDetector, MotionGrids
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.render.motion_grid_plots import CameraView, MotionGridScene, plot_motion_grids
 from perception.types import Boxes3D, Drive, Frame
 
@@ -59,7 +59,7 @@ def study_motion_grid(drive: Drive, plot_path: Path, *, frame: int | None, prese
             found="no such frame",
         )
     detector = MotionGridDetector(drive.sensor, config)
-    chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion())
+    chain = LidarStages(drive.sensor, PipelineConfig.for_motion())
     first = max(newest - config.background.scans, 0)
     for index in progress_bar(range(first, newest + 1), "motion-grid", delay_s=2):
         last = drive[index]

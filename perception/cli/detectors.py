@@ -34,7 +34,7 @@ from perception.evaluation.detection.fusion_measure import FusionMeasure
 from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
-from perception.pipeline.clock import StageClock
+from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.types import MODALITIES, Detections, Drive, Float64, Frame, Modality, UInt8
 

@@ -106,9 +106,9 @@ def method_results(
     from perception.cli.progress import progress_bar
     from perception.datmo.stage import datmo_stage
     from perception.geometry.threads import limit_blas_threads
-    from perception.pipeline.obstacle_chain import ObstacleChain
+    from perception.pipeline.lidar_stages import LidarStages
 
-    chain = ObstacleChain(drive.sensor, pipeline)
+    chain = LidarStages(drive.sensor, pipeline)
     stages = {
         method: datmo_stage(replace(pipeline.datmo, method=method), drive.sensor, pipeline.area)
         for method in methods

@@ -31,7 +31,7 @@ def run(
     from data.open_drive import open_drive
     from data.results.run_folder import make_results_folder
     from perception.cli.run_drive import RunConfig, run_drive
-    from perception.pipeline.detection_chain import enabled_modalities
+    from perception.pipeline.camera_stages import enabled_modalities
 
     # The RGB detector and the one-object tracker read images that no video needs.
     images = video or track is not None or "rgb" in enabled_modalities(pipeline.detection)

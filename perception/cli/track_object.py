@@ -20,7 +20,7 @@ from perception.evaluation.single_object.trajectory_summary import TrajectorySum
 from perception.geometry.boxes import points_inside
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.render.color_model_plots import ColorModelScene, plot_color_model
 from perception.render.tracked_object_composition import TrackedObjectComposition
 from perception.render.tracked_object_views import TrackedObjectScene
@@ -89,7 +89,7 @@ def track_object(
     last = frame_count(drive, None if config.frames is None else start.frame + config.frames)
     count = last - start.frame
     renderer = _Renderer(start, count)
-    chain = ObstacleChain(drive.sensor, config.pipeline)
+    chain = LidarStages(drive.sensor, config.pipeline)
     frames = read_frames(drive, on_bad_frame=config.on_bad_frame, limit=last, first=start.frame)
     with ExitStack() as files:
         records = files.enter_context(trajectory_writer(out))

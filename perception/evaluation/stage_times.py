@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from perception.evaluation.report import Column, Table
-from perception.pipeline.clock import relative_to_start
-from perception.types import Result, StageSpan
+from perception.types import Result, StageSpan, relative_to_start
 
 ALL_STAGES = "all stages"
 END_TO_END = "end to end"

@@ -1,279 +1,103 @@
-"""Where each scan was taken: INS poses refined by registration, or registration alone.
+"""Registration: the stage that gives every scan its pose, by LiDAR odometry or by the thesis' ICP."""
 
-The world of the refined poses starts as the INS's and leaves it slowly: a step is measured against a
-recent scan, not against the earth. What the obstacle stages need is that the last second of scans
-agrees to a centimetre, which the INS does not give (measured on a KITTI drive: 23 cm between scans
-ten frames apart). Pulling the poses back to the INS would tear that agreement, so nothing does.
-"""
-
-from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from perception.errors import PoseError
-from perception.geometry.se3 import (
-    from_rotation_translation,
-    inverse,
-    orthonormal,
-    rotation_angle_rad,
-)
-from perception.localization.alignment import (
-    Alignment,
-    PreprocessedPoints,
-    align,
-    preprocess_points,
-)
-from perception.localization.config import RegistrationConfig
-from perception.types import Float32, Float64
-
-
-class PoseOrigin(StrEnum):
-    """What a pose rests on."""
-
-    START = "start"  # the first scan: the INS, or the world's origin without one
-    REGISTERED = "registered"
-    INS = "ins"  # registration was not believed, or the gap was too long for it
-    EXTRAPOLATED = "extrapolated"  # the same without INS: constant velocity
-    REPEATED = "repeated"  # a stamp seen before
+from perception.geometry.se3 import inverse
+from perception.localization.alignment import align, preprocess_points
+from perception.localization.config import RegistrationConfig, WindowIcpConfig
+from perception.localization.odometry import LidarOdometry, PoseOrigin
+from perception.localization.scan_window import PosedScan, ScanWindow
+from perception.types import Float32, Frame, Method
 
 
 @dataclass(frozen=True)
-class Localization:
-    """Where one scan was taken.
+class RegisteredScans:
+    """The newest scan and those before it, with poses that agree with each other.
 
     Attributes:
-        world_SE3_velo: (4, 4) refined pose.
-        origin: what it rests on.
-        inlier_ratio: share of the scan that matched; 0 where nothing was registered.
-        is_reset: whether scans before this one no longer fit to it.
+        window: Scans and poses, the newest last.
+        is_reset: Whether poses of earlier scans no longer fit to the newest.
     """
 
-    world_SE3_velo: Float64
-    origin: PoseOrigin
-    inlier_ratio: float = 0.0
-    is_reset: bool = False
+    window: ScanWindow
+    is_reset: bool
 
 
-@dataclass(frozen=True)
-class _PreviousScan:
-    """What the next scan needs to know of the last one."""
+class Registration:
+    """Registers the scans of a drive in turn, and keeps those of the window."""
 
-    stamp_s: float
-    ins_world_SE3_velo: Float64 | None
-    localization: Localization
-    velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
-
-
-_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses where neither INS nor history says
-
-
-class LidarOdometry:
-    """Refine the pose of each scan of a drive, in order, registering each once.
-
-    A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
-    once a keyframe, not once a scan.
-    """
-
-    def __init__(self, config: RegistrationConfig | None = None) -> None:
-        self._config = config or RegistrationConfig()
-        self._last: _PreviousScan | None = None
-        self._keyframe: PreprocessedPoints
-        self._world_SE3_keyframe: Float64
-
-    def update(
-        self,
-        points_velo: Float32,
-        stamp_s: float,
-        ins_world_SE3_velo: Float64 | None = None,
-        source: str = "frame",
-    ) -> Localization:
-        """Say where the scan was taken.
+    def __init__(self, config: RegistrationConfig, method: Method, previous_scans: int) -> None:
+        """Start without a scan.
 
         Args:
-            points_velo: (N, 3+) the whole scan.
-            stamp_s: its time; a repeated stamp repeats the pose.
-            ins_world_SE3_velo: (4, 4) INS pose of the LiDAR, or None.
-            source: the scan's name, for the error message.
+            config: Registration configuration.
+            method: `default` for LiDAR odometry, `thesis` for the INS refined by ICP within the window.
+            previous_scans: m, number of scans before the newest in the window.
+        """
+        self._config, self._method = config, method
+        self._odometry = LidarOdometry(config)
+        self._window = ScanWindow(previous_scans)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no scan has come yet."""
+        return len(self._window) == 0
+
+    def update(self, frame: Frame, points_velo: Float32) -> RegisteredScans:
+        """Register the scan of a frame.
+
+        Args:
+            frame: Frame with its stamp and, where there is an INS, its pose.
+            points_velo: (N, 4) points of the frame's scan that are registered.
 
         Raises:
-            PoseError: stamps run backwards, or the INS moves as no vehicle does.
+            PoseError: the INS pose jumps, or the stamps do not rise.
         """
-        if ins_world_SE3_velo is not None:
-            ins_world_SE3_velo = orthonormal(ins_world_SE3_velo)
-        last = self._last
-        if last is None:
-            return self._start(points_velo, stamp_s, ins_world_SE3_velo)
-        gap_s = stamp_s - last.stamp_s
-        if gap_s < 0:
-            raise PoseError(
-                source,
-                expected="stamps that rise",
-                found=f"a step of {gap_s:.3f} s",
-                advice="put the frames in the order of their stamps",
-            )
-        if gap_s == 0:
-            return Localization(last.localization.world_SE3_velo, PoseOrigin.REPEATED)
-        step_ins = _step(last.ins_world_SE3_velo, ins_world_SE3_velo)
-        if step_ins is not None:
-            self._check_motion(step_ins, gap_s, last.velocity, source)
-        localization = self._locate(points_velo, gap_s, step_ins, last)
-        velocity = _velocity(last, localization, gap_s)
-        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, velocity)
-        return localization
-
-    def _start(
-        self, points_velo: Float32, stamp_s: float, ins_world_SE3_velo: Float64 | None
-    ) -> Localization:
-        pose = np.eye(4) if ins_world_SE3_velo is None else ins_world_SE3_velo
-        localization = Localization(pose, PoseOrigin.START, is_reset=True)
-        self._last = _PreviousScan(stamp_s, ins_world_SE3_velo, localization, None)
-        self._keyframe, self._world_SE3_keyframe = self._preprocess(points_velo), pose
-        return localization
-
-    def _check_motion(
-        self, step: Float64, gap_s: float, velocity: Float64 | None, source: str
-    ) -> None:
-        config = self._config
-        min_travel_m = float(np.linalg.norm(step[:3, 3]))
-        turn_rad = rotation_angle_rad(step)
-        unexplained_m = 0.0
-        if velocity is not None and gap_s <= config.max_gap_s:
-            unexplained_m = float(np.linalg.norm(step[:3, 3] - velocity[3:] * gap_s))
-        if (
-            min_travel_m > config.max_speed_m_s * gap_s
-            or turn_rad > config.max_turn_rad_s * gap_s
-            or unexplained_m > config.max_jump_m + config.max_acceleration_m_s2 * gap_s**2
-        ):
-            raise PoseError(
-                source,
-                expected="an INS pose that a vehicle can reach from the one before",
-                found=f"a jump of {min_travel_m:.2f} m and {np.degrees(turn_rad):.1f} deg "
-                f"in {gap_s:.3f} s, {unexplained_m:.2f} m beside the motion so far",
-                advice="repair the INS rows there, or run without INS",
-            )
-
-    def _locate(
-        self, points_velo: Float32, gap_s: float, step_ins: Float64 | None, last: _PreviousScan
-    ) -> Localization:
-        """Register the scan with the keyframe, or fall back on the INS or on constant velocity."""
-        last_pose = last.localization.world_SE3_velo
-        surface = self._preprocess(points_velo)
-        is_near = gap_s <= self._config.max_gap_s
-        if is_near:
-            steps = self._guess_motions(step_ins, last.velocity, gap_s)
-            initial_guesses = [
-                inverse(self._world_SE3_keyframe) @ last_pose @ step for step in steps
-            ]
-            best = self._best_alignment(self._keyframe, surface, initial_guesses)
-            if best is not None:
-                pose = _rounded(self._world_SE3_keyframe @ best.target_SE3_source)
-                if self._is_far(best.target_SE3_source):
-                    self._keyframe, self._world_SE3_keyframe = surface, pose
-                return Localization(pose, PoseOrigin.REGISTERED, best.inlier_ratio)
-        step = _extrapolate(last.velocity, gap_s) if step_ins is None else step_ins
-        origin = PoseOrigin.EXTRAPOLATED if step_ins is None else PoseOrigin.INS
-        self._keyframe, self._world_SE3_keyframe = surface, last_pose @ step
-        return Localization(last_pose @ step, origin, is_reset=not is_near)
-
-    def _guess_motions(
-        self, step_ins: Float64 | None, velocity: Float64 | None, gap_s: float
-    ) -> list[Float64]:
-        """Return guesses of the motion since the last scan."""
-        if velocity is None and step_ins is None:
-            return [
-                from_rotation_translation(np.eye(3), np.array([speed * gap_s, 0, 0]))
-                for speed in _INITIAL_SPEEDS_M_S
-            ]
-        guesses = [] if step_ins is None else [step_ins]
-        if velocity is not None:
-            constant = _extrapolate(velocity, gap_s)
-            # Within reach of each other the two guesses lead to the same place.
-            reach_m = self._config.max_correspondence_m / 2
-            if step_ins is None or np.linalg.norm((step_ins - constant)[:3, 3]) > reach_m:
-                guesses.append(constant)
-        return guesses
-
-    def _best_alignment(
-        self,
-        target: PreprocessedPoints,
-        source: PreprocessedPoints,
-        initial_guesses: Sequence[Float64],
-    ) -> Alignment | None:
-        """Align from each seed and return the best that can be believed."""
-        config = self._config
-        reach_m = config.max_correspondence_m
-        if (
-            len(initial_guesses) > 2
-        ):  # blind: the seeds lie metres apart, so reach far before reaching near
-            initial_guesses = [
-                align(target, source, initial_guess, 3 * reach_m, config.threads).target_SE3_source
-                for initial_guess in initial_guesses
-            ]
-        alignments = [
-            align(target, source, initial_guess, reach_m, config.threads)
-            for initial_guess in initial_guesses
-        ]
-        accepted = [
-            alignment
-            for initial_guess, alignment in zip(initial_guesses, alignments, strict=True)
-            if self._is_accepted(initial_guess, alignment)
-        ]
-        return min(accepted, key=lambda alignment: alignment.cost, default=None)
-
-    def _is_accepted(self, initial_guess: Float64, alignment: Alignment) -> bool:
-        correction = inverse(initial_guess) @ alignment.target_SE3_source
-        return bool(
-            alignment.is_converged
-            and alignment.inlier_ratio >= self._config.min_inlier_ratio
-            and np.linalg.norm(correction[:3, 3]) <= self._config.max_correction_m
-            and rotation_angle_rad(correction) <= self._config.max_correction_rad
-        )
-
-    def _is_far(self, keyframe_SE3_velo: Float64) -> bool:
-        min_travel_m = float(np.linalg.norm(keyframe_SE3_velo[:3, 3]))
-        turn_rad = rotation_angle_rad(keyframe_SE3_velo)
-        return (
-            min_travel_m > self._config.keyframe_distance_m
-            or turn_rad > self._config.keyframe_angle_rad
-        )
-
-    def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
-        stride = -(-len(points_velo) // self._config.max_points)
-        return preprocess_points(
-            points_velo[::stride],
-            self._config.voxel_size_m,
-            self._config.neighbors,
-            self._config.threads,
-        )
+        if self._method == "thesis" and frame.world_SE3_velo is not None:
+            self._window.push(PosedScan(points_velo, frame.world_SE3_velo))
+            return RegisteredScans(register_window(self._window, self._config.icp), is_reset=False)
+        pose = self._odometry.update(points_velo, frame.stamp_s, frame.world_SE3_velo, frame.source)
+        if pose.is_reset:
+            self._window.clear()
+        # A scan that is given twice is no independent observation.
+        if pose.origin is PoseOrigin.REPEATED:
+            self._window.pop()
+        self._window.push(PosedScan(points_velo, pose.world_SE3_velo))
+        return RegisteredScans(self._window, pose.is_reset)
 
 
-def _velocity(last: _PreviousScan, now: Localization, gap_s: float) -> Float64 | None:
-    if now.origin not in (PoseOrigin.REGISTERED, PoseOrigin.INS):
-        return last.velocity
-    step = inverse(last.localization.world_SE3_velo) @ now.world_SE3_velo
-    turn = Rotation.from_matrix(step[:3, :3]).as_rotvec()
-    return np.concatenate([turn, step[:3, 3]]) / gap_s
+def register_window(window: ScanWindow, config: WindowIcpConfig | None = None) -> ScanWindow:
+    """Align every scan with the newest one, as the thesis does for each frame (Algorithm 2).
 
+    Args:
+        window: Scans with INS poses.
+        config: Configuration of the box-grid filter and the point-to-point ICP.
 
-def _step(world_SE3_before: Float64 | None, world_SE3_now: Float64 | None) -> Float64 | None:
-    if world_SE3_before is None or world_SE3_now is None:
-        return None
-    return inverse(world_SE3_before) @ world_SE3_now
-
-
-def _extrapolate(velocity: Float64 | None, gap_s: float) -> Float64:
-    if velocity is None:
-        return np.eye(4)
-    turn = Rotation.from_rotvec(velocity[:3] * gap_s).as_matrix()
-    return from_rotation_translation(turn, velocity[3:] * gap_s)
-
-
-def _rounded(pose: Float64) -> Float64:
-    """Drop the last digits, which depend on the order in which threads add up.
-
-    Left alone, what rounding skews would double with every keyframe.
+    Returns:
+        The same scans with refined poses. A scan whose alignment fails keeps its INS pose.
     """
-    return orthonormal(np.round(pose, 10))
+    config = config or WindowIcpConfig()
+    newest = window.newest
+    target = preprocess_points(newest.points_velo, config.voxel_size_m, threads=config.threads)
+    newest_SE3_world = inverse(newest.world_SE3_velo)
+    registered = ScanWindow(previous_scans=len(window) - 1)
+    for scan in window:
+        pose = scan.world_SE3_velo
+        if scan is not newest:
+            source = preprocess_points(
+                scan.points_velo, config.voxel_size_m, threads=config.threads
+            )
+            found = align(
+                target,
+                source,
+                newest_SE3_world @ pose,
+                config.max_correspondence_m,
+                config.threads,
+                "ICP",
+            )
+            if found.is_converged:
+                pose = newest.world_SE3_velo @ np.round(found.target_SE3_source, 10)
+        registered.push(PosedScan(scan.points_velo, pose))
+    return registered

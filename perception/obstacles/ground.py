@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 
 from perception.geometry.grids import LocalArea
+from perception.localization.scan_window import ScanWindow, merge
 from perception.obstacles.config import GroundConfig, PiecewisePlanesConfig
-from perception.obstacles.dense_cloud import ScanWindow, merge
 from perception.obstacles.ground_planes import PiecewisePlanesEstimator
 from perception.obstacles.ground_surface import GroundSurfaceEstimator
 from perception.sensor import LidarModel

@@ -16,8 +16,8 @@ import numpy as np
 from perception.geometry.grids import LocalArea
 from perception.geometry.height_grid import HeightGrid, HeightSamples, HeightSurface
 from perception.geometry.se3 import inverse
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import GroundSurfaceConfig
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.sensor import LidarModel
 from perception.types import ArrayTable, Bool, Float32, Float64, Int
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
+from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
-from perception.obstacles.dense_cloud import ScanWindow
 from perception.obstacles.voxels import KeyCounts, Keys, VoxelGrid, count_keys, is_among
 from perception.types import Bool, Float32, Float64, GroundModel, Int, Obstacles
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from perception.geometry import se3
 from perception.geometry.grids import LocalArea
+from perception.localization.scan_window import ScanWindow
 from perception.obstacles.above_ground import AboveGround, split_by_ground
 from perception.obstacles.config import MotionConfig
-from perception.obstacles.dense_cloud import ScanWindow
 from perception.obstacles.free_space import FreeSpaceMemory
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.moving_clusters import moving_voxels

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from perception.pipeline.config import PipelineConfig
 
 if TYPE_CHECKING:
-    from perception.pipeline.clock import StageClock
     from perception.pipeline.pipeline import Pipeline
+    from perception.pipeline.workers import StageClock
 
 __all__ = ["Pipeline", "PipelineConfig", "StageClock"]
 
@@ -21,7 +21,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - a class of either module
 
         return Pipeline
     if name == "StageClock":
-        from perception.pipeline.clock import StageClock
+        from perception.pipeline.workers import StageClock
 
         return StageClock
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,36 +1,86 @@
-"""Who does the stages' work: threads beside each other, or the caller himself."""
+"""Workers that run the stages, each with a clock: threads side by side, or the calling thread itself."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 from perception.geometry.threads import limit_blas_threads
+from perception.types import StageSpan
 
 Params = ParamSpec("Params")
 Returned = TypeVar("Returned")
 
 
+class StageClock:
+    """Measures the time of one stage after another on one worker."""
+
+    def __init__(self, worker: str = "", arrival_s: float | None = None) -> None:
+        """Start without a stage.
+
+        Args:
+            worker: Name of the worker that runs the stages.
+            arrival_s: Time at which the frame arrived, by `time.perf_counter`; else now.
+        """
+        self._worker = worker
+        self._arrival_s = time.perf_counter() if arrival_s is None else arrival_s
+        self.spans: tuple[StageSpan, ...] = ()
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Duration of each stage in seconds."""
+        return {span.stage: span.stop_s - span.start_s for span in self.spans}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measure the time of a stage."""
+        start_s = time.perf_counter() - self._arrival_s
+        yield
+        stop_s = time.perf_counter() - self._arrival_s
+        self.spans += (StageSpan(name, self._worker, start_s, stop_s),)
+
+    @contextmanager
+    def nested(self) -> Iterator[list[StageSpan]]:
+        """Take over stages that were measured elsewhere: append their spans, relative to now, to the list.
+
+        Spans without a worker are those of this clock's worker.
+        """
+        offset_s = time.perf_counter() - self._arrival_s
+        nested: list[StageSpan] = []
+        yield nested
+        self.spans += tuple(
+            StageSpan(
+                span.stage,
+                span.worker or self._worker,
+                offset_s + span.start_s,
+                offset_s + span.stop_s,
+            )
+            for span in nested
+        )
+
+
 class Worker(Protocol):
-    """Does one task after another, in the order in which they are given."""
+    """Runs one task after another, in the order in which they are submitted."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the worker."""
         ...
 
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Returned]":
-        """Take a task; its result or error comes with the future."""
+        """Take a task; the future gives its result or its error."""
         ...
 
     def close(self) -> None:
-        """Take no more; return when all that was begun is done."""
+        """Take no more tasks, and return when the running one has finished."""
         ...
 
 
 class ThreadWorker:
-    """One thread, which waits where there is nothing to do; NumPy, OpenCV and the networks let others run."""
+    """A worker with a thread of its own. NumPy, OpenCV and the networks let other threads run meanwhile."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -39,16 +89,16 @@ class ThreadWorker:
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Returned]":
-        """Take a task; tasks wait in line."""
+        """Add a task to the queue."""
         return self._executor.submit(_with_limited_blas, task, *args, **kwargs)
 
     def close(self) -> None:
-        """Drop what waits, and end the thread after what it does now."""
+        """Drop the tasks in the queue, and end the thread after the running one."""
         self._executor.shutdown(cancel_futures=True)
 
 
 class InlineWorker:
-    """Does each task at once, in the thread that gives it."""
+    """A worker that runs each task at once, in the thread that submits it."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -56,16 +106,16 @@ class InlineWorker:
     def submit(
         self, task: Callable[Params, Returned], /, *args: Params.args, **kwargs: Params.kwargs
     ) -> "Future[Returned]":
-        """Do the task; return what came of it."""
+        """Run the task; return a future that is done."""
         future: Future[Returned] = Future()
         try:
             future.set_result(_with_limited_blas(task, *args, **kwargs))
-        except Exception as error:  # whatever it is, it is for the one who asks for the result
+        except Exception as error:  # any error belongs to whoever asks for the result
             future.set_exception(error)
         return future
 
     def close(self) -> None:
-        """There is nothing to end."""
+        """Do nothing: there is no thread to end."""
 
 
 def _with_limited_blas(task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - any task

@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from perception.pipeline.clock import relative_to_start
 from perception.render import palette
 from perception.render.canvas import Align, draw_text, text_width_px
 from perception.render.panels import LegendEntry, draw_legend
-from perception.types import Result, StageSpan, UInt8
+from perception.types import Result, StageSpan, UInt8, relative_to_start
 
 _TOP, _BOTTOM = 0.16, 0.40  # ends of all bars, shares of the canvas' height
 _BASELINES = {1: (0.82,), 2: (0.65, 0.91)}  # by the number of lines of text

@@ -19,7 +19,15 @@ from perception.types.drive import Drive, Labels, PointTruth
 from perception.types.frame import Calibration, Frame
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
-from perception.types.stages import Layout, MapMethod, Method, OnBadFrame, Progress, StageSpan
+from perception.types.stages import (
+    Layout,
+    MapMethod,
+    Method,
+    OnBadFrame,
+    Progress,
+    StageSpan,
+    relative_to_start,
+)
 from perception.types.table import SHARED, ArrayTable
 from perception.types.tracks import Tracks
 from perception.types.vehicles import Vehicles
@@ -60,4 +68,5 @@ __all__ = [
     "UInt8",
     "Vehicles",
     "Voxels",
+    "relative_to_start",
 ]

@@ -1,33 +1,42 @@
-"""How a stage is asked to work, how it shows its progress, and when it worked."""
+"""Method of a stage, progress over frames, and the time that each stage took."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
-# By which form of a stage: ours, or the thesis' own.
+# The method of this package, or that of the thesis.
 Method = Literal["default", "thesis"]
-# How sparse depth and reflectance maps are filled.
+# Method of filling sparse depth and reflectance maps.
 MapMethod = Literal["default", "thesis", "nearest", "linear", "natural"]
-# What is done at a frame that cannot be read.
+# Treatment of a frame that cannot be read.
 OnBadFrame = Literal["stop", "skip"]
-# KITTI's folder layouts.
+# Folder layouts of KITTI.
 Layout = Literal["raw", "tracking", "object"]
-# Goes through numbers, such as of frames, and may show how far it is.
+# Iterates over numbers, such as those of frames, and may show a progress bar.
 Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class StageSpan:
-    """When one stage worked on a frame.
+    """Start and end of one stage for one frame.
 
     Attributes:
-        stage: its name.
-        worker: that ran it, one stage after another.
-        start_s: since the frame arrived.
-        stop_s: since the frame arrived.
+        stage: Name of the stage.
+        worker: Name of the worker that ran it.
+        start_s: Start in seconds since the frame arrived.
+        stop_s: End in seconds since the frame arrived.
     """
 
     stage: str
     worker: str
     start_s: float
     stop_s: float
+
+
+def relative_to_start(spans: Sequence[StageSpan]) -> tuple[StageSpan, ...]:
+    """Return the spans in seconds since the first stage started, without the time that the frame waited."""
+    offset_s = min((span.start_s for span in spans), default=0.0)
+    return tuple(
+        replace(span, start_s=span.start_s - offset_s, stop_s=span.stop_s - offset_s)
+        for span in spans
+    )

@@ -12,7 +12,7 @@ from perception.cli.main import main
 from perception.datmo.config import THESIS
 from perception.errors import UsageError
 from perception.geometry.footprints import Footprints, footprints_of
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.sensor import VLP_16
 
 
@@ -43,8 +43,8 @@ def test_a_longer_drive_is_followed_through_the_queue_only(drive, tmp_path, monk
         read.append(frame.index)
         return whole(chain, frame)
 
-    whole = ObstacleChain.segment
-    monkeypatch.setattr(ObstacleChain, "segment", segment)
+    whole = LidarStages.segment
+    monkeypatch.setattr(LidarStages, "segment", segment)
     study_motion_grid(drive, tmp_path / "grids.png", frame=6, preset="thesis")
     assert read == [3, 4, 5, 6]
 

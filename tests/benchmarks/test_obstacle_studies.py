@@ -27,7 +27,7 @@ from data.synthetic.cached_drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea
-from perception.obstacles.dense_cloud import DenseCloud
+from perception.localization.scan_window import DenseCloud
 from perception.obstacles.ground_planes import PiecewisePlanes
 from perception.sensor import HDL_32E
 

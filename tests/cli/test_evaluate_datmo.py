@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import perception.datmo.stage
-import perception.pipeline.obstacle_chain
+import perception.pipeline.lidar_stages
 from data.derived.moving_truth import moving_truth
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
@@ -123,7 +123,7 @@ def test_the_command_compares_methods_and_writes_the_same_as_json(
 ):
     folder = write_tracking(drive, tmp_path / "drive", 0, lambda: None)
     answers = [tracks for _, tracks in knowing_tracks(open_drive(folder), FRAMES)]
-    monkeypatch.setattr(perception.pipeline.obstacle_chain, "ObstacleChain", LevelChain)
+    monkeypatch.setattr(perception.pipeline.lidar_stages, "LidarStages", LevelChain)
     monkeypatch.setattr(
         perception.datmo.stage,
         "datmo_stage",

@@ -21,7 +21,7 @@ from perception.cli.track_object import TrackConfig, track_object
 from perception.errors import PerceptionError, UsageError
 from perception.evaluation.single_object.trajectory_summary import TrajectorySummary, path_length_m
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D
 
@@ -258,7 +258,7 @@ def test_who_stands_and_trembles_goes_nowhere():
 
 def test_nothing_is_written_as_rows_without_a_camera(street, tmp_path):
     drive = open_drive(street, images=False)
-    result, _ = ObstacleChain(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
+    result, _ = LidarStages(drive.sensor, PipelineConfig.for_motion()).segment(drive[0])
     box = Boxes3D(np.array([[9.0, 0, -1.7]]), np.full((1, 3), 2.0), np.zeros(1))
     tracked = TrackedObject(TrackStatus.SEEN, box, np.zeros(2), None)
     rows = TrajectoryRows(tmp_path / "rows.txt", None, 0, None)

@@ -12,7 +12,7 @@ from perception.datmo.stage import datmo_stage
 from perception.errors import PoseError
 from perception.geometry import se3
 from perception.pipeline import Pipeline, PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.types import Frame, Tracks
 
 FRAMES = 24
@@ -31,7 +31,7 @@ def frames(drive: SyntheticDrive) -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def scans(drive: SyntheticDrive, frames: list[Frame]) -> list[SegmentedScan]:
-    chain = ObstacleChain(drive.sensor, PipelineConfig.for_motion("none"))
+    chain = LidarStages(drive.sensor, PipelineConfig.for_motion("none"))
     return [chain.segment(frame)[1] for frame in frames]
 
 

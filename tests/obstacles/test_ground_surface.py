@@ -6,8 +6,8 @@ import pytest
 from perception.errors import UsageError
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler, inverse
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import GroundSurfaceConfig
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.obstacles.ground_surface import GroundSurfaceEstimator
 from perception.sensor import HDL_32E, HDL_64E, VLP_16, LidarModel
 

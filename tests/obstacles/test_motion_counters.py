@@ -11,7 +11,7 @@ from benchmarks.reference.voxels import (
 )
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.motion_counters import (
     CounterSegmenter,
     classify_columns,

@@ -7,8 +7,8 @@ import pytest
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler
+from perception.localization.scan_window import PosedScan, ScanWindow
 from perception.obstacles.config import MotionConfig, MotionCountersConfig
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow
 from perception.obstacles.motion_counters import CounterSegmenter
 from perception.obstacles.motion_segmentation import (
     FreeSpaceSegmenter,

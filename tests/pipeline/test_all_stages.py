@@ -14,8 +14,8 @@ from perception.detection.detectors import modalities
 from perception.detection.detectors.modalities import modality_image
 from perception.errors import ModelError, PoseError
 from perception.maps.densify import densify
-from perception.pipeline import Pipeline, PipelineConfig, detection_chain
-from perception.pipeline.obstacle_process import ObstacleProcess
+from perception.pipeline import Pipeline, PipelineConfig, camera_stages
+from perception.pipeline.lidar_process import LidarProcess
 from perception.types import MODALITIES
 
 STAGES = {
@@ -85,7 +85,7 @@ def test_every_stage_is_timed_on_its_worker(street_frames, all_stages):
 
 def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypatch):
     has_detected, waited = threading.Event(), []
-    verify_frame, step = DepthCn.verify_frame, ObstacleProcess.step
+    verify_frame, step = DepthCn.verify_frame, LidarProcess.step
 
     def verify_and_signal(*given):
         verified = verify_frame(*given)
@@ -97,7 +97,7 @@ def test_detectors_do_not_wait_for_obstacles(street_frames, all_stages, monkeypa
         return step(*given)
 
     monkeypatch.setattr(DepthCn, "verify_frame", verify_and_signal)
-    monkeypatch.setattr(ObstacleProcess, "step", step_late)
+    monkeypatch.setattr(LidarProcess, "step", step_late)
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
     assert waited == [True]
@@ -111,7 +111,7 @@ def test_maps_are_made_once_for_all_detectors(street_frames, all_stages, monkeyp
         made.append(densify(*given))
         return made[-1]
 
-    for module in (detection_chain, depthcn_detector, modalities):
+    for module in (camera_stages, depthcn_detector, modalities):
         monkeypatch.setattr(module, "densify", count)
     with Pipeline(config=all_stages) as pipeline:
         result = pipeline.step(street_frames[0])
@@ -200,13 +200,13 @@ def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
 
 
 def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
-    ended, close = [], ObstacleProcess.close
+    ended, close = [], LidarProcess.close
 
     def close_and_tell(process):
         close(process)
         ended.append(process.process_id)
 
-    monkeypatch.setattr(ObstacleProcess, "close", close_and_tell)
+    monkeypatch.setattr(LidarProcess, "close", close_and_tell)
     with pytest.raises(ModelError, match=r"nowhere\.onnx"):
         Pipeline(
             config=PipelineConfig(detection=DetectionConfig(rgb_model=tmp_path / "nowhere.onnx"))

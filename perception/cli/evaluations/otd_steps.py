@@ -11,7 +11,7 @@ from perception.errors import PerceptionError
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.geometry.threads import limit_blas_threads
 from perception.pipeline import PipelineConfig
-from perception.pipeline.obstacle_chain import ObstacleChain
+from perception.pipeline.lidar_stages import LidarStages
 from perception.sensor import LidarModel
 from perception.tracking.single_object.handover import tracker_input_of
 from perception.tracking.single_object.tracker import (
@@ -80,7 +80,7 @@ def track_objects(
         {name: _TimedTracker(make(name, drive.sensor), one) for name in trackers} for one in objects
     ]
     config = pipeline_config()
-    chain = ObstacleChain(drive.sensor, config)
+    chain = LidarStages(drive.sensor, config)
     limit = max((one.sequence.last_frame + 1 for one in objects), default=0)
     frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
     count = frame_count(drive, limit)

@@ -7,7 +7,7 @@ from perception.errors import PoseError
 from perception.geometry.se3 import from_euler, inverse, orthonormal, rotation_angle_rad
 from perception.localization.alignment import align, preprocess_points
 from perception.localization.config import RegistrationConfig
-from perception.localization.registration import LidarOdometry, PoseOrigin
+from perception.localization.odometry import LidarOdometry, PoseOrigin
 
 STEP_S = 0.1
 

@@ -1,11 +1,11 @@
-"""The obstacle chain in a process of its own: Python lets only one thread of a process run at a time.
+"""The LiDAR stages in a process of their own: Python lets only one thread of a process run at a time.
 
     this process    step(frame) -- frame without its image -->.
-                                                              | obstacle chain
-                    Surroundings <-- or an error -------------'  the other process
+                                                              | LiDAR stages
+                    LidarResult <-- or an error --------------'  the other process
 
-It begins with this module, so that no script that makes a pipeline is run a second time. It ends when it is
-closed, and when this process ends, however that comes about.
+The other process starts with this module, so that a script that makes a pipeline is not run a second time. It ends
+when it is closed, and when this process ends, for whatever reason.
 """
 
 import os
@@ -21,22 +21,22 @@ from typing import IO, Any, cast
 
 from perception.errors import PerceptionError
 from perception.geometry.threads import limit_blas_threads, limit_opencv_threads
-from perception.pipeline.clock import StageClock
 from perception.pipeline.config import PipelineConfig
-from perception.pipeline.obstacle_chain import LidarResult, ObstacleChain
+from perception.pipeline.lidar_stages import LidarResult, LidarStages
+from perception.pipeline.workers import StageClock
 from perception.sensor import LidarModel
 from perception.types import Frame
 
 
-class ObstacleProcess:
-    """Does what an `ObstacleChain` does, in another process; one thread at a time may ask it."""
+class LidarProcess:
+    """The interface of `LidarStages` to another process; one thread at a time may call it."""
 
     def __init__(self, sensor: LidarModel, config: PipelineConfig) -> None:
-        """Start the process, and do not wait until it is ready.
+        """Start the process; it gets ready in the background.
 
         Args:
-            sensor: whose scans will come.
-            config: every choice.
+            sensor: LiDAR model of the scans.
+            config: Pipeline configuration.
 
         Raises:
             PerceptionError: no process can be started.
@@ -51,32 +51,31 @@ class ObstacleProcess:
         except OSError as error:
             raise PerceptionError(
                 f"process of {sys.executable or 'Python'}",
-                expected="one that can be started for the obstacle stages",
+                expected="a process that can be started for the LiDAR stages",
                 found=str(error),
-                advice="set parallel to false in the configuration of the pipeline",
+                advice="pass --pipeline.no-parallel",
             ) from error
         self._send((sensor, config))
 
     @property
     def process_id(self) -> int:
-        """By which the system knows it."""
+        """Process id."""
         return self._process.pid
 
     def step(self, frame: Frame, clock: StageClock) -> LidarResult:
-        """Return what the chain's `step` does; the clock has its stages then.
+        """Run the LiDAR stages on a frame.
 
         Raises:
-            PerceptionError: as for the chain's `step`, or the process has ended.
+            PerceptionError: the error of `LidarStages.step`, or the process has ended.
         """
-        lidar_result, clock.spans = self._call("step", replace(frame, image=None), clock)
-        return cast(LidarResult, lidar_result)
+        return cast(LidarResult, self._call("step", replace(frame, image=None), clock))
 
     def reset(self) -> None:
         """Forget the drive so far."""
         self._call("reset")
 
     def close(self) -> None:
-        """End the process after what it does now."""
+        """End the process after the running call."""
         with suppress(BrokenPipeError):  # it has ended by itself
             self._requests.close()
         self._responses.close()
@@ -100,10 +99,10 @@ class ObstacleProcess:
 
     def _ended_error(self) -> PerceptionError:
         return PerceptionError(
-            "process of the obstacle stages",
-            expected="one that runs until the pipeline is closed",
-            found=f"one that has ended with exit code {self._process.wait()}",
-            advice="look for its message above, or set parallel to false in the configuration of the pipeline",
+            "process of the LiDAR stages",
+            expected="a process that runs until the pipeline is closed",
+            found=f"a process that has ended with exit code {self._process.wait()}",
+            advice="look for its message above, or pass --pipeline.no-parallel",
         )
 
     @property
@@ -116,7 +115,7 @@ class ObstacleProcess:
 
 
 def _environment() -> Mapping[str, str]:
-    """Return what lets the other process import what this one can."""
+    """Return the environment in which the other process imports what this one can."""
     paths = [str(Path(place).absolute()) for place in sys.path]
     return os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
 
@@ -127,13 +126,9 @@ def _write(message: object, stream: IO[bytes]) -> None:
 
 
 def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
-    """Answer one question after another, until there are no more."""
-    chain = ObstacleChain(*pickle.load(requests))
-
-    def step(frame: Frame, clock: StageClock) -> object:
-        return chain.step(frame, clock), clock.spans
-
-    tasks: dict[str, Callable[..., object]] = {"step": step, "reset": chain.reset}
+    """Answer one request after another, until there are no more."""
+    stages = LidarStages(*pickle.load(requests))
+    tasks: dict[str, Callable[..., object]] = {"step": stages.step, "reset": stages.reset}
     while True:
         try:
             name, arguments = pickle.load(requests)
@@ -141,16 +136,16 @@ def _serve_requests(requests: IO[bytes], responses: IO[bytes]) -> None:
             return
         try:
             response = tasks[name](*arguments)
-        except Exception as error:  # whatever it is, it is for the one who asks
+        except Exception as error:  # any error belongs to the caller
             response = error
         _write(response, responses)
 
 
 def serve() -> None:
-    """Be the other process."""
-    # An interrupt reaches both processes; it is the other one's to end this one.
+    """Run the other process."""
+    # An interrupt reaches both processes; the other one ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Whatever prints shall not do so into the answers.
+    # What is printed must not get into the responses.
     responses = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     limit_opencv_threads()
@@ -158,4 +153,4 @@ def serve() -> None:
         try:
             _serve_requests(sys.stdin.buffer, responses)
         except BrokenPipeError:
-            os._exit(0)  # nobody is there to hear; what is buffered is not written
+            os._exit(0)  # no reader is left; what is buffered is not written

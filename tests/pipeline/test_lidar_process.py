@@ -1,4 +1,4 @@
-"""The obstacle chain beside this process: same answers, its errors here, and nothing left behind."""
+"""The LiDAR stages in another process: same results, its errors here, and nothing left behind."""
 
 import os
 import signal
@@ -10,8 +10,8 @@ import pytest
 
 from perception.errors import PerceptionError, PoseError
 from perception.pipeline import PipelineConfig, StageClock
-from perception.pipeline.obstacle_chain import ObstacleChain
-from perception.pipeline.obstacle_process import ObstacleProcess
+from perception.pipeline.lidar_process import LidarProcess
+from perception.pipeline.lidar_stages import LidarStages
 from perception.sensor import HDL_64E
 
 CONFIG = PipelineConfig.for_motion()
@@ -20,7 +20,7 @@ STAGES = ["registration", "ground", "static and moving", "moving objects"]
 
 @pytest.fixture(scope="module")
 def process():
-    with closing(ObstacleProcess(HDL_64E, CONFIG)) as process:
+    with closing(LidarProcess(HDL_64E, CONFIG)) as process:
         yield process
 
 
@@ -36,10 +36,10 @@ def jumped(frame):
     return replace(frame, world_SE3_velo=pose)
 
 
-def test_answers_as_the_chain_does(street_frames, fresh):
-    chain = ObstacleChain(HDL_64E, CONFIG)
+def test_answers_as_the_stages_does(street_frames, fresh):
+    stages = LidarStages(HDL_64E, CONFIG)
     for frame in street_frames:
-        here, there = chain.step(frame, StageClock()), fresh.step(frame, StageClock())
+        here, there = stages.step(frame, StageClock()), fresh.step(frame, StageClock())
         np.testing.assert_array_equal(there.world_SE3_velo, here.world_SE3_velo)
         np.testing.assert_array_equal(there.obstacles.point_states, here.obstacles.point_states)
         np.testing.assert_array_equal(there.tracks.ids, here.tracks.ids)
@@ -48,23 +48,24 @@ def test_answers_as_the_chain_does(street_frames, fresh):
         np.testing.assert_array_equal(
             there.ground.distance_m(places), here.ground.distance_m(places)
         )
-    assert there.result(frame).frame is frame
+    assert there.of_frame(frame).frame is frame
 
 
 def test_stages_are_timed_by_the_clock_that_is_given(street_frames, fresh):
     clock = StageClock("obstacles")
-    fresh.step(street_frames[0], clock)
-    assert [span.stage for span in clock.spans] == STAGES
-    assert {span.worker for span in clock.spans} == {"obstacles"}
-    edges = [edge for span in clock.spans for edge in (span.start_s, span.stop_s)]
+    spans = fresh.step(street_frames[0], clock).spans
+    assert [span.stage for span in spans] == STAGES
+    assert {span.worker for span in spans} == {"obstacles"}
+    edges = [edge for span in spans for edge in (span.start_s, span.stop_s)]
     assert edges[0] >= 0
     assert edges == sorted(edges)
 
 
 def test_an_error_comes_here_and_the_process_goes_on(street_frames, fresh):
     fresh.step(street_frames[0], StageClock())
-    with pytest.raises(PoseError, match="jump of"):
+    with pytest.raises(PoseError) as error:
         fresh.step(jumped(street_frames[1]), StageClock())
+    assert error.value.where == street_frames[1].source
     assert not fresh.step(street_frames[1], StageClock()).is_reset
     fresh.reset()
     assert fresh.step(jumped(street_frames[1]), StageClock()).is_reset
@@ -76,24 +77,29 @@ def test_an_interrupt_is_left_to_the_one_that_started_it(street_frames, fresh):
 
 
 def test_one_that_has_ended_is_said_to_have(street_frames):
-    process = ObstacleProcess(HDL_64E, CONFIG)
+    process = LidarProcess(HDL_64E, CONFIG)
     process.reset()
     os.kill(process.process_id, signal.SIGKILL)
-    with pytest.raises(PerceptionError, match="ended with exit code -9; look for its message"):
+    with pytest.raises(PerceptionError) as error:
         process.step(street_frames[0], StageClock())
+    assert error.value.where == "process of the LiDAR stages"
+    assert error.value.found.endswith("exit code -9")
     process.close()
 
 
 def test_closing_ends_it_and_leaves_nothing(street_frames):
-    process = ObstacleProcess(HDL_64E, CONFIG)
+    process = LidarProcess(HDL_64E, CONFIG)
     process.close()
     with pytest.raises(ProcessLookupError):
         os.kill(process.process_id, 0)
-    with pytest.raises(PerceptionError, match="runs until the pipeline is closed"):
+    with pytest.raises(PerceptionError) as error:
         process.step(street_frames[0], StageClock())
+    assert error.value.where == "process of the LiDAR stages"
 
 
 def test_without_a_python_to_start_it_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    with pytest.raises(PerceptionError, match="set parallel to false"):
-        ObstacleProcess(HDL_64E, CONFIG)
+    with pytest.raises(PerceptionError) as error:
+        LidarProcess(HDL_64E, CONFIG)
+    assert error.value.where == f"process of {tmp_path / 'python'}"
+    assert error.value.advice == "pass --pipeline.no-parallel"

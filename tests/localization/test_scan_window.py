@@ -2,7 +2,8 @@ import numpy as np
 
 from perception.geometry.grids import LocalArea
 from perception.geometry.se3 import from_euler, inverse
-from perception.obstacles.dense_cloud import PosedScan, ScanWindow, merge, register_window
+from perception.localization.registration import register_window
+from perception.localization.scan_window import PosedScan, ScanWindow, merge
 
 
 def scan_of(points: list[tuple[float, float, float]]) -> np.ndarray:
