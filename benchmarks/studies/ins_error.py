@@ -12,7 +12,7 @@ from benchmarks.studies.tracking_metrics import (
     total,
     tracking_table,
 )
-from data.synthetic.cached_drive import CachedDrive
+from data.synthetic.drive import CachedDrive
 from data.synthetic.ins import InsNoise
 from perception.cli.parser import FlagGroup
 from perception.render.curve_plots import metric_panels, plot_curves

@@ -8,8 +8,14 @@ import numpy as np
 
 from benchmarks.studies.report import RESULTS, Study, publish
 from data.derived.single_object import ObjectSequence
-from data.synthetic.scenario_truth import true_track
-from data.synthetic.scenarios import TARGET_ID, Scenario, ScenarioDrive, TargetClass, all_scenarios
+from data.synthetic.scenarios import (
+    TARGET_ID,
+    Scenario,
+    ScenarioDrive,
+    TargetClass,
+    all_scenarios,
+    true_track,
+)
 from perception.cli.evaluations.otd import parse_trackers
 from perception.cli.evaluations.otd_steps import TargetObject, track_objects
 from perception.cli.parser import FlagGroup

@@ -3,11 +3,10 @@
 import numpy as np
 
 from data.synthetic.exposure import Exposure, develop
-from data.synthetic.g_buffer import GBuffer, RenderState
 from data.synthetic.light import Daylight
 from data.synthetic.raycasting import Hits, MovingObject, Rays, rotated
 from data.synthetic.rig import IMAGE_SIZE_PX, PinholeCamera, near_pixels
-from data.synthetic.shading import IS_ROUNDED, Shader
+from data.synthetic.shading import IS_ROUNDED, GBuffer, RenderState, Shader
 from data.synthetic.world import World
 from perception.types import Calibration, Float32, Float64, Int, UInt8
 

@@ -11,9 +11,8 @@ import numpy as np
 from data.synthetic import furniture, meshes, people, street, vegetation
 from data.synthetic.materials import SemanticClass, palette, random_clothes
 from data.synthetic.meshes import Mesh
-from data.synthetic.parking_lots import draw_places
-from data.synthetic.poles import draw_pole, islands
 from data.synthetic.road import Road
+from data.synthetic.roadside import draw_places, draw_pole, islands
 from data.synthetic.street import Part
 from data.synthetic.town import Clearing
 from perception.types import Float32, Float64

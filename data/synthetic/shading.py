@@ -1,16 +1,62 @@
 """Shading: sun and its shadows, sky, occlusion under vehicles, gloss, haze."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
-from data.synthetic.g_buffer import GBuffer, RenderState
 from data.synthetic.light import Daylight
 from data.synthetic.materials import Slot, column, rgb
-from data.synthetic.procedural_textures import ProceduralTextures
-from data.synthetic.raycasting import Rays, near_any
-from data.synthetic.rig import near_pixels
+from data.synthetic.raycasting import Hits, MovingObject, Rays, near_any
+from data.synthetic.rig import PinholeCamera, near_pixels
+from data.synthetic.textures import ProceduralTextures
 from data.synthetic.world import World
-from perception.types import Float32
+from perception.types import Float32, Float64, Int, UInt8
+
+
+@dataclass(frozen=True)
+class RenderState:
+    """State of the world at the time of one image, shared by its bands.
+
+    Attributes:
+        pinhole: Pinhole camera at its pose.
+        velo_to_world: (3, 3) rotation of the LiDAR.
+        moving: Moving objects in view.
+        casting: Moving objects near enough to cast shadows.
+        footprints: Pose, length and width of the vehicles nearby.
+    """
+
+    pinhole: PinholeCamera
+    velo_to_world: Float32
+    moving: list[MovingObject]
+    casting: list[MovingObject]
+    footprints: list[tuple[Float64, float, float]]
+
+
+@dataclass(frozen=True)
+class GBuffer:
+    """Surfaces behind the pixels of one band.
+
+    Attributes:
+        rows: Rows of the image.
+        shape: Rows and columns of the band.
+        rays: Rays, one per pixel, row by row.
+        hits: Hits of the rays.
+        seen: (K,) indices of the pixels whose ray meets a surface.
+        slots: (K,) material slots.
+        points: (K, 3) points in the world.
+        normals: (K, 3) unit normals, turned towards the camera.
+    """
+
+    rows: slice
+    shape: tuple[int, int]
+    rays: Rays
+    hits: Hits
+    seen: Int
+    slots: UInt8
+    points: Float32
+    normals: Float32
+
 
 _ROUNDED = [
     Slot.PAINT, Slot.GLASS, Slot.TRIM, Slot.TYRE, Slot.RIM, Slot.HEADLIGHT, Slot.TAILLIGHT, Slot.SKIN,

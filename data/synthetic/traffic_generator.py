@@ -8,8 +8,8 @@ from data.synthetic import actors as actor_models
 from data.synthetic import traffic
 from data.synthetic.actors import Actor, Body
 from data.synthetic.motion import Path, vehicle_poses
-from data.synthetic.parking_lots import ParkingLot
 from data.synthetic.road import Road
+from data.synthetic.roadside import ParkingLot
 from data.synthetic.town import Clearing
 from data.synthetic.traffic import Block, Lane, Slowdown
 from data.synthetic.world_config import WorldConfig

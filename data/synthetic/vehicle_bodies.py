@@ -9,9 +9,12 @@ import numpy as np
 from data.synthetic import meshes
 from data.synthetic.materials import Slot
 from data.synthetic.meshes import Mesh
-from data.synthetic.panels import END_U, SILL_V, VARIANT_V, VARIANTS
 from data.synthetic.vehicle_designs import VehicleDesign
 from perception.types import Bool, Float32, Float64, UInt8
+
+# Texture coordinates are metres along the sides of a body, or END_U plus metres across its ends; and shares of the
+# height from sill (0) to waist (1), shifted by SILL_V and by VARIANT_V for each variant of the trim.
+END_U, SILL_V, VARIANT_V, VARIANTS = 50.0, 2.0, 10.0, 8
 
 
 def _stations(design: VehicleDesign) -> Float64:

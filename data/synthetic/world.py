@@ -8,9 +8,9 @@ import numpy as np
 from data.synthetic import clutter, meshes, town
 from data.synthetic.actors import Actor
 from data.synthetic.motion import Path, vehicle_poses
-from data.synthetic.parking_lots import draw_parking_lots
 from data.synthetic.raycasting import MovingObject, RaycastingScene
 from data.synthetic.road import Road
+from data.synthetic.roadside import draw_parking_lots
 from data.synthetic.street import Part
 from data.synthetic.traffic_generator import TrafficGenerator
 from data.synthetic.world_config import WorldConfig

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.studies import motion_grid
 from benchmarks.studies.motion_grid import axis_aligned_boxes, study_motion_grid
-from data.synthetic.cached_drive import CachedDrive
+from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.datmo.config import THESIS
 from perception.errors import UsageError

@@ -23,7 +23,7 @@ from benchmarks.studies.ground_error import GroundErrorConfig, study_ground_erro
 from benchmarks.studies.masks import study_masks
 from benchmarks.studies.merged_frame import MergedFrameFlags, read_merged_frame
 from benchmarks.studies.report import publish
-from data.synthetic.cached_drive import CachedDrive
+from data.synthetic.drive import CachedDrive
 from perception.cli.main import main
 from perception.errors import DriveError, UsageError
 from perception.geometry.grids import LocalArea

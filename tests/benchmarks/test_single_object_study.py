@@ -14,8 +14,7 @@ from benchmarks.studies.single_object import (
     reacquisition_time_s,
     study_single_object,
 )
-from data.synthetic.scenario_truth import true_track
-from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive
+from data.synthetic.scenarios import Scenario, ScenarioChallenge, ScenarioDrive, true_track
 from perception.cli.main import main
 from perception.evaluation.single_object.errors import single_object_errors
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack

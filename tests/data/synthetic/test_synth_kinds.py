@@ -9,8 +9,8 @@ from data.synthetic import actors, clutter, world_kinds
 from data.synthetic.clutter import ClutterConfig
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.materials import SemanticClass
-from data.synthetic.parking_lots import ParkingLot
 from data.synthetic.road import Road, RoadShape
+from data.synthetic.roadside import ParkingLot
 from data.synthetic.traffic_generator import _apart
 from data.synthetic.world_config import WorldConfig
 from perception.errors import UsageError

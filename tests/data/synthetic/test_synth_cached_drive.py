@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from data.synthetic.cached_drive import CachedDrive
-from data.synthetic.drive import SyntheticDrive
+from data.synthetic.drive import CachedDrive, SyntheticDrive
 from data.synthetic.ins import InsNoise
 from perception.sensor import VLP_16
 

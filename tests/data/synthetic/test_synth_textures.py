@@ -1,11 +1,11 @@
-"""What is drawn on the panels and panes of cars, at texture coordinates that can be read by eye."""
+"""Textures of the panels and panes of cars, at texture coordinates small enough to read by eye."""
 
 import numpy as np
 import pytest
 
 from data.synthetic import vehicles
 from data.synthetic.materials import CAR_PAINTS, Slot, random_paint
-from data.synthetic.panels import END_U, SILL_V, VARIANT_V, pane, panel
+from data.synthetic.textures import END_U, SILL_V, VARIANT_V, pane, panel
 from data.synthetic.vehicle_designs import BodyStyle, draw_design
 
 RED = (0.4, 0.02, 0.02)
