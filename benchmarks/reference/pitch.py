@@ -12,6 +12,6 @@ def reference_density(angles_rad: Float, at_rad: Float64, width_rad: float) -> F
     return np.asarray(kernels.mean(axis=1))
 
 
-def reference_most_frequent(angles_rad: Float, at_rad: Float64, width_rad: float) -> float:
+def reference_mode_rad(angles_rad: Float, at_rad: Float64, width_rad: float) -> float:
     """Return the angle with the highest density among those asked for."""
     return float(at_rad[reference_density(angles_rad, at_rad, width_rad).argmax()])

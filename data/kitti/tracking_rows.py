@@ -16,13 +16,13 @@ camera, ry the heading about its y axis.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from data.kitti.labels import read_label_lines
-from perception.errors import LabelError, PerceptionError
-from perception.evaluation.rows import Rows
-from perception.types import Bool, Float64, Int
+from perception.errors import LabelError
+from perception.types import ArrayTable, Bool, Float64, Int
 
 TYPES = (
     *("Car", "Van", "Truck", "Tram", "Misc", "Cyclist"),
@@ -32,7 +32,7 @@ _LABEL_COLUMNS, _RESULT_COLUMNS = 17, 18
 
 
 @dataclass(frozen=True)
-class TrackingRows(Rows):
+class TrackingRows(ArrayTable):
     """N rows of one sequence.
 
     Attributes:
@@ -55,21 +55,11 @@ class TrackingRows(Rows):
     truncation: Float64
     occlusion: Float64
     alphas_rad: Float64
-    boxes_px: Float64
-    sizes_hwl_m: Float64
-    bottoms_cam_m: Float64
+    boxes_px: Annotated[Float64, 4]
+    sizes_hwl_m: Annotated[Float64, 3]
+    bottoms_cam_m: Annotated[Float64, 3]
     headings_rad: Float64
     scores: Float64
-
-    def __post_init__(self) -> None:
-        """Validate that all arrays have the same length."""
-        widths = {"boxes_px": 4, "sizes_hwl_m": 3, "bottoms_cam_m": 3}
-        for name, array in vars(self).items():
-            shape = (len(self.frames), widths[name]) if name in widths else (len(self.frames),)
-            if array.shape != shape:
-                raise PerceptionError(
-                    f"TrackingRows.{name}", expected=f"shape {shape}", found=f"{array.shape}"
-                )
 
 
 def read_label_rows(path: Path, frame_count: int | None = None) -> TrackingRows:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.reference.pitch import reference_most_frequent
+from benchmarks.reference.pitch import reference_mode_rad
 from perception.tracking.single_object.config import PitchGroundConfig
 from perception.tracking.single_object.pitch_ground import (
     PitchedPlane,
@@ -33,7 +33,7 @@ def rng() -> np.random.Generator:
 def test_peak_is_that_of_the_plain_density(rng, pitch_deg):
     angles = elevation_angles(road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, CONFIG)
     at_rad = np.radians(np.arange(-3, 3, 0.01))
-    plain_rad = reference_most_frequent(angles, at_rad, bandwidth(angles))
+    plain_rad = reference_mode_rad(angles, at_rad, bandwidth(angles))
     found_rad = dominant_angle(angles, ANYWHERE, CONFIG)
     assert found_rad == pytest.approx(plain_rad, abs=np.radians(0.02))
     assert found_rad == pytest.approx(np.radians(pitch_deg), abs=np.radians(0.15))
