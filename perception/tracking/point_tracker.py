@@ -53,6 +53,10 @@ class PointTracker:
         self._next_id = 0
         self.clear()
 
+    def __len__(self) -> int:
+        """Return the number of tracks, reported or not."""
+        return len(self._tracks)
+
     def clear(self) -> None:
         """Delete all tracks; their ids are not used again."""
         self._tracks = self._init_tracks(Footprints.empty(), np.eye(4))

@@ -70,7 +70,7 @@ def test_ties_go_to_the_first(assign):
 
 
 @BOTH
-def test_what_is_not_allowed_may_be_infinite(assign):
+def test_costs_of_pairs_that_are_not_allowed_may_be_infinite(assign):
     distances = np.array([[np.inf, 1.0], [np.inf, np.inf]])
     assert pairs(assign(distances, np.isfinite(distances))) == {0: 1}
 
@@ -88,7 +88,7 @@ def test_more_pairs_come_before_cheaper_ones():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_nearest_in_turn_is_the_plain_loop(seed):
+def test_greedy_assignment_equals_the_reference_loop(seed):
     distances = np.random.default_rng(seed).uniform(0, 3, (12, 9)).round(1)  # with ties
     found = assign_greedily(distances, distances <= 0.8)
     assert pairs(found) == greedy_nearest_by_loop(distances, 0.8)
@@ -114,7 +114,7 @@ def test_a_missed_neighbour_does_not_hand_on_all_others():
     assert pairs(assign_with_max_cost(seen[:1], ~is_allowed[:1], 30.0)) == {}
 
 
-def test_what_nothing_is_worth_is_left_over():
+def test_pairs_above_the_maximum_cost_stay_unmatched():
     found = assign_with_max_cost(np.array([[1.0, 9.0], [9.0, 9.0]]), np.ones((2, 2), bool), 5.0)
     assert pairs(found) == {0: 0}
     assert found.unmatched_tracks.tolist() == found.unmatched_detections.tolist() == [1]

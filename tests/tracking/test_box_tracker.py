@@ -86,7 +86,7 @@ def test_a_car_whose_rear_alone_is_seen_is_as_long_as_cars_are():
     assert tracks.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.03)
 
 
-def test_a_thing_seen_once_is_no_track():
+def test_a_cluster_observed_once_is_no_track():
     drive = Drive()
     for _ in range(3):
         assert len(drive.scan(sides(10, 2, 0, WALKER))) == 0
@@ -94,14 +94,14 @@ def test_a_thing_seen_once_is_no_track():
             assert len(drive.scan()) == 0
 
 
-def test_a_thing_that_stays_where_it_is_is_no_track():
+def test_a_cluster_that_stays_in_place_is_no_track():
     drive, noise = Drive(), np.random.default_rng(0)
     for _ in range(20):
         x, y = noise.normal((10.0, 3.0), 0.02)
         assert len(drive.scan(sides(x, y, 0, WALKER))) == 0
 
 
-def test_a_clear_thing_is_told_of_at_its_third_scan_at_the_latest():
+def test_a_well_observed_walker_is_reported_by_its_third_scan():
     drive = Drive()
     reported = [len(drive.scan(sides(10 + 0.14 * step, 2, 0, WALKER))) for step in range(4)]
     assert reported[0] == 0
@@ -149,7 +149,7 @@ def test_a_car_that_stops_keeps_its_id_and_is_slow():
     assert reported[37:40] == [[]] * 3  # standing for a second is no news
 
 
-def test_a_post_that_stood_before_continues_no_track():
+def test_a_static_post_continues_no_track():
     drive, post = Drive(), sides(10.0, 1.6, 0, WALKER)
     for step in range(12):
         drive.scan(sides(10.0, 0.13 * step, np.pi / 2, WALKER), static=clusters(post))
@@ -170,7 +170,7 @@ def test_a_track_ends_beyond_the_area():
     assert len(drive.scan(sides(8.0, y + 0.3, np.pi / 2, WALKER))) == 0
 
 
-def test_a_small_part_beside_the_whole_is_no_thing_of_its_own():
+def test_a_fragment_is_no_track_of_its_own():
     drive = Drive()
     for step in range(20):
         car = sides(14.0 + 0.8 * step, 2.0, 0.0, CAR)
@@ -180,7 +180,7 @@ def test_a_small_part_beside_the_whole_is_no_thing_of_its_own():
             assert tracks.ids.tolist() == [0]
 
 
-def test_one_scan_that_joins_two_things_does_not_change_the_size():
+def test_one_scan_that_joins_two_objects_does_not_change_the_size():
     drive = Drive()
     for step in range(20):
         x = 10.0 + 0.13 * step
@@ -205,7 +205,7 @@ def test_tracks_are_in_the_frame_of_their_scan():
     assert tracks.boxes.yaw_rad[0] == pytest.approx(0.0, abs=0.05)
 
 
-def test_boxes_begin_at_the_lowest_point_of_things():
+def test_boxes_begin_at_the_lowest_point_of_clusters():
     drive = Drive()
     for step in range(20):
         tracks = drive.scan(sides(14.0 + 0.8 * step, 2.0, 0.0, CAR))
@@ -213,7 +213,7 @@ def test_boxes_begin_at_the_lowest_point_of_things():
     assert tracks.boxes.size_m[0, 2] == pytest.approx(CAR[2])
 
 
-def test_a_table_of_one_scan_is_that_of_another_with_the_things_in_another_order():
+def test_the_order_of_clusters_does_not_matter():
     first, second = Drive(), Drive()
     for step in range(10):
         clouds = [

@@ -43,7 +43,7 @@ def test_no_scan_has_no_tracks():
 
 
 @pytest.mark.parametrize("back_s", [0.0, 0.4])
-def test_a_stamp_that_is_not_later_repeats_the_answer(back_s):
+def test_a_stamp_that_is_not_later_changes_nothing(back_s):
     tracker = tracked()
     before = tracker.update(1.0, HERE, walker(10), NOTHING)
     again = tracker.update(1.0 - back_s, HERE, walker(50, y=-5), NOTHING)
@@ -75,7 +75,7 @@ def test_ids_are_not_used_again_after_all_tracks_ended():
     tracker.clear()
     assert len(tracker.update(2.0, HERE, NOTHING, NOTHING)) == 0
     tracker.clear()
-    for step in range(10):  # the clock may begin anew as well
+    for step in range(10):  # the clock may restart as well
         tracks = tracker.update(0.1 * step, HERE, walker(step), NOTHING)
     assert tracks.ids.tolist() == [1]
 
@@ -104,7 +104,7 @@ def test_other_scan_rates_give_the_same_speed():
         np.testing.assert_allclose(tracks.velocities_m_s, [[1.4, 0.0]], atol=0.1)
 
 
-def test_things_of_one_point_are_followed_without_a_nan():
+def test_clusters_of_one_point_give_no_nan():
     tracker = BoxTracker()
     for step in range(20):
         point = np.array([[10 + 0.14 * step, 2.0, -1.0]])
@@ -113,7 +113,7 @@ def test_things_of_one_point_are_followed_without_a_nan():
         assert is_finite(tracks)
 
 
-def test_a_crowd_is_followed_in_one_go():
+def test_a_crowd_is_tracked():
     tracker, count = BoxTracker(), 60
     for step in range(6):
         parts = [walker(step, y=2.0 * n) for n in range(count)]

@@ -15,7 +15,7 @@ from perception.types import Tracks
 PRESETS = pytest.mark.parametrize("config", [THESIS, AUTHOR], ids=["thesis", "author"])
 HERE = np.eye(4)
 NOTHING = Footprints.empty()
-# Five points of a thing 2 m long, 1 m wide, from 1.5 m below the LiDAR to its height.
+# Five points of a cluster 2 m long, 1 m wide, from 1.5 m below the LiDAR to its height.
 CLUSTER = np.array([[1, 0.5, -1.5], [1, -0.5, 0], [-1, -0.5, 0], [-1, 0.5, -1.5], [0, 0, -0.75]])
 
 
@@ -40,7 +40,7 @@ class Drive:
 
 
 @PRESETS
-def test_a_thing_is_a_track_from_its_second_frame_on(config):
+def test_a_cluster_is_a_track_from_its_second_frame_on(config):
     drive = Drive(PointTracker(config))
     assert len(drive.scan((10, 0))) == 0
     tracks = drive.scan((10, 0))
@@ -92,7 +92,7 @@ def test_the_author_brakes_through_misses():
     np.testing.assert_allclose(tracks.velocities_m_s, [[0, 0]], atol=0.05)
 
 
-def test_the_gate_is_around_where_the_rules_say():
+def test_the_gate_is_around_the_configured_position():
     # Thing and vehicle drive at 30 m/s: 3 m a frame, by which the two rules' centres differ.
     poses = [from_euler(0, 0, 0, np.array([3.0 * frame, 0, 0])) for frame in range(120)]
     for config, center_m in ((THESIS, 10.0), (AUTHOR, 7.0)):
@@ -122,17 +122,17 @@ def test_the_thesis_forgets_who_left_and_the_author_does_not():
         assert tracks.ids.tolist() == expected
 
 
-def test_the_author_keeps_no_more_than_lies_around():
+def test_the_author_keeps_only_tracks_nearby():
     drive = Drive(PointTracker(AUTHOR))
     for frame in range(400):
         pose = from_euler(0, 0, 0, np.array([10.0 * frame, 0, 0]))
         drive.scan((15, 5), (10, -5), (20, 0), pose=pose)
-    assert drive.tracker._next_id == 1200
-    assert len(drive.tracker._tracks) < 40
+    assert len(drive.tracker) < 40
+    assert drive.scan(pose=pose).ids.max() == 1199
 
 
 def test_positions_and_velocities_are_in_the_axes_of_the_scan():
-    # The vehicle drives along the world's +y and turns; the thing drives along the world's +x.
+    # The vehicle drives along the world's +y and turns; the object drives along the world's +x.
     drive = Drive(PointTracker(THESIS))
     for frame in range(80):
         pose = from_euler(0.01, -0.02, 1.0 - 0.005 * frame, np.array([50, 30 + 0.1 * frame, 2]))
@@ -145,7 +145,7 @@ def test_positions_and_velocities_are_in_the_axes_of_the_scan():
 
 
 @PRESETS
-def test_it_is_the_plain_tracker(config):
+def test_equals_the_reference_implementation(config):
     rng = np.random.default_rng(11)
     fast, plain = Drive(PointTracker(config)), Drive(ReferencePointTracker(config))
     positions_m, velocity_m_s = rng.uniform(-9, 9, (12, 2)), rng.normal(0, 5, (12, 2))
@@ -189,7 +189,7 @@ def test_the_thesis_follows_over_a_gap_in_time():
     assert tracks.is_observed.tolist() == [True]
 
 
-def test_the_author_loses_the_thing_in_a_gap():
+def test_the_author_loses_the_object_in_a_gap():
     drive = Drive(PointTracker(AUTHOR))
     for frame in range(20):
         drive.scan((frame * 0.5 - 5, 2.0))
@@ -219,7 +219,7 @@ def test_no_detections_at_all(config):
 
 
 @PRESETS
-def test_ending_all_begins_anew_with_new_ids(config):
+def test_clear_deletes_all_tracks_and_keeps_counting_ids(config):
     drive = Drive(PointTracker(config))
     for _ in range(3):
         drive.scan((10, 0), (5, 5))
@@ -261,6 +261,7 @@ def test_detections_outside_the_grid_begin_nothing():
 
 
 @pytest.mark.parametrize("change", [{"gate_m": 0.0}, {"step_s": 0.0}, {"initial_variance": -1.0}])
-def test_rules_that_cannot_work_are_refused(change):
-    with pytest.raises(UsageError, match="point tracker"):
+def test_invalid_configs_are_errors(change):
+    with pytest.raises(UsageError) as caught:
         replace(THESIS, **change)
+    assert caught.value.where == "point tracker"

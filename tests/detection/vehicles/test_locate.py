@@ -1,4 +1,4 @@
-"""Detections become objects: where a car stands is known, so are its points, its distance and its box."""
+"""Location of cars at known positions: their points, distances and boxes."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def axis_error_rad(found: Boxes3D, true: Boxes3D) -> np.ndarray:
 
 @pytest.mark.parametrize("yaw_deg", [0, 30, 60, 90, 120, 150])
 @pytest.mark.parametrize(("x_m", "y_m"), [(8.0, 1.0), (15.0, -4.0), (30.0, 6.0)])
-def test_a_car_is_found_where_it_stands(x_m, y_m, yaw_deg):
+def test_a_car_is_located_at_its_position(x_m, y_m, yaw_deg):
     true = cars((x_m, y_m, np.radians(yaw_deg)))
     frame = frame_of(road(), sides(true))
     found = locate(detected(true), frame, _GROUND)
@@ -61,7 +61,7 @@ def test_without_a_ground_model_the_lowest_points_are_the_ground():
     assert not (found.owners[: len(road())] >= 0).any()
 
 
-def test_what_is_seen_over_a_car_is_not_of_it():
+def test_points_above_a_car_are_not_its_own():
     true = cars((15.0, 0.0, 0.0))
     y, z = np.meshgrid(np.arange(-10, 10, 0.3), np.arange(-1.4, 2.0, 0.3))
     wall = np.column_stack([np.full(y.size, 35.0), y.ravel(), z.ravel()])
@@ -71,7 +71,7 @@ def test_what_is_seen_over_a_car_is_not_of_it():
     np.testing.assert_allclose(found.boxes.bottom_m, true.bottom_m, atol=0.2)
 
 
-def test_a_pole_before_a_car_is_not_of_it():
+def test_a_pole_in_front_of_a_car_is_not_of_it():
     true = cars((20.0, 0.0, 0.0))
     z = np.arange(-1.4, 1.0, 0.1)
     pole = np.column_stack([np.full(len(z), 9.0), np.zeros(len(z)), z])
@@ -95,7 +95,7 @@ def test_of_two_cars_that_overlap_in_the_image_each_has_its_own_points():
     np.testing.assert_allclose(found.boxes.bottom_m[:, 0], [12.0, 22.0], atol=0.3)
 
 
-def test_a_crowd_is_told_apart():
+def test_a_crowd_is_segmented():
     true = cars(*[(8.0 + 8 * row, 5.0 * side, 0.05 * row) for row in range(3) for side in (-1, 1)])
     frame = frame_of(visible_points(np.concatenate([road(), sides(true, step_m=0.08)])))
     found = locate(detected(true), frame, _GROUND)
@@ -130,7 +130,7 @@ def test_two_returns_give_a_distance_but_no_box():
     assert found.distances_m[0] == pytest.approx(np.linalg.norm(returns[1]), abs=1e-4)
 
 
-def test_what_is_hardly_believed_is_not_looked_for():
+def test_detections_below_the_minimum_score_are_not_located():
     true = cars((12.0, 4.0, 0.4), (20.0, -4.0, 0.0))
     frame = frame_of(road(), sides(true))
     found = locate(detected(true, np.array([0.05, 0.9])), frame, _GROUND)
@@ -175,13 +175,14 @@ def test_boxes_at_and_beyond_the_borders_are_no_fault():
     assert found.boxes.bottom_m[3, 0] == pytest.approx(12.0, abs=0.3)
 
 
-def test_a_frame_without_a_camera_is_refused():
+def test_a_frame_without_a_camera_is_an_error():
     frame = Frame(0, 0.0, np.ones((5, 4), np.float32))
-    with pytest.raises(CalibrationError, match="a camera's calibration"):
+    with pytest.raises(CalibrationError) as caught:
         locate(FusedDetections.empty(), frame, None)
+    assert caught.value.expected == "a camera's calibration"
 
 
-def test_labelled_cars_of_real_frames_are_placed_well(kitti_root):
+def test_labelled_cars_of_real_frames_are_located_well(kitti_root):
     drive = open_drive(kitti_root / "object")
     apart_m, turned_rad = [], []
     for index in range(0, len(drive), 2):

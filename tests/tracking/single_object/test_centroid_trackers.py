@@ -29,7 +29,7 @@ IMAGE_P_VELO = np.array([[320.0, -400, 0, 0], [120.0, 0, -400, 0], [1.0, 0, 0, 0
 
 @dataclass(frozen=True)
 class Scene:
-    """A car that drives straight on; the vehicle drives and turns, too, where it is told to.
+    """A car that drives straight on; the vehicle drives and turns, too, on request.
 
     Attributes:
         start_xy_m: (2,) of the car's middle in the world.
@@ -102,7 +102,7 @@ def assert_finite(tracked: TrackedObject) -> None:
 
 
 def started(name: str, scene: Scene, frames: int = 1):
-    """Return a tracker that has followed the car over some frames."""
+    """Return a tracker that has tracked the car over some frames."""
     tracker = single_object_tracker(name, HDL_64E)
     tracker.init(scene.tracker_input(0), scene.box(0))
     for frame in range(1, frames):
@@ -114,7 +114,7 @@ def started(name: str, scene: Scene, frames: int = 1):
 @pytest.mark.parametrize(
     "scene",
     [
-        pytest.param(Scene(), id="vehicle stands"),
+        pytest.param(Scene(), id="vehicle is static"),
         pytest.param(Scene(ego_speed_m_s=6.0), id="vehicle follows"),
         pytest.param(Scene(ego_turn_rad_s=0.1), id="vehicle turns"),
     ],
@@ -176,7 +176,7 @@ def test_an_image_may_be_missing_for_some_frames(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_image_alone_in_another_light_does_no_harm(name):
+def test_another_light_does_no_harm(name):
     scene = Scene()
     tracker = started(name, scene, frames=6)
     dark = scene.tracker_input(6)
@@ -200,7 +200,7 @@ def test_hidden_it_is_predicted_then_lost_and_never_nan(name):
 
 
 @pytest.mark.parametrize("name", ["h-fus", "l-fus", "3d-kf"])
-def test_it_is_met_again_behind_what_hid_it(name):
+def test_it_is_found_again_behind_an_occluder(name):
     scene = Scene()
     tracker = started(name, scene, frames=20)
     for frame in range(20, 26):
@@ -213,7 +213,7 @@ def test_it_is_met_again_behind_what_hid_it(name):
     assert np.hypot(*away_m) < 0.6
 
 
-def test_a_lost_object_that_comes_back_to_its_place_is_found():
+def test_a_lost_object_that_returns_is_found():
     scene = Scene()
     tracker = started("h-fus", scene, frames=5)
     for frame in range(5, 40):
@@ -227,7 +227,7 @@ def test_a_lost_object_that_comes_back_to_its_place_is_found():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_start_box_without_points_is_a_prediction(name):
+def test_an_initial_box_without_points_is_a_prediction(name):
     scene = Scene()
     tracker = single_object_tracker(name, HDL_64E)
     first = tracker.init(scene.tracker_input(0, has_car=False), scene.box(0))
@@ -288,7 +288,7 @@ def test_after_a_jump_in_time_the_object_is_lost(name, stamp_s):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_empty_scan_is_no_sighting(name):
+def test_an_empty_scan_is_no_observation(name):
     scene = Scene()
     tracker = started(name, scene, frames=10)
     empty = replace(scene.tracker_input(10), points_velo=np.zeros((0, 4), np.float32))
@@ -298,7 +298,7 @@ def test_an_empty_scan_is_no_sighting(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_object_that_leaves_the_image_is_followed_by_its_points(name):
+def test_an_object_that_leaves_the_image_is_tracked_by_its_points(name):
     scene = Scene(start_xy_m=(9.0, -5.0), ego_turn_rad_s=0.35)
     tracker = single_object_tracker(name, HDL_64E)
     tracker.init(scene.tracker_input(0), scene.box(0))

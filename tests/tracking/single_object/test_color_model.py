@@ -39,7 +39,7 @@ def test_the_colour_of_a_bin_is_in_the_bin():
     np.testing.assert_array_equal(bin_colors()[bin_of(RED)], [208, 16, 16])
 
 
-def test_the_colour_of_the_object_alone_tells_it():
+def test_the_colour_of_the_object_alone_distinguishes_it():
     image = image_of(GRAY)
     image[30:50, 40:60] = RED
     ratios = color_ratios(image, REGION)
@@ -63,7 +63,7 @@ def test_ratios_by_hand():
     assert np.count_nonzero(ratios) == 2  # grey is more of the ring's
 
 
-def test_one_colour_tells_nothing():
+def test_one_colour_distinguishes_nothing():
     np.testing.assert_array_equal(color_ratios(image_of(GRAY), REGION), np.zeros(BINS))
 
 
@@ -86,7 +86,7 @@ def test_a_ring_cut_off_by_the_image_counts_by_its_share():
     assert color_ratios(image, region).max() == 0
 
 
-def test_a_region_outside_the_image_tells_nothing():
+def test_a_region_outside_the_image_has_no_ratios():
     gone = REGION.shifted(np.array([500.0, 0]), SIZE_PX)
     np.testing.assert_array_equal(color_ratios(image_of(RED), gone), np.zeros(BINS))
 
@@ -117,7 +117,7 @@ def test_colours_come_and_go_with_their_filters():
         assert len(bank) == len(seen)
 
 
-def test_a_step_of_the_light_is_followed_slowly_then_fully():
+def test_a_step_of_the_light_is_tracked_slowly_then_fully():
     bank = AdaptiveColorModel()
     before, after = np.full(BINS, 0.0), np.full(BINS, 0.0)
     before[[3, 9]], after[[3, 9]] = (1.0, 0.2), (0.2, 1.0)

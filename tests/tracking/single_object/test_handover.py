@@ -1,4 +1,4 @@
-"""A track of the pipeline is taken over in its first frame, and from there on followed by another."""
+"""A track of the pipeline is handed over in its first frame, and tracked on its own from then on."""
 
 from dataclasses import dataclass, field, replace
 
@@ -64,7 +64,7 @@ def result_with(*ids: int) -> Result:
     return Result(frame, pose, FlatGround(), obstacles, tracks=tracks_of(*ids))
 
 
-def test_a_moment_is_what_the_pipeline_saw_without_the_vehicle_itself():
+def test_a_tracker_input_is_the_frame_without_the_vehicle_itself():
     result = result_with()
     tracker_input = tracker_input_of(result, EgoVehicle())
     np.testing.assert_array_equal(tracker_input.points_velo, result.frame.points_velo[[0, 2]])
@@ -75,7 +75,7 @@ def test_a_moment_is_what_the_pipeline_saw_without_the_vehicle_itself():
     np.testing.assert_array_equal(tracker_input.image_P_velo, np.eye(3, 4))
 
 
-def test_without_a_camera_a_moment_has_no_image():
+def test_without_a_camera_a_tracker_input_has_no_image():
     result = result_with()
     bare = replace(result, frame=replace(result.frame, image=None, calibration=None))
     tracker_input = tracker_input_of(bare, EgoVehicle())
@@ -83,7 +83,7 @@ def test_without_a_camera_a_moment_has_no_image():
     assert tracker_input.image_P_velo is None
 
 
-def test_the_track_is_taken_over_once_and_then_no_longer_needed():
+def test_the_track_is_handed_over_once():
     tracker = Recorder()
     handover = TrackHandover(5, tracker, EgoVehicle())
     assert handover.update(result_with()) is None

@@ -30,7 +30,7 @@ def rng() -> np.random.Generator:
 
 
 @pytest.mark.parametrize("pitch_deg", [-1.2, 0.0, 0.8])
-def test_peak_is_that_of_the_plain_density(rng, pitch_deg):
+def test_peak_is_that_of_the_reference_density(rng, pitch_deg):
     angles = elevation_angles(road_and_clutter(np.radians(pitch_deg), rng), HEIGHT_M, CONFIG)
     at_rad = np.radians(np.arange(-3, 3, 0.01))
     plain_rad = reference_mode_rad(angles, at_rad, bandwidth(angles))
@@ -51,7 +51,7 @@ def test_a_peak_outside_the_interval_is_none(rng):
 
 
 @pytest.mark.parametrize("angles", [np.zeros(0), np.array([np.nan]), np.array([1.0])])
-def test_nothing_to_see_has_no_peak(angles):
+def test_no_angle_has_no_peak(angles):
     assert dominant_angle(angles, ANYWHERE, CONFIG) is None
 
 
@@ -84,7 +84,7 @@ def test_scan_without_ground_keeps_the_prediction(rng):
     assert after.pitch_rad == pytest.approx(before.pitch_rad, abs=np.radians(0.05))
 
 
-def test_gate_holds_a_sudden_angle_back_and_widens_until_it_is_believed(rng):
+def test_the_gate_holds_a_sudden_angle_back_and_widens(rng):
     pitch = PitchFilter(HEIGHT_M)
     for _ in range(5):
         pitch.update(road_and_clutter(0.0, rng), 0.1)
@@ -95,7 +95,7 @@ def test_gate_holds_a_sudden_angle_back_and_widens_until_it_is_believed(rng):
     assert angles_rad[-1] == pytest.approx(np.radians(1.5), abs=np.radians(0.2))
 
 
-def test_the_first_scans_may_hold_nothing(rng):
+def test_the_first_scans_may_be_empty(rng):
     pitch = PitchFilter(HEIGHT_M)
     assert pitch.update(np.zeros((0, 4), np.float32), 0.0).pitch_rad == 0.0
     found = pitch.update(road_and_clutter(0.02, rng), 0.1)

@@ -19,7 +19,7 @@ class Drive:
 
     def __init__(self, speed_m_s: float = 5.0) -> None:
         self.tracker = VehicleTracker()
-        self._speed_m_s, self._index = speed_m_s, -1
+        self.speed_m_s, self.index = speed_m_s, -1
 
     def observe(
         self,
@@ -30,19 +30,19 @@ class Drive:
         missed: tuple[int, ...] = (),
         blind: bool = False,
     ) -> VehicleTrackerResult:
-        """Go on for a tenth of a second; what moves is given in the frame of the scan.
+        """Drive for a tenth of a second, and update the tracker.
 
         Args:
-            world: what stands there now.
-            scores: of all detections.
-            moving: by the numbers of their own tracker.
-            missed: rows that are not detected.
-            blind: whether the LiDAR sees the road only.
+            world: Vehicles in the world.
+            scores: Scores of all detections.
+            moving: Moving objects in the frame of the scan, with the ids of their own tracker.
+            missed: Rows that are not detected.
+            blind: Whether the LiDAR observes the road only.
         """
-        self._index += 1
-        pose, boxes = observed_from(0.1 * self._speed_m_s * self._index, world)
+        self.index += 1
+        pose, boxes = observed_from(0.1 * self.speed_m_s * self.index, world)
         body = np.zeros((0, 3)) if blind else sides(boxes)
-        frame = frame_of(_ROAD, body, index=self._index)
+        frame = frame_of(_ROAD, body, index=self.index)
         found = np.setdiff1d(np.arange(len(world)), missed)
         located = locate(detected(boxes, scores)[found], frame, FlatRoad())
         return self.tracker.update(located, frame, pose, moving)
@@ -68,7 +68,7 @@ def test_parked_cars_keep_their_ids_and_stand_still():
     assert np.isnan(reported[0].velocities_m_s).all()
 
 
-def test_a_car_that_drives_has_its_speed_and_points_its_way():
+def test_a_moving_car_has_its_speed_and_its_course():
     drive, world = Drive(), cars((42.0, 3.0, 0.0))
     for step in range(20):
         reported = drive.observe(driven(world, -0.8 * step)).vehicles
@@ -86,7 +86,7 @@ def test_a_gap_is_bridged(blind):
     assert drive.observe(world, blind=blind).vehicles.ids.tolist() == ids == [0, 1]
 
 
-def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
+def test_in_a_row_no_car_takes_the_id_of_a_missed_neighbour():
     drive, world = (
         Drive(speed_m_s=8.0),
         cars(*[(14.0 + 5.5 * place, 4.0, 0.0) for place in range(6)]),
@@ -100,17 +100,18 @@ def test_in_a_row_nobody_takes_the_place_of_a_neighbour_that_is_missed():
     assert drive.observe(world).vehicles.ids.tolist() == expected
 
 
-def test_a_frame_without_a_camera_is_refused_and_changes_nothing():
+def test_a_frame_without_a_camera_is_an_error_and_changes_nothing():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         located = drive.observe(world).vehicles
     blind = Frame(9, 0.9, np.ones((len(located.owners), 4), np.float32))
-    with pytest.raises(CalibrationError, match="a camera's calibration"):
+    with pytest.raises(CalibrationError) as caught:
         drive.tracker.update(located, blind, np.eye(4))
+    assert caught.value.expected == "a camera's calibration"
     assert drive.observe(world).vehicles.ids.tolist() == [0]
 
 
-def test_what_was_not_located_goes_on_in_the_image():
+def test_a_vehicle_that_is_not_located_is_tracked_in_the_image():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         drive.observe(world)
@@ -119,7 +120,7 @@ def test_what_was_not_located_goes_on_in_the_image():
     assert np.isnan(reported[0].boxes.yaw_rad).all()
 
 
-def test_what_was_away_for_long_is_new():
+def test_a_vehicle_that_was_away_for_long_is_new():
     drive, world = Drive(speed_m_s=0.0), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         drive.observe(world)
@@ -129,7 +130,7 @@ def test_what_was_away_for_long_is_new():
     assert drive.observe(world).vehicles.ids.tolist() == [1]
 
 
-def test_without_returns_the_image_alone_is_followed():
+def test_without_returns_vehicles_are_tracked_in_the_image():
     drive, world = Drive(), cars((30.0, 4.0, 0.0), (34.0, -4.0, 0.0))
     reported = [drive.observe(world, blind=True).vehicles for _ in range(10)]
     assert [one.ids.tolist() for one in reported[1:]] == [[0, 1]] * 9
@@ -137,12 +138,12 @@ def test_without_returns_the_image_alone_is_followed():
     assert np.isnan(reported[-1].velocities_m_s).all()
 
 
-def test_a_single_doubtful_sight_begins_nothing():
+def test_detections_of_low_scores_begin_no_track():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     assert [drive.observe(world, scores=0.2).vehicles.ids.tolist() for _ in range(8)] == [[-1]] * 8
 
 
-def test_a_doubtful_sight_continues_what_is_known():
+def test_detections_of_low_scores_continue_a_track():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         drive.observe(world)
@@ -164,21 +165,21 @@ def test_nothing_detected_is_no_fault():
     assert len(reported.vehicles.fused) == len(FusedDetections.empty())
 
 
-def test_time_that_does_not_go_on_begins_anew_with_other_ids():
+def test_time_that_goes_back_clears_the_tracks():
     drive, world = Drive(), cars((20.0, 4.0, 0.0))
     for _ in range(3):
         drive.observe(world)
-    drive._index = -1
+    drive.index = -1
     drive.observe(world)
     assert drive.observe(world).vehicles.ids.tolist() == [1]
 
 
 def in_scan(drive: Drive, world: Boxes3D) -> Boxes3D:
     """Return boxes as the next scan will have them."""
-    return observed_from(0.5 * (drive._index + 1), world)[1]
+    return observed_from(0.5 * (drive.index + 1), world)[1]
 
 
-def test_what_begins_to_move_takes_the_id_of_the_vehicle():
+def test_a_vehicle_that_begins_to_move_keeps_its_id():
     drive, world = Drive(), cars((20.0, 4.0, 0.0), (30.0, -4.0, 0.0))
     for _ in range(4):
         drive.observe(world)
@@ -243,7 +244,7 @@ def test_no_id_is_there_twice_whatever_comes():
     for step in range(60):
         missed = tuple(np.flatnonzero(rng.random(10) < 0.4).tolist())
         if step % 10 == 9:
-            numbers = numbers + 10  # its tracker begins anew
+            numbers = numbers + 10  # its tracker restarts
         shown = np.flatnonzero(rng.random(10) < 0.6)
         jitter = world.bottom_m[shown] + rng.normal(0, 1.0, (len(shown), 3))
         boxes = replace(world[shown], bottom_m=jitter)

@@ -86,7 +86,7 @@ def test_the_same_images_give_the_same_answers(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_without_images_it_predicts_then_is_lost_then_sees_again(name):
+def test_without_images_it_is_predicted_then_lost_then_seen_again(name):
     tracker = single_object_tracker(name, HDL_64E)
     first = tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     states = []
@@ -101,7 +101,7 @@ def test_without_images_it_predicts_then_is_lost_then_sees_again(name):
 
 
 @pytest.mark.parametrize("name", ["ms-i", "cbwh"])
-def test_where_none_of_its_colours_is_left_it_says_so(name):
+def test_an_object_without_its_colours_is_lost(name):
     tracker = single_object_tracker(name, HDL_64E)
     tracker.init(tracker_input(image_with_square(160, 100)), BOX)
     tracked = tracker.update(tracker_input(np.full((200, 320, 3), 255, np.uint8)))
@@ -138,7 +138,7 @@ def test_an_image_of_one_colour_gives_no_nan(name, color):
     ],
     ids=["half a pixel", "larger than the image", "at its border"],
 )
-def test_odd_first_boxes_are_worked_with(name, size_m, bottom_m):
+def test_odd_initial_boxes_work(name, size_m, bottom_m):
     box = Boxes3D(np.array([bottom_m]), np.array([size_m]), np.zeros(1))
     tracker = single_object_tracker(name, HDL_64E)
     first = tracker.init(tracker_input(image_with_square(160, 100)), box)
@@ -186,7 +186,7 @@ def test_a_colour_shared_with_the_surroundings_is_corrected_away():
     assert np.sort(finder.shares)[-1] > 0.8
 
 
-def test_a_tracker_that_opencv_lacks_is_told_with_the_wheel_that_has_it(monkeypatch):
+def test_a_tracker_that_opencv_lacks_is_an_error_naming_its_wheel(monkeypatch):
     monkeypatch.delattr(cv2, "TrackerKCF_create", raising=False)
     assert "opencv-kcf" in missing_opencv_trackers()
     with pytest.raises(UsageError) as caught:

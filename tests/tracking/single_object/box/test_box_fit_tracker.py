@@ -116,7 +116,7 @@ def test_is_the_default() -> None:
     ],
     ids=["L-shape", "oncoming", "cyclist", "walker", "parked"],
 )
-def test_follows_what_moves_straight_on(target: _MovingBox, ground: bool) -> None:
+def test_tracks_straight_motion(target: _MovingBox, ground: bool) -> None:
     tracker = _started(target)
     for time_s in _times(25)[1:]:
         found = tracker.update(_tracker_input(time_s, target, ground=ground))
@@ -177,7 +177,7 @@ def test_a_walker_who_stood_can_walk_off_sideways() -> None:
     assert _yaw_error_rad(found, walks) < 0.3
 
 
-def test_a_rough_start_box_is_put_right_by_motion() -> None:
+def test_motion_corrects_a_rough_initial_box() -> None:
     car = _MovingBox(CAR_M, (9.0, 5.0), 0.1, 6.0)
     exact = car.box(0.0)
     rough = Boxes3D(
@@ -193,7 +193,7 @@ def test_a_rough_start_box_is_put_right_by_motion() -> None:
     assert _yaw_error_rad(found, car) < 0.06
 
 
-def test_an_empty_start_box_is_predicted_then_lost() -> None:
+def test_an_empty_initial_box_is_predicted_then_lost() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0))
     tracker = BoxFitTracker(HDL_64E)
     tracker.init(_tracker_input(0.0), car.box(0.0))
@@ -202,7 +202,7 @@ def test_an_empty_start_box_is_predicted_then_lost() -> None:
     assert states[-1] is TrackStatus.LOST
 
 
-def test_what_disappears_is_predicted_then_lost_and_never_nan() -> None:
+def test_an_object_that_disappears_is_predicted_then_lost_and_never_nan() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     states = []
@@ -228,7 +228,7 @@ def test_an_empty_scan_is_a_missed_one() -> None:
     assert tracker.update(_tracker_input(1.1, car)).state is TrackStatus.SEEN
 
 
-def test_a_scan_given_twice_says_nothing_new() -> None:
+def test_a_scan_given_twice_changes_nothing() -> None:
     car = _MovingBox(CAR_M, (10.0, 5.0), 0.0, 5.0)
     tracker = _started(car)
     first = tracker.update(_tracker_input(0.1, car))
@@ -247,7 +247,7 @@ def test_bridges_a_gap_in_time() -> None:
         assert _error_m(found, car, time_s) < 0.2
 
 
-def test_answers_in_the_frame_of_a_sensor_that_moves() -> None:
+def test_boxes_are_in_the_frame_of_a_moving_sensor() -> None:
     car = _MovingBox(CAR_M, (12.0, 5.0))
     tracker = _started(car)
     for time_s in _times(15)[1:]:
@@ -293,7 +293,7 @@ def test_logs_once_that_images_are_not_used(caplog: pytest.LogCaptureFixture) ->
 
 
 @pytest.mark.parametrize(("track_id", "limit_m"), [(1, 0.20), (0, 0.60)], ids=["cyclist", "van"])
-def test_follows_real_objects(kitti_root: Path, track_id: int, limit_m: float) -> None:
+def test_tracks_real_objects(kitti_root: Path, track_id: int, limit_m: float) -> None:
     drive = open_drive(kitti_root / "tracking", sequence="0000", images=False)
     tracker, errors_m = BoxFitTracker(HDL_64E), []
     for index in range(40):

@@ -1,4 +1,4 @@
-"""How followed objects move: on curves, straight on, standing."""
+"""Motion models of tracked objects: on curves, straight on, static."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def _state(*mean: float) -> KinematicState:
     return KinematicState(np.array(mean), np.eye(5) * 0.01)
 
 
-def test_wheels_roll_around_the_centre_of_their_curve() -> None:
+def test_a_car_turns_about_the_centre_of_its_curve() -> None:
     speed, turn = 6.0, 0.3
     state = CAR.predict(_state(0, 0, 0, speed, turn), 0.1)
     arm_m = 0.3 * 4.4  # the middle lies before the rear axle, which goes along the heading
@@ -39,7 +39,7 @@ def test_one_long_step_is_as_sure_as_many_short_ones(motion: object) -> None:
     np.testing.assert_allclose(np.diag(once.covariance), np.diag(often.covariance), rtol=0.3)
 
 
-def test_places_tell_the_speed() -> None:
+def test_positions_determine_the_speed() -> None:
     state = CAR.init(np.zeros(3), EXACT)
     for number in range(1, 6):
         state = CAR.predict(state, 0.1)
@@ -48,7 +48,7 @@ def test_places_tell_the_speed() -> None:
     assert not CAR.may_be_static(state)
 
 
-def test_a_belief_that_says_nothing_new_changes_nothing() -> None:
+def test_the_predicted_pose_changes_nothing() -> None:
     state = CAR.predict(_state(1, 2, 0.5, 4, 0.1), 0.1)
     same = state.with_pose(state.mean[:3], state.covariance[:3, :3])
     np.testing.assert_allclose(same.mean, state.mean)
@@ -63,14 +63,14 @@ def test_cars_may_go_backwards_and_cyclists_may_not() -> None:
     np.testing.assert_allclose(CYCLIST.velocity_m_s(turned), CYCLIST.velocity_m_s(backwards))
 
 
-def test_what_stands_does_not_turn() -> None:
+def test_a_static_car_does_not_turn() -> None:
     certain = np.diag([0.01, 0.01, 0.01, 1e-6, 1e-6]) ** 2
     stands = CAR.predict(KinematicState(np.zeros(5), certain), 1.0)
     rolls = CAR.predict(KinematicState(np.array([0, 0, 0, 5.0, 0]), certain), 1.0)
     assert stands.covariance[2, 2] < 0.5 * rolls.covariance[2, 2]
 
 
-def test_a_walker_faces_its_way_even_after_turning_round() -> None:
+def test_a_walker_faces_its_course_even_after_turning_round() -> None:
     state = KinematicState(np.array([0, 0, 0.0, -1.4, 0.0]), np.eye(5) * 0.001)
     assert abs(WALKER.correct_heading(state).mean[2]) == pytest.approx(np.pi)
     stands = KinematicState(np.array([0, 0, 0.7, 0.1, 0.0]), np.eye(5) * 0.01)

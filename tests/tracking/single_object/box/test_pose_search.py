@@ -36,7 +36,7 @@ def _out_of_frame(points: Float64, pose: Float64) -> Float64:
 
 
 def _observation(points_xy: Float64) -> ObjectObservation:
-    """Return a sight of full cells."""
+    """Return an observation of full cells."""
     points = np.column_stack([points_xy, np.ones(len(points_xy))])
     return observation_of(np.repeat(points, 4, axis=0), SENSOR, 0.1)
 
@@ -51,7 +51,7 @@ def test_finds_a_car_by_two_sides() -> None:
     assert squared_distance(estimate, expected) == pytest.approx(2.8, abs=1.0)
 
 
-def test_a_wall_of_points_says_nothing_of_the_place_along_it() -> None:
+def test_a_wall_of_points_does_not_determine_the_position_along_it() -> None:
     truth = np.array([0.0, 6.0, 0.0])
     middle = np.column_stack([np.arange(-0.8, 0.81, 0.1), np.full(17, 5.1)])
     estimate = search(
@@ -74,7 +74,7 @@ def test_a_denser_neighbour_is_not_taken_for_the_object() -> None:
     np.testing.assert_allclose(estimate.pose[:2], truth[:2], atol=0.15)
 
 
-def test_of_two_expected_places_takes_the_one_that_holds_the_points() -> None:
+def test_of_two_predicted_poses_takes_the_one_with_the_points() -> None:
     truth = np.array([10.0, 4.0, 0.0])
     moved = PoseEstimate(truth + np.array([0.8, 0.0, 0.0]), np.diag([0.8, 0.1, 0.05]) ** 2)
     stood = PoseEstimate(truth, np.diag([0.05, 0.05, 0.02]) ** 2)
@@ -84,7 +84,7 @@ def test_of_two_expected_places_takes_the_one_that_holds_the_points() -> None:
     np.testing.assert_allclose(estimate.pose, truth, atol=0.06)
 
 
-def test_a_shape_remembers_what_it_showed() -> None:
+def test_a_shape_remembers_its_observations() -> None:
     pose = np.array([10.0, 4.0, 0.3])
     mirror = np.array([[0.8, -0.5]])  # deep inside, seen again and again
     observation = _observation(_out_of_frame(mirror, pose))
@@ -98,7 +98,7 @@ def test_a_shape_remembers_what_it_showed() -> None:
     assert shape.scans == 10
 
 
-def test_points_beside_the_box_speak_against_it() -> None:
+def test_points_beside_the_box_are_penalties() -> None:
     pose = np.array([10.0, 4.0, 0.0])
     beside = support_at(SHAPE, _observation(_out_of_frame(np.array([[0.0, 1.3]]), pose)), pose)
     assert beside.reward == 0.0

@@ -15,17 +15,17 @@ def pixel_of(point: np.ndarray) -> np.ndarray:
     return project(IMAGE_P_VELO, point[None])[0][0]
 
 
-def test_over_a_slanted_plane_the_place_is_exact(rng):
+def test_over_a_slanted_plane_the_position_is_exact(rng):
     # Depth 10 m and more to the left: three points on it span it, any fourth lies on it, too.
     y, z = rng.uniform(-2, 2, (2, 200))
     plane = np.column_stack([10 + 0.8 * y - 0.3 * z, y, z])
-    wanted = np.array([10 + 0.8 * 0.3 - 0.3 * 0.4, 0.3, 0.4])
+    expected = np.array([10 + 0.8 * 0.3 - 0.3 * 0.4, 0.3, 0.4])
     np.testing.assert_allclose(
-        back_project(pixel_of(wanted), plane, IMAGE_P_VELO), wanted, atol=1e-9
+        back_project(pixel_of(expected), plane, IMAGE_P_VELO), expected, atol=1e-9
     )
 
 
-def test_the_place_is_seen_where_it_was_asked_for(rng):
+def test_the_position_projects_to_the_pixel(rng):
     points = np.column_stack([rng.uniform(8, 12, 50), rng.uniform(-2, 2, (50, 2))])
     center_px = np.array([612.0, 171.0])
     found = back_project(center_px, points, IMAGE_P_VELO)
@@ -50,7 +50,7 @@ def test_with_fewer_quadrants_those_there_are_weigh_the_same():
     assert found[0] == pytest.approx(depth_m + 0.3)
 
 
-def test_one_point_in_the_very_place_is_that_point():
+def test_one_point_at_the_pixel_is_that_point():
     point = np.array([9.0, 0.5, -0.5])
     np.testing.assert_allclose(
         back_project(pixel_of(point), point[None], IMAGE_P_VELO), point, atol=1e-9
@@ -58,7 +58,7 @@ def test_one_point_in_the_very_place_is_that_point():
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.array([[-5.0, 0, 0]])])
-def test_without_a_point_before_the_camera_there_is_no_place(points):
+def test_without_a_point_in_front_of_the_camera_there_is_no_position(points):
     assert back_project(np.array([600.0, 180.0]), points, IMAGE_P_VELO) is None
 
 

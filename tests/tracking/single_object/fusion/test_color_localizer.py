@@ -54,13 +54,13 @@ def test_an_object_where_it_was_takes_one_shift(learned):
     np.testing.assert_allclose(found.regions[-1].hull_px, region.hull_px)
 
 
-def test_there_are_at_most_as_many_shifts_as_wanted(learned):
+def test_the_number_of_shifts_is_limited(learned):
     region, ratios = learned
     config = ImageMeanShiftConfig(max_iterations=2, tolerance_px=0)
     assert len(image_mean_shift(scene(75, 62), region, ratios, config).regions) == 3
 
 
-def test_a_colour_on_one_side_drags_nothing_where_its_place_is_known():
+def test_an_uneven_colour_does_not_shift_the_region():
     # Only the left third of the object differs from what is around it.
     def striped(column: int) -> np.ndarray:
         image = np.full((120, 160, 3), 90, np.uint8)
