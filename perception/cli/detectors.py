@@ -195,7 +195,7 @@ def measured_detector(
     """Open DepthCN or the detector of one modality.
 
     Args:
-        name: depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
+        name: Name, one of depthcn, rgb, dm, rm, or an ONNX file of a modality's detector.
         config: Networks, proposals and suppression.
         classes: Classes to measure; none for all of the network.
         metric: Metric configuration.

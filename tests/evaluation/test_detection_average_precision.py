@@ -70,7 +70,7 @@ def test_perfect_detection_of_many_is_all():
     assert (curve.ap(11), curve.ap(40), curve.aos(40)) == (100, 100, 100)
 
 
-def test_an_opposite_heading_is_right_but_not_alike():
+def test_an_opposite_heading_is_correct_but_not_similar():
     truths = truths_of((0, "Car", box(0)))
     detections = detections_of((0, "Car", box(0), 1.0))
     opposite = DetectedBoxes(**{**vars(detections), "alphas_rad": np.array([np.pi])})
@@ -79,14 +79,14 @@ def test_an_opposite_heading_is_right_but_not_alike():
     assert curve.orientation_similarity[0] == pytest.approx(0, abs=1e-12)
 
 
-def test_one_heading_not_told_leaves_all_without():
+def test_one_missing_heading_leaves_all_without():
     truths = truths_of((0, "Car", box(0)), (0, "Pedestrian", box(300)))
     detections = detections_of((0, "Car", box(0), 1.0), (0, "Pedestrian", box(300), 1.0))
-    untold = DetectedBoxes(**{**vars(detections), "alphas_rad": np.array([0.0, -10.0])})
-    assert easy(truths, untold, frames=1).aos() is None
+    headless = DetectedBoxes(**{**vars(detections), "alphas_rad": np.array([0.0, -10.0])})
+    assert easy(truths, headless, frames=1).aos() is None
 
 
-def test_a_class_without_detections_has_no_figures():
+def test_a_class_without_detections_has_no_metrics():
     truths = truths_of((0, "Car", box(0)), (0, "Cyclist", box(300)))
     detections = detections_of((0, "Cyclist", box(300), 0.5))
     car, pedestrian, cyclist = kitti_average_precision(truths, detections, 1).classes
@@ -114,31 +114,53 @@ def test_any_class_may_be_looked_for():
     curve = kitti_average_precision(truths, detections, 1, [tram]).classes[0].curves["hard"]
     assert (curve.truths, curve.matches) == (1, 1)
     assert curve.false_positives.tolist() == [0]
-    with pytest.raises(UsageError, match="from 0 to below 1, found 1"):
+    with pytest.raises(UsageError) as error:
         tram.at_iou(1.0)
+    assert (error.value.expected, error.value.found) == ("from 0 to below 1", "1")
 
 
-def test_rows_that_cannot_be_measured():
+@pytest.mark.parametrize(
+    ("change", "where", "expected", "found"),
+    [
+        ({"scores": np.array([0.5, np.nan])}, "scores", "finite numbers", "NaN or infinity"),
+        ({"boxes_px": np.zeros((2, 3))}, "boxes_px", "shape (2, 4)", "shape (2, 3)"),
+        (
+            {"frames": np.array([1, 0])},
+            "frames",
+            "frames from 0 in ascending order",
+            "another order",
+        ),
+        (
+            {"frames": np.array([-1, 0])},
+            "frames",
+            "frames from 0 in ascending order",
+            "another order",
+        ),
+    ],
+)
+def test_rows_that_cannot_be_measured(change, where, expected, found):
     good = detections_of((0, "Car", box(0), 0.5), (2, "Car", box(0), 0.5))
-    for change, sentence in (
-        ({"scores": np.array([0.5, np.nan])}, "scores: expected finite numbers"),
-        ({"boxes_px": np.zeros((2, 3))}, r"expected shape \(2, 4\), found shape \(2, 3\)"),
-        ({"frames": np.array([1, 0])}, "never fall"),
-        ({"frames": np.array([-1, 0])}, "from 0"),
-    ):
-        with pytest.raises(PerceptionError, match=sentence):
-            DetectedBoxes(**{**vars(good), **change})
-    with pytest.raises(PerceptionError, match="expected below 2, found frame 2"):
-        kitti_average_precision(truths_of(), good, frames=2)
+    with pytest.raises(PerceptionError) as error:
+        DetectedBoxes(**{**vars(good), **change})
+    assert error.value.where == f"DetectedBoxes.{where}"
+    assert (error.value.expected, error.value.found) == (expected, found)
 
 
-def test_no_choice_of_no_frames_can_be_drawn():
+def test_boxes_beyond_the_last_frame():
+    beyond = detections_of((2, "Car", box(0), 0.5))
+    with pytest.raises(PerceptionError) as error:
+        kitti_average_precision(truths_of(), beyond, frames=2)
+    assert (error.value.expected, error.value.found) == ("below 2", "frame 2")
+
+
+def test_no_resample_without_frames():
     statistics = match_detections(truths_of(), detections_of(), 0)
-    with pytest.raises(UsageError, match="found 5 choices of 0 frames"):
+    with pytest.raises(UsageError) as error:
         resample_precision(statistics, 5, np.random.default_rng(0))
+    assert error.value.found == "5 resamples of 0 frames"
 
 
-def test_what_so_many_objects_come_to_at_most_is_what_finding_all_of_them_gives():
+def test_max_ap_is_that_of_a_perfect_detector():
     for count in (0, 1, 7, 18, 40, 41, 100):
         rows = [(frame, "Car", box(0)) for frame in range(count)]
         surely = [(*row, 1 - row[0] / 1000) for row in rows]

@@ -73,7 +73,9 @@ def test_any_overlap_gives_the_counts_of_the_plain_form(seed: int, iou: float):
     metrics = kitti_average_precision(truths, detections, FRAMES, classes)
     for of_class in metrics.classes:
         for difficulty in DIFFICULTIES:
-            naive = reference_curve(truths, detections, FRAMES, of_class.of_class, difficulty)
+            naive = reference_curve(
+                truths, detections, FRAMES, of_class.detection_class, difficulty
+            )
             assert_same(of_class.curves[difficulty.name], naive)
     assert metrics.classes[0].curves["hard"].matches > 5 or iou > 0.8
 
@@ -102,7 +104,7 @@ def take_frames(rows, frames):
 def test_many_small_blocks_count_as_one_large(monkeypatch: pytest.MonkeyPatch):
     truths, detections = crowded_frames(4)
     whole = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
-    monkeypatch.setattr(threshold_sweep, "_BLOCK_PAIRS", 7)
+    monkeypatch.setattr(threshold_sweep, "MAX_BLOCK_PAIRS", 7)
     blocks = kitti_average_precision(truths, detections, FRAMES, [KITTI_CLASSES[0].at_iou(0.2)])
     for name, curve in whole.classes[0].curves.items():
         same = blocks.classes[0].curves[name]

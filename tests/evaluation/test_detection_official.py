@@ -78,7 +78,7 @@ def assert_same_figures(labels: Path, boxes: Path, expected: dict[str, Any], fol
 
     assert metrics.frames == len(frames)
     for of_class in metrics.classes:
-        of_tool = expected[of_class.of_class.name.lower()]
+        of_tool = expected[of_class.detection_class.name.lower()]
         assert list(of_class.curves) == list(of_tool or {})
         for difficulty, curve in of_class.curves.items():
             assert_same_curve(curve, of_tool[difficulty])

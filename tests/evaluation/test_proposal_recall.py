@@ -118,5 +118,6 @@ def test_of_no_objects_there_is_no_share():
 
 @pytest.mark.parametrize("iou", [0.0, 1.2, float("nan")])
 def test_an_overlap_that_is_no_demand_is_refused(iou):
-    with pytest.raises(PerceptionError, match="above 0, at most 1"):
+    with pytest.raises(PerceptionError) as error:
         proposal_recall(LABELLED, FOUND, 2, "Car", [iou])
+    assert (error.value.expected, error.value.found) == ("above 0, at most 1", f"{iou:g}")

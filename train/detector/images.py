@@ -89,7 +89,7 @@ def curve_panels(validation_metrics: DetectionMetrics) -> list[CurvePanel]:
     """Return a panel for every class and overlap, with a curve a difficulty."""
     return [
         precision_panel(
-            f"{one.of_class.name}, IoU {one.of_class.iou:g}",
+            f"{one.detection_class.name}, IoU {one.detection_class.iou:g}",
             {f"{name} {curve.ap():.1f} %": curve.precision for name, curve in one.curves.items()},
             "AP",
         )

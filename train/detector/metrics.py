@@ -103,7 +103,7 @@ def mean_precision(metrics: DetectionMetrics) -> dict[str, float]:
 def precision_table(metrics: DetectionMetrics) -> dict[str, dict[str, float]]:
     """Return average precision in percent by class and overlap, such as `Car 0.7`, and by difficulty."""
     return {
-        f"{of.of_class.name} {of.of_class.iou:g}": {
+        f"{of.detection_class.name} {of.detection_class.iou:g}": {
             one.name: precision(of, one.name) for one in DIFFICULTIES
         }
         for of in metrics.classes

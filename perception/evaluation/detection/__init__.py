@@ -1,1 +1,1 @@
-"""How well boxes are detected in images: KITTI's average precision, arrays in, named results out."""
+"""Metrics of boxes detected in images, by KITTI's 2D protocol: arrays in, named results out."""

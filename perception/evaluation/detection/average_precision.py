@@ -1,4 +1,4 @@
-"""KITTI's measure of detection: every class at every difficulty."""
+"""Average precision by KITTI's 2D protocol: every class at every difficulty."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,24 +18,24 @@ from perception.types import Int
 
 @dataclass(frozen=True)
 class ClassMetrics:
-    """One class.
+    """Metrics of one class.
 
     Attributes:
-        of_class: which, and at which overlap.
-        curves: by name of the difficulty; empty where nothing was detected of this class.
+        detection_class: Class and its IoU threshold.
+        curves: Precision-recall curves by difficulty; empty where nothing of the class was detected.
     """
 
-    of_class: DetectionClass
+    detection_class: DetectionClass
     curves: dict[str, PrecisionCurve]
 
 
 @dataclass(frozen=True)
 class DetectionMetrics:
-    """All classes.
+    """Metrics of all classes.
 
     Attributes:
-        frames: that the figures rest on.
-        classes: in the order asked for.
+        frames: Number of frames.
+        classes: Metrics of each class.
     """
 
     frames: int
@@ -44,13 +44,13 @@ class DetectionMetrics:
 
 @dataclass(frozen=True)
 class DetectionStatistics:
-    """All that matching found, from which the figures of any choice of frames follow.
+    """Matches of all classes, from which the metrics of any bootstrap resample follow.
 
     Attributes:
-        frames: how many there are.
-        has_orientation: whether every detection tells its heading.
-        classes: in the order asked for.
-        statistics: for each class, by name of the difficulty; empty where nothing was detected of it.
+        frames: Number of frames.
+        has_orientation: Whether every detection has a heading.
+        classes: Classes with their IoU thresholds.
+        statistics: Matches of each class by difficulty; empty where nothing of the class was detected.
     """
 
     frames: int
@@ -59,12 +59,12 @@ class DetectionStatistics:
     statistics: tuple[dict[str, MatchStatistics], ...]
 
     def metrics(self, frame_weights: Int | None = None) -> DetectionMetrics:
-        """Return the figures of all frames, or of a choice in which each is so often."""
+        """Return the metrics of all frames, or of a resample with (F,) multiplicities of the frames."""
         return DetectionMetrics(
             frames=self.frames,
             classes=tuple(
                 ClassMetrics(
-                    of_class,
+                    detection_class,
                     {
                         name: compute_curve(
                             of_difficulty,
@@ -74,7 +74,7 @@ class DetectionStatistics:
                         for name, of_difficulty in statistics.items()
                     },
                 )
-                for of_class, statistics in zip(self.classes, self.statistics, strict=True)
+                for detection_class, statistics in zip(self.classes, self.statistics, strict=True)
             ),
         )
 
@@ -97,10 +97,13 @@ def match_detections(
         has_orientation=evaluation_boxes.has_orientation,
         classes=tuple(classes),
         statistics=tuple(
-            {one.name: match_statistics(evaluation_boxes, of_class, one) for one in difficulties}
-            if evaluation_boxes.has_detections_of(of_class)
+            {
+                one.name: match_statistics(evaluation_boxes, detection_class, one)
+                for one in difficulties
+            }
+            if evaluation_boxes.has_detections_of(detection_class)
             else {}
-            for of_class in classes
+            for detection_class in classes
         ),
     )
 
@@ -112,17 +115,17 @@ def kitti_average_precision(
     classes: Sequence[DetectionClass] = KITTI_CLASSES,
     difficulties: Sequence[Difficulty] = DIFFICULTIES,
 ) -> DetectionMetrics:
-    """Measure detections as KITTI's object benchmark does.
+    """Return the average precision of detections by KITTI's 2D protocol.
 
-    A class of which nothing was detected has no figures, as with the official tool; a class that was
-    never labelled has an average precision of 0 that rests on 0 truths.
+    As with the official tool, a class without detections has no metrics, and a class without labels has an
+    average precision of 0.
 
     Args:
-        truths: labelled boxes of all frames.
-        detections: detected boxes of all frames.
-        frames: how many there are, with boxes or without.
-        classes: what to look for, and from which overlap on.
-        difficulties: which objects count.
+        truths: Labelled boxes of all frames.
+        detections: Detected boxes of all frames.
+        frames: Number of frames, with boxes or without.
+        classes: Classes with their IoU thresholds.
+        difficulties: Difficulties, each with its limits.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.

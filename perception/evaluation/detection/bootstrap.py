@@ -1,7 +1,7 @@
-"""How far the averages would have differed on other frames of the same kind.
+"""Bootstrap intervals of the average precision over the choice of frames.
 
-B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979: frames are drawn
-with replacement, as many as there are, again and again; the interval holds the middle share of the averages.
+B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 1979: each resample draws as many
+frames as there are, with replacement; the interval holds the middle share of the resampled averages.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from perception.types import Float64, Progress
 
 @dataclass(frozen=True)
 class Interval:
-    """Between two averages, in percent; NaN where no choice of frames holds an object."""
+    """Interval of the average precision in percent; NaN where no resample holds an object."""
 
     low: float
     high: float
@@ -24,21 +24,21 @@ class Interval:
 
 @dataclass(frozen=True)
 class PrecisionSamples:
-    """Average precision of one class at one difficulty on N choices of frames.
+    """Average precision of one class at one difficulty in N bootstrap resamples.
 
     Attributes:
-        percent: by recall points, (N,) averages; NaN for a choice of frames without an object.
+        percent: (N,) averages in percent by the number of recall points; NaN of a resample without an object.
     """
 
     percent: dict[int, Float64]
 
     def interval(self, recall_points: int = 40, confidence: float = 0.95) -> Interval:
-        """Return the percentiles between which the given share of the averages lies."""
+        """Return the percentile interval of the averages."""
         return percentile_interval(self.percent[recall_points], confidence)
 
 
 def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
-    """Return the percentiles between which the given share of (N,) averages, or of their differences, lies."""
+    """Return the percentile interval of (N,) averages or of their differences."""
     known = percent[~np.isnan(percent)]
     if len(known) == 0:
         return Interval(np.nan, np.nan)
@@ -52,33 +52,33 @@ def resample_precision(
     generator: np.random.Generator,
     progress: Progress = iter,
 ) -> tuple[dict[str, PrecisionSamples], ...]:
-    """Measure choices of frames, each the same for all classes and difficulties.
+    """Return the average precision of bootstrap resamples, the same resamples for all classes and difficulties.
 
     Args:
-        statistics: of all frames.
-        resamples: how many choices.
-        generator: draws them.
-        progress: goes through the numbers of the choices, and may show how far it is.
+        statistics: Matches of all frames.
+        resamples: Number of resamples.
+        generator: Random generator of the resamples.
+        progress: Iterates over the resamples and may show a progress bar.
 
     Returns:
-        For each class, by name of the difficulty.
+        Samples of each class by difficulty.
 
     Raises:
-        UsageError: no frame to draw from, or no choice asked for.
+        UsageError: there is no frame or no resample.
     """
     if resamples < 1 or statistics.frames < 1:
         raise UsageError(
             "bootstrap",
-            expected="at least one choice of at least one frame",
-            found=f"{resamples} choices of {statistics.frames} frames",
+            expected="at least one resample of at least one frame",
+            found=f"{resamples} resamples of {statistics.frames} frames",
         )
     metrics = []
     for _ in progress(range(resamples)):
         drawn = generator.integers(statistics.frames, size=statistics.frames)
         metrics.append(statistics.metrics(np.bincount(drawn, minlength=statistics.frames)))
     return tuple(
-        {name: _samples([one.classes[k].curves[name] for one in metrics]) for name in of_class}
-        for k, of_class in enumerate(statistics.statistics)
+        {name: _samples([one.classes[k].curves[name] for one in metrics]) for name in by_difficulty}
+        for k, by_difficulty in enumerate(statistics.statistics)
     )
 
 

@@ -1,60 +1,55 @@
-"""What is compared: labelled and detected boxes of many frames, one row a box."""
+"""Labelled and detected boxes of many frames, one row a box."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
 from perception.errors import PerceptionError
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
-from perception.evaluation.rows import Rows
-from perception.types import Detections, Float64, Int, Labels
+from perception.types import ArrayTable, Detections, Float64, Int, Labels
 
 
 @dataclass(frozen=True)
-class _BoxRows(Rows):
-    """Rows of boxes in the order of their frames; within a frame, the order decides between equals.
+class _BoxRows(ArrayTable):
+    """M boxes in the order of their frames; within a frame, the order decides between equal scores.
 
     Attributes:
-        frames: (M,) number of the frame, from 0, never falling.
-        types: (M,) names, in any case.
-        alphas_rad: (M,) heading as seen from the camera; -10 where it is not told.
+        frames: (M,) frame numbers from 0, in ascending order.
+        types: (M,) class names, in any case.
+        alphas_rad: (M,) observation angles of the headings; -10 where unknown.
         boxes_px: (M, 4) x1 y1 x2 y2.
     """
 
     frames: Int
     types: np.ndarray
     alphas_rad: Float64
-    boxes_px: Float64
+    boxes_px: Annotated[Float64, 4]
 
     def __post_init__(self) -> None:
-        """Refuse columns of different lengths, numbers that are none, and frames out of order."""
+        """Validate lengths and shapes, finite numbers, and the order of the frames."""
+        super().__post_init__()
         what = type(self).__name__
         for name in (field.name for field in fields(self)):
             column = getattr(self, name)
-            shape = (len(self.frames), 4) if name == "boxes_px" else (len(self.frames),)
-            if column.shape != shape:
-                raise PerceptionError(
-                    f"{what}.{name}", expected=f"shape {shape}", found=f"shape {column.shape}"
-                )
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 raise PerceptionError(
                     f"{what}.{name}", expected="finite numbers", found="NaN or infinity"
                 )
         if (np.diff(self.frames, prepend=0) < 0).any():
             raise PerceptionError(
-                f"{what}.frames", expected="frames from 0 that never fall", found="one that does"
+                f"{what}.frames", expected="frames from 0 in ascending order", found="another order"
             )
 
 
 @dataclass(frozen=True)
 class TrueBoxes(_BoxRows):
-    """G labelled boxes; regions without labels are of the type DontCare.
+    """G labelled boxes; regions without labels have the type DontCare.
 
     Attributes:
-        truncation: (G,) share outside the image, 0 to 1; -1 for what is no object.
-        occlusion: (G,) levels 0 to 3; -1 for what is no object.
+        truncation: (G,) share outside the image, 0 to 1; -1 of regions.
+        occlusion: (G,) levels 0 to 3; -1 of regions.
     """
 
     truncation: Float64
@@ -89,17 +84,16 @@ class DetectedBoxes(_BoxRows):
     """D detected boxes.
 
     Attributes:
-        scores: (D,) of any scale, higher is surer.
+        scores: (D,) scores of any scale, the higher the more confident.
     """
 
     scores: Float64
 
     @classmethod
     def of_frames(cls, detections: Sequence[Detections]) -> Self:
-        """Return the detections of one frame after the other; they tell no heading."""
+        """Return the detections of one frame after the other, without headings."""
         counts = np.array([len(found) for found in detections], np.int64)
         frames = np.repeat(np.arange(len(counts)), counts)
-        # One without detections more, so that there is something to join.
         parts = [Detections.empty(), *detections]
         return cls(
             frames=frames,

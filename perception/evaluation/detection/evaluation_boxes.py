@@ -1,4 +1,4 @@
-"""All boxes of all frames, and how they overlap: what every class and difficulty is measured on."""
+"""Labelled and detected boxes of all frames with their overlaps, and the boxes that count for a class."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,19 +14,18 @@ from perception.evaluation.detection.protocol import (
     DetectionClass,
     Difficulty,
 )
-from perception.evaluation.rows import Rows
 from perception.geometry.box_overlap_px import paired_intersection_over_area_px, paired_iou_px
-from perception.types import Bool, Float64, Int
+from perception.types import ArrayTable, Bool, Float64, Int
 
 
 @dataclass(frozen=True)
-class OverlapPairs(Rows):
-    """P pairs of a labelled and a detected box of one frame that share an area.
+class OverlapPairs(ArrayTable):
+    """P overlapping pairs of a labelled and a detected box of one frame.
 
     Attributes:
         truths: (P,) row of the labelled box.
         detections: (P,) row of the detected box.
-        iou: (P,) above 0.
+        iou: (P,) intersection over union, above 0.
     """
 
     truths: Int
@@ -36,16 +35,16 @@ class OverlapPairs(Rows):
 
 @dataclass(frozen=True)
 class EvaluationBoxes:
-    """What does not depend on the class that is looked for.
+    """Boxes of all classes and frames.
 
     Attributes:
         truths: (G) labelled boxes.
         detections: (D) detected boxes.
-        frames: how many there are, with boxes or without.
-        truth_types: (G,) in lower case.
-        detection_types: (D,) in lower case.
-        overlaps: (P) in the order of the labelled boxes.
-        dont_care_shares: (D,) of each detection's area, the most that lies in a single DontCare box.
+        frames: Number of frames, with boxes or without.
+        truth_types: (G,) classes of the labels in lower case.
+        detection_types: (D,) classes of the detections in lower case.
+        overlaps: (P) overlapping pairs in the order of the labelled boxes.
+        dont_care_shares: (D,) maximum share of each detection's area in a single DontCare box, 0 to 1.
     """
 
     truths: TrueBoxes
@@ -58,17 +57,17 @@ class EvaluationBoxes:
 
     @property
     def has_orientation(self) -> bool:
-        """Whether the heading of every detection, of whatever class, is told."""
+        """Whether every detection, of any class, has a heading."""
         return not (self.detections.alphas_rad == NO_ALPHA_RAD).any()
 
-    def has_detections_of(self, of_class: DetectionClass) -> bool:
-        """Tell whether there is any detection of a class, as the official tool looks for one."""
-        is_of_class = self.detection_types == of_class.name.lower()
+    def has_detections_of(self, detection_class: DetectionClass) -> bool:
+        """Return whether the class has a detection, by the rule of the official tool: x1 of at least 0."""
+        is_of_class = self.detection_types == detection_class.name.lower()
         return bool((is_of_class & (self.detections.boxes_px[:, 0] >= 0)).any())
 
 
 def pair_boxes(truths: TrueBoxes, detections: DetectedBoxes, frames: int) -> EvaluationBoxes:
-    """Find all overlaps once.
+    """Find all overlapping pairs.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
@@ -104,14 +103,16 @@ def _dont_care_shares(regions: TrueBoxes, detections: DetectedBoxes) -> Float64:
 
 @dataclass(frozen=True)
 class EvaluationMask:
-    """Who counts for one class at one difficulty. Who is wanted but not valid or normal is ignored.
+    """Masks of the boxes that count for one class at one difficulty.
+
+    A box that is matchable but not valid is ignored: neither right nor wrong.
 
     Attributes:
-        is_matchable_truth: (G,) of the class or a neighbour.
-        is_valid_truth: (G,) must be found.
-        is_matchable_detection: (D,) may be matched.
-        is_valid_detection: (D,) is right if matched to a valid truth.
-        is_false_positive_if_unmatched: (D,) is wrong if matched to nothing: normal, and outside of DontCare.
+        is_matchable_truth: (G,) labels of the class or of a neighbour class.
+        is_valid_truth: (G,) labels that must be detected.
+        is_matchable_detection: (D,) detections that may be matched.
+        is_valid_detection: (D,) detections that are true positives if matched with a valid label.
+        is_false_positive_if_unmatched: (D,) valid detections outside of DontCare.
     """
 
     is_matchable_truth: Bool
@@ -122,40 +123,42 @@ class EvaluationMask:
 
 
 def evaluation_mask(
-    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, difficulty: Difficulty
+    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> EvaluationMask:
-    """Decide who counts."""
+    """Return which boxes count for one class at one difficulty."""
     truths, detections = evaluation_boxes.truths, evaluation_boxes.detections
-    is_of_class = evaluation_boxes.truth_types == of_class.name.lower()
+    is_of_class = evaluation_boxes.truth_types == detection_class.name.lower()
     is_visible = (
         (truths.occlusion <= difficulty.max_occlusion)
         & (truths.truncation <= difficulty.max_truncation)
         & (_heights_px(truths.boxes_px) > difficulty.min_height_px)
     )
-    # The height of a detection is asked first, its class only then: what is too low may be of any.
+    # The official tool checks the height before the class: low detections of any class are ignored.
     is_low = np.abs(_heights_px(detections.boxes_px)) < difficulty.min_height_px
-    is_valid_detection = ~is_low & (evaluation_boxes.detection_types == of_class.name.lower())
+    is_valid_detection = ~is_low & (
+        evaluation_boxes.detection_types == detection_class.name.lower()
+    )
     return EvaluationMask(
         is_matchable_truth=is_of_class
-        | _is_any_of(evaluation_boxes.truth_types, of_class.neighbours),
+        | _is_any_of(evaluation_boxes.truth_types, detection_class.neighbours),
         is_valid_truth=is_of_class & is_visible,
         is_matchable_detection=is_low | is_valid_detection,
         is_valid_detection=is_valid_detection,
         is_false_positive_if_unmatched=is_valid_detection
-        & (evaluation_boxes.dont_care_shares <= of_class.iou),
+        & (evaluation_boxes.dont_care_shares <= detection_class.iou),
     )
 
 
 def count_objects(
-    truths: TrueBoxes, frames: int, of_class: DetectionClass, difficulty: Difficulty
+    truths: TrueBoxes, frames: int, detection_class: DetectionClass, difficulty: Difficulty
 ) -> int:
-    """Return how many objects must be found, whatever was detected.
+    """Return the number of objects that must be detected.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
     evaluation_boxes = pair_boxes(truths, DetectedBoxes.of_frames(()), frames)
-    return int(evaluation_mask(evaluation_boxes, of_class, difficulty).is_valid_truth.sum())
+    return int(evaluation_mask(evaluation_boxes, detection_class, difficulty).is_valid_truth.sum())
 
 
 def _heights_px(boxes_px: Float64) -> Float64:

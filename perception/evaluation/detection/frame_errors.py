@@ -36,7 +36,7 @@ def count_frame_errors(
     truths: TrueBoxes,
     detections: DetectedBoxes,
     frames: int,
-    of_class: DetectionClass,
+    detection_class: DetectionClass,
     difficulty: Difficulty,
 ) -> FrameErrors:
     """Count the errors at the score threshold with the fewest errors of all frames together.
@@ -44,7 +44,7 @@ def count_frame_errors(
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
-    counted = match_statistics(pair_boxes(truths, detections, frames), of_class, difficulty)
+    counted = match_statistics(pair_boxes(truths, detections, frames), detection_class, difficulty)
     increments = counted.increments
     gained = np.cumsum(increments.found_truths - increments.false_positives)
     # Of equal scores all count or none.
@@ -83,7 +83,7 @@ def worst_frames(
     truths: TrueBoxes,
     detections: DetectedBoxes,
     frames: int,
-    of_class: DetectionClass,
+    detection_class: DetectionClass,
     count: int,
 ) -> list[ErrorFrame]:
     """Return the frames with most errors at the hardest difficulty, the worst first.
@@ -92,11 +92,11 @@ def worst_frames(
         PerceptionError: a box is of a frame beyond the last.
     """
     difficulty = DIFFICULTIES[-1]
-    errors = count_frame_errors(truths, detections, frames, of_class, difficulty)
+    errors = count_frame_errors(truths, detections, frames, detection_class, difficulty)
     boxes = pair_boxes(truths, detections, frames)
-    mask = evaluation_mask(boxes, of_class, difficulty)
+    mask = evaluation_mask(boxes, detection_class, difficulty)
     counts = (detections.scores >= errors.threshold) & (
-        boxes.detection_types == of_class.name.lower()
+        boxes.detection_types == detection_class.name.lower()
     )
     worst = []
     for place in errors.worst(count).tolist():

@@ -1,4 +1,4 @@
-"""Who takes whom: labelled boxes are served in turn, as the official tool does, but all frames at once."""
+"""Greedy assignment of detections to labels in the order of the official tool, for all frames at once."""
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -9,7 +9,7 @@ from perception.types import Bool, Int
 
 
 def connected_groups(truths: Int, detections: Int) -> Int:
-    """Return (P,) the group of each pair; pairs of one group compete, directly or through others."""
+    """Return (P,) the connected component of each pair in the graph of overlapping boxes."""
     if len(truths) == 0:
         return np.zeros(0, np.int64)
     height = int(truths.max()) + 1
@@ -19,23 +19,23 @@ def connected_groups(truths: Int, detections: Int) -> Int:
 
 
 def rounds_in_groups(truths: Int, groups: Int) -> Int:
-    """Return (P,) how many truths of a pair's group are served before that pair's own."""
+    """Return (P,) the number of labels of a pair's group that are assigned before that pair's own."""
     _, firsts, of_pairs = np.unique(truths, return_index=True, return_inverse=True)
     return ranks_in_groups(groups[firsts])[of_pairs]
 
 
 def assign_greedily(truths: Int, detections: Int, rounds: Int) -> Bool:
-    """Let one truth after the other take the first detection of its choice that is still free.
+    """Assign to one label after the other its preferred detection among those that are still free.
 
-    Truths of the same turn must not want the same detection, so that they can be served together.
+    Labels of the same round must not share a detection, since they are assigned together.
 
     Args:
-        truths: (P,) who chooses; the pairs of one truth lie together, its first choice first.
-        detections: (P,) who is chosen, numbered from 0.
-        rounds: (P,) when the truth chooses, from 0.
+        truths: (P,) label of each pair; the pairs of one label are adjacent, the preferred one first.
+        detections: (P,) detection of each pair, numbered from 0.
+        rounds: (P,) round in which the label is assigned, from 0.
 
     Returns:
-        (P,) which pairs are matched.
+        (P,) mask of the matched pairs.
     """
     is_taken = np.zeros(detections.max(initial=-1) + 1, bool)
     is_matched = np.zeros(len(truths), bool)

@@ -1,4 +1,4 @@
-"""Rows that belong together: their pairs, and their place among each other."""
+"""Pairs of rows of the same group, and the place of each row within its group."""
 
 import numpy as np
 
@@ -10,10 +10,10 @@ def pairs_in_groups(first: Int, second: Int) -> tuple[Int, Int]:
 
     Args:
         first: (A,) group of each first row.
-        second: (B,) group of each second row, never falling.
+        second: (B,) group of each second row, in ascending order.
 
     Returns:
-        Rows of the first, which never fall, and rows of the second, which rise for each of these.
+        (P,) rows of the first in ascending order, and (P,) rows of the second, ascending for each of these.
     """
     starts = np.searchsorted(second, first, side="left")
     counts = np.searchsorted(second, first, side="right") - starts
@@ -23,7 +23,7 @@ def pairs_in_groups(first: Int, second: Int) -> tuple[Int, Int]:
 
 
 def ranks_in_groups(groups: Int) -> Int:
-    """Return (A,) how many rows of the same group come before each row."""
+    """Return (A,) the number of rows of the same group before each row."""
     order = np.argsort(groups, kind="stable")
     ordered = groups[order]
     ranks = np.empty(len(groups), np.int64)

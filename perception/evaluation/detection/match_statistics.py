@@ -1,10 +1,10 @@
-"""What one class at one difficulty comes to at any threshold of score, on any choice of frames.
+"""Matches of one class at one difficulty, from which the counts at any score threshold and for any frames follow.
 
-The official tool matches all frames again at each of 41 thresholds. But a threshold changes nothing in a
-group of rival boxes as long as it passes none of their scores. So each group is matched once with its
-surest detection, once with its two surest, and so on; what each step changes is booked on the detection
-that made it. Counts at a threshold are then sums over the detections above it, and to take a frame twice,
-or not at all, is to weigh what is booked on it.
+The official tool matches all frames again at each of 41 thresholds. But a threshold changes the matches in a group
+of overlapping boxes only when it passes one of their scores. So each group is matched once with its detection of
+the highest score, once with its two highest, and so on, and the change of each step is assigned to the detection
+that caused it. Counts at a threshold are then sums over the detections above it, and a bootstrap resample is a
+weighting of the frames in these sums.
 """
 
 from dataclasses import dataclass
@@ -24,17 +24,16 @@ from perception.evaluation.detection.greedy_assignment import (
 )
 from perception.evaluation.detection.protocol import DetectionClass, Difficulty
 from perception.evaluation.detection.threshold_sweep import count_at_steps, plan_sweep
-from perception.evaluation.rows import Rows
-from perception.types import Float64, Int
+from perception.types import ArrayTable, Float64, Int
 
 
 @dataclass(frozen=True)
-class MatchedScores(Rows):
-    """Valid truths that a normal detection is found for when all detections count.
+class MatchedScores(ArrayTable):
+    """M valid labels that are matched by a valid detection when all detections count.
 
     Attributes:
-        scores: of the detections, falling.
-        frames: of both.
+        scores: (M,) scores of the detections, falling.
+        frames: (M,) frames.
     """
 
     scores: Float64
@@ -42,16 +41,16 @@ class MatchedScores(Rows):
 
 
 @dataclass(frozen=True)
-class CountIncrements(Rows):
-    """By how much each detection changes the counts when the threshold falls to its score.
+class CountIncrements(ArrayTable):
+    """Changes of the counts when the threshold falls to the score of each of D detections.
 
     Attributes:
-        scores: falling.
-        frames: of the detections.
-        true_positives: valid truths matched by normal detections.
-        false_positives: normal detections that are left over, outside of DontCare.
-        found_truths: valid truths matched by any detection, so that they are not missed.
-        similarity: of the headings, 0 to 1, summed over the true positives.
+        scores: (D,) scores, falling.
+        frames: (D,) frames.
+        true_positives: (D,) valid labels matched by valid detections.
+        false_positives: (D,) unmatched valid detections outside of DontCare.
+        found_truths: (D,) valid labels matched by any detection, which are no false negatives.
+        similarity: (D,) similarity of the headings, 0 to 1, summed over the true positives.
     """
 
     scores: Float64
@@ -64,12 +63,12 @@ class CountIncrements(Rows):
 
 @dataclass(frozen=True)
 class MatchStatistics:
-    """One class at one difficulty.
+    """Matches of one class at one difficulty.
 
     Attributes:
-        truths_of_frames: (F,) valid truths of each frame.
-        matches: from which the thresholds are chosen.
-        increments: which add up to the counts at a threshold.
+        truths_of_frames: (F,) number of valid labels of each frame.
+        matches: Matches from whose scores the thresholds are chosen.
+        increments: Changes of the counts, which add up to the counts at a threshold.
     """
 
     truths_of_frames: Int
@@ -78,13 +77,13 @@ class MatchStatistics:
 
 
 def match_statistics(
-    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, difficulty: Difficulty
+    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, difficulty: Difficulty
 ) -> MatchStatistics:
-    """Match the boxes of all frames, so that any threshold and any choice of frames can be counted."""
-    mask = evaluation_mask(evaluation_boxes, of_class, difficulty)
+    """Match the boxes of all frames for all thresholds."""
+    mask = evaluation_mask(evaluation_boxes, detection_class, difficulty)
     overlaps = evaluation_boxes.overlaps
     pairs_to_match = overlaps[
-        (overlaps.iou > of_class.iou)
+        (overlaps.iou > detection_class.iou)
         & mask.is_matchable_truth[overlaps.truths]
         & mask.is_matchable_detection[overlaps.detections]
     ]
@@ -99,7 +98,7 @@ def match_statistics(
 def _match_by_score(
     evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> MatchedScores:
-    """Let each truth take the surest of all detections, not the one that fits best."""
+    """Match each label with the detection of the highest score, not of the largest IoU."""
     scores = evaluation_boxes.detections.scores[pairs_to_match.detections]
     pairs = pairs_to_match[np.lexsort((pairs_to_match.detections, -scores, pairs_to_match.truths))]
     rounds = rounds_in_groups(pairs.truths, connected_groups(pairs.truths, pairs.detections))
@@ -116,7 +115,7 @@ def _match_by_score(
 def _count_increments(
     evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> CountIncrements:
-    """Let every detection be wrong for itself, then correct this by what the matching gains."""
+    """Count every detection as a false positive, then correct the counts by the matches."""
     sweep = plan_sweep(evaluation_boxes, mask, pairs_to_match)
     gains = count_at_steps(evaluation_boxes, mask, sweep).gains(sweep.step_groups)
     detections, count = evaluation_boxes.detections, len(evaluation_boxes.detections)

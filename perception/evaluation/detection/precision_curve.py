@@ -1,4 +1,4 @@
-"""KITTI's precision-recall curve: 41 points, at thresholds that are scores of found objects."""
+"""KITTI's precision-recall curve: 41 points, at thresholds that are scores of matched detections."""
 
 from dataclasses import dataclass
 
@@ -8,27 +8,27 @@ from perception.evaluation.detection.match_statistics import MatchStatistics
 from perception.evaluation.detection.protocol import RECALL_STEPS
 from perception.types import Float64, Int
 
-# The points that an average is over: 0, 0.1 .. 1 until 2019, then 1/40, 2/40 .. 1.
+# Points of the average precision: recall 0, 0.1 .. 1 until 2019, then 1/40, 2/40 .. 1.
 _RECALL_SLICES: dict[int, slice] = {11: slice(0, None, 4), 40: slice(1, None)}
 
 
 @dataclass(frozen=True)
 class PrecisionCurve:
-    """How many detections are right, at up to 41 thresholds that find ever more objects.
+    """Precision at up to 41 score thresholds of rising recall.
 
-    Precision at a point is the best of this and all later points. Where objects are few or are not
-    found, there are fewer than 41 thresholds, and precision is 0 beyond them.
+    Precision at a point is the maximum over this and all higher recalls. With few objects or low recall there
+    are fewer than 41 thresholds, and precision is 0 beyond them.
 
     Attributes:
-        truths: valid objects.
-        matches: of these, how many are found when all detections count.
-        thresholds: (K,) scores, falling.
-        true_positives: (K,) at each threshold.
-        false_positives: (K,)
-        false_negatives: (K,)
-        precision: (41,) 0 to 1, at recall 0, 1/40 .. 1.
-        orientation_similarity: (41,) precision that counts a right detection as much as its heading is
-            like the true one; None where a detection does not tell it.
+        truths: Number of valid objects.
+        matches: Number of valid objects that are matched when all detections count.
+        thresholds: (K,) score thresholds, falling.
+        true_positives: (K,) number of true positives at each threshold.
+        false_positives: (K,) number of false positives at each threshold.
+        false_negatives: (K,) number of false negatives at each threshold.
+        precision: (41,) precision, 0 to 1, at recall 0, 1/40 .. 1.
+        orientation_similarity: (41,) precision in which each true positive is weighted by the similarity of its
+            heading, 0 to 1; None where a detection has no heading.
     """
 
     truths: int
@@ -45,7 +45,7 @@ class PrecisionCurve:
         return 100 * float(self.precision[_RECALL_SLICES[recall_points]].mean())
 
     def aos(self, recall_points: int = 40) -> float | None:
-        """Return the average orientation similarity in percent, if headings are told."""
+        """Return the average orientation similarity in percent; None without headings."""
         if self.orientation_similarity is None:
             return None
         return 100 * float(self.orientation_similarity[_RECALL_SLICES[recall_points]].mean())
@@ -54,12 +54,12 @@ class PrecisionCurve:
 def compute_curve(
     match_statistics: MatchStatistics, *, has_orientation: bool, frame_weights: Int | None = None
 ) -> PrecisionCurve:
-    """Choose the thresholds, and count at each.
+    """Return the curve of one class at one difficulty.
 
     Args:
-        match_statistics: of one class at one difficulty.
-        has_orientation: whether similarity of the headings means anything.
-        frame_weights: (F,) how often each frame is in the set; None for once.
+        match_statistics: Matches of one class at one difficulty.
+        has_orientation: Whether all detections have headings.
+        frame_weights: (F,) multiplicity of each frame in a resample; None for all frames once.
     """
     weights = (
         np.ones_like(match_statistics.truths_of_frames) if frame_weights is None else frame_weights
@@ -93,11 +93,11 @@ def compute_curve(
 
 
 def threshold_ranks(matches: int, truths: int) -> Int:
-    """Return which of the falling scores, counted from 1, become thresholds.
+    """Return the ranks, from 1, of the falling scores that become thresholds.
 
-    For each recall c in turn, it is the first score whose recall i/n is nearer to c than the next one's,
-    (i+1)/n, would be: that of (i+1)/n - c >= c - i/n. The last score always is one. The official tool
-    adds up c step by step and compares in floating point, which decides between equals.
+    For each recall c in turn, the threshold is the first score whose recall i/n is nearer to c than the recall
+    (i+1)/n of the next score: (i+1)/n - c >= c - i/n. The last score is always a threshold. The official tool
+    accumulates c and compares in floating point, which decides between equals.
     """
     if matches == 0:
         return np.zeros(0, np.int64)
@@ -106,17 +106,17 @@ def threshold_ranks(matches: int, truths: int) -> Int:
     tried = near[:, None] + np.arange(-2, 3)
     is_too_soon = (tried + 1) / truths - recalls[:, None] < recalls[:, None] - tried / truths
     firsts = np.maximum(near - 2 + is_too_soon.sum(axis=1), 1)
-    # A score is a threshold once: the next recall looks on behind it.
+    # Each score is a threshold only once: the next recall continues behind it.
     numbers = np.arange(len(firsts))
     in_turn = np.maximum.accumulate(firsts - numbers) + numbers
     return np.unique(np.minimum(in_turn, matches))
 
 
 def max_ap(truths: int, recall_points: int = 40) -> float:
-    """Return the average precision in percent of finding so many objects and nothing else.
+    """Return the average precision in percent of a perfect detector.
 
-    It is 100 where objects are many. Where there are no more than 40, each is one threshold at most, and
-    precision is 0 beyond the last, as with the official tool.
+    It is 100 with many objects. With 40 objects or fewer there are fewer than 41 thresholds, and precision is 0
+    beyond the last, as with the official tool.
     """
     precision = np.zeros(RECALL_STEPS + 1)
     precision[: len(threshold_ranks(truths, truths))] = 1
@@ -124,7 +124,7 @@ def max_ap(truths: int, recall_points: int = 40) -> float:
 
 
 def _envelope(part: Int | Float64, whole: Int) -> Float64:
-    """Return (41,) ratios, each the greatest of it and those after it; of nothing, 0."""
+    """Return (41,) ratios, each the maximum of it and those after it; 0 where the whole is 0."""
     ratios = np.zeros(RECALL_STEPS + 1)
     np.divide(part, whole, out=ratios[: len(whole)], where=whole > 0)
     return np.maximum.accumulate(ratios[::-1])[::-1]

@@ -1,7 +1,7 @@
-"""How many objects the proposals of a detector reach, by how many of them a frame are looked at.
+"""Recall of the proposals of a detector, by IoU and by the number of proposals of a frame.
 
-A proposal claims no class. It reaches an object where both boxes overlap by an IoU or more; nothing is
-matched one to one, as it does not matter whether another proposal reaches the same object.
+A proposal has no class. It recalls an object if their boxes overlap by the IoU threshold or more; there is no
+one-to-one matching, since several proposals may recall the same object.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClas
 from perception.geometry.box_overlap_px import iou_px
 from perception.types import Float64, Int
 
-# Whatever is labelled, as the thesis counts (6.1.4); 2 is the highest level of KITTI's tracking labels.
+# All labels, as in the thesis (6.1.4); 2 is the highest truncation level of KITTI's tracking labels.
 EVERY_LABEL = Difficulty("all", min_height_px=0, max_occlusion=3, max_truncation=2)
 IOU_THRESHOLDS = (0.7, 0.5)
 IOU_STEPS = np.linspace(0, 1, 101)
@@ -29,13 +29,13 @@ IOU_STEPS = np.linspace(0, 1, 101)
 
 @dataclass(frozen=True)
 class RecallMetrics:
-    """Objects of one difficulty.
+    """Recall of the O objects of one difficulty.
 
     Attributes:
-        objects: how many there are.
-        ranks: for each IoU asked for, (objects,) how many proposals of its frame come before the first
-            that reaches the object; -1 where none does.
-        best_iou: (objects,) with the proposal that fits best; 0 without one.
+        objects: Number of objects, O.
+        ranks: (O,) for each IoU threshold the rank, from 0, of the first proposal of the frame that recalls the
+            object; -1 where none does.
+        best_iou: (O,) maximum IoU with a proposal; 0 without one.
     """
 
     objects: int
@@ -43,34 +43,34 @@ class RecallMetrics:
     best_iou: Float64
 
     def found(self, iou: float) -> int:
-        """Return how many objects some proposal reaches."""
+        """Return the number of objects that a proposal recalls."""
         return int((self.ranks[iou] >= 0).sum())
 
     def recall(self, iou: float) -> float:
-        """Return the share of objects that some proposal reaches; NaN of none."""
+        """Return the share of objects that a proposal recalls; NaN without objects."""
         return self.found(iou) / self.objects if self.objects else float("nan")
 
     def recall_by_count(self, iou: float, most: int) -> Float64:
-        """Return (most + 1,) the recall of the first 0, 1 .. proposals of each frame; NaN of no objects."""
+        """Return (most + 1,) the recall of the first 0, 1 .. proposals of each frame; NaN without objects."""
         ranks = self.ranks[iou]
         reached = np.bincount(ranks[(ranks >= 0) & (ranks < most)], minlength=most)
         return _shares(np.append(0, np.cumsum(reached)), self.objects)
 
     def recall_by_iou(self) -> Float64:
-        """Return (101,) the recall of all proposals at the IoUs of `IOU_STEPS`; NaN of no objects."""
+        """Return (101,) the recall of all proposals at the IoUs of `IOU_STEPS`; NaN without objects."""
         is_reached = (self.best_iou > 0) & (self.best_iou >= IOU_STEPS[:, None])
         return _shares(is_reached.sum(axis=1), self.objects)
 
 
 @dataclass(frozen=True)
 class ProposalRecall:
-    """What the proposals of all frames reach.
+    """Recall of the proposals of all frames.
 
     Attributes:
-        frames: how many there are.
-        proposals: in all frames together.
-        max_per_frame: proposals of the frame that has most.
-        difficulties: by name.
+        frames: Number of frames.
+        proposals: Number of proposals of all frames.
+        max_per_frame: Maximum number of proposals of a frame.
+        difficulties: Recall by difficulty.
     """
 
     frames: int
@@ -80,7 +80,7 @@ class ProposalRecall:
 
     @property
     def proposals_per_frame(self) -> float:
-        """How many there are on average; NaN of no frames."""
+        """Mean number of proposals of a frame; NaN without frames."""
         return self.proposals / self.frames if self.frames else float("nan")
 
 
@@ -88,22 +88,22 @@ def proposal_recall(
     truths: TrueBoxes,
     proposals: DetectedBoxes,
     frames: int,
-    of_class: str,
+    class_name: str,
     overlaps: Sequence[float] = IOU_THRESHOLDS,
     difficulties: Sequence[Difficulty] = (*DIFFICULTIES, EVERY_LABEL),
 ) -> ProposalRecall:
-    """Measure which objects of a class have a proposal, and how soon it comes.
+    """Return the recall of the proposals for the objects of a class.
 
     Args:
-        truths: labelled boxes of all frames.
-        proposals: of all frames, the highest score looked at first; their types say nothing.
-        frames: how many there are, with boxes or without.
-        of_class: type of the objects that have to be found, in any case.
-        overlaps: from which IoU on a proposal reaches an object.
-        difficulties: which objects count.
+        truths: Labelled boxes of all frames.
+        proposals: Proposals of all frames, ranked by their scores; their classes are not used.
+        frames: Number of frames, with boxes or without.
+        class_name: Class of the objects, in any case.
+        overlaps: IoU thresholds from which on a proposal recalls an object.
+        difficulties: Difficulties, each with its limits.
 
     Raises:
-        PerceptionError: an overlap cannot be reached or is no demand, or a box is of a frame beyond the last.
+        PerceptionError: an IoU is out of range, or a box is of a frame beyond the last.
     """
     for iou in overlaps:
         require_iou(iou)
@@ -111,7 +111,7 @@ def proposal_recall(
     ranks = {iou: _first_ranks(evaluation_boxes, iou) for iou in overlaps}
     best_iou = np.zeros(len(truths))
     np.maximum.at(best_iou, evaluation_boxes.overlaps.truths, evaluation_boxes.overlaps.iou)
-    target_class = DetectionClass(of_class, iou=0)
+    target_class = DetectionClass(class_name, iou=0)
     is_valid_truth = {
         one.name: evaluation_mask(evaluation_boxes, target_class, one).is_valid_truth
         for one in difficulties
@@ -132,19 +132,19 @@ def proposal_recall(
 
 
 def count_recalled(truths_px: Float64, proposals_px: Float64, overlaps: Sequence[float]) -> Int:
-    """Return (T,) how many of (G, 4) objects of one frame some of (M, 4) proposals reaches at each IoU."""
+    """Return (T,) the number of (G, 4) objects of one frame that (M, 4) proposals recall at each of T IoUs."""
     best = iou_px(truths_px, proposals_px).max(axis=1, initial=0)
     return np.asarray((best >= np.asarray(overlaps)[:, None]).sum(axis=1), np.int64)
 
 
 def require_iou(iou: float) -> None:
-    """Refuse an overlap that is no demand, or that nothing reaches."""
+    """Validate an IoU threshold: above 0, at most 1."""
     if not 0 < iou <= 1:
         raise PerceptionError("IoU of a proposal", expected="above 0, at most 1", found=f"{iou:g}")
 
 
 def _first_ranks(evaluation_boxes: EvaluationBoxes, iou: float) -> Int:
-    """Return (G,) the place of the first proposal that reaches each object among those of its frame."""
+    """Return (G,) the rank of the first proposal of the frame that recalls each object, -1 without one."""
     proposals = evaluation_boxes.detections
     order = np.lexsort((-proposals.scores, proposals.frames))
     places = np.empty(len(proposals), np.int64)

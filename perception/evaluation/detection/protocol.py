@@ -1,4 +1,4 @@
-"""The numbers of KITTI's object benchmark: what is looked for, and how hard it may be to see.
+"""Classes and difficulties of KITTI's object benchmark.
 
 A. Geiger, P. Lenz, R. Urtasun, "Are we ready for autonomous driving? The KITTI vision benchmark suite",
 CVPR 2012; the limits are those of its development kit.
@@ -9,20 +9,20 @@ from dataclasses import dataclass, replace
 from perception.errors import UsageError
 
 DONT_CARE = "dontcare"
-NO_ALPHA_RAD = -10.0  # what a detector writes that does not tell the heading
-_STRICT_IOU = 0.7  # of classes that KITTI does not judge
+NO_ALPHA_RAD = -10.0  # observation angle of a detection without a heading
+_STRICT_IOU = 0.7  # IoU threshold of classes that KITTI does not evaluate
 RECALL_STEPS = 40  # a curve has a point at each of 0, 1/40 .. 1
 
 
 @dataclass(frozen=True)
 class Difficulty:
-    """How well an object must be seen to count.
+    """Limits within which an object must be detected.
 
     Attributes:
-        name: as in KITTI's tables.
-        min_height_px: an object must be higher, a detection not lower.
-        max_occlusion: level 0 to 3 as labelled.
-        max_truncation: share outside the image, 0 to 1.
+        name: Name as in KITTI's tables.
+        min_height_px: Height of the box that an object must exceed and a detection must reach, in pixels.
+        max_occlusion: Maximum occlusion level, 0 to 3.
+        max_truncation: Maximum share outside the image, 0 to 1.
     """
 
     name: str
@@ -40,12 +40,12 @@ DIFFICULTIES = (
 
 @dataclass(frozen=True)
 class DetectionClass:
-    """What is looked for; names of types are compared without case.
+    """Object class of the metrics; names are compared without case.
 
     Attributes:
-        name: type of the objects.
-        iou: by which a detection must overlap an object, and more.
-        neighbours: types so alike that to detect them is neither right nor wrong.
+        name: Name of the class in labels and detections.
+        iou: IoU that a detection must exceed to match an object, 0 to below 1.
+        neighbours: Names of similar classes, whose detection is neither right nor wrong.
     """
 
     name: str
@@ -53,12 +53,12 @@ class DetectionClass:
     neighbours: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse an overlap that nothing or everything reaches."""
+        """Validate the IoU."""
         if not 0 <= self.iou < 1:
             raise UsageError("iou", expected="from 0 to below 1", found=f"{self.iou:g}")
 
     def at_iou(self, iou: float) -> "DetectionClass":
-        """Return the same class, judged at another overlap."""
+        """Return the class with another IoU."""
         return replace(self, iou=iou)
 
 
@@ -70,6 +70,6 @@ KITTI_CLASSES = (
 
 
 def kitti_class(name: str) -> DetectionClass:
-    """Return a class as KITTI judges it; one that it does not, as strictly as cars."""
+    """Return a class with KITTI's IoU; 0.7 of a class that KITTI does not evaluate."""
     known = {one.name.lower(): one for one in KITTI_CLASSES}
     return known.get(name.lower(), DetectionClass(name, _STRICT_IOU))

@@ -1,7 +1,7 @@
-"""Do scores say how often detections are right: reliability, and the calibration error expected of a score.
+"""Reliability of scores as probabilities: share of correct detections by score, expected calibration error.
 
 M. P. Naeini, G. F. Cooper, M. Hauskrecht, "Obtaining well calibrated probabilities using Bayesian binning",
-AAAI 2015. Bins are of equal width here.
+AAAI 2015. Bins have equal width.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from perception.types import Bool, Float64, Int
 
 @dataclass(frozen=True)
 class Correctness:
-    """Of D detections that are either right or wrong.
+    """D detections, each correct or not.
 
     Attributes:
-        scores: (D,)
-        is_correct: (D,) the best of those that overlap an object by enough.
+        scores: (D,) scores.
+        is_correct: (D,) mask of the detections that match an object.
     """
 
     scores: Float64
@@ -29,12 +29,12 @@ class Correctness:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Detections in B bins of their scores, empty bins left out.
+    """Detections in B bins of their scores, without empty bins.
 
     Attributes:
-        scores: (B,) mean of each bin.
-        shares: (B,) of its detections that are right.
-        counts: (B,) how many they are.
+        scores: (B,) mean score of each bin.
+        shares: (B,) share of correct detections of each bin, 0 to 1.
+        counts: (B,) number of detections of each bin.
     """
 
     scores: Float64
@@ -43,38 +43,38 @@ class Reliability:
 
     @property
     def expected_calibration_error(self) -> float:
-        """The mean difference between score and share that is right, over all detections; NaN of none."""
+        """Mean difference of score and share of correct detections over all detections; NaN of none."""
         if not len(self.counts):
             return float("nan")
         return float(np.average(np.abs(self.scores - self.shares), weights=self.counts))
 
 
 def match_correctness(
-    truths: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass
+    truths: TrueBoxes, detections: DetectedBoxes, frames: int, detection_class: DetectionClass
 ) -> Correctness:
-    """Tell which detections of a class are right; an object is found once, by the best that overlaps it.
+    """Return which detections of a class are correct; an object is matched once, by the highest score.
 
-    Detections of alike types and in regions without labels are neither right nor wrong, and left out.
+    Detections of neighbour classes and in DontCare regions are neither right nor wrong, and left out.
 
     Raises:
         PerceptionError: a box is of a frame beyond the last.
     """
     evaluation_boxes = pair_boxes(truths, detections, frames)
-    is_of_class = evaluation_boxes.detection_types == of_class.name.lower()
-    is_correct = _matched(evaluation_boxes, of_class, is_of_class)
-    alike = [name.lower() for name in of_class.neighbours]
+    is_of_class = evaluation_boxes.detection_types == detection_class.name.lower()
+    is_correct = _matched(evaluation_boxes, detection_class, is_of_class)
+    neighbours = [name.lower() for name in detection_class.neighbours]
     pairs = evaluation_boxes.overlaps
-    is_alike = np.isin(evaluation_boxes.truth_types[pairs.truths], alike) & (
-        pairs.iou > of_class.iou
+    is_neighbour = np.isin(evaluation_boxes.truth_types[pairs.truths], neighbours) & (
+        pairs.iou > detection_class.iou
     )
-    is_left_out = evaluation_boxes.dont_care_shares > of_class.iou
-    is_left_out[pairs.detections[is_alike]] = True
+    is_left_out = evaluation_boxes.dont_care_shares > detection_class.iou
+    is_left_out[pairs.detections[is_neighbour]] = True
     counts = is_of_class & (is_correct | ~is_left_out)
     return Correctness(evaluation_boxes.detections.scores[counts], is_correct[counts])
 
 
 def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
-    """Put detections with scores from 0 to 1 into bins."""
+    """Return the reliability of scores from 0 to 1 in bins of equal width."""
     bin_of = np.clip((found.scores * bins).astype(np.int64), 0, bins - 1)
     counts = np.bincount(bin_of, minlength=bins)
     is_filled = counts > 0
@@ -84,13 +84,13 @@ def measure_reliability(found: Correctness, bins: int = 15) -> Reliability:
 
 
 def _matched(
-    evaluation_boxes: EvaluationBoxes, of_class: DetectionClass, is_of_class: Bool
+    evaluation_boxes: EvaluationBoxes, detection_class: DetectionClass, is_of_class: Bool
 ) -> Bool:
-    """Return (D,) which detections are the first to reach a free object, surest and tightest first."""
+    """Return (D,) the detections matched greedily: highest score first, then largest IoU."""
     pairs = evaluation_boxes.overlaps
     is_pair = (
-        (pairs.iou > of_class.iou)
-        & (evaluation_boxes.truth_types[pairs.truths] == of_class.name.lower())
+        (pairs.iou > detection_class.iou)
+        & (evaluation_boxes.truth_types[pairs.truths] == detection_class.name.lower())
         & is_of_class[pairs.detections]
     )
     pairs = pairs[is_pair]

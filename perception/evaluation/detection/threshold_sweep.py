@@ -1,4 +1,4 @@
-"""How many are found while the threshold of score falls, in each group of rival boxes for itself."""
+"""Counts of matches at every score threshold, in each group of overlapping boxes by itself."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -17,21 +17,20 @@ from perception.evaluation.detection.greedy_assignment import (
     rounds_in_groups,
 )
 from perception.evaluation.detection.grouping import pairs_in_groups, ranks_in_groups
-from perception.evaluation.rows import Rows
-from perception.types import Float64, Int
+from perception.types import ArrayTable, Float64, Int
 
-_BLOCK_PAIRS = 1_000_000  # that are matched at once, which bounds the memory at 100 MB
+MAX_BLOCK_PAIRS = 1_000_000  # pairs that are matched at once; bounds the memory at 100 MB
 
 
 @dataclass(frozen=True)
-class StepCounts(Rows):
-    """What is found, one row a step of the threshold.
+class StepCounts(ArrayTable):
+    """Counts at S steps of the threshold.
 
     Attributes:
-        true_positives: valid truths matched by normal detections.
-        found_truths: valid truths matched by any, so that they are not missed.
-        cleared: matched detections that would be wrong if they were not.
-        similarity: of the headings, 0 to 1, summed over the true positives.
+        true_positives: (S,) number of valid labels matched by valid detections.
+        found_truths: (S,) number of valid labels matched by any detection, which are no false negatives.
+        cleared: (S,) number of matched detections that would be false positives if unmatched.
+        similarity: (S,) similarity of the headings, 0 to 1, summed over the true positives.
     """
 
     true_positives: Int
@@ -40,23 +39,23 @@ class StepCounts(Rows):
     similarity: Float64
 
     def gains(self, groups: Int) -> Self:
-        """Return what each row adds to the one before it of the same group."""
-        follows = np.diff(groups) == 0
+        """Return the difference of each row to the row before it in the same group."""
+        is_same_group = np.diff(groups) == 0
         columns = [getattr(self, field.name) for field in fields(self)]
-        return type(self)(*(np.append(c[:1], c[1:] - c[:-1] * follows) for c in columns))
+        return type(self)(*(np.append(c[:1], c[1:] - c[:-1] * is_same_group) for c in columns))
 
 
 @dataclass(frozen=True)
 class ThresholdSweep:
-    """Groups of rivals, and the steps in which the threshold falls through each of them.
+    """Groups of overlapping boxes, and the steps in which the threshold falls through each of them.
 
     Attributes:
-        pairs: (P) by group; then in the order of the truths, the first choice of each first.
-        groups: (P,) of the pairs.
-        rounds: (P,) when the truth of each pair is served.
-        steps: (S,) the detection whose score the threshold falls to: by group, then by falling score.
-        step_groups: (S,) its group.
-        places: (D,) of each detection within its group, from 0.
+        pairs: (P) pairs by group, then by label, the preferred detection of each label first.
+        groups: (P,) group of each pair.
+        rounds: (P,) round of the greedy assignment in which the label of each pair is assigned.
+        steps: (S,) detection to whose score the threshold falls, by group, then by falling score.
+        step_groups: (S,) group of each step.
+        places: (D,) place of each detection within its group, from 0.
     """
 
     pairs: OverlapPairs
@@ -70,12 +69,11 @@ class ThresholdSweep:
 def plan_sweep(
     evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, pairs_to_match: OverlapPairs
 ) -> ThresholdSweep:
-    """Order the pairs by choice: the greatest overlap, but who is ignored only in need."""
+    """Order the pairs by preference: largest IoU first, ignored detections last."""
     groups = connected_groups(pairs_to_match.truths, pairs_to_match.detections)
     is_valid_detection = mask.is_valid_detection[pairs_to_match.detections]
-    worth = np.where(
-        is_valid_detection, pairs_to_match.iou, 0.0
-    )  # of the ignored ones, the first will do
+    # Among ignored detections the order does not matter to the official tool: it takes the first.
+    worth = np.where(is_valid_detection, pairs_to_match.iou, 0.0)
     order = np.lexsort((pairs_to_match.detections, -worth, pairs_to_match.truths, groups))
     pairs, groups = pairs_to_match[order], groups[order]
     detections, firsts = np.unique(pairs.detections, return_index=True)
@@ -96,15 +94,15 @@ def plan_sweep(
 def count_at_steps(
     evaluation_boxes: EvaluationBoxes, mask: EvaluationMask, sweep: ThresholdSweep
 ) -> StepCounts:
-    """Match each group anew at each of its steps, with the detections that the threshold has passed."""
+    """Match each group at each of its steps, with the detections above the threshold."""
     blocks = (_count_block(evaluation_boxes, mask, sweep, block) for block in _blocks(sweep))
     return StepCounts.concatenate(blocks)
 
 
 def _blocks(sweep: ThresholdSweep) -> Iterator[slice]:
-    """Cut the steps into runs that do not take too many pairs together."""
+    """Yield runs of steps with a bounded number of pairs."""
     pairs_of_steps = np.bincount(sweep.groups)[sweep.step_groups]
-    blocks = np.cumsum(pairs_of_steps) // _BLOCK_PAIRS
+    blocks = np.cumsum(pairs_of_steps) // MAX_BLOCK_PAIRS
     ends = [*(np.flatnonzero(np.diff(blocks)) + 1).tolist(), len(blocks)]
     return (slice(start, end) for start, end in zip([0, *ends], ends, strict=False))
 
@@ -114,7 +112,7 @@ def _count_block(
 ) -> StepCounts:
     scores = evaluation_boxes.detections.scores
     steps, groups = sweep.steps[block], sweep.step_groups[block]
-    # Each step has its own copy of its group's pairs, less those that the threshold has not reached.
+    # Each step has its own copy of its group's pairs, without those below the threshold.
     of_steps, of_pairs = pairs_in_groups(groups, sweep.groups)
     is_reached = scores[sweep.pairs.detections[of_pairs]] >= scores[steps][of_steps]
     of_steps, of_pairs = of_steps[is_reached], of_pairs[is_reached]
@@ -136,16 +134,16 @@ def _count(
     steps: int,
 ) -> StepCounts:
     is_found = mask.is_valid_truth[matched.truths]
-    is_right = is_found & mask.is_valid_detection[matched.detections]
+    is_correct = is_found & mask.is_valid_detection[matched.detections]
     is_cleared = mask.is_false_positive_if_unmatched[matched.detections]
-    turned_rad = (
+    heading_errors_rad = (
         evaluation_boxes.truths.alphas_rad[matched.truths]
         - evaluation_boxes.detections.alphas_rad[matched.detections]
     )
-    alike = np.where(is_right, (1 + np.cos(turned_rad)) / 2, 0.0)
+    similarity = np.where(is_correct, (1 + np.cos(heading_errors_rad)) / 2, 0.0)
     return StepCounts(
-        true_positives=np.bincount(of_steps[is_right], minlength=steps),
+        true_positives=np.bincount(of_steps[is_correct], minlength=steps),
         found_truths=np.bincount(of_steps[is_found], minlength=steps),
         cleared=np.bincount(of_steps[is_cleared], minlength=steps),
-        similarity=np.asarray(np.bincount(of_steps, alike, minlength=steps), np.float64),
+        similarity=np.asarray(np.bincount(of_steps, similarity, minlength=steps), np.float64),
     )
