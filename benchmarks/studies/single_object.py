@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.report import RESULTS, Study, publish
-from data.derived.single_object import ObjectSequence
 from data.synthetic.scenarios import (
     TARGET_ID,
     Scenario,
@@ -16,14 +15,14 @@ from data.synthetic.scenarios import (
     all_scenarios,
     true_track,
 )
-from perception.cli.evaluations.otd import parse_trackers
-from perception.cli.evaluations.otd_steps import TargetObject, track_objects
+from perception.cli.evaluate_otd import require_trackers, run_trackers
 from perception.cli.parser import FlagGroup
 from perception.evaluation.config import SingleObjectMetricsConfig
 from perception.evaluation.report import Column, Table
 from perception.evaluation.single_object.errors import SingleObjectErrors, single_object_errors
 from perception.evaluation.single_object.metrics import SingleObjectMetrics, single_object_metrics
-from perception.evaluation.single_object.track import TrueTrack
+from perception.evaluation.single_object.track import ObjectSequence, TrueTrack
+from perception.evaluation.single_object.tracker_runs import TargetObject
 from perception.render.curve_plots import CurvePanel, plot_curves, tracking_error_panel
 from perception.sensor import LidarModel, load_sensor
 from perception.tracking.single_object.tracker import TrackStatus
@@ -102,7 +101,7 @@ def single_object(
         sensor: HDL-64E, HDL-32E, VLP-16, or a .json file with the fields of LidarModel.
         out: Figure; a JSON file with the numbers is written beside it.
     """
-    parse_trackers(",".join(config.trackers))
+    require_trackers(config.trackers)
     publish(study_single_object(out, config, load_sensor(sensor)), out)
 
 
@@ -131,7 +130,7 @@ def _measure(scenario: Scenario, config: SingleObjectStudyConfig, sensor: LidarM
     truth, last = true_track(drive), len(drive) - 1
     sequence = ObjectSequence(scenario.name, drive.name, TARGET_ID, scenario.kind, 0, last)
     target = TargetObject(sequence, truth, len(drive))
-    (runs,) = track_objects(drive, [target], config.trackers)
+    (runs,) = run_trackers(drive, [target], config.trackers)
     errors = {
         name: single_object_errors(truth, run.track, drive.calibration)
         for name, run in runs.items()

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.derived.moving_truth import MovingTruth, moving_truth
-from data.derived.single_object import ObjectSequence
 from data.kitti.sequence import KittiSequence
 from data.synthetic.drive import SyntheticDrive
-from perception.evaluation.single_object.track import TrueTrack
+from perception.evaluation.single_object.track import ObjectSequence, TrueTrack
 from perception.types import Boxes3D, Float64, Labels
 
 _UNLABELLED_OCCLUSION = (

@@ -13,38 +13,12 @@ The author's ground offsets, tuned by hand for each sequence, are left out: no t
 """
 
 import csv
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 
-
-@dataclass(frozen=True)
-class ObjectSequence:
-    """One object to track, with its frames.
-
-    Attributes:
-        name: Name of the sequence in its table.
-        sequence: Sequence of KITTI's tracking benchmark, such as "0000".
-        track_id: Track id of the object.
-        kind: KITTI's class name.
-        first_frame: Frame in which the tracker is initialised with the object's box.
-        last_frame: Last frame in which the object is tracked.
-        stated: Other columns of the table: scene, object_status, ego_status ...
-    """
-
-    name: str
-    sequence: str
-    track_id: int
-    kind: str
-    first_frame: int
-    last_frame: int
-    stated: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def frame_count(self) -> int:
-        """Number of frames."""
-        return self.last_frame - self.first_frame + 1
+from perception.evaluation.single_object.track import ObjectSequence
 
 
 @cache

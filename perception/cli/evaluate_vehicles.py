@@ -119,7 +119,10 @@ def _results(
         if detector == "depthcn"
         else _label_detector(drive, noise)
     )
-    tracker, pipeline = VehicleTracker(), replace(pipeline, detection=NO_DETECTION)
+    tracker, pipeline = (
+        VehicleTracker(pipeline.vehicles.tracker),
+        replace(pipeline, detection=NO_DETECTION),
+    )
     for result in drive_results(
         drive, pipeline, limit=flags.frames, on_bad_frame=flags.on_bad_frame
     ):
@@ -127,7 +130,7 @@ def _results(
         found = found[np.argsort(-found.scores, kind="stable")]
         sources = np.full((len(found), len(MODALITIES)), -1)
         fused = FusedDetections(found, sources, np.full(len(found), MODALITIES.index("dm")))
-        located = locate(fused, result.frame, result.ground)
+        located = locate(fused, result.frame, result.ground, pipeline.vehicles)
         tracked = tracker.update(located, result.frame, result.world_SE3_velo, result.tracks)
         yield replace(result, vehicles=tracked.vehicles, tracks=tracked.tracks)
 

@@ -106,6 +106,9 @@ COMMANDS: Mapping[str, Command] = {
     "evaluate datmo": Command(
         "perception.cli.evaluate_datmo:datmo", "tracks of moving objects, several methods compared"
     ),
+    "evaluate otd": Command(
+        "perception.cli.evaluate_otd:otd", "trackers of one object, on the sequences of the thesis"
+    ),
     "evaluate vehicles": Command(
         "perception.cli.evaluate_vehicles:vehicles", "detected vehicles as objects on the road"
     ),
@@ -121,7 +124,6 @@ GROUPS: Mapping[str, str] = {
 
 # TRANSITION: commands that are not yet functions of one file; each moves up into COMMANDS.
 OLD_COMMANDS = {
-    "evaluate": "measure a stage against labels or exact truth",
     "train": "train networks, or search the parameters of the proposals",
 }
 
@@ -169,7 +171,9 @@ def _run(words: list[str]) -> None:
     elif subcommands and (len(words) == 1 or words[1] in ("-h", "--help")):
         print(f"usage: trifuse {group} COMMAND [flags]\n\n{_listing(subcommands)}")
     else:
-        known: Mapping[str, object] = subcommands or dict.fromkeys([*OLD_COMMANDS, *COMMANDS])
+        known: Mapping[str, object] = subcommands or dict.fromkeys(
+            [*(name for name in COMMANDS if " " not in name), *GROUPS]
+        )
         raise UsageError(
             "command", expected=f"one of {', '.join(known)}", found=" ".join(words[:2])
         )
@@ -186,7 +190,7 @@ def _run_command(name: str, words: list[str]) -> None:
 
 def _overview() -> str:
     single = {name: one.summary for name, one in COMMANDS.items() if " " not in name}
-    return _HELP.format(commands=_lines({**OLD_COMMANDS, **single}))
+    return _HELP.format(commands=_lines({**single, **GROUPS}))
 
 
 def _listing(commands: Mapping[str, Command]) -> str:

@@ -15,7 +15,7 @@ from perception.evaluation.single_object.errors import SingleObjectErrors
 from perception.tracking.single_object.tracker import TrackStatus
 from perception.types import Bool, Float64
 
-PROTOCOL_WORDS = {
+METRIC_WORDS = {
     "start": (
         "the tracker is told the labelled box in the first frame and nothing after; the first and the last "
         "frame are judged, and every labelled one between"

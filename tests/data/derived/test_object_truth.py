@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import ObjectSequence
 from data.open_drive import open_drive
 from data.synthetic.drive import SyntheticDrive
 from data.synthetic.writer import write_tracking
+from perception.evaluation.single_object.track import ObjectSequence
 from perception.sensor import VLP_16
 
 FRAMES = 6

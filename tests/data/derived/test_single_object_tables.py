@@ -3,11 +3,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from data.derived.challenges import Challenge, ChallengeConfig, variations
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, unique_sequences
+from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.kitti.calibration import read_benchmark_calibration
 from data.kitti.labels import empty_labels, read_tracking_labels
+from perception.evaluation.single_object.challenges import Challenge, ChallengeConfig, variations
+from perception.evaluation.single_object.track import ObjectSequence
 
 PRINTED_FRAMES = (
     154, 154, 101, 18, 58, 144, 78, 78, 122, 314, 297, 101, 42, 136, 38, 51, 42, 31, 24, 390, 36,

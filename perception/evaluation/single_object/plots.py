@@ -1,12 +1,11 @@
-"""The plots of `trifuse evaluate otd`: the thesis' Figs A.1 to A.3, and those of one-pass evaluation."""
+"""Plots of trackers of one object: the thesis' Figs A.1 to A.3, and success and precision of one-pass evaluation."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from data.derived.challenges import Challenge
-from perception.cli.evaluations.otd_report import OtdReport
+from perception.evaluation.single_object.challenges import Challenge
 from perception.evaluation.single_object.curves import (
     correct_frames,
     cumulative_success,
@@ -15,6 +14,7 @@ from perception.evaluation.single_object.curves import (
     success_curve,
 )
 from perception.evaluation.single_object.errors import SingleObjectErrors
+from perception.evaluation.single_object.measure import SingleObjectReport
 from perception.evaluation.single_object.metrics import SingleObjectMetrics
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Bool, Float64
@@ -22,8 +22,8 @@ from perception.types import Bool, Float64
 _LAST_LOCATION_PX = 50
 
 
-def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
-    """Draw all plots; return their paths."""
+def write_plots(folder: Path, title: str, report: SingleObjectReport) -> list[Path]:
+    """Write all plots into a folder; return their paths."""
     config = report.protocol.metrics
     paths = {
         name: folder / f"{name}.png" for name in ("overlap", "heading", "location", "one_pass")
@@ -40,7 +40,7 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
     )
     plot_curves(
         paths["location"],
-        f"{title}: place in the image (Fig. A.3)",
+        f"{title}: location in the image (Fig. A.3)",
         [_location_panel(report)],
     )
     plot_curves(paths["one_pass"], f"{title}: one-pass evaluation", _one_pass_panels(report))
@@ -48,7 +48,7 @@ def write_plots(folder: Path, title: str, report: OtdReport) -> list[Path]:
 
 
 def _cumulative_panels(
-    report: OtdReport, is_correct: Callable[[SingleObjectErrors], Bool]
+    report: SingleObjectReport, is_correct: Callable[[SingleObjectErrors], Bool]
 ) -> list[CurvePanel]:
     """Return a panel of all objects, and one for each challenge that an object has."""
     panels = []
@@ -76,7 +76,7 @@ def _cumulative_panels(
     return panels
 
 
-def _location_panel(report: OtdReport) -> CurvePanel:
+def _location_panel(report: SingleObjectReport) -> CurvePanel:
     thresholds_px = np.arange(_LAST_LOCATION_PX + 1.0)
     limit_px = report.protocol.metrics.location_px
     return _panel(
@@ -84,11 +84,11 @@ def _location_panel(report: OtdReport) -> CurvePanel:
         (f"in brackets: within {limit_px:g} px", "distance of the centres [px]"),
         _LAST_LOCATION_PX,
         lambda errors: location_curve(errors, thresholds_px),
-        lambda scores: f"({scores.location_success:.3f})",
+        lambda metrics: f"({metrics.location_success:.3f})",
     )
 
 
-def _one_pass_panels(report: OtdReport) -> list[CurvePanel]:
+def _one_pass_panels(report: SingleObjectReport) -> list[CurvePanel]:
     config = report.protocol.metrics
     return [
         _panel(
@@ -96,20 +96,20 @@ def _one_pass_panels(report: OtdReport) -> list[CurvePanel]:
             ("Success: area under the curve", "3D overlap, at least"),
             1.0,
             lambda errors: success_curve(errors, config),
-            lambda scores: f"{scores.success:.3f}",
+            lambda metrics: f"{metrics.success:.3f}",
         ),
         _panel(
             report,
             ("Precision: area under the curve, as a share", "distance of the centres [m], at most"),
             config.max_center_error_m,
             lambda errors: precision_curve(errors, config),
-            lambda scores: f"{scores.precision:.3f}",
+            lambda metrics: f"{metrics.precision:.3f}",
         ),
     ]
 
 
 def _panel(
-    report: OtdReport,
+    report: SingleObjectReport,
     names: tuple[str, str],
     x_last: float,
     curve: Callable[[SingleObjectErrors], Float64],
@@ -118,14 +118,14 @@ def _panel(
     """Return the curves of all objects together; `names` are those of the panel and of its x axis."""
     curves = {name: curve(errors) for name, errors in _errors(report).items()}
     known = {name: one for name, one in curves.items() if np.isfinite(one).all()}
-    scores = {name: report.scores_of(name) for name in known}
+    metrics = {name: report.metrics_of(name) for name in known}
     return CurvePanel(
         names[0],
         names[1],
         "share of frames",
         [
             Curve.evenly_spaced(name, known[name], x_last, "" if one is None else value(one))
-            for name, one in scores.items()
+            for name, one in metrics.items()
         ],
         x_limits=(0, x_last),
         y_limits=(0, 1.02),
@@ -133,7 +133,7 @@ def _panel(
 
 
 def _errors(
-    report: OtdReport, challenge: Challenge | None = None
+    report: SingleObjectReport, challenge: Challenge | None = None
 ) -> Mapping[str, SingleObjectErrors]:
     errors = {name: report.errors_of(name, challenge) for name in report.trackers}
     return {name: one for name, one in errors.items() if one is not None}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from data.derived.challenges import Challenge, variations
+from perception.evaluation.single_object.challenges import Challenge, variations
 from perception.evaluation.single_object.track import TrueTrack
 from perception.types import Boxes3D
 

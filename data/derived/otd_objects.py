@@ -1,4 +1,4 @@
-"""Which objects of the thesis' sets, or of a drive, are there to be followed."""
+"""Objects of the thesis' sets, or of the drives of a folder, that are available to be tracked."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,30 +6,31 @@ from pathlib import Path
 from typing import Literal
 
 from data.derived.object_truth import DriveObjects
-from data.derived.single_object import ObjectSequence, table_3_2, table_a_1, unique_sequences
+from data.derived.single_object import table_3_2, table_a_1, unique_sequences
 from data.frames import frame_count
 from data.kitti.objects import ObjectFrames
 from data.kitti.sequence import KittiSequence
 from data.open_drive import open_drive, sequences_in
 from data.synthetic.truth_files import truth_files
-from perception.cli.evaluations.otd_steps import TargetObject
 from perception.errors import DriveError, UsageError
+from perception.evaluation.single_object.track import ObjectSequence
+from perception.evaluation.single_object.tracker_runs import TargetObject
 
 ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
 
 
 @dataclass(frozen=True)
 class ObjectSetConfig:
-    """Which objects are asked for, and of which drives.
+    """Objects to track, and the drives in which they are searched.
 
     Attributes:
-        root: of KITTI's tracking data, or of a synthetic drive.
-        objects: a set of the thesis, both together, or every labelled track of the drives at hand.
-        sequence: only this drive, or None for all.
-        track_id: only this object, or None for all.
-        frames: only so many from the start of each drive, or None for all.
-        sensor: name of a LiDAR model or a .json file, or None for what the drive says.
-        min_frames: in which an object of the set `present` is labelled.
+        root: KITTI's tracking data, or a synthetic drive.
+        objects: Set of the thesis, both sets together, or every labelled track of the available drives.
+        sequence: Name of the only drive, or None for all.
+        track_id: Track id of the only object, or None for all.
+        frames: Number of frames from the start of each drive, or None for all.
+        sensor: Name of a LiDAR model or a .json file, or None for what the drive states.
+        min_frames: Number of frames in which an object of the set `present` must be labelled.
     """
 
     root: Path
@@ -41,18 +42,18 @@ class ObjectSetConfig:
     min_frames: int = 15
 
     def __post_init__(self) -> None:
-        """Refuse no frames."""
+        """Validate the number of frames."""
         if self.frames is not None and self.frames < 2:
             raise UsageError("--frames", expected="at least 2", found=str(self.frames))
 
 
 @dataclass(frozen=True)
 class AbsentObject:
-    """An object that was asked for and cannot be followed.
+    """Requested object that is not available.
 
     Attributes:
-        sequence: which.
-        reason: what is not there.
+        sequence: Object and its frames.
+        reason: What is missing.
     """
 
     sequence: ObjectSequence
@@ -61,11 +62,11 @@ class AbsentObject:
 
 @dataclass(frozen=True)
 class DriveTargets:
-    """One drive with objects to follow.
+    """Drive with objects to track.
 
     Attributes:
-        drive: whose frames are read.
-        objects: at least one.
+        drive: Drive whose frames are read.
+        objects: Objects to track, at least one.
     """
 
     drive: KittiSequence
@@ -74,23 +75,30 @@ class DriveTargets:
 
 @dataclass(frozen=True)
 class AvailableObjects:
-    """What there is of a request.
+    """Available and absent objects of a set.
 
     Attributes:
-        drives: with objects to follow.
-        absent: of the thesis' sets, what is not there.
+        drives: Drives with objects to track.
+        absent: Objects of the thesis' sets that are not available.
     """
 
     drives: Sequence[DriveTargets]
     absent: Sequence[AbsentObject]
 
+    def absent_lines(self) -> list[str]:
+        """Return the names of the absent objects, one line for each reason."""
+        names: dict[str, list[str]] = {}
+        for one in self.absent:
+            names.setdefault(one.reason, []).append(one.sequence.name)
+        return [f"  {reason}: {', '.join(which)}" for reason, which in names.items()]
+
 
 def find_objects(config: ObjectSetConfig) -> AvailableObjects:
-    """Open the drives of a request and find its objects in them.
+    """Open the drives of a set and find its objects in them.
 
     Raises:
-        DriveError: there is no object to follow.
-        PerceptionError: a drive cannot be opened, or its labels not be read.
+        DriveError: There is no object to track.
+        PerceptionError: A drive cannot be opened, or its labels cannot be read.
     """
     if config.objects == "present":
         found = AvailableObjects(list(_present(config)), ())
@@ -102,7 +110,7 @@ def find_objects(config: ObjectSetConfig) -> AvailableObjects:
             config.root,
             expected=f"labelled objects of the set {config.objects}",
             found="; ".join(reasons) or f"none with {config.min_frames} labelled frames",
-            advice="follow whatever is labelled with --set present" if reasons else None,
+            advice="track every labelled object with --set present" if reasons else None,
         )
     return found
 
@@ -148,7 +156,7 @@ def _published(config: ObjectSetConfig) -> AvailableObjects:
 def _published_of(
     drive: KittiSequence, requested: Sequence[ObjectSequence], frames: int | None
 ) -> AvailableObjects:
-    """Look for objects in the drive whose name they give."""
+    """Find objects in the drive of their name."""
     if truth_files(drive) is not None:
         return AvailableObjects((), [AbsentObject(one, "a synthetic drive") for one in requested])
     if not drive.has_labels:
@@ -167,7 +175,7 @@ def _published_of(
 def _cut(
     requested: ObjectSequence, drive: KittiSequence, labelled: DriveObjects, frames: int | None
 ) -> TargetObject | None:
-    """Return the object in the frames at hand, or None where there are less than two of it."""
+    """Return the object in the available frames, or None where it has fewer than two."""
     last = min(requested.last_frame, frame_count(drive, frames) - 1)
     cut = replace(requested, last_frame=last)
     truth = labelled.track(cut)
@@ -183,7 +191,7 @@ def _open(config: ObjectSetConfig, sequence: str | None) -> KittiSequence:
     if isinstance(drive, ObjectFrames):
         raise DriveError(
             drive.root,
-            expected="frames that follow each other",
+            expected="a sequence of frames",
             found="object frames",
             advice="name tracking sequences, or a drive that `trifuse synth` wrote",
         )

@@ -1,0 +1,154 @@
+"""`trifuse evaluate otd`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from perception.cli.evaluation import EvaluationDocument, publish_report
+from perception.cli.flags import DriveFlags, OnBadFrame, ReportFlags
+from perception.errors import UsageError
+from perception.pipeline import PipelineConfig
+from perception.tracking.single_object.config import SingleObjectTrackerConfig
+from perception.types import Drive
+
+if TYPE_CHECKING:
+    from data.derived.otd_objects import ObjectSetConfig
+    from perception.evaluation.single_object.tracker_runs import TargetObject, TrackerRun
+
+ObjectSet = Literal["table-3.2", "3d-otd", "all", "present"]
+_PIPELINE, _TRACKER = PipelineConfig.for_motion("none"), SingleObjectTrackerConfig()
+
+
+@dataclass(frozen=True)
+class EvaluatedObjects:
+    """Data that the metrics rest on.
+
+    Attributes:
+        config: Objects that were asked for.
+        drives: Name, LiDAR and number of frames of each drive that was read.
+        absent: Reason why an object is not available, by its name.
+    """
+
+    config: "ObjectSetConfig"
+    drives: list[dict[str, str | int]]
+    absent: dict[str, str]
+
+
+def otd(  # noqa: PLR0913 - flags of a command
+    root: Path,
+    *,
+    drive: DriveFlags,
+    report: ReportFlags,
+    set: ObjectSet = "all",
+    trackers: tuple[str, ...] = (),
+    track_id: int | None = None,
+    plots: Path | None = None,
+    tracker: SingleObjectTrackerConfig = _TRACKER,
+    pipeline: PipelineConfig = _PIPELINE,
+) -> None:
+    """Measure trackers of one object on the sequences of the thesis, or on any labelled track.
+
+    E3D, E2D and E_phi of Tables 7.6 and 7.7, overlap and heading success of Appendix A, Success and Precision
+    of one-pass evaluation, shares of frames seen and lost, and time. Absent sequences are listed.
+
+    Example: trifuse evaluate otd kitti/tracking --set present --sequence 0000 --trackers default,h-fus
+
+    Args:
+        root: KITTI's tracking data, or a synthetic drive.
+        set: Set of objects: table-3.2 (8 sequences), 3d-otd (Table A.1, 50), both, or every labelled track of 15 frames.
+        trackers: Names of the trackers, such as default,h-fus,3d-kf; else all of them, which takes long.
+        track_id: Track id of the only object; else all.
+        plots: Folder for the plots of Figs A.1 to A.3 and of one-pass evaluation.
+        tracker: Configuration of the trackers (Table 7.5).
+        pipeline: Configuration of the pipeline up to the ground.
+    """
+    from data.derived.otd_objects import ObjectSetConfig, find_objects
+    from perception.evaluation.single_object.measure import (
+        PROTOCOL_WORDS,
+        OtdProtocol,
+        SingleObjectMeasure,
+    )
+    from perception.evaluation.single_object.plots import write_plots
+
+    names, protocol = require_trackers(trackers), OtdProtocol()
+    config = ObjectSetConfig(root, set, drive.sequence, track_id, drive.frames, drive.sensor)
+    found, measure = find_objects(config), SingleObjectMeasure(names, protocol)
+    for one in found.drives:
+        runs = run_trackers(one.drive, one.objects, names, tracker, pipeline, drive.on_bad_frame)
+        for target, by_name in zip(one.objects, runs, strict=True):
+            measure.update(target, by_name, one.drive.calibration)
+    metrics = measure.compute()
+    data = EvaluatedObjects(
+        config,
+        [
+            {"drive": d.drive.name, "sensor": d.drive.sensor.name, "frames": len(d.drive)}
+            for d in found.drives
+        ],
+        {one.sequence.name: one.reason for one in found.absent},
+    )
+    count = len(metrics.objects)
+    heading = f"{root}: {count} of {count + len(found.absent)} sequences of the set {set}"
+    absent = found.absent_lines()
+    publish_report(
+        "\n".join([f"{heading}; absent:", *absent]) if absent else heading,
+        metrics,
+        EvaluationDocument(
+            "otd",
+            data,
+            {**PROTOCOL_WORDS, "values": protocol},
+            {"trackers": names, "tracker": tracker, "pipeline": pipeline},
+        ),
+        report.json,
+    )
+    if plots is not None:
+        for path in write_plots(plots, f"{root.name}, set {set}", metrics):
+            print(path)
+
+
+def run_trackers(
+    drive: Drive,
+    targets: "Sequence[TargetObject]",
+    trackers: Sequence[str],
+    config: SingleObjectTrackerConfig = _TRACKER,
+    pipeline: PipelineConfig = _PIPELINE,
+    on_bad_frame: OnBadFrame = "stop",
+) -> "list[dict[str, TrackerRun]]":
+    """Let trackers track objects of one drive, with a progress bar.
+
+    Args:
+        drive: Drive whose frames are read up to the last that an object needs.
+        targets: Objects to track.
+        trackers: Names of the trackers, each once.
+        config: Configuration of the trackers.
+        pipeline: Configuration of the pipeline up to the ground.
+        on_bad_frame: Stop at a damaged frame, or skip it.
+
+    Raises:
+        PerceptionError: a frame cannot be read or used.
+    """
+    from data.frames import frame_count, read_frames
+    from perception.cli.progress import progress_bar
+    from perception.evaluation.single_object.tracker_runs import track_objects
+    from perception.tracking.single_object.trackers import single_object_tracker
+
+    limit = max((one.sequence.last_frame + 1 for one in targets), default=0)
+    frames = read_frames(drive, on_bad_frame=on_bad_frame, limit=limit)
+    make = partial(single_object_tracker, sensor=drive.sensor, config=config)
+    bar = progress_bar(frames, drive.name, frame_count(drive, limit))
+    return track_objects(bar, drive.sensor, targets, trackers, make, pipeline)
+
+
+def require_trackers(names: Sequence[str]) -> tuple[str, ...]:
+    """Validate names of trackers; return all trackers where none is named.
+
+    Raises:
+        UsageError: a name is unknown, or occurs twice.
+    """
+    from perception.tracking.single_object.trackers import TRACKERS
+
+    if {*names} <= {*TRACKERS} and len({*names}) == len(names):
+        return tuple(names) or TRACKERS
+    expected = f"some of {', '.join(TRACKERS)}, each once"
+    raise UsageError("--trackers", expected=expected, found=repr(",".join(names)))

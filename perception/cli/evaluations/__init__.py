@@ -1,1 +1,0 @@
-"""The measures of `trifuse evaluate`, one file a command and one for its figures."""
