@@ -1,9 +1,9 @@
-"""DBSCAN in the plane, exactly, by cells in which all points are neighbours.
+"""Exact DBSCAN in the plane, by cells in which all points are neighbours.
 
-Points of a full cell are cores without a look at them; of a pair of cells, two points that lie close
-settle whether it is joined. Points are compared with points only where that leaves a doubt. Labels are
-those that scikit-learn gives: clusters in the order of their first core, a point at the border of
-several to the first of them.
+Points of a cell with enough points are cores without any comparison, and two cells are joined as soon as two of
+their cores are close. Single points are compared only where cells do not decide. The labels are those of
+scikit-learn: clusters are numbered in the order of their first core, and a border point of several clusters
+belongs to the first of them.
 """
 
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from perception.detection.point_cells import CellPairs, PointCells, expand_range
 from perception.errors import UsageError
 from perception.types import Bool, Float, Int
 
-# So many comparisons of points are made outright; for more a tree is worth its making.
+# Above this number of comparisons, building a tree is faster than comparing all points.
 _MAX_COMPARISONS = 100_000
 
 
 @dataclass(frozen=True)
 class _Cores:
-    """Which sorted points are cores, and what was compared to tell.
+    """Cores among the sorted points, and the neighbours that were compared.
 
     Attributes:
-        is_core: (N,).
-        points: (H,) a point that its cell and the whole cells around do not make a core.
-        neighbours: (H,) a neighbour of it, in none of these cells.
+        is_core: (N,) mask of the cores.
+        points: (H,) indices of points that their own and the fully adjacent cells do not make a core.
+        neighbours: (H,) index of a neighbour of each, outside these cells.
     """
 
     is_core: Bool
@@ -37,19 +37,19 @@ class _Cores:
 
 
 def cluster(xy_m: Float, radius_m: float, min_points: int) -> Int:
-    """Return (N,) the cluster of each (N, 2) point, from 0, or -1 for noise.
+    """Return the (N,) cluster of each point, from 0, or -1 for noise.
 
     Args:
-        xy_m: places.
-        radius_m: points no farther apart are neighbours.
-        min_points: within the radius, the point itself among them, make a core.
+        xy_m: (N, 2) positions in metres.
+        radius_m: Distance in metres up to which two points are neighbours (`eps`).
+        min_points: Number of points within the radius, the point included, that make it a core (`min_samples`).
 
     Raises:
-        UsageError: a radius or number that is not above zero; places that are not finite.
+        UsageError: radius or number is not above zero, or positions are not finite.
     """
     if not (radius_m > 0 and min_points > 0):
         found = f"{radius_m:g} m, {min_points}"
-        raise UsageError("clustering", expected="radius and least points above zero", found=found)
+        raise UsageError("clustering", expected="radius and min_points above zero", found=found)
     if len(xy_m) == 0:
         return np.zeros(0, np.int64)
     cells = PointCells.of(xy_m, radius_m)
@@ -85,7 +85,7 @@ def _find_cores(cells: PointCells, pairs: CellPairs, radius_m: float, least: int
 
 
 def _join(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Int:
-    """Return (K,) the connected part of each cell's cores; a cell without cores is a part of its own."""
+    """Return the (K,) connected component of the cores of each cell; a cell without cores is one by itself."""
     core_counts = np.add.reduceat(is_core, cells.starts, dtype=np.int64)
     is_full, has_core = core_counts == cells.counts, core_counts > 0
     is_joined = (is_full[pairs.first] & is_full[pairs.second]) & _face(cells, pairs, radius_m)
@@ -104,10 +104,10 @@ def _join(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -
 
 
 def _face(cells: PointCells, pairs: CellPairs, radius_m: float) -> Bool:
-    """Tell which pairs of cells must have points that are neighbours, by the boxes around their points.
+    """Return the mask of the pairs of cells that must have neighbouring points, by their bounding boxes.
 
-    A box has a point on each side. Where two sides face each other, their points are no farther apart
-    than the gap between the sides and, along them, both boxes together are long.
+    A bounding box has a point on each side. The points on two facing sides are no farther apart than the gap
+    between the sides and the extent of both boxes along them.
     """
     gaps, spans = [], []
     for low_m, high_m in zip(cells.lows_m, cells.highs_m, strict=True):
@@ -122,21 +122,21 @@ def _face(cells: PointCells, pairs: CellPairs, radius_m: float) -> Bool:
 
 
 def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) -> Bool:
-    """Tell which pairs of cells have a core each that are neighbours."""
+    """Return the mask of the pairs of cells with two neighbouring cores, one in each."""
     ones, pair_of_one = _cores_near(cells, pairs.first, pairs.second, is_core, radius_m)
     others, pair_of_other = _cores_near(cells, pairs.second, pairs.first, is_core, radius_m)
     counts = np.bincount(pair_of_other, minlength=len(pairs.first))
     starts = counts.cumsum() - counts
     touches: Bool = np.zeros(len(pairs.first), bool)
     if counts[pair_of_one].sum() > _MAX_COMPARISONS:
-        # A third axis holds the pairs apart, so that one tree serves all.
+        # A third coordinate separates the pairs, so that one tree serves all.
         planes_m = (4 * radius_m * pair for pair in (pair_of_one, pair_of_other))
         one_m, other_m = (
             np.column_stack([cells.x_m[points], cells.y_m[points], plane_m])
             for points, plane_m in zip((ones, others), planes_m, strict=True)
         )
         apart_m, _ = cKDTree(other_m).query(one_m, distance_upper_bound=2 * radius_m)
-        # The tree's rounding is not ours: what is as near as that to the radius is compared below.
+        # The tree rounds differently: distances close to the radius are compared below.
         touches[pair_of_one[apart_m < radius_m * (1 - 1e-9)]] = True
         is_open = (apart_m < radius_m * (1 + 1e-9)) & ~touches[pair_of_one]
         ones, pair_of_one = ones[is_open], pair_of_one[is_open]
@@ -149,14 +149,20 @@ def _touch(cells: PointCells, pairs: CellPairs, is_core: Bool, radius_m: float) 
 def _cores_near(
     cells: PointCells, of_cell: Int, to_cell: Int, is_core: Bool, radius_m: float
 ) -> tuple[Int, Int]:
-    """Return the cores of each cell within the radius of the box of another, and whose pair's they are."""
+    """Return the cores of each cell within the radius of another cell's bounding box, and the pair of each."""
     pair, points = expand_ranges(cells.starts[of_cell], cells.counts[of_cell])
     near = is_core[points] & cells.may_be_near(points, to_cell[pair], radius_m)
     return points[near], pair[near]
 
 
 def connected_parts(count: int, first: Int, second: Int) -> Int:
-    """Return (count,) the connected part of each node, for edges in the order of their first node."""
+    """Return the (count,) connected component of each node of a graph.
+
+    Args:
+        count: Number of nodes.
+        first: (E,) first node of each edge, ascending.
+        second: (E,) second node of each edge.
+    """
     ends = np.zeros(count + 1, np.int32)
     np.cumsum(np.bincount(first, minlength=count), out=ends[1:])
     edges = csr_matrix((np.ones(len(first)), second.astype(np.int32), ends), (count, count))
@@ -164,7 +170,7 @@ def connected_parts(count: int, first: Int, second: Int) -> Int:
 
 
 def _number(cells: PointCells, is_core: Bool, part: Int) -> Int:
-    """Return (K,) the cluster of each cell's cores in the order of their first; N where there are none."""
+    """Return the (K,) cluster of the cores of each cell, numbered by first core; N for a cell without cores."""
     count = len(cells.order)
     first_core = np.minimum.reduceat(np.where(is_core, cells.order, count), cells.starts)
     first_of_part = np.full(len(cells), count)
@@ -175,7 +181,7 @@ def _number(cells: PointCells, is_core: Bool, part: Int) -> Int:
 
 
 def _label(cells: PointCells, pairs: CellPairs, cores: _Cores, number: Int) -> Int:
-    """Return (N,) the clusters of the sorted points."""
+    """Return the (N,) clusters of the sorted points."""
     whole, lowest = pairs[pairs.is_whole], number.copy()
     np.minimum.at(lowest, whole.first, number[whole.second])
     np.minimum.at(lowest, whole.second, number[whole.first])

@@ -1,6 +1,6 @@
 """Points of the plane in square cells so small that all points of a cell are neighbours of each other.
 
-The diagonal of a cell is the radius, so that no neighbour of a point lies farther than two cells off.
+The diagonal of a cell is the radius, so that all neighbours of a point lie within two cells.
 """
 
 from dataclasses import dataclass
@@ -12,26 +12,26 @@ from perception.errors import UsageError
 from perception.geometry.sorting import sorted_keys
 from perception.types import Bool, Float, Float64, Int
 
-# A cell is this much smaller than its diagonal allows: more than rounding can move a point.
+# Share by which a cell is smaller than its diagonal allows: more than rounding can move a point.
 _SLACK = 1e-6
-_MAX_CELLS = 2**30  # along an axis: with more, rounding would outgrow the slack
+_MAX_CELLS = 2**30  # along an axis; with more, rounding would exceed the slack
 _LARGEST_TABLE = 2**23
 
 
 @dataclass(frozen=True)
 class PointCells:
-    """N points sorted by the K cells that hold any.
+    """N points sorted by the K cells that are not empty.
 
     Attributes:
-        order: (N,) of the points given, which one stands where.
-        x_m: (N,) sorted.
-        y_m: (N,) sorted.
-        starts: (K,) the first point of each cell.
-        counts: (K,) how many points it holds.
-        keys: (K,) rising: column times stride plus row.
-        stride: from a column to the next.
-        lows_m: (2, K) least x and y of a cell's points.
-        highs_m: (2, K) greatest x and y.
+        order: (N,) index of the given point at each sorted position.
+        x_m: (N,) sorted x in metres.
+        y_m: (N,) sorted y in metres.
+        starts: (K,) sorted position of the first point of each cell.
+        counts: (K,) number of points of each cell.
+        keys: (K,) ascending keys of the cells: column times stride plus row.
+        stride: Difference of the keys of two adjacent columns.
+        lows_m: (2, K) minimum x and y of the points of each cell.
+        highs_m: (2, K) maximum x and y of the points of each cell.
     """
 
     order: Int
@@ -49,7 +49,7 @@ class PointCells:
         """Sort (N, 2) points, at least one, into cells.
 
         Raises:
-            UsageError: coordinates are not finite, or so large that they are not known to a radius.
+            UsageError: coordinates are not finite, or their extent is too large for the radius.
         """
         x_m, y_m = xy_m[:, 0].astype(np.float64), xy_m[:, 1].astype(np.float64)
         low_x, low_y = x_m.min(), y_m.min()
@@ -58,10 +58,10 @@ class PointCells:
         if not extent < _MAX_CELLS:
             raise UsageError(
                 "points to cluster",
-                expected="finite coordinates, and a radius that their extent does not dwarf",
+                expected=f"finite coordinates within {_MAX_CELLS} cells of the radius",
                 found=f"an extent of {extent:.3g} cells",
             )
-        # Two rows to spare, so that what is above the last row is not the next column.
+        # Two spare rows, so that a step above the last row does not reach the next column.
         row = ((y_m - low_y) * per_m).astype(np.int64)
         stride = int(row.max()) + 3
         point_keys, order = sorted_keys(((x_m - low_x) * per_m).astype(np.int64) * stride + row)
@@ -84,12 +84,12 @@ class PointCells:
         return len(self.keys)
 
     def is_near(self, first: Int, second: Int, radius_m: float) -> Bool:
-        """Tell which (L,) pairs of points are neighbours."""
+        """Return the (L,) mask of the pairs of points that are neighbours."""
         x, y = self.x_m[first] - self.x_m[second], self.y_m[first] - self.y_m[second]
         return np.asarray(x * x + y * y <= radius_m * radius_m)
 
     def may_be_near(self, points: Int, cells: Int, radius_m: float) -> Bool:
-        """Tell which (L,) points are within the radius of the box around a cell's points."""
+        """Return the (L,) mask of the points within the radius of the bounding box of a cell's points."""
         x = _gap(self.x_m[points], self.lows_m[0][cells], self.highs_m[0][cells])
         y = _gap(self.y_m[points], self.lows_m[1][cells], self.highs_m[1][cells])
         return np.asarray(x * x + y * y <= radius_m * radius_m)
@@ -100,9 +100,9 @@ class CellPairs:
     """L pairs of cells with points that may be neighbours, each pair once.
 
     Attributes:
-        first: (L,) rising.
-        second: (L,) the cell with the greater key.
-        is_whole: (L,) all points of one are neighbours of all points of the other.
+        first: (L,) cell with the smaller key, ascending.
+        second: (L,) cell with the greater key.
+        is_whole: (L,) mask of the pairs in which all points of one cell are neighbours of all of the other.
     """
 
     first: Int
@@ -111,10 +111,10 @@ class CellPairs:
 
     @classmethod
     def of(cls, cells: PointCells, radius_m: float) -> Self:
-        """Find them by the boxes around the points of each cell.
+        """Find the pairs by the bounding boxes of the points of each cell.
 
-        Differences, squares and sums rise with what they are made of, rounded or not: what holds for
-        the box holds for its points exactly.
+        Rounded differences, squares and sums are monotonic, so that what holds for the box holds exactly for its
+        points.
         """
         steps = [1, 2, *(cells.stride * right + up for right in (1, 2) for up in range(-2, 3))]
         second = _find(cells.keys, (cells.keys[:, None] + steps).ravel())
@@ -135,23 +135,27 @@ class CellPairs:
 
 
 def expand_ranges(starts: Int, counts: Int) -> tuple[Int, Int]:
-    """Return, for ranges of so many numbers from each start, whose range and which number, end to end."""
+    """Return the range and the number of each element of several integer ranges, end to end.
+
+    Args:
+        starts: (R,) first number of each range.
+        counts: (R,) length of each range.
+    """
     owner = np.arange(len(counts)).repeat(counts)
     before = counts.cumsum() - counts
     return owner, np.arange(len(owner)) + (starts - before)[owner]
 
 
 def _find(keys: Int, queries: Int) -> Int:
-    """Return where in the rising keys each wanted one stands, or -1."""
-    reach = int(queries.max()) + 1
-    if reach > _LARGEST_TABLE:
+    """Return the position of each query among the ascending keys, or -1."""
+    table_size = int(queries.max()) + 1
+    if table_size > _LARGEST_TABLE:
         at = np.minimum(np.searchsorted(keys, queries), len(keys) - 1)
         return np.where(keys[at] == queries, at, -1)
-    table = np.full(reach, -1)
+    table = np.full(table_size, -1)
     table[keys] = np.arange(len(keys))
-    return table[
-        queries
-    ]  # a negative one would be below all keys: none of the steps reaches so far
+    # No query is negative: the steps do not reach below the smallest key.
+    return table[queries]
 
 
 def _gap(values: Float64, lows: Float64, highs: Float64) -> Float64:

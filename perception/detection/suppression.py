@@ -1,4 +1,4 @@
-"""Several detections of one object: only the best stays (6.2.4)."""
+"""Non-maximum suppression: of several detections of one object, keep the best (6.2.4)."""
 
 import cv2
 import numpy as np
@@ -9,12 +9,17 @@ _ANY_SCORE = -1.0
 
 
 def suppress(detections: Detections, max_iou: float) -> Int:
-    """Return the rows that stay, best first: none overlaps a better one of its class that stays."""
+    """Return the rows of the detections that are kept, best first.
+
+    Args:
+        detections: Detections of one image.
+        max_iou: Overlap (IoU) with a kept detection of the same class above which a detection is suppressed.
+    """
     corner_px = detections.boxes_px[:, :2]
     size_px = detections.boxes_px[:, 2:] - corner_px
-    # OpenCV would take all boxes without area for one and the same; they overlap nothing.
+    # OpenCV would treat all boxes without area as one; they overlap nothing.
     rows = np.flatnonzero(size_px.prod(axis=1))
-    stays: Bool = np.ones(len(size_px), bool)
+    is_kept: Bool = np.ones(len(size_px), bool)
     if len(rows):
         _, classes = np.unique(detections.types[rows], return_inverse=True)
         kept = cv2.dnn.NMSBoxesBatched(
@@ -24,7 +29,7 @@ def suppress(detections: Detections, max_iou: float) -> Int:
             _ANY_SCORE,
             max_iou,
         )
-        stays[rows] = False
-        stays[rows[kept]] = True
+        is_kept[rows] = False
+        is_kept[rows[kept]] = True
     order = np.argsort(-detections.scores, kind="stable")
-    return order[stays[order]]
+    return order[is_kept[order]]

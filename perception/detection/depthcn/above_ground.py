@@ -1,9 +1,9 @@
-"""Which points of a scan stand on the ground, in the camera's view (6.1.2).
+"""Points of a scan above the ground, in the camera's view (6.1.2).
 
-The thesis keeps all points of a cell in which heights vary, so that the ground at the foot of an obstacle
-stays with it. The default looks at points, not cells: a point stands if it is well over the lowest one
-around, which also finds what few beams hit; and it passes over what is higher than a vehicle, such as the
-crown of a tree that would tie together all that is parked under it.
+The thesis keeps all points of a cell whose heights vary, with the ground at the foot of an obstacle. The default
+decides by points: a point is above ground if it is clearly above the lowest point around, which also keeps
+obstacles with few returns. It drops points that are higher than a vehicle, such as the crown of a tree, which
+would connect all vehicles parked under it.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,27 +16,27 @@ from perception.geometry.camera import project
 from perception.maps.projection import may_be_in_view
 from perception.types import Bool, Calibration, Float32, Float64, Int, Method
 
-_FARTHEST_M = 80.0  # as in the maps, ahead and to each side
-_NEAREST_M = 0.5  # what is nearer is the vehicle itself
+_FARTHEST_M = 80.0  # range of the maps, ahead and to each side
+_NEAREST_M = 0.5  # nearer points are on the recording vehicle
 _THESIS_NEAREST_M = 5.0  # the author's code
 _MIN_DENSITY = np.finfo(np.float64).eps  # the author's code
-_DEVIATIONS = 3.0  # over the lowest point around, of what passes for ground
-_HIGHEST_M = 2.0  # over the ground: the roofs of cars
-_REACH_M = 1.5  # under a car, some ground is seen from one side or the other
+_DEVIATIONS = 3.0  # above the lowest point around, up to which a point is ground
+_HIGHEST_M = 2.0  # above ground: the roofs of cars
+_REACH_M = 1.5  # beside a car, some ground is visible within this distance
 
 
 @dataclass(frozen=True)
 class AboveGroundPoints:
-    """K points of a scan that stand on the ground and that the camera sees.
+    """K points of a scan above the ground, in the camera's view.
 
     Attributes:
-        rows: (K,) where they are in the scan.
-        xy_m: (K, 2) in the LiDAR frame.
-        pixels: (K, 2) the column and row of each.
-        ground_rows_px: (K,) the image row of the ground under each; its own where that is not known.
-        depths_m: (K,) along the optical axis.
+        rows: (K,) rows of the points in the scan.
+        xy_m: (K, 2) positions in the LiDAR frame in metres.
+        pixels: (K, 2) image column and row of each point.
+        ground_rows_px: (K,) image row of the ground below each point; of the point itself where unknown.
+        depths_m: (K,) depths along the optical axis in metres.
         size_px: (width, height) of the image.
-        scan_length: N.
+        scan_length: Number of points of the scan, N.
     """
 
     rows: Int
@@ -54,7 +54,7 @@ class AboveGroundPoints:
 
 @dataclass(frozen=True)
 class _GroundRemoval:
-    """Rows of a scan that stand on the ground, and the height of the ground under each."""
+    """Rows of the points above ground, and the height of the ground below each."""
 
     rows: Int
     ground_m: Float64
@@ -68,34 +68,34 @@ def find_above_ground(
     min_variance_m2: float,
     method: Method = "default",
 ) -> AboveGroundPoints:
-    """Find the points of an (N, 4) scan that can belong to a candidate.
+    """Find the points of a scan that can belong to a proposal.
 
     Args:
-        points_velo: the scan.
-        calibration: of the camera.
-        size_px: (width, height) of its image.
-        cell_m: edge of a cell.
-        min_variance_m2: of heights that are not those of flat ground.
-        method: default or thesis.
+        points_velo: (N, 4) scan in the LiDAR frame.
+        calibration: Calibration of the camera.
+        size_px: (width, height) of the image.
+        cell_m: Edge of a cell in metres.
+        min_variance_m2: Minimum variance of the heights in a cell above flat ground, in square metres.
+        method: Method of the ground removal.
     """
     image_P_velo = calibration.image_P_velo
-    candidates = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
-    chosen = _GROUND_REMOVALS[method](points_velo[candidates], cell_m, min_variance_m2)
-    points = points_velo[candidates[chosen.rows], :3]
+    in_area = _AREA_FILTERS[method](points_velo, image_P_velo, size_px)
+    removal = _GROUND_REMOVALS[method](points_velo[in_area], cell_m, min_variance_m2)
+    points = points_velo[in_area[removal.rows], :3]
     exact_px, depths_m = project(image_P_velo, points)
-    ground_points = np.column_stack([points[:, :2], chosen.ground_m])
+    ground_points = np.column_stack([points[:, :2], removal.ground_m])
     ground_rows_px = np.rint(project(image_P_velo, ground_points)[0][:, 1])
     with np.errstate(invalid="ignore"):
         pixels = np.rint(exact_px)
         u, v = pixels.T
-        is_observed = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
-    seen = np.flatnonzero(is_observed & (depths_m > _NEAREST_M))
+        is_in_view = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
+    visible = np.flatnonzero(is_in_view & (depths_m > _NEAREST_M))
     return AboveGroundPoints(
-        rows=candidates[chosen.rows[seen]],
-        xy_m=points[seen, :2].astype(np.float64),
-        pixels=pixels[seen],
-        ground_rows_px=np.fmax(ground_rows_px[seen], pixels[seen, 1]),
-        depths_m=depths_m[seen],
+        rows=in_area[removal.rows[visible]],
+        xy_m=points[visible, :2].astype(np.float64),
+        pixels=pixels[visible],
+        ground_rows_px=np.fmax(ground_rows_px[visible], pixels[visible, 1]),
+        depths_m=depths_m[visible],
         size_px=size_px,
         scan_length=len(points_velo),
     )
@@ -116,16 +116,16 @@ def _ahead(points_velo: Float32, _: Float64, __: tuple[int, int]) -> Int:
 def _above_lowest(points: Float32, cell_m: float, min_variance_m2: float) -> _GroundRemoval:
     cells = HeightCells.of(points, cell_m)
     ground_m = cells.lowest_around_m(_REACH_M)
-    over_m = cells.z_m - ground_m
+    above_m = cells.z_m - ground_m
     min_m = _DEVIATIONS * np.sqrt(min_variance_m2)
-    rows = np.flatnonzero((over_m >= min_m) & (over_m <= _HIGHEST_M))
+    rows = np.flatnonzero((above_m >= min_m) & (above_m <= _HIGHEST_M))
     return _GroundRemoval(rows, ground_m[rows])
 
 
 def _in_cells_of_high_variance(
     points: Float32, cell_m: float, min_variance_m2: float
 ) -> _GroundRemoval:
-    """Cut off outliers, then flat cells, as the author's code does."""
+    """Remove outliers, then flat cells, as the author's code does."""
     typical = np.flatnonzero(_is_typical(points))
     has_variance = HeightCells.of(points[typical], cell_m).has_variance(min_variance_m2)
     rows = typical[has_variance]
@@ -133,13 +133,13 @@ def _in_cells_of_high_variance(
 
 
 def _is_typical(points: Float32) -> Bool:
-    """Tell which (N, 3+) points are not improbable under one normal distribution along each axis."""
+    """Return the (N,) mask of the points that are likely under a normal distribution along each axis."""
     if len(points) == 0:
         return np.zeros(0, bool)
     xyz = points[:, :3].astype(np.float64)
     offsets, deviations = xyz - xyz.mean(axis=0), xyz.std(axis=0)
     if not deviations.all():
-        return np.ones(len(points), bool)  # flat or lined up: there is no density
+        return np.ones(len(points), bool)  # all points in a plane: no density
     log_density = -((offsets / deviations) ** 2).sum(axis=1) / 2
     log_density -= np.log((2 * np.pi) ** 1.5 * deviations.prod())
     return np.asarray(log_density > np.log(_MIN_DENSITY))

@@ -1,9 +1,9 @@
-"""Windows of a picture, cut out and brought to the size of the network's input.
+"""Crops of an image, resized to the network's input.
 
-A point of the crop is a point of the picture by an affine map, so that cutting out, and in training every
-change of scale, place and direction too, is one warp straight from the full picture.
+An affine map takes each point of the crop to a point of the image, so that cropping and, in training, changes of
+scale, position and orientation are one warp of the full image.
 
-    crop (u, v) --window_map--> picture (x, y)          whole numbers are the centres of pixels
+    crop (u, v) --window_map--> image (x, y)          whole numbers are the centres of pixels
 """
 
 import cv2
@@ -13,12 +13,12 @@ from perception.detection.depthcn.windows import CROP_HEIGHT_PX, CROP_WIDTH_PX
 from perception.errors import PerceptionError
 from perception.types import Float, Float64, UInt8
 
-# A window narrower than this is taken as this wide: a cluster of one column of points has no width.
+# Minimum width of a window: a cluster of one column of points has no width.
 MIN_EDGE_PX = 1.0
 
 
 def crop_windows(image: UInt8, windows_px: Float) -> UInt8:
-    """Return (M, C, 66, 112) of an (H, W, C) picture; what lies beyond its edges is 0.
+    """Return the (M, C, 66, 112) crops of (M, 4) windows of an (H, W, C) image; 0 beyond its edges.
 
     Raises:
         PerceptionError: a window is not finite.
@@ -34,7 +34,7 @@ def crop_windows(image: UInt8, windows_px: Float) -> UInt8:
 
 
 def window_maps(windows_px: Float) -> Float64:
-    """Return (M, 3, 3) which point of the picture lies at a point of the crop of each (M, 4) window.
+    """Return the (M, 3, 3) affine maps from the crop of each (M, 4) window to the image.
 
     Raises:
         PerceptionError: a window is not finite.
@@ -46,16 +46,16 @@ def window_maps(windows_px: Float) -> Float64:
     scale = size / (CROP_WIDTH_PX, CROP_HEIGHT_PX)
     maps = np.zeros((len(windows_px), 3, 3))
     maps[:, 0, 0], maps[:, 1, 1], maps[:, 2, 2] = scale[:, 0], scale[:, 1], 1.0
-    # Pixel 0 of the crop covers the window's first share of its width: its centre lies half a pixel in.
+    # The centre of pixel 0 of the crop lies half a pixel inside the window.
     maps[:, :2, 2] = corner + scale / 2
     return maps
 
 
 def warp(image: UInt8, image_A_crop: Float64) -> UInt8:
-    """Return the (66, 112, C) crop that a (3, 3) map takes from an (H, W, C) picture.
+    """Return the (66, 112, C) crop of an (H, W, C) image by a (3, 3) affine map.
 
-    Each pixel is the nearest one of the picture: between a car and what lies behind it, or what is not
-    known, no depth in between is true.
+    Each pixel is the nearest one of the image: a depth interpolated between a car and its background, or an
+    unknown pixel, would be wrong.
     """
     crop = cv2.warpAffine(
         image,

@@ -1,7 +1,6 @@
-"""DepthCN: what stands on the road, and which of it are vehicles (6.1).
+"""DepthCN: vehicle proposals of the LiDAR, verified by a network (6.1).
 
-scan -- propose --> candidates -- windows --> crops of the picture -- network --> scores and boxes,
-of which overlapping ones leave only the best: detections.
+scan -- propose --> proposals -- windows --> crops of the maps -- network --> scores and boxes -- NMS --> detections
 """
 
 from dataclasses import dataclass
@@ -23,14 +22,14 @@ from perception.types import Calibration, Detections, Float64, Frame, Int, Metho
 
 @dataclass(frozen=True)
 class VerifiedProposals:
-    """The M candidates of one frame as the network judges them.
+    """M proposals of one frame with the predictions of the network.
 
     Attributes:
-        proposals: (M)
-        windows_px: (M, 4) where the network looked.
-        scores: (M,) probability of a vehicle.
-        boxes_px: (M, 4) of the vehicle that it would be, within the image.
-        kept: (K,) rows that are detections, best first.
+        proposals: (M) proposals.
+        windows_px: (M, 4) windows x1 y1 x2 y2 of the network's crops.
+        scores: (M,) probabilities of a vehicle.
+        boxes_px: (M, 4) predicted boxes x1 y1 x2 y2 within the image.
+        kept: (K,) rows of the detections, best first.
     """
 
     proposals: Proposals
@@ -41,17 +40,17 @@ class VerifiedProposals:
 
     @property
     def detections(self) -> Detections:
-        """(K) vehicles, best first."""
+        """(K) detected vehicles, best first."""
         return _vehicles(self.boxes_px[self.kept], self.scores[self.kept])
 
     @property
     def owners(self) -> Int:
-        """(N,) for each point of the scan the detection that it belongs to, or -1."""
+        """(N,) index of the detection of each point of the scan, or -1."""
         return self.proposals[self.kept].clusters
 
 
 class DepthCn:
-    """The vehicle detector of chapter 6; it sees with the LiDAR alone."""
+    """The LiDAR vehicle detector of section 6.1."""
 
     def __init__(
         self,
@@ -65,11 +64,11 @@ class DepthCn:
         """Open the network.
 
         Args:
-            model: file of a network, or default for the one that ships.
-            sensor: LiDAR that the scans are from.
+            model: Model file, or the method of a model of this package.
+            sensor: LiDAR of the scans.
             proposals: Proposal parameters; else those of the network's method.
             nms: Score threshold and suppression.
-            threads: that the network runs on.
+            threads: Number of threads of the network.
 
         Raises:
             ModelError: the file does not hold a network of this detector.
@@ -81,19 +80,19 @@ class DepthCn:
         self._nms = nms
 
     def detect(self, frame: Frame) -> Detections:
-        """Return the vehicles in view of a frame's camera, best first; its image is not needed.
+        """Return the vehicles in the camera's view, best first; the image is not used.
 
         Raises:
-            CalibrationError: the frame has no camera, or nothing says how large its image is.
+            CalibrationError: the frame has no camera, or the size of the image is unknown.
         """
         return self.verify_frame(frame).detections
 
     def verify_frame(self, frame: Frame, dense: DenseMaps | None = None) -> VerifiedProposals:
-        """Return all candidates of a frame and what the network says of each.
+        """Return all proposals of a frame with the predictions of the network.
 
         Args:
-            frame: a scan and a camera.
-            dense: its maps where they are made already.
+            frame: Scan and camera.
+            dense: Dense maps of the frame, where they exist already.
         """
         proposals = self.propose(frame)
         dense = self.densify(frame) if dense is None else dense
@@ -101,18 +100,18 @@ class DepthCn:
         return self.verify(proposals, dense, calibration)
 
     def propose(self, frame: Frame) -> Proposals:
-        """Find the candidates of a frame."""
+        """Find the proposals of a frame."""
         calibration, size_px = camera_of(frame)
         return propose(frame.points_velo, calibration, size_px, self._proposals, self._method)
 
     def densify(self, frame: Frame) -> DenseMaps:
-        """Make the maps of a frame."""
+        """Return the dense maps of a frame."""
         return densify(project_frame(frame), self._method)
 
     def verify(
         self, proposals: Proposals, dense: DenseMaps, calibration: Calibration
     ) -> VerifiedProposals:
-        """Judge candidates that are found already, by maps of the same scan."""
+        """Verify proposals by the dense maps of the same frame."""
         focal_px = float(calibration.image_P_cam[0, 0])
         windows = windows_px(self.verifier.window, proposals.boxes_px, proposals.depths_m, focal_px)
         prediction = VerifierPrediction.empty()
@@ -124,9 +123,9 @@ class DepthCn:
         return VerifiedProposals(proposals, windows, prediction.scores, boxes_px, kept)
 
     def _keep(self, boxes_px: Float64, scores: Float64) -> Int:
-        """Return the rows that are likely, show in the image, and are the best of their place."""
-        shows = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-        rows = np.flatnonzero(shows & (scores >= self._nms.min_score))
+        """Return the rows of the detections: above the score threshold, in the image, and not suppressed."""
+        is_in_image = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
+        rows = np.flatnonzero(is_in_image & (scores >= self._nms.min_score))
         likely = _vehicles(boxes_px[rows], scores[rows])
         return np.asarray(rows[suppress(likely, self._nms.max_iou)])
 
@@ -136,6 +135,6 @@ def _vehicles(boxes_px: Float64, scores: Float64) -> Detections:
 
 
 def _within_image(boxes_px: Float64, shape: tuple[int, ...]) -> Float64:
-    """Clip (M, 4) boxes to the centres of the outermost pixels, as KITTI's labels are."""
+    """Clip (M, 4) boxes to the centres of the outermost pixels, as in KITTI's labels."""
     height, width = shape
     return np.asarray(np.clip(boxes_px, 0, [width - 1, height - 1] * 2))

@@ -1,7 +1,7 @@
-"""What the networks look at: depth, height over the road and reflectance as one 8-bit picture.
+"""Input image of the verifier: depth, height above the road and reflectance as three 8-bit channels.
 
      channel 0            channel 1               channel 2
-depth, near 0, 80 m 255   height, see below    reflectance 0..1 as 0..255      0: nothing known
+depth, near 0, 80 m 255   height, see below    reflectance 0..1 as 0..255      0: unknown
      (6.2)                                            (B.2.1)
 """
 
@@ -13,17 +13,17 @@ from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.types import Float64, UInt8
 
 CHANNELS = ("depth", "height", "reflectance")
-# From a little below the road to above a lorry; 1 to 255, as 0 says that nothing is known.
+# From below the road to above a lorry, encoded as 1 to 255; 0 is unknown.
 _LOWEST_M, _HIGHEST_M = -1.0, 4.0
 
 
 def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: float) -> UInt8:
-    """Return (H, W, 3), the channels of `CHANNELS`.
+    """Return the (H, W, 3) image with the channels of `CHANNELS`.
 
     Args:
-        dense: depth and reflectance.
-        image_P_velo: (3, 4) projection that they were made with.
-        lidar_height_m: of the LiDAR's origin over the road.
+        dense: Dense depth and reflectance maps.
+        image_P_velo: (3, 4) projection of the maps from the LiDAR frame.
+        lidar_height_m: Height of the LiDAR's origin above the road in metres.
     """
     height_m = heights_m(dense.depth_m, image_P_velo, lidar_height_m)
     scale = 254 / (_HIGHEST_M - _LOWEST_M)
@@ -35,7 +35,7 @@ def encode_channels(dense: DenseMaps, image_P_velo: Float64, lidar_height_m: flo
 
 
 def heights_m(depth_m: np.ndarray, image_P_velo: Float64, lidar_height_m: float) -> np.ndarray:
-    """Return (H, W) heights over the road: what a pixel shows lies `depth` along the pixel's ray.
+    """Return the (H, W) heights above the road of the points at a depth along each pixel's ray.
 
     depth * (u, v, 1) = P p + t, hence z = depth * (r . (u, v, 1)) - r . t with r the last row of the
     inverse of P.

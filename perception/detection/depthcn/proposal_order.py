@@ -1,4 +1,4 @@
-"""Which proposals to look at first, where not all can be."""
+"""Ranking of proposals, where only some can be verified."""
 
 from typing import Literal
 
@@ -9,20 +9,20 @@ from perception.types import Float64
 
 ProposalOrder = Literal["size", "points"]
 
-# What a camera sees of a car: its height, and from the end of a small one to the side of a large one.
+# Visible size of a car: its height, and the width from the end of a small one to the side of a large one.
 _CAR_HEIGHT_M = 1.5
 _CAR_WIDTHS_M = (1.5, 4.5)
-_MIN_M = 1e-3  # of a box without extent
+_MIN_SIZE_M = 1e-3  # of a box without extent
 
 
 def order_scores(order: ProposalOrder, proposals: Proposals, focal_px: float) -> Float64:
-    """Return (M,) scores, the highest to be looked at first.
+    """Return the (M,) ranking scores, the highest to be verified first.
 
     Args:
-        order: `size` by how near height and width in metres come to a car's, `points` by how many returns
-            there are, which puts what is near first.
-        proposals: of one scan.
-        focal_px: of the camera.
+        order: Criterion: `size` prefers height and width of a car in metres, `points` the number of returns, which
+            prefers near proposals.
+        proposals: Proposals of one scan.
+        focal_px: Focal length of the camera in pixels.
     """
     if order == "points":
         belongs = proposals.clusters >= 0
@@ -30,7 +30,7 @@ def order_scores(order: ProposalOrder, proposals: Proposals, focal_px: float) ->
         return counts.astype(np.float64)
     sizes_px = proposals.boxes_px[:, 2:] - proposals.boxes_px[:, :2]
     sizes_m = sizes_px * (proposals.depths_m / focal_px)[:, None]
-    width, height = np.log(np.maximum(sizes_m, _MIN_M)).T
+    width, height = np.log(np.maximum(sizes_m, _MIN_SIZE_M)).T
     narrowest, widest = np.log(_CAR_WIDTHS_M)
-    too_wide_or_narrow = np.abs(width - np.clip(width, narrowest, widest))
-    return np.asarray(-np.abs(height - np.log(_CAR_HEIGHT_M)) - too_wide_or_narrow)
+    width_error = np.abs(width - np.clip(width, narrowest, widest))
+    return np.asarray(-np.abs(height - np.log(_CAR_HEIGHT_M)) - width_error)

@@ -1,4 +1,4 @@
-"""The network that tells vehicles among candidates: it says by its file what it looks at."""
+"""The network that verifies proposals; its file states window, channels and method."""
 
 from dataclasses import dataclass
 from importlib.abc import Traversable
@@ -43,11 +43,11 @@ _METHODS: tuple[Method, ...] = get_args(Method)
 
 @dataclass(frozen=True)
 class VerifierPrediction:
-    """What the network says of M candidates.
+    """Predictions of the network for M proposals.
 
     Attributes:
-        scores: (M,) probability of a vehicle.
-        boxes_px: (M, 4) of the vehicle that it would be.
+        scores: (M,) probabilities of a vehicle.
+        boxes_px: (M, 4) predicted boxes x1 y1 x2 y2 in the image.
     """
 
     scores: Float64
@@ -55,42 +55,42 @@ class VerifierPrediction:
 
     @classmethod
     def empty(cls) -> Self:
-        """Return what there is to say of no candidates."""
+        """Return the predictions for no proposals."""
         return cls(np.zeros(0), np.zeros((0, 4)))
 
 
 class Verifier:
-    """A trained network, from a file or as it ships."""
+    """A trained network, from a file or of this package."""
 
     def __init__(self, model: Traversable | Method = "default", threads: int = 2) -> None:
-        """Open it.
+        """Open the model file.
 
         Args:
-            model: a file, or default for the one that ships.
-            threads: that it runs on.
+            model: Model file, or the method of a model of this package.
+            threads: Number of threads of the network.
 
         Raises:
-            ModelError: the file does not hold a network that judges candidates for vehicles.
+            ModelError: the file does not hold a network that verifies proposals.
         """
         file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
         self.model = OnnxModel(file, CONTRACT, threads)
-        """The network itself, and what its file says."""
+        """The network and the metadata of its file."""
         channels = self.model.metadata["channels"].split(",")
         self._channels = [CHANNELS.index(name) for name in channels if name in CHANNELS]
-        taken = self.model.inputs["crops"].shape[1]
-        if not len(channels) == len(self._channels) == taken:
+        channel_count = self.model.inputs["crops"].shape[1]
+        if not len(channels) == len(self._channels) == channel_count:
             raise ModelError(
                 file.name,
                 expected=f"channels among {', '.join(CHANNELS)}, as many as its input has",
-                found=f"{', '.join(channels)} for an input of {taken}",
+                found=f"{', '.join(channels)} for an input of {channel_count} channels",
             )
         self.window: WindowKind = self.model.metadata_choice("window", _WINDOWS)
-        """Which part of the picture it wants to see of a candidate."""
+        """Kind of the window around a proposal."""
         self.method: Method = self.model.metadata_choice("method", _METHODS)
-        """By which proposals and maps it was trained."""
+        """Method of the proposals and maps of its training."""
 
     def inputs(self, image: UInt8, windows_px: Float64) -> dict[str, Array]:
-        """Return what the network is shown of (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture."""
+        """Return the network's inputs for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
         planes = cv2.split(image)
         selected = np.asarray(cv2.merge([planes[channel] for channel in self._channels]), np.uint8)
         return {
@@ -99,7 +99,7 @@ class Verifier:
         }
 
     def predict(self, image: UInt8, windows_px: Float64) -> VerifierPrediction:
-        """Look at all (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) picture at once."""
+        """Return the predictions for (M, 4) windows x1 y1 x2 y2 of an (H, W, 3) image."""
         outputs = self.model(self.inputs(image, windows_px))
         return VerifierPrediction(
             outputs["scores"].astype(np.float64), outputs["boxes_px"].astype(np.float64)

@@ -1,11 +1,11 @@
-"""Which part of the picture the network sees of a candidate, and how large it sees it.
+"""Windows of the network's crops around proposals.
 
-The thesis cuts out the proposal's box and stretches it to the network's input. The default cuts out a
-piece of fixed size in metres, so that every car is seen at its true size with what is around it:
+The thesis crops the proposal's box and stretches it to the network's input. The default crops a window of
+fixed size in metres, so that every car has its true size, with its surroundings:
 
           7 m
     +-------------+
-    |             |     the box at the window's bottom centre, a margin below it
+    |             |     box at the bottom centre of the window, above a margin
     |    +----+   |
     |    | box|   |
     |____+----+___|
@@ -20,18 +20,18 @@ from perception.types import Float, Float64
 CROP_HEIGHT_PX, CROP_WIDTH_PX = 66, 112  # the network's input (6.1.3)
 WindowKind = Literal["box", "metric"]
 
-_WIDTH_M = 7.0  # a car seen from the side, and one that shows only an end
-_MARGIN = 0.15  # of the height, below the box
+_WIDTH_M = 7.0  # a car from the side, with a margin
+_MARGIN = 0.15  # below the box, share of the window's height
 
 
 def windows_px(kind: WindowKind, boxes_px: Float64, depths_m: Float, focal_px: float) -> Float64:
-    """Return (M, 4) windows x1 y1 x2 y2; they may reach beyond the image.
+    """Return the (M, 4) windows x1 y1 x2 y2, which may extend beyond the image.
 
     Args:
-        kind: `box` the proposal itself (thesis), `metric` of fixed size in metres.
-        boxes_px: (M, 4) of the proposals.
-        depths_m: (M,) how far each lies.
-        focal_px: of the camera.
+        kind: Kind of window: `box` is the proposal (thesis), `metric` has a fixed size in metres.
+        boxes_px: (M, 4) boxes x1 y1 x2 y2 of the proposals.
+        depths_m: (M,) depths of the proposals in metres.
+        focal_px: Focal length of the camera in pixels.
     """
     if kind == "box":
         return boxes_px.astype(np.float64)
