@@ -1,1 +1,1 @@
-"""Vehicles in the camera's image, by networks, and on the road, by the scan (thesis chapter 6)."""
+"""Vehicle detection: networks on image and maps, and location of vehicles in the scan (thesis chapter 6)."""

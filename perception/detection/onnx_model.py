@@ -1,4 +1,4 @@
-"""A network as a file: checked when it is opened, ready for its first frame, arrays by name in and out."""
+"""A network in an ONNX file: validated when it is opened, warmed up, with arrays by name as inputs and outputs."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from perception.errors import ModelError
 
 Array = NDArray[Any]
 Value = TypeVar("Value")
-# As ONNX Runtime names the types of numbers that go in.
+# Names of the input types in ONNX Runtime.
 _TYPE_NAMES: Mapping[type[np.generic], str] = {
     np.uint8: "tensor(uint8)",
     np.float32: "tensor(float)",
@@ -24,23 +24,23 @@ _TYPE_NAMES: Mapping[type[np.generic], str] = {
 
 @dataclass(frozen=True)
 class ModelInput:
-    """What goes into a network.
+    """An input of a network.
 
     Attributes:
-        type: of its numbers, uint8 or float32; None of any other.
-        shape: None along an axis of any length.
+        type: Type of the numbers, uint8 or float32; None for any other.
+        shape: Length of each axis, None for any length.
     """
 
     type: type[np.generic] | None
     shape: tuple[int | None, ...]
 
     def __str__(self) -> str:
-        """Write it as in: uint8 any x 3 x 66 x 112."""
+        """Return type and shape as text, such as `uint8 any x 3 x 66 x 112`."""
         name = self.type.__name__ if self.type else "another type"
         return f"{name} {' x '.join(str(n or 'any') for n in self.shape)}"
 
     def accepts(self, other: "ModelInput") -> bool:
-        """Tell whether the other is as this one asks for."""
+        """Return whether another input has the type and shape that this one requires."""
         return (
             other.type is self.type
             and len(other.shape) == len(self.shape)
@@ -53,15 +53,15 @@ class ModelInput:
 
 @dataclass(frozen=True)
 class ModelContract:
-    """What a caller needs a model file to be.
+    """Requirements on a model file.
 
     Attributes:
-        metadata: metadata that have to be there and have this value.
-        required_keys: names of metadata that have to be there, whatever their value.
-        inputs: by name; the file must have these and no others.
-        outputs: names.
-        warmup_rows: that go in at once, as many as a frame has candidates: memory for them is set aside
-            before the first frame.
+        metadata: Metadata that the file must have with these values.
+        required_keys: Metadata that the file must have with any value.
+        inputs: Inputs by name; the file must have exactly these.
+        outputs: Names of outputs that the file must have.
+        warmup_rows: Batch size of the run on opening, such as the number of proposals of a frame, so that its
+            memory is allocated before the first frame.
     """
 
     metadata: Mapping[str, str]
@@ -71,12 +71,12 @@ class ModelContract:
     warmup_rows: int = 32
 
     def with_metadata(self, metadata: Mapping[str, str]) -> Self:
-        """Return the same contract with further facts, or others in their place."""
+        """Return the contract with added or replaced metadata."""
         return replace(self, metadata={**self.metadata, **metadata})
 
 
 def shipped_model(name: str) -> Traversable:
-    """Return the model file of that name that comes with the package."""
+    """Return a model file of this package by its name without suffix."""
     return files("perception.detection") / "weights" / f"{name}.onnx"
 
 
@@ -84,28 +84,28 @@ class OnnxModel:
     """A network in ONNX Runtime, on the CPU."""
 
     def __init__(self, file: Traversable, contract: ModelContract, threads: int = 2) -> None:
-        """Open and check the file, and run it once, since the first run is slow.
+        """Open and validate the file, and run the network once, since the first run is slow.
 
         Args:
-            file: a path, or what `shipped_model` returns.
-            contract: what it has to fit.
-            threads: that share one run.
+            file: Path of the file, or a model of this package.
+            contract: Requirements on the file.
+            threads: Number of threads of one run.
 
         Raises:
-            ModelError: there is no such file, it is no ONNX model, or one made for something else.
+            ModelError: the file is missing, is no ONNX model, or does not meet the requirements.
         """
         self.name = file.name
-        """Of the file."""
+        """Name of the file."""
         content = _content(file)
         self.fingerprint = hashlib.blake2b(content, digest_size=8).hexdigest()
-        """What tells the file from others."""
+        """Hash of the file's content."""
         self._session = _open(file, content, threads)
         self.metadata: Mapping[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
-        """What the file says of itself."""
+        """Metadata of the file."""
         self.inputs = {entry.name: _input_of(entry) for entry in self._session.get_inputs()}
-        """What goes in, by name."""
+        """Inputs by name."""
         self.output_shapes = {entry.name: _shape_of(entry) for entry in self._session.get_outputs()}
-        """What comes out, by name; None along an axis of any length."""
+        """Shapes of the outputs by name; None for an axis of any length."""
         self._check_metadata(contract)
         self._check_interface(contract)
         self(self._blank_inputs(contract.warmup_rows))
@@ -114,7 +114,7 @@ class OnnxModel:
         """Run the network once.
 
         Raises:
-            ModelError: the inputs are not the network's, or what comes out is not finite.
+            ModelError: the inputs do not fit the network, or an output is not finite.
         """
         try:
             arrays = self._session.run(list(self.output_shapes), dict(inputs))
@@ -132,15 +132,15 @@ class OnnxModel:
                     self.name,
                     expected=f"finite numbers in output {name}",
                     found=f"{int((~np.isfinite(array)).sum())} that are NaN or infinite",
-                    advice="train it anew, or export an earlier checkpoint",
+                    advice="retrain the network, or export an earlier checkpoint",
                 )
         return outputs
 
     def metadata_choice(self, name: str, known: Sequence[Value]) -> Value:
-        """Return what the file says of itself under a name, where it is something that we know.
+        """Return a metadata entry of the file that has to be one of the known values.
 
         Raises:
-            ModelError: it is something else.
+            ModelError: the entry has another value.
         """
         value = self.metadata[name]
         for one in known:
@@ -157,7 +157,7 @@ class OnnxModel:
                     self.name,
                     expected=f"{name} {required}" if required else f"{name} in its metadata",
                     found=found or "no such entry in its metadata",
-                    advice="give a model that `trifuse export` wrote for this detector",
+                    advice="use a model that `trifuse export` wrote for this detector",
                 )
 
     def _check_interface(self, contract: ModelContract) -> None:
@@ -190,7 +190,7 @@ def _content(file: Traversable) -> bytes:
             file.name,
             expected="a model file",
             found=f"no file {file}",
-            advice="check its name, or make it with `trifuse export`",
+            advice="check the path, or create the file with `trifuse export`",
         )
     return file.read_bytes()
 
@@ -199,8 +199,8 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    # Threads that wait for the next frame would keep the other stages from the cores: asleep, they
-    # cost half the processor time and no run is slower.
+    # Threads that spin while they wait for the next frame take the cores from the other stages: without
+    # spinning, processor time halves and no run is slower.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     try:
@@ -208,9 +208,9 @@ def _open(file: Traversable, content: bytes, threads: int) -> Any:  # noqa: ANN4
     except Exception as error:  # ONNX Runtime's errors have no base of their own
         raise ModelError(
             str(file),
-            expected="a whole ONNX model",
+            expected="a complete ONNX model",
             found=_first_line(error),
-            advice="write it anew with `trifuse export`",
+            advice="export the model again with `trifuse export`",
         ) from error
 
 

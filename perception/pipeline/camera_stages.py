@@ -92,7 +92,7 @@ class CameraStages:
             result = replace(
                 result,
                 modality_detections=multimodal.modality_detections,
-                map_images=multimodal.pictures,
+                map_images=multimodal.map_images,
                 vehicles=tracked.vehicles,
                 tracks=tracked.tracks,
             )

@@ -1,1 +1,1 @@
-"""Pictures, videos and plots of what the stages found."""
+"""Images, videos and plots of results."""

@@ -143,4 +143,4 @@ def test_a_file_that_is_no_network_is_named(street, tmp_path, capsys):
     model.write_bytes(b"\x08\x07 not a network")
     assert detect(street, tmp_path / "out", "--depthcn.model", str(model)) == 2
     error = capsys.readouterr().err
-    assert "broken.onnx: expected a whole ONNX model" in error
+    assert "broken.onnx: expected a complete ONNX model" in error

@@ -104,11 +104,15 @@ def test_no_points_are_no_clusters():
 
 @pytest.mark.parametrize(("radius_m", "min_points"), [(0, 5), (-1, 5), (np.nan, 5), (0.5, 0)])
 def test_rules_that_cannot_work_are_refused(radius_m, min_points):
-    with pytest.raises(UsageError, match="above zero"):
+    with pytest.raises(UsageError) as error:
         cluster(np.zeros((3, 2)), radius_m, min_points)
+    assert error.value.expected == "radius and min_points above zero"
+    assert error.value.found == f"{radius_m:g} m, {min_points}"
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30])
 def test_places_that_are_none_are_refused(bad):
-    with pytest.raises(UsageError, match="finite coordinates"):
+    with pytest.raises(UsageError) as error:
         cluster(np.array([[0, 0], [0, bad]]), 0.5, 2)
+    assert error.value.where == "points to cluster"
+    assert error.value.found == f"an extent of {bad * 2 * np.sqrt(2):.3g} cells"

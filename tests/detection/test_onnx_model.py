@@ -40,8 +40,9 @@ def test_file_says_what_it_is(write_model):
 def test_a_fact_is_one_of_those_known(write_model):
     model = OnnxModel(write_model(), CONTRACT)
     assert model.metadata_choice("classes", ["Van", "Car"]) == "Car"
-    with pytest.raises(ModelError, match="expected classes Van or Tram, found Car"):
+    with pytest.raises(ModelError) as error:
         model.metadata_choice("classes", ["Van", "Tram"])
+    assert (error.value.expected, error.value.found) == ("classes Van or Tram", "Car")
 
 
 def test_answer_does_not_depend_on_threads(write_model):
@@ -50,26 +51,30 @@ def test_answer_does_not_depend_on_threads(write_model):
 
 
 def test_missing_file(tmp_path):
-    with pytest.raises(ModelError, match=r"gone.onnx: expected a model file, found no file"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(tmp_path / "gone.onnx", CONTRACT)
+    assert (error.value.where, error.value.expected) == ("gone.onnx", "a model file")
 
 
 def test_weights_that_do_not_ship():
-    with pytest.raises(ModelError, match=r"unheard_of.onnx: expected a model file"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(shipped_model("unheard_of"), CONTRACT)
+    assert (error.value.where, error.value.expected) == ("unheard_of.onnx", "a model file")
 
 
 def test_file_of_another_format(tmp_path):
     path = tmp_path / "letter.onnx"
     path.write_text("Dear network,")
-    with pytest.raises(ModelError, match=r"letter.onnx: expected a whole ONNX model, found"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(path, CONTRACT)
+    assert (error.value.where, error.value.expected) == (str(path), "a complete ONNX model")
 
 
 def test_empty_file(tmp_path):
     (tmp_path / "empty.onnx").touch()
-    with pytest.raises(ModelError, match="expected a whole ONNX model"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(tmp_path / "empty.onnx", CONTRACT)
+    assert error.value.expected == "a complete ONNX model"
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])
@@ -77,53 +82,61 @@ def test_truncated_file(write_model, share):
     path = write_model()
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(ModelError, match=r"tiny.onnx: expected"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(path, CONTRACT)
+    assert error.value.where.endswith("tiny.onnx")
 
 
 @pytest.mark.parametrize(
-    ("changes", "sentence"),
+    ("changes", "expected", "found"),
     [
-        ({"kind": "compact"}, "expected kind depthcn, found compact"),
-        ({"classes": "Car,Pedestrian"}, "expected classes Car, found Car,Pedestrian"),
-        ({"without": "kind"}, "expected kind depthcn, found no such entry"),
-        ({"without": "window"}, "expected window in its metadata, found no such entry"),
+        ({"kind": "compact"}, "kind depthcn", "compact"),
+        ({"classes": "Car,Pedestrian"}, "classes Car", "Car,Pedestrian"),
+        ({"without": "kind"}, "kind depthcn", "no such entry in its metadata"),
+        ({"without": "window"}, "window in its metadata", "no such entry in its metadata"),
     ],
 )
-def test_model_for_something_else(write_model, changes, sentence):
-    with pytest.raises(ModelError, match=sentence):
+def test_model_for_something_else(write_model, changes, expected, found):
+    with pytest.raises(ModelError) as error:
         OnnxModel(write_model(**changes), CONTRACT)
+    assert (error.value.expected, error.value.found) == (expected, found)
 
 
 def test_model_with_other_inputs(write_model):
-    with pytest.raises(
-        ModelError, match=r"crops uint8 any x 3 x 66 x 112.*found crops uint8 any x 1 x"
-    ):
+    with pytest.raises(ModelError) as error:
         OnnxModel(write_model(planes=1), CONTRACT)
+    assert "crops uint8 any x 3 x 66 x 112" in error.value.expected
+    assert "crops uint8 any x 1 x 66 x 112" in error.value.found
 
 
 def test_model_with_inputs_of_another_type(write_model):
-    with pytest.raises(ModelError, match="found crops float32 any x 3"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(write_model(input_type=TensorProto.FLOAT), CONTRACT)
-    with pytest.raises(ModelError, match="found crops another type any x 3"):
+    assert error.value.found.startswith("crops float32 any x 3")
+    with pytest.raises(ModelError) as error:
         OnnxModel(write_model(input_type=TensorProto.DOUBLE), CONTRACT)
+    assert error.value.found.startswith("crops another type any x 3")
 
 
 def test_model_without_an_output(write_model):
     contract = ModelContract(CONTRACT.metadata, inputs=CONTRACT.inputs, outputs=("depths",))
-    with pytest.raises(ModelError, match="expected an output depths, found scores, boxes_px"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(write_model(), contract)
+    assert (error.value.expected, error.value.found) == ("an output depths", "scores, boxes_px")
 
 
 def test_input_of_another_size(write_model):
     model = OnnxModel(write_model(), CONTRACT)
     small = inputs_of(2) | {"crops": np.zeros((2, 3, 33, 56), np.uint8)}
-    with pytest.raises(ModelError, match=r"expected to run on crops \(2, 3, 33, 56\)"):
+    with pytest.raises(ModelError) as error:
         model(small)
+    assert error.value.expected.startswith("to run on crops (2, 3, 33, 56)")
 
 
 def test_network_that_yields_nan(write_model):
     # 0 / 0 of black crops, as already the first run has them.
     path = write_model(divisor=0.0)
-    with pytest.raises(ModelError, match="finite numbers in output scores, found 32 that are NaN"):
+    with pytest.raises(ModelError) as error:
         OnnxModel(path, CONTRACT)
+    assert error.value.expected == "finite numbers in output scores"
+    assert error.value.found == "32 that are NaN or infinite"

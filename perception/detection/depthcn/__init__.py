@@ -1,1 +1,1 @@
-"""DepthCN: candidates for vehicles of the scan, verified by a network (6.1)."""
+"""DepthCN: vehicle proposals of the scan, verified by a network (6.1)."""

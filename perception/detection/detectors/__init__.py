@@ -1,1 +1,1 @@
-"""Detectors of the three views of a road: the picture, the network, the objects that it sees (6.2.2, 6.2.3)."""
+"""Detectors of the three modalities: input image, network, detections (6.2.2, 6.2.3)."""

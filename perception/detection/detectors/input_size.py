@@ -1,7 +1,7 @@
-"""From a picture of any size to the input of a detector, and boxes back to the picture.
+"""Input size of a detector: images are stretched to it, and boxes are scaled back to the image.
 
-A picture is stretched to the input. A network that takes pictures of any size is given one of nearly the
-picture's own shape, with about as many pixels as it was trained with; the thesis' takes 416x416 alone.
+A fully convolutional network is exported with an input of nearly the shape of the images, with about as many pixels
+as in training; the thesis' network takes 416x416 only.
 """
 
 import math
@@ -14,21 +14,21 @@ import numpy as np
 from perception.errors import UsageError
 from perception.types import Float64, Modality, UInt8
 
-SIZE_STEP_PX = 32  # every trunk halves its picture five times
+SIZE_STEP_PX = 32  # every trunk halves its input five times
 
 
 class InputSize(NamedTuple):
-    """Of the pictures that go into a network."""
+    """Size of a network's input."""
 
     height_px: int
     width_px: int
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the size that words such as 192x640 say: height and width, multiples of 32.
+        """Return the size of a text such as 192x640: height and width, multiples of 32.
 
         Raises:
-            UsageError: they say none.
+            UsageError: the text is no such size.
         """
         found = re.fullmatch(r"(\d+)x(\d+)", text)
         sides = [int(side) for side in found.groups()] if found else [0]
@@ -41,7 +41,7 @@ class InputSize(NamedTuple):
         return cls(*sides)
 
     def for_image(self, height_px: int, width_px: int) -> "InputSize":
-        """Return a size of about as many pixels, in the shape of a picture and multiples of 32.
+        """Return a size of about as many pixels, with the aspect ratio of an image and in multiples of 32.
 
         >>> tuple(InputSize(192, 640).for_image(375, 1242)), tuple(InputSize(192, 640).for_image(900, 1600))
         ((192, 640), (256, 480))
@@ -54,9 +54,9 @@ class InputSize(NamedTuple):
 
 
 def stretch(image: UInt8, size: InputSize, modality: Modality) -> UInt8:
-    """Return (h, w, C) an (H, W, C) picture stretched to a size.
+    """Return an (H, W, C) image stretched to the (h, w, C) of a size.
 
-    Of maps the nearest pixel is taken: the mean of two depths is a place where nothing is.
+    Maps are resized by nearest neighbours: the mean of two depths is a position where nothing is.
     """
     height, width = image.shape[:2]
     if (height, width) == size:
@@ -69,7 +69,7 @@ def stretch(image: UInt8, size: InputSize, modality: Modality) -> UInt8:
 
 
 def boxes_in_image(boxes_px: Float64, size: InputSize, image: UInt8) -> Float64:
-    """Return (M, 4) boxes of the input as boxes of the (H, W, C) picture that was stretched to it."""
+    """Return (M, 4) boxes of the input scaled to the (H, W, C) image that was stretched to it."""
     height, width = image.shape[:2]
     scale = np.tile([width / size.width_px, height / size.height_px], 2)
     return np.asarray(boxes_px * scale, np.float64)

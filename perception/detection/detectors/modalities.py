@@ -1,10 +1,10 @@
-"""The three views of a road, and the 8-bit picture of each that a detector is shown (6.2.2).
+"""The three modalities and the 8-bit input image of each (6.2.2).
 
     rgb   the camera's image                                          (H, W, 3)
     dm    depth of the LiDAR's returns, near 0, far 255 (6.2)          (H, W, 1)
     rm    their reflectance, 0..1 as 0..255 (B.2.1)                    (H, W, 1)
 
-Where a map knows nothing it is 0.
+Unknown pixels of a map are 0.
 """
 
 from collections.abc import Mapping
@@ -22,19 +22,19 @@ from perception.types import Frame, MapMethod, MapModality, Modality, UInt8
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "dm": 1, "rm": 1}
 
-# How the maps of a detector are made: filled by some method, or the returns alone (Table B.2).
+# Filling of a detector's maps: a method, or the returns alone (Table B.2).
 MapFilling = MapMethod | Literal["sparse"]
 
 
 def fill_maps(sparse: SparseMaps, filling: MapFilling = "default") -> DenseMaps:
-    """Return both maps, filled as asked for."""
+    """Return the dense depth and reflectance maps by a filling."""
     if filling == "sparse":
         return dense_maps(sparse, _leave_sparse)
     return densify(sparse, filling)
 
 
 def map_image(dense: DenseMaps, modality: MapModality) -> UInt8:
-    """Return (H, W, 1), the depth or the reflectance map as 8-bit numbers, 0 where nothing is known."""
+    """Return the (H, W, 1) depth or reflectance map as 8-bit numbers, 0 where unknown."""
     if modality == "rm":
         return encode_reflectance(dense.reflectance)[..., None]
     image = cv2.multiply(encode_depth(dense.depth_m), dense.is_valid.view(np.uint8))
@@ -42,10 +42,10 @@ def map_image(dense: DenseMaps, modality: MapModality) -> UInt8:
 
 
 def camera_image(frame: Frame) -> UInt8:
-    """Return (H, W, 3) the RGB image of a frame.
+    """Return the (H, W, 3) RGB image of a frame.
 
     Raises:
-        ImageError: it has none.
+        ImageError: the frame has no image.
     """
     if frame.image is None:
         raise ImageError(frame.source, expected="a camera image", found="none")
@@ -53,11 +53,11 @@ def camera_image(frame: Frame) -> UInt8:
 
 
 def modality_image(frame: Frame, modality: Modality, filling: MapFilling = "default") -> UInt8:
-    """Return (H, W, C) what a detector is shown of a frame.
+    """Return the (H, W, C) image of a frame for the detector of a modality.
 
     Raises:
-        ImageError: the camera's image is asked for, and there is none.
-        CalibrationError: a map is asked for, and there is no camera to project the scan to.
+        ImageError: the frame has no image, and the modality is rgb.
+        CalibrationError: the frame has no camera to project the scan to, and the modality is a map.
     """
     if modality == "rgb":
         return camera_image(frame)

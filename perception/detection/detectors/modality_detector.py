@@ -1,6 +1,6 @@
-"""A detector of one modality: it says by its file which pictures it takes and what it detects (6.2.3).
+"""A detector of one modality; its file states input, map filling and classes (6.2.3).
 
-picture -- stretch --> input of the network --> boxes and scores -- suppress --> detections
+image -- stretch --> network --> boxes and scores -- NMS --> detections
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +37,7 @@ _FILLINGS: tuple[MapFilling, ...] = ("sparse", *FILL_METHODS)
 
 
 class ModalityDetector:
-    """A trained network, from a file or as it ships."""
+    """A trained network, from a file or of this package."""
 
     def __init__(
         self,
@@ -46,62 +46,59 @@ class ModalityDetector:
         class_names: Sequence[str] | None = None,
         nms: NmsConfig = DEFAULT_NMS,
     ) -> None:
-        """Open it.
+        """Open the model file.
 
         Args:
-            model: a file, or a modality for the network that ships.
-            threads: that it runs on.
+            model: Model file, or the modality of a model of this package.
+            threads: Number of threads of the network.
             class_names: Classes that the network has to detect, in this order; else those of the file.
             nms: Score threshold and suppression.
 
         Raises:
-            ModelError: the file does not hold a detector, or one of other pictures or classes.
+            ModelError: the file does not hold a detector, or one of another modality, input or classes.
         """
         file = shipped_model(f"{model}_compact") if isinstance(model, str) else model
         required: dict[str, str] = {"modality": model} if isinstance(model, str) else {}
         if class_names is not None:
             required["classes"] = ",".join(class_names)
         self.model = OnnxModel(file, CONTRACT.with_metadata(required), threads)
-        """The network itself."""
+        """The network."""
         self.modality: Modality = self.model.metadata_choice("modality", MODALITIES)
-        """Which view of the road it is shown."""
+        """Modality of the input."""
         self.filling: MapFilling = self.model.metadata_choice("filling", _FILLINGS)
-        """How the maps that it learned from were made."""
+        """Filling of the maps of its training."""
         self.class_names = tuple(self.metadata["classes"].split(","))
-        """What it detects."""
+        """Classes that it detects."""
         self.size = InputSize(self._pixels("input_height"), self._pixels("input_width"))
-        """Of the pictures that go in; whatever it is shown is stretched to it."""
+        """Input size, to which images are stretched."""
         self._nms = nms
         self._check_input()
         self._check_classes()
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """What the file says of itself."""
+        """Metadata of the model file."""
         return self.model.metadata
 
     def detect(self, image: UInt8) -> Detections:
-        """Return the objects in an (H, W, C) picture of its modality, best first.
-
-        Boxes are within the picture and in its pixels. None overlaps a better one of its class by more
-        than half.
+        """Return the objects in an (H, W, C) image of the modality, best first, in pixels of the image.
 
         Raises:
-            ImageError: the picture has other channels than the modality.
-            ModelError: what comes out of the network is not finite.
+            ImageError: the image has other channels than the modality.
+            ModelError: an output of the network is not finite.
         """
         return self.postprocess(image, self.model({"pictures": self.preprocess(image)}))
 
     def preprocess(self, image: UInt8) -> UInt8:
-        """Return (1, C, h, w) what the network is shown of an (H, W, C) picture.
+        """Return the (1, C, h, w) input of the network for an (H, W, C) image.
 
         Raises:
-            ImageError: the picture has other channels than the modality.
+            ImageError: the image has other channels than the modality.
         """
         channels = CHANNELS[self.modality]
         if image.ndim != 3 or image.shape[2] != channels or not image.size:
             raise ImageError(
-                f"picture for {self.model.name}",
+                f"image for {self.model.name}",
                 expected=f"shape (H, W, {channels}) of modality {self.modality}",
                 found=f"shape {image.shape}",
             )
@@ -109,16 +106,16 @@ class ModalityDetector:
         return np.stack(planes).astype(np.uint8, copy=False)[None]
 
     def postprocess(self, image: UInt8, outputs: Mapping[str, Array]) -> Detections:
-        """Return what the network's answer to an (H, W, C) picture says, as `detect` does."""
-        seen = postprocess_detections(
+        """Return the detections in an (H, W, C) image by the outputs of the network for it."""
+        found = postprocess_detections(
             outputs["boxes_px"][0], outputs["scores"][0], self.class_names, self.size, self._nms
         )
         height, width = image.shape[:2]
-        # To the centres of the outermost pixels, as KITTI's labels are.
+        # To the centres of the outermost pixels, as in KITTI's labels.
         within = np.clip(
-            boxes_in_image(seen.boxes_px, self.size, image), 0, [width - 1, height - 1] * 2
+            boxes_in_image(found.boxes_px, self.size, image), 0, [width - 1, height - 1] * 2
         )
-        return replace(seen, boxes_px=within)
+        return replace(found, boxes_px=within)
 
     def _pixels(self, key: str) -> int:
         value = self.metadata[key]
@@ -132,7 +129,7 @@ class ModalityDetector:
         if not required.accepts(found):
             raise ModelError(
                 self.model.name,
-                expected=f"pictures {required}, as it says that it is of {self.modality}",
+                expected=f"input {required} for modality {self.modality}",
                 found=str(found),
             )
 

@@ -1,11 +1,11 @@
-"""Three detectors look at one frame: the camera's image, the depth map and the reflectance map (6.2).
+"""Detection in one frame by up to three networks: camera image, depth map and reflectance map (6.2).
 
     core 1   image -- rgb ------------------+-- dm --+
                                             |        +-- fusion --> vehicles
     core 2   scan -- maps ------------------+-- rm --+
 
-The camera's image waits for no map, so that its network runs while the maps are made. A network on one
-thread leaves the other core to another network: measured, this is faster than each on both cores in turn.
+The image detector does not wait for the maps: its network runs while they are made. Networks with one thread each
+run side by side, which is faster than one after the other with two threads (measured).
 """
 
 import threading
@@ -43,11 +43,11 @@ from perception.types import (
     UInt8,
 )
 
-Made = TypeVar("Made")
+Value = TypeVar("Value")
 
 
 class DetectionFusion(Protocol):
-    """Makes one list of what several detectors saw."""
+    """Fuses the detections of several modalities."""
 
     def fuse(
         self,
@@ -56,34 +56,41 @@ class DetectionFusion(Protocol):
         dense: DenseMaps | None = None,
         camera: Calibration | None = None,
     ) -> FusedDetections:
-        """Return the objects, best first, of an image of (width, height)."""
+        """Return the fused detections, best first.
+
+        Args:
+            modality_detections: Detections by modality.
+            size_px: (width, height) of the image.
+            dense: Dense maps of the frame.
+            camera: Calibration of the camera.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class MultimodalOutput:
-    """What the detectors make of one frame.
+    """Detections in one frame.
 
     Attributes:
-        modality_detections: what each saw by itself; one that had nothing to look at has no entry.
-        fused: what they say together.
-        dense: the maps that were looked at, None where none was.
-        pictures: (H, W) of each map that a detector looked at, 0 where nothing is known.
-        timings_s: of each part. Parts overlap in time: all of them took less than their sum.
-        spans: when each detector looked and the fusion worked, since all began; of no worker what the
-            caller's thread did.
+        modality_detections: Detections by modality; a detector that had no input has no entry.
+        fused: Fused detections.
+        dense: Dense maps that were used, or None.
+        map_images: (H, W) map image of each modality that was used, 0 where unknown.
+        timings_s: Times of the parts in seconds; they overlap, so that their sum exceeds the total.
+        spans: Times of the detectors and of the fusion in seconds since the start; the fusion runs in the
+            caller's thread and names no worker.
     """
 
     modality_detections: ModalityDetections
     fused: FusedDetections
     dense: DenseMaps | None
-    pictures: Mapping[Modality, UInt8]
+    map_images: Mapping[Modality, UInt8]
     timings_s: Mapping[str, float]
     spans: tuple[StageSpan, ...]
 
 
 class MultimodalDetector:
-    """The vehicle detector of 6.2: camera and LiDAR, any of the three modalities."""
+    """The vehicle detector of section 6.2: camera and LiDAR, with any of the three modalities."""
 
     def __init__(
         self,
@@ -91,75 +98,67 @@ class MultimodalDetector:
         fusion: DetectionFusion | None = None,
         workers: int = 2,
     ) -> None:
-        """Put detectors together.
+        """Combine detectors.
 
         Args:
-            detectors: one or more; open them with one thread where several work at once.
-            fusion: how their detections become one list; None for the best box of each place.
-            workers: so many detectors work at once.
+            detectors: Detectors by modality, with one thread each where several run at once.
+            fusion: Fusion of their detections; else non-maximum suppression.
+            workers: Number of detectors that run at once.
 
         Raises:
-            ModelError: one is of another modality, or they detect other classes.
-            UsageError: there is none.
+            ModelError: a detector has another modality than its key, or detectors differ in their classes.
+            UsageError: there is no detector.
         """
-        _require_alike(detectors)
+        _validate(detectors)
         self.detectors = dict(detectors)
-        """By modality."""
+        """Detectors by modality."""
         self._fusion: DetectionFusion = fusion or NmsFusion()
         if isinstance(fusion, Fusion):
             warn_of_detector_mismatch(fusion, detectors)
         self._workers = ThreadPoolExecutor(workers, thread_name_prefix="detectors")
 
     def detect(self, frame: Frame, dense: DenseMaps | None = None) -> MultimodalOutput:
-        """Detect in one frame; one without an image is seen by the LiDAR's detectors alone.
+        """Detect in one frame; without an image, the map detectors run alone.
 
         Args:
-            frame: a scan and a camera, and an image where there is one.
-            dense: its maps where they are made already, filled as by `densify`'s default.
+            frame: Scan and camera, with an image where there is one.
+            dense: Dense maps of the frame by the default filling, where they exist already.
 
         Raises:
-            CalibrationError: maps are wanted, and there is no camera to project the scan to.
-            ImageError: an image is wanted by the only detector, and there is none.
-            ModelError: a network yields numbers that are not finite.
+            CalibrationError: a detector needs maps, and the frame has no camera to project the scan to.
+            ImageError: the only detector needs an image, and the frame has none.
+            ModelError: an output of a network is not finite.
         """
-        frame_start_s = time.perf_counter()
-        running: dict[Modality, Future[_Timed[_ModalOutput]]] = {}
+        start_s = time.perf_counter()
+        running: dict[Modality, Future[_Timed[_ModalityOutput]]] = {}
         if self._uses_image(frame):
             running["rgb"] = self._start("rgb", lambda: camera_image(frame))
-        maps = _timed(lambda: self._make_maps(frame, dense))
+        maps = _time(lambda: self._make_maps(frame, dense))
         for modality in MAP_MODALITIES:
             if modality in self.detectors:
-                running[modality] = self._start(
-                    modality, partial(self._map_image, modality, maps.made)
-                )
-        seen = {name: running[name].result() for name in MODALITIES if name in running}
-        modality_detections = {name: one.made.seen for name, one in seen.items()}
-        shown = next(iter(maps.made.values()), dense)
-        fused = _timed(
-            lambda: self._fusion.fuse(
-                modality_detections, _size_px(frame), shown, frame.calibration
-            )
+                image = partial(self._map_image, modality, maps.value)
+                running[modality] = self._start(modality, image)
+        outputs = {name: running[name].result() for name in MODALITIES if name in running}
+        detections = {name: one.value.detections for name, one in outputs.items()}
+        used = next(iter(maps.value.values()), dense)
+        fused = _time(
+            lambda: self._fusion.fuse(detections, _size_px(frame), used, frame.calibration)
         )
         timings_s = {"maps": maps.seconds, "fusion": fused.seconds}
-        timings_s |= {str(name): one.seconds for name, one in seen.items()}
-        return MultimodalOutput(
-            modality_detections,
-            fused.made,
-            shown,
-            {name: seen[name].made.image[..., 0] for name in MAP_MODALITIES if name in seen},
-            timings_s,
-            (
-                *(one.span(f"{name} detector", frame_start_s) for name, one in seen.items()),
-                replace(fused.span("fusion", frame_start_s), worker=""),
-            ),
-        )
+        timings_s |= {str(name): one.seconds for name, one in outputs.items()}
+        images: dict[Modality, UInt8] = {
+            name: outputs[name].value.image[..., 0] for name in MAP_MODALITIES if name in outputs
+        }
+        spans = [one.span(f"{name} detector", start_s) for name, one in outputs.items()]
+        spans.append(replace(fused.span("fusion", start_s), worker=""))
+        return MultimodalOutput(detections, fused.value, used, images, timings_s, tuple(spans))
 
     def _uses_image(self, frame: Frame) -> bool:
         is_alone = len(self.detectors) == 1
         return "rgb" in self.detectors and (frame.image is not None or is_alone)
 
     def _make_maps(self, frame: Frame, dense: DenseMaps | None) -> dict[MapFilling, DenseMaps]:
-        """Make the maps of every way of filling that a detector asks for."""
+        """Return the dense maps by each filling that a detector needs."""
         required = {
             self.detectors[name].filling for name in MAP_MODALITIES if name in self.detectors
         }
@@ -175,58 +174,56 @@ class MultimodalDetector:
         return map_image(maps[self.detectors[modality].filling], modality)
 
     def _start(
-        self, modality: Modality, image: Callable[[], UInt8]
-    ) -> "Future[_Timed[_ModalOutput]]":
-        """Let a detector look at a picture, which is made by whoever does this, too."""
+        self, modality: Modality, make_image: Callable[[], UInt8]
+    ) -> "Future[_Timed[_ModalityOutput]]":
+        """Let a worker make the input image and detect in it."""
 
-        def detect() -> _ModalOutput:
-            shown = image()
-            return _ModalOutput(shown, self.detectors[modality].detect(shown))
+        def detect() -> _ModalityOutput:
+            image = make_image()
+            return _ModalityOutput(image, self.detectors[modality].detect(image))
 
-        return self._workers.submit(_timed, detect)
+        return self._workers.submit(_time, detect)
 
 
-class _ModalOutput(NamedTuple):
-    """What a detector was shown, and what it saw."""
+class _ModalityOutput(NamedTuple):
+    """Input image and detections of one detector."""
 
     image: UInt8
-    seen: Detections
+    detections: Detections
 
 
-class _Timed(NamedTuple, Generic[Made]):
-    """What was made, by which thread, and when, by `time.perf_counter`."""
+class _Timed(NamedTuple, Generic[Value]):
+    """A value with the thread that made it, and start and stop by `time.perf_counter`."""
 
-    made: Made
+    value: Value
     worker: str
     start_s: float
     stop_s: float
 
     @property
     def seconds(self) -> float:
-        """How long it took."""
+        """Elapsed time."""
         return self.stop_s - self.start_s
 
-    def span(self, stage: str, frame_start_s: float) -> StageSpan:
-        """Return when it was made, since all began."""
-        return StageSpan(
-            stage, self.worker, self.start_s - frame_start_s, self.stop_s - frame_start_s
-        )
+    def span(self, stage: str, origin_s: float) -> StageSpan:
+        """Return the time span relative to an origin."""
+        return StageSpan(stage, self.worker, self.start_s - origin_s, self.stop_s - origin_s)
 
 
-def _timed(make: Callable[[], Made]) -> _Timed[Made]:
+def _time(make: Callable[[], Value]) -> _Timed[Value]:
     start_s = time.perf_counter()
-    made = make()
-    return _Timed(made, threading.current_thread().name, start_s, time.perf_counter())
+    value = make()
+    return _Timed(value, threading.current_thread().name, start_s, time.perf_counter())
 
 
 def _size_px(frame: Frame) -> tuple[int, int]:
-    """Return (width, height) of the image, there or not."""
+    """Return the (width, height) of the image, also where the frame has none."""
     if frame.image is not None:
         return frame.image.shape[1], frame.image.shape[0]
     return camera_of(frame)[1]
 
 
-def _require_alike(detectors: Mapping[Modality, ModalityDetector]) -> None:
+def _validate(detectors: Mapping[Modality, ModalityDetector]) -> None:
     if not detectors:
         raise UsageError("detectors", expected=f"one of {', '.join(MODALITIES)}", found="none")
     first = next(iter(detectors.values()))

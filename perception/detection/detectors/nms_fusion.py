@@ -1,4 +1,4 @@
-"""What three detectors say together while nothing weighs them: the best box of each place."""
+"""Fusion without a network: non-maximum suppression over the detections of all modalities."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from perception.types import (
 
 
 class NmsFusion:
-    """All detections as one list, of which overlapping ones leave only the best."""
+    """Non-maximum suppression over the detections of all modalities; implements `DetectionFusion`."""
 
     def __init__(self, max_iou: float = NmsConfig.max_iou) -> None:
         """Set the overlap (IoU) above which two boxes show the same object."""
@@ -30,25 +30,25 @@ class NmsFusion:
         dense: DenseMaps | None = None,
         camera: Calibration | None = None,
     ) -> FusedDetections:
-        """Return the best of each place; its parts are what the other detectors say of the same place.
+        """Return the kept detections, best first, each with the detections of the other modalities that it suppresses.
 
         Args:
-            modality_detections: what each detector saw.
-            size_px: width and height of the image, which makes no difference here.
-            dense: neither do the maps.
-            camera: nor does it.
+            modality_detections: Detections by modality.
+            size_px: (width, height) of the image; not used.
+            dense: Dense maps of the frame; not used.
+            camera: Calibration of the camera; not used.
         """
         by_column = [
             modality_detections.get(modality, Detections.empty()) for modality in MODALITIES
         ]
         counts = [len(found) for found in by_column]
-        together = Detections(
+        merged = Detections(
             np.concatenate([found.boxes_px for found in by_column]),
             np.concatenate([found.scores for found in by_column]),
             np.concatenate([found.types for found in by_column]),
         )
-        kept = suppress(together, self._max_iou)
-        best = together[kept]
+        kept = suppress(merged, self._max_iou)
+        best = merged[kept]
         source_indices = np.stack(
             [_nearest_rows(best, found, self._max_iou) for found in by_column], axis=1
         )
@@ -57,9 +57,9 @@ class NmsFusion:
 
 
 def _nearest_rows(best: Detections, found: Detections, max_iou: float) -> Int:
-    """Return (M,) for each of M objects which detection of a modality shows it best, or -1."""
+    """Return the (M,) row of the detection with the largest overlap with each of M best ones, or -1."""
     if not len(found):
         return np.full(len(best), -1)
     overlap = iou_px(best.boxes_px, found.boxes_px) * (best.types[:, None] == found.types)
-    nearest = overlap.argmax(axis=1)
-    return np.where(overlap.max(axis=1) > max_iou, nearest, -1)
+    largest = overlap.argmax(axis=1)
+    return np.where(overlap.max(axis=1) > max_iou, largest, -1)

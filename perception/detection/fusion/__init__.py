@@ -1,1 +1,1 @@
-"""Detections of the camera's image, the depth map and the reflectance map become one (6.2.4)."""
+"""Fusion of the detections in camera image, depth map and reflectance map (6.2.4)."""

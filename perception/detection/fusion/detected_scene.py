@@ -1,4 +1,4 @@
-"""What the detectors of one frame saw, put side by side: the boxes of all modalities, and how far they are."""
+"""Detections of all modalities in one frame, with the depths of their boxes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,23 +17,23 @@ from perception.types import (
     ModalityDetections,
 )
 
-_SAMPLES_PER_EDGE = 10  # places along each edge of a box at which its depth is read
-# Where nobody says: what a camera that looks ahead from a car mostly spans from side to side.
+_SAMPLES_PER_EDGE = 10  # depth samples along each edge of a box
+# Horizontal field of view of a usual car camera, where the calibration is unknown.
 _USUAL_SPAN_RAD = np.deg2rad(80)
-_NEAR = 0.1  # quantile of the depths that is taken for the near side
+_NEAR = 0.1  # quantile of the depths that stands for the near side
 
-# For each modality (M, 2) depths of the near side and of the middle of its boxes, NaN where unknown.
+# (M, 2) depths of the near side and of the middle of the boxes of each modality, NaN where unknown.
 BoxDepths = Mapping[Modality, Float64]
 
 
 @dataclass(frozen=True)
 class MergedDetections:
-    """The M boxes of all modalities in the order of `MODALITIES`.
+    """M boxes of all modalities in the order of `MODALITIES`.
 
     Attributes:
-        detections: (M)
-        columns: (M,) of `MODALITIES`.
-        starts: (3,) of the first box of each modality; a box is at its start + its row there.
+        detections: (M) detections of all modalities.
+        columns: (M,) index in `MODALITIES` of the modality of each box.
+        starts: (3,) index of the first box of each modality; a box is at its start plus its row there.
     """
 
     detections: Detections
@@ -41,19 +41,19 @@ class MergedDetections:
     starts: Int
 
     def places(self, tri_boxes: Int) -> Int:
-        """Return (T, 3) where the boxes of (T, 3) combinations are among the M, -1 where there is none."""
+        """Return the (T, 3) indices of the boxes of (T, 3) combinations among the M, -1 where there is none."""
         return np.where(tri_boxes >= 0, tri_boxes + self.starts, -1)
 
 
 @dataclass(frozen=True)
 class DetectedScene:
-    """What the detectors saw in one frame.
+    """Detections in one frame.
 
     Attributes:
-        modality_detections: detections by modality; of a detector that did not look there is no entry.
-        size_px: width and height of the picture.
-        depths_m: of the boxes of each modality; empty where there is no depth map.
-        known_focal_px: focal length of the camera, down; None where nobody says.
+        modality_detections: Detections by modality; a detector that did not run has no entry.
+        size_px: (width, height) of the image.
+        depths_m: Depths of the boxes by modality in metres; empty without a depth map.
+        known_focal_px: Vertical focal length of the camera in pixels, or None where unknown.
     """
 
     modality_detections: ModalityDetections
@@ -63,13 +63,13 @@ class DetectedScene:
 
     @property
     def focal_px(self) -> float:
-        """Focal length of the camera, or of a usual one."""
+        """Focal length of the camera in pixels, or that of a usual camera."""
         usual_px = self.size_px[0] / 2 / float(np.tan(_USUAL_SPAN_RAD / 2))
         return self.known_focal_px or usual_px
 
     @cached_property
     def merged(self) -> MergedDetections:
-        """All boxes, with the scores that their detectors gave them."""
+        """All boxes, with the scores of their detectors."""
         parts = [
             self.modality_detections.get(modality, Detections.empty()) for modality in MODALITIES
         ]
@@ -86,7 +86,7 @@ class DetectedScene:
 
     @cached_property
     def merged_depths_m(self) -> Float64:
-        """(M, 2) near side and middle of all boxes, NaN where unknown."""
+        """(M, 2) depths of near side and middle of all boxes in metres, NaN where unknown."""
         return np.concatenate(
             [
                 self.depths_m.get(
@@ -97,7 +97,7 @@ class DetectedScene:
         )
 
     def without(self, *lost: Modality) -> "DetectedScene":
-        """Return what is left where modalities are lost; without both maps, nothing is known of depth."""
+        """Return the scene without some modalities; without both maps, depths are unknown."""
         modality_detections = {
             name: found for name, found in self.modality_detections.items() if name not in lost
         }
@@ -113,13 +113,13 @@ def scene_of(
     dense: DenseMaps | None = None,
     camera: Calibration | None = None,
 ) -> DetectedScene:
-    """Return a frame's detections with the depths of their boxes.
+    """Return the detections of a frame with the depths of their boxes.
 
     Args:
-        modality_detections: detections by modality.
-        size_px: width and height of the picture.
-        dense: maps of the same frame; without, distances are not known.
-        camera: that took it; without, a usual one is assumed.
+        modality_detections: Detections by modality.
+        size_px: (width, height) of the image.
+        dense: Dense maps of the frame; without them, depths are unknown.
+        camera: Calibration of the camera; without it, a usual camera is assumed.
     """
     depths_m: BoxDepths = {}
     if dense is not None:
@@ -131,16 +131,17 @@ def scene_of(
 
 
 def box_depths_m(boxes_px: Float64, dense: DenseMaps) -> Float64:
-    """Return (M, 2) the near side and the middle of what is known of depth in (M, 4) boxes, else NaN.
+    """Return the (M, 2) depths of near side and middle of (M, 4) boxes in metres, NaN where unknown.
 
-    Read at a lattice of places, as many in each box: enough for a quantile, and as fast for large boxes.
+    Depths are sampled on a grid with the same number of samples in each box, so that large boxes are as fast as
+    small ones.
     """
     height, width = dense.depth_m.shape
     shares = (np.arange(_SAMPLES_PER_EDGE) + 0.5) / _SAMPLES_PER_EDGE
     corners, sizes = boxes_px[:, :2, None], (boxes_px[:, 2:] - boxes_px[:, :2])[:, :, None]
-    places = (corners + sizes * shares).astype(np.int64)
-    columns = np.clip(places[:, 0], 0, width - 1)
-    rows = np.clip(places[:, 1], 0, height - 1)
+    samples = (corners + sizes * shares).astype(np.int64)
+    columns = np.clip(samples[:, 0], 0, width - 1)
+    rows = np.clip(samples[:, 1], 0, height - 1)
     depth_m = dense.depth_m[rows[:, :, None], columns[:, None, :]].reshape(-1, _SAMPLES_PER_EDGE**2)
     known = (depth_m > 0).sum(axis=1)
     ordered = np.sort(np.where(depth_m > 0, depth_m, np.inf), axis=1)

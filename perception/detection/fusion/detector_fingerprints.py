@@ -1,4 +1,4 @@
-"""Which detectors a fusion was fitted to: another's scores mean something else."""
+"""Detectors that a fusion was trained with: scores of other detectors mean something else."""
 
 import logging
 from collections.abc import Mapping
@@ -11,30 +11,30 @@ log = logging.getLogger(__name__)
 
 
 class FittedModel(Protocol):
-    """What a model file says of itself."""
+    """A model with a name and metadata."""
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """Name of the model file."""
         ...
 
     @property
     def metadata(self) -> Mapping[str, str]:
-        """By name."""
+        """Metadata of the model file."""
         ...
 
 
 def detector_fingerprints(detectors: Mapping[Modality, ModalityDetector]) -> str:
-    """Return what a fusion's file says of the detectors that it is fitted to: rgb 0f3a..., dm ..."""
+    """Return the fingerprints of detectors as in the metadata of a fusion: `rgb 0f3a..., dm ...`."""
     return ", ".join(f"{name} {one.model.fingerprint}" for name, one in sorted(detectors.items()))
 
 
 def warn_of_detector_mismatch(
     fusion: FittedModel, detectors: Mapping[Modality, ModalityDetector]
 ) -> None:
-    """Say so, once, where detectors are not those that a fusion was fitted to.
+    """Log a warning where detectors are not those that a fusion was trained with.
 
-    It is no error, since detectors are trained further; a file that does not say is taken as it is.
+    It is no error, since detectors may have been trained further. A file without fingerprints causes no warning.
     """
     known = dict(
         word.split(" ", 1)
@@ -48,7 +48,7 @@ def warn_of_detector_mismatch(
     ]
     if others:
         log.warning(
-            "%s was fitted to other detectors than %s: its scores may be off; fit it anew with "
+            "%s was trained with other detectors than %s: its scores may be wrong; retrain it with "
             "`trifuse train fusion`",
             fusion.name,
             " and ".join(others),

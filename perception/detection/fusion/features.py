@@ -1,15 +1,15 @@
-"""What the network of the fusion is told of each combination of boxes (6.4).
+"""Features of a combination of boxes, the input of the fusion network (6.4).
 
-23 numbers as printed, C = rgb, D = dm, R = rm:
+The thesis' 23 features, with C = rgb, D = dm, R = rm:
 
     0..2    sC sD sR                        scores
-    3..14   wC hC xC yC  wD hD xD yD  ...   size and centre, in shares of the picture
-    15..18  μx μy σx σy                     mean and deviation of the centres of the boxes that are there
-    19..22  w h x y                         of the smallest box around them
+    3..14   wC hC xC yC  wD hD xD yD  ...   size and centre, in shares of the image
+    15..18  μx μy σx σy                     mean and deviation of the centres of the existing boxes
+    19..22  w h x y                         smallest box around them
 
-A box that is not there has zeros. The default has no number that says where in the picture a box is: what is
-learned of the one road does not hold for others. To the scores it adds distances and the heights that they make of
-boxes, which are the same to cameras of every field of view, overlaps, and what is missing.
+A missing box has zeros. The default features do not contain positions in the image, which do not transfer from one
+road to another. They add to the scores depths, metric heights of the boxes (the same for cameras of every field of
+view), overlaps, and flags of missing boxes and detectors.
 """
 
 from collections.abc import Mapping
@@ -45,10 +45,10 @@ FEATURES: Mapping[FusionVariant, tuple[str, ...]] = {
 
 
 def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: FusionVariant) -> Float64:
-    """Return (T, F) the features of (T, 3) combinations, in the order of `FEATURES`."""
+    """Return the (T, F) features of (T, 3) combinations, in the order of `FEATURES`."""
     found = scene.merged.detections
-    # Feature by feature, (F, T) until the end: numpy is fast along the many, not along three. The place of
-    # what is not there is -1, the last, where every table below has a row for it.
+    # (F, T) until the end: numpy is fast along the long axis. A missing box has index -1, the last row of each
+    # table below.
     places = scene.merged.places(tri_boxes).T.copy()
     scores: Float64 = np.append(found.scores, 0.0)[places]
     if variant == "scores":
@@ -59,12 +59,12 @@ def tri_box_features(scene: DetectedScene, tri_boxes: Int, variant: FusionVarian
 
 
 def _layout(boxes: Float64, places: Int) -> list[Float64]:
-    """Return the rows after the scores, of (M, 4) boxes in shares of the picture and their (3, T) places."""
+    """Return the features after the scores, from (M, 4) boxes in shares of the image and their (3, T) indices."""
     is_observed = places >= 0
     shapes = np.hstack([_size_and_center(boxes.T), np.zeros((4, 1))])[:, places]
     centers, counts = shapes[2:], np.maximum(is_observed.sum(axis=0), 1)
     mean = centers.sum(axis=1) / counts
-    # Of the population: of one box it is 0, not unknown.
+    # Population deviation: 0 for one box, not unknown.
     squares = np.where(is_observed, (centers - mean[:, None]) ** 2, 0.0).sum(axis=1)
     edges = np.vstack([boxes, [np.inf, np.inf, -np.inf, -np.inf]]).T[:, places]
     around = _size_and_center(np.vstack([edges[:2].min(axis=1), edges[2:].max(axis=1)]))
@@ -77,22 +77,22 @@ def _layout(boxes: Float64, places: Int) -> list[Float64]:
 
 
 def _size_and_center(edges: Float64) -> Float64:
-    """Return (4, N) width, height and centre of (4, N) x1 y1 x2 y2."""
+    """Return the (4, N) width, height and centre of (4, N) edges x1 y1 x2 y2."""
     first, last = edges[:2], edges[2:]
     return np.concatenate([last - first, (first + last) / 2])
 
 
 def _added(scene: DetectedScene, places: Int) -> list[Float64]:
-    """Return the rows beyond the printed ones; logarithms, as near and far differ by factors."""
+    """Return the default's added features; in logarithms, since depths differ by factors."""
     boxes_px, is_observed = scene.merged.detections.boxes_px, places >= 0
     depths_m = scene.merged_depths_m
     size_px = np.maximum(boxes_px[:, 2:] - boxes_px[:, :2], 1.0)
-    # How high it is at its distance: what is no car is too high or low.
+    # Metric height of the box at its depth, which separates cars from higher and lower objects.
     heights_m = depths_m[:, 1] * size_px[:, 1] / scene.focal_px
     known = np.nan_to_num(np.log1p([*depths_m.T, heights_m]))
     of_boxes = np.vstack([known, np.log(size_px[:, 0] / size_px[:, 1])])
     each = np.hstack([of_boxes, np.zeros((4, 1))])[:, places].reshape(4 * len(MODALITIES), -1)
-    # What is not there has no area, and so no overlap.
+    # A missing box has no area, and so no overlap.
     corners_px = np.vstack([boxes_px, np.zeros(4)])[places]
     overlaps = [paired_iou_px(corners_px[a], corners_px[b]) for a, b in _PAIRS]
     looked = [float(name in scene.modality_detections) for name in MODALITIES]

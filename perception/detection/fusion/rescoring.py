@@ -1,7 +1,7 @@
-"""Joint rescoring: what the modalities say together of each box, and one detection for each object (6.2.4).
+"""Joint rescoring of the boxes of all modalities, and one detection for each object (6.2.4).
 
-boxes of three detectors - tri-boxes - features - network - three scores a tri-box
-                         - mean of each box's scores - the best box of each neighbourhood
+boxes of three detectors -- tri-boxes -- features -- network -- three scores for each tri-box
+                         -- mean of the scores of each box -- NMS -- score calibration
 """
 
 from dataclasses import dataclass, replace
@@ -37,18 +37,18 @@ CONTRACT = ModelContract(
     inputs={"features": ModelInput(np.float32, (None, None))},
     outputs=("scores",),
 )
-_MIN_ERROR = 0.02  # of a box, 1 - IoU: labels themselves are no better
+_MIN_ERROR = 0.02  # smallest error of a box, 1 - IoU; labels are no better
 
 
 @dataclass(frozen=True)
 class RescoredBoxes:
-    """M boxes of all modalities with their new scores, and the T combinations that these come from.
+    """M boxes of all modalities with their new scores, and the T combinations behind these.
 
     Attributes:
-        detections: (M) in the order of `DetectedScene.merged`.
-        tri_boxes: (T, 3)
-        tri_scores: (T, 3) expected IoU of each box with the object; of no meaning where there is no box.
-        best: (M,) for each box the combination in which it scores best.
+        detections: (M) boxes in the order of `DetectedScene.merged`.
+        tri_boxes: (T, 3) rows of the combined boxes in the detections of each modality, -1 for none.
+        tri_scores: (T, 3) expected IoU of each box with the object; undefined where there is no box.
+        best: (M,) combination with the highest score of each box.
     """
 
     detections: Detections
@@ -58,7 +58,7 @@ class RescoredBoxes:
 
 
 class Fusion:
-    """Rescores and joins the detections of three modalities, or of those that there are."""
+    """Fusion network: rescores the detections of up to three modalities and joins them; implements `DetectionFusion`."""
 
     def __init__(
         self,
@@ -75,21 +75,21 @@ class Fusion:
             tri_boxes: Combinations of boxes; else those that the variant was trained with.
 
         Raises:
-            ModelError: the file does not hold a network that rescores combinations of boxes.
+            ModelError: the file does not hold a fusion network.
         """
         file = shipped_model(f"{KIND}_{model}") if isinstance(model, str) else model
-        # One thread: it takes less time than waking another.
+        # One thread: the network is faster than waking a second one.
         self._model = OnnxModel(file, CONTRACT, threads=1)
         self.name = self._model.name
-        """Of the file."""
+        """Name of the model file."""
         self.metadata = self._model.metadata
-        """What the file says of itself."""
+        """Metadata of the model file."""
         self.variant: FusionVariant = _variant(self._model)
-        """What the network is told of a combination."""
+        """Features of a combination that the network takes."""
         self._max_iou = max_iou
         self._tri_boxes = tri_boxes or TRI_BOX_CONFIGS[self.variant]
         self.calibrations = _calibrations(self._model)
-        """From scores to probabilities."""
+        """Calibration from scores to probabilities."""
 
     def fuse(
         self,
@@ -98,28 +98,28 @@ class Fusion:
         dense: DenseMaps | None = None,
         camera: CameraCalibration | None = None,
     ) -> FusedDetections:
-        """Return what the detectors say together, best first.
+        """Return the fused detections, best first.
 
         Args:
-            modality_detections: detections by modality; any may be missing.
-            size_px: width and height of the picture.
-            dense: maps of the same frame, for distances; the thesis' variants do without.
-            camera: that took it, for angles; the thesis' variants do without.
+            modality_detections: Detections by modality; any modality may be missing.
+            size_px: (width, height) of the image.
+            dense: Dense maps of the frame, for depths; not used by the thesis' variants.
+            camera: Calibration of the camera, for metric heights; not used by the thesis' variants.
         """
         needed = dense if self.variant == "default" else None
         return self.fuse_scene(scene_of(modality_detections, size_px, needed, camera))
 
     def fuse_scene(self, scene: DetectedScene) -> FusedDetections:
-        """Return what the detectors of a scene say together, best first."""
+        """Return the fused detections of a scene, best first."""
         if not len(scene.merged.detections):
             return FusedDetections.empty()
         return self.join(scene, self.rescore(scene))
 
     def rescore(self, scene: DetectedScene) -> RescoredBoxes:
-        """Give each box of each modality the mean of what all its combinations say of it.
+        """Return the boxes with the mean of their scores in all combinations.
 
         Args:
-            scene: with at least one box.
+            scene: Detections of one frame, at least one box.
         """
         merged = scene.merged
         rows = tri_boxes(scene, self._tri_boxes)
@@ -135,7 +135,7 @@ class Fusion:
         )
 
     def join(self, scene: DetectedScene, rescored: RescoredBoxes) -> FusedDetections:
-        """Keep the best box of each neighbourhood, with what it was made of."""
+        """Return the boxes that suppression keeps, with the combination of each."""
         kept = suppress(rescored.detections, self._max_iou)
         rows = rescored.best[kept]
         source_indices = rescored.tri_boxes[rows]
@@ -155,32 +155,32 @@ class Fusion:
         )
 
     def _tri_scores(self, scene: DetectedScene, rows: Int) -> Float64:
-        """Return (T, 3) what is said of the boxes of (T, 3) combinations."""
+        """Return the (T, 3) scores of the boxes of (T, 3) combinations."""
         if self.variant == "default" and len(scene.modality_detections) == 1:
-            # Nobody is there to judge it by, and nobody knows its order better than itself.
+            # There is nothing to rescore by: the scores of a single modality keep their order.
             places = scene.merged.places(rows)
             return np.asarray(np.append(scene.merged.detections.scores, 0.0)[places])
         return self.expected_ious(tri_box_features(scene, rows, self.variant))
 
     def expected_ious(self, features: Float64) -> Float64:
-        """Return (T, 3) what overlap with the object the boxes of (T, F) combinations are expected to have."""
+        """Return the (T, 3) expected IoU of each box with the object, from (T, F) features."""
         outputs = self._model({"features": features.astype(np.float32)})
         return outputs["scores"].astype(np.float64)
 
 
 def _best_rows(places: Int, scores: Float64, count: int) -> Int:
-    """Return (M,) the row of (T, 3) combinations in which each box scores best, the first of equals.
+    """Return the (M,) row of the combination with the highest score of each box, the first of equals.
 
     Args:
-        places: (3T,) of boxes among the M, -1 where there is none.
-        scores: (3T,)
-        count: M, each of which is somewhere.
+        places: (3T,) index of each box of the combinations among the M, -1 where there is none.
+        scores: (3T,) score of each box of the combinations.
+        count: Number of boxes, M, each of which is in a combination.
     """
-    peaks = np.full(count + 1, -np.inf)  # the last is of what is not there
+    peaks = np.full(count + 1, -np.inf)  # the last entry is of missing boxes
     np.maximum.at(peaks, places, scores)
     at_peak = np.flatnonzero(scores == peaks[places])
     best = np.empty(count + 1, np.int64)
-    best[places[at_peak[::-1]]] = at_peak[::-1] // len(MODALITIES)  # what is written last stays
+    best[places[at_peak[::-1]]] = at_peak[::-1] // len(MODALITIES)  # the last assignment stays
     return best[:count]
 
 
@@ -206,20 +206,20 @@ def _weighted_mean(boxes_px: Float64, is_same: Bool, ious: Float64) -> Float64:
 
 
 def _variant(model: OnnxModel) -> FusionVariant:
-    """Return what the file says that it is told, if that is what we can tell it."""
-    value, taken = model.metadata["variant"], model.inputs["features"].shape[1]
+    """Return the variant of the file's features; a ModelError where its features are not known."""
+    stated, input_count = model.metadata["variant"], model.inputs["features"].shape[1]
     for variant, names in FEATURES.items():
         if (
-            variant == value
+            variant == stated
             and ",".join(names) == model.metadata["features"]
-            and taken == len(names)
+            and input_count == len(names)
         ):
             return variant
     raise ModelError(
         model.name,
         expected=f"a variant {', '.join(FEATURES)} with its features in their order",
-        found=f"{value} with {taken} inputs",
-        advice="train it anew with `trifuse train fusion`",
+        found=f"{stated} with {input_count} inputs",
+        advice="retrain it with `trifuse train fusion`",
     )
 
 

@@ -1,4 +1,4 @@
-"""Scores that are probabilities: a rising curve from what a network says to how often it is right.
+"""Score calibration: an increasing curve from the score of a network to the probability that it is correct.
 
 M. Kull, T. Silva Filho, P. Flach, "Beta calibration", AISTATS 2017: the logit of the probability is
 a ln s - b ln (1 - s) + c. With a = b = 1 and c = 0, scores stay as they are.
@@ -12,36 +12,44 @@ import numpy as np
 from perception.errors import UsageError
 from perception.types import MODALITIES, Float64, Modality
 
-_EDGE = 1e-6  # scores are kept so far from 0 and 1, where logarithms end
+_EDGE = 1e-6  # minimum distance of scores from 0 and 1
 
 
 @dataclass(frozen=True)
 class BetaCalibration:
-    """A curve that keeps the order of the scores: a and b are not below 0."""
+    """A curve that keeps the order of the scores.
+
+    Attributes:
+        a: Slope over the logarithm of the score, at least 0.
+        b: Slope over the negative logarithm of one minus the score, at least 0.
+        c: Offset of the logit.
+    """
 
     a: float = 1.0
     b: float = 1.0
     c: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a curve that falls."""
+        """Validate that the curve increases."""
         if not (self.a >= 0 and self.b >= 0 and self.a + self.b > 0 and np.isfinite(self.c)):
             raise UsageError(
-                "calibration", expected="a and b from 0 on, not both 0", found=f"{self}"
+                "calibration",
+                expected="a and b of at least 0, not both 0, and a finite c",
+                found=f"{self}",
             )
 
     def __str__(self) -> str:
-        """Write it as in a model file."""
+        """Return the curve as text, as in a model file."""
         return f"{self.a!r},{self.b!r},{self.c!r}"
 
     @classmethod
     def parse(cls, text: str) -> "BetaCalibration":
-        """Read what a model file says; ValueError where it is no curve."""
+        """Return the curve of a text; ValueError where it is none."""
         a, b, c = map(float, text.split(","))
         return cls(a, b, c)
 
     def probabilities(self, scores: Float64) -> Float64:
-        """Return (M,) how likely detections with (M,) scores are right."""
+        """Return the (M,) probabilities that detections with (M,) scores are correct."""
         log_score, log_complement = score_logs(scores)
         return np.asarray(
             1 / (1 + np.exp(-(self.a * log_score + self.b * log_complement + self.c)))
@@ -50,23 +58,23 @@ class BetaCalibration:
 
 @dataclass(frozen=True)
 class FusionCalibration:
-    """The curves of a fusion.
+    """Calibration curves of a fusion.
 
     Attributes:
-        joint: of what it says of several views together.
-        alone: of the scores of each view that has no other beside it.
+        joint: Curve of the fused scores of several modalities.
+        alone: Curve of the scores of each modality without others.
     """
 
     joint: BetaCalibration = BetaCalibration()
     alone: Mapping[Modality, BetaCalibration] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Write them as in a model file: 1.0,1.0,0.0 rgb=2.0,1.0,0.5 dm=..."""
+        """Return the curves as text, as in a model file: 1.0,1.0,0.0 rgb=2.0,1.0,0.5 dm=..."""
         return " ".join([str(self.joint), *(f"{name}={one}" for name, one in self.alone.items())])
 
     @classmethod
     def parse(cls, text: str) -> "FusionCalibration":
-        """Read what a model file says; ValueError where it is something else."""
+        """Return the curves of a text; ValueError where it has none."""
         joint, *alone = text.split(" ")
         named = dict(entry.split("=") for entry in alone)
         return cls(
@@ -75,7 +83,7 @@ class FusionCalibration:
         )
 
     def of(self, modalities: Collection[Modality]) -> BetaCalibration:
-        """Return the curve of a frame at which these views looked."""
+        """Return the curve of a frame with detections of these modalities."""
         if len(modalities) != 1:
             return self.joint
         (only,) = modalities
@@ -83,6 +91,6 @@ class FusionCalibration:
 
 
 def score_logs(scores: Float64) -> tuple[Float64, Float64]:
-    """Return (M,) ln s and -ln (1 - s) of scores, kept off the edges."""
+    """Return the (M,) ln s and -ln (1 - s) of scores, clipped away from 0 and 1."""
     inside = np.clip(scores, _EDGE, 1 - _EDGE)
     return np.log(inside), -np.log1p(-inside)

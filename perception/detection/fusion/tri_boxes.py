@@ -1,6 +1,6 @@
-"""Which boxes of the three modalities may show the same object: tri-boxes (6.2.4, Fig. 6.7).
+"""Combinations of boxes of the three modalities that may show the same object: tri-boxes (6.2.4, Fig. 6.7).
 
-rgb 0 overlaps dm 0 and dm 1; no box of the reflectance map is near; rm 0 is alone:
+Example: rgb 0 overlaps dm 0 and dm 1, and no box of the reflectance map; rm 0 overlaps none:
 
     rgb  dm  rm
       0   0  -1
@@ -17,9 +17,13 @@ from perception.types import MODALITIES, Bool, Float64, Int
 
 
 def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["features"]) -> Int:
-    """Return (T, 3) rows in the detections of each of `MODALITIES`, -1 where a modality has no box there.
+    """Return the (T, 3) rows in the detections of each of `MODALITIES`, -1 where a modality has no box.
 
-    Each of the M boxes is in at least one combination. There are at most K² for each, of K partners.
+    Each of the M boxes is in at least one combination, and in at most K² for K partners.
+
+    Args:
+        scene: Detections of one frame.
+        config: Combination parameters.
     """
     merged = scene.merged
     if not len(merged.detections):
@@ -29,13 +33,13 @@ def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["feat
     is_same = (iou > config.min_iou) & (types[:, None] == types)
     if config.by_set:
         is_same = _in_one_set(is_same)
-    partners, is_taken = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
+    partners, is_valid = _partners(scene, np.where(is_same, iou, -1.0), config.max_partners)
     # Every choice of one of the K of each modality, for every box: (M, K, K, K).
     first, second, third = (partners[:, column] for column in range(len(MODALITIES)))
     is_row: Bool = (
-        is_taken[:, 0, :, None, None] & is_taken[:, 1, None, :, None] & is_taken[:, 2, None, None]
+        is_valid[:, 0, :, None, None] & is_valid[:, 1, None, :, None] & is_valid[:, 2, None, None]
     )
-    # One number a row, so that what several boxes of a row ask for is there once.
+    # One number for each row removes duplicates, which the boxes of a row produce.
     sizes = np.bincount(merged.columns, minlength=len(MODALITIES)) + 1
     codes = ((first[:, :, None, None] + 1) * sizes[1] + second[:, None, :, None] + 1) * sizes[2] + (
         third[:, None, None] + 1
@@ -44,7 +48,7 @@ def tri_boxes(scene: DetectedScene, config: TriBoxConfig = TRI_BOX_CONFIGS["feat
 
 
 def _in_one_set(is_same: Bool) -> Bool:
-    """Return (M, M) which boxes are connected by others, twice as far at every round."""
+    """Return the (M, M) mask of connected boxes, by paths that double in length in each round."""
     while True:
         links = is_same.astype(np.float32)
         is_connected = links @ links > 0
@@ -53,31 +57,31 @@ def _in_one_set(is_same: Bool) -> Bool:
         is_same = is_connected
 
 
-def _partners(scene: DetectedScene, worth: Float64, most: int) -> tuple[Int, Bool]:
-    """Return (M, 3, K) rows of the best partners of each box, and which of these places are taken.
+def _partners(scene: DetectedScene, overlap: Float64, max_partners: int) -> tuple[Int, Bool]:
+    """Return the (M, 3, K) rows of the best partners of each box, and the mask of the valid entries.
 
-    A box is its own partner; where there is no other, the first place is taken by -1.
+    A box is its own partner; where a modality has no partner, the first entry is -1 and valid.
 
     Args:
-        scene: with M boxes.
-        worth: (M, M) of one box to another, below 0 where they have nothing in common.
-        most: K.
+        scene: Detections of one frame, M boxes.
+        overlap: (M, M) overlap of two boxes, below 0 where they cannot show the same object.
+        max_partners: Maximum number of partners in each modality, K.
     """
     merged = scene.merged
-    count = len(merged.columns)
-    partners = np.full((count, len(MODALITIES), most), -1)
-    is_taken = np.zeros(partners.shape, bool)
-    is_taken[:, :, 0] = True
-    by_score = np.argsort(-merged.detections.scores, kind="stable")  # decides between equals
+    box_count = len(merged.columns)
+    partners = np.full((box_count, len(MODALITIES), max_partners), -1)
+    is_valid = np.zeros(partners.shape, bool)
+    is_valid[:, :, 0] = True
+    by_score = np.argsort(-merged.detections.scores, kind="stable")  # order of equal overlaps
     for column in range(len(MODALITIES)):
         others = by_score[merged.columns[by_score] == column]
-        order = np.argsort(-worth[:, others], axis=1, kind="stable")[:, :most]
+        order = np.argsort(-overlap[:, others], axis=1, kind="stable")[:, :max_partners]
         best = others[order]
-        is_partner = np.take_along_axis(worth, best, axis=1) >= 0
+        is_partner = np.take_along_axis(overlap, best, axis=1) >= 0
         rows = np.where(is_partner, best - merged.starts[column], -1)
         partners[:, column, : rows.shape[1]] = rows
-        is_taken[:, column, 1 : rows.shape[1]] = is_partner[:, 1:]
-    own = np.arange(count)
+        is_valid[:, column, 1 : rows.shape[1]] = is_partner[:, 1:]
+    own = np.arange(box_count)
     partners[own, merged.columns, 0] = own - merged.starts[merged.columns]
-    is_taken[own, merged.columns, 1:] = False
-    return partners, is_taken
+    is_valid[own, merged.columns, 1:] = False
+    return partners, is_valid

@@ -90,5 +90,6 @@ def test_a_box_without_width_is_seen_one_pixel_wide():
 
 @pytest.mark.parametrize("edge", [np.nan, np.inf])
 def test_a_window_that_is_not_finite_is_refused(edge):
-    with pytest.raises(PerceptionError, match="windows_px: expected finite windows"):
+    with pytest.raises(PerceptionError) as error:
         crop_windows(smooth_image(), np.array([[0.0, 0, edge, 10]]))
+    assert (error.value.where, error.value.expected) == ("windows_px", "finite windows")

@@ -79,8 +79,9 @@ def test_any_of_the_modalities(detectors, frame, names):
 def test_frame_without_an_image(detectors, frame):
     blind = replace(frame, image=None)
     assert list(MultimodalDetector(detectors).detect(blind).modality_detections) == ["dm", "rm"]
-    with pytest.raises(ImageError, match="expected a camera image, found none"):
+    with pytest.raises(ImageError) as error:
         MultimodalDetector({"rgb": detectors["rgb"]}).detect(blind)
+    assert (error.value.expected, error.value.found) == ("a camera image", "none")
 
 
 def test_image_alone_needs_no_calibration(detectors, frame):
@@ -88,8 +89,9 @@ def test_image_alone_needs_no_calibration(detectors, frame):
     assert list(MultimodalDetector({"rgb": detectors["rgb"]}).detect(bare).modality_detections) == [
         "rgb"
     ]
-    with pytest.raises(CalibrationError, match="expected a camera's calibration"):
+    with pytest.raises(CalibrationError) as error:
         MultimodalDetector(detectors).detect(bare)
+    assert error.value.where == bare.source
 
 
 def test_maps_that_are_made_already_are_used(detectors, frame):
@@ -143,27 +145,27 @@ def test_detectors_that_a_fusion_was_not_fitted_to_are_named_once(detectors, tmp
     assert open_with(fitted_to) == open_with("unknown") == []
     others = fitted_to.replace(detectors["dm"].model.fingerprint, "0123456789abcdef")
     (message,) = open_with(others)
-    assert message == (
-        f"fusion.onnx was fitted to other detectors than {detectors['dm'].model.name}: its scores "
-        "may be off; fit it anew with `trifuse train fusion`"
-    )
+    assert message.startswith("fusion.onnx")
+    assert detectors["dm"].model.name in message
+    assert detectors["rgb"].model.name not in message
     MultimodalDetector({"rgb": detectors["rgb"]}, Fusion(tmp_path / "fusion.onnx"))
     assert len(caplog.messages) == 1
 
 
 def test_no_detector_or_one_of_another_modality_or_class(detectors, tmp_path):
-    with pytest.raises(UsageError, match="expected one of rgb, dm, rm, found none"):
+    with pytest.raises(UsageError) as error:
         MultimodalDetector({})
-    with pytest.raises(
-        ModelError, match=r"dm.onnx: expected a detector of modality rm, found .*dm"
-    ):
+    assert (error.value.where, error.value.found) == ("detectors", "none")
+    with pytest.raises(ModelError) as error:
         MultimodalDetector({"rm": detectors["dm"]})
+    assert error.value.where == "dm.onnx"
+    assert (error.value.expected, error.value.found) == ("a detector of modality rm", "one of dm")
     path = tmp_path / "van.onnx"
     path.write_bytes(bright_cells("rm", "Van"))
-    with pytest.raises(
-        ModelError, match=r"van.onnx: expected classes Car as of dm.onnx, found Van"
-    ):
+    with pytest.raises(ModelError) as error:
         MultimodalDetector({"dm": detectors["dm"], "rm": ModalityDetector(path)})
+    assert error.value.where == "van.onnx"
+    assert (error.value.expected, error.value.found) == ("classes Car as of dm.onnx", "Van")
 
 
 def detections(*rows, types=None):

@@ -126,12 +126,22 @@ def test_boxes_without_area_do_no_harm(fusion_file):
     assert np.isfinite(fused.detections.boxes_px).all()
 
 
-def test_files_of_other_networks_are_refused(fusion_file):
-    with pytest.raises(ModelError, match="kind fusion, found detector"):
-        Fusion(fusion_file(kind="detector"))
-    with pytest.raises(ModelError, match="features in their order, found features with 23 inputs"):
-        Fusion(fusion_file(features="score_rgb,score_rm,score_dm"))
-    with pytest.raises(ModelError, match="three numbers, found one"):
-        Fusion(fusion_file(calibration="one"))
-    with pytest.raises(ModelError, match="three numbers, found -1,0,0"):
-        Fusion(fusion_file(calibration="-1,0,0"))
+@pytest.mark.parametrize(
+    ("metadata", "expected", "found"),
+    [
+        ({"kind": "detector"}, "kind fusion", "detector"),
+        (
+            {"features": "score_rgb,score_rm,score_dm"},
+            "a variant scores, features, default with its features in their order",
+            "features with 23 inputs",
+        ),
+        ({"calibration": "one"}, "a calibration of three numbers", "one"),
+        ({"calibration": "-1,0,0"}, "a calibration of three numbers", "-1,0,0"),
+    ],
+)
+def test_files_of_other_networks(fusion_file, metadata, expected, found):
+    file = fusion_file(**metadata)
+    with pytest.raises(ModelError) as error:
+        Fusion(file)
+    assert (error.value.where, error.value.expected) == (file.name, expected)
+    assert error.value.found == found
