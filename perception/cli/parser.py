@@ -13,10 +13,11 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from jsonargparse import ArgumentParser, Namespace
 
+from perception.cli.help import help_formatter, item_type, type_words
 from perception.errors import UsageError
 
 CommandFunction = Callable[..., None]
@@ -53,7 +54,8 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
     parser = build_parser(prog, function, skip=() if everything else tuple(nested))
     if nested and not everything:
         names = ", ".join(f"--{name}.*" for name in nested)
-        parser.epilog = f"{names}: every parameter of the method, listed by --help-all."
+        note = f"{names}: parameters of the method, listed by --help-all."
+        parser.epilog = "\n".join(filter(None, [note, parser.epilog]))
     return parser.format_help().rstrip()
 
 
@@ -72,12 +74,12 @@ def build_parser(
         prog=prog,
         usage=_usage(prog, function),
         description=summary,
-        formatter_class=_Help,
+        formatter_class=help_formatter(flag_types(function), summary.partition("\n")[0]),
         exit_on_error=False,
         allow_abbrev=True,
         add_help=False,
     )
-    parser.add_argument("--config", action="config", help="YAML file with flags.")
+    parser.add_argument("--config", action="config", help="YAML file with values of flags.")
     groups = {name: kind for name, kind in _dataclass_parameters(function) if _is_flat(kind)}
     lists = {
         name
@@ -125,7 +127,7 @@ def normalize(words: Sequence[str], types: dict[str, Any]) -> list[str]:
                 value = "false" if is_negated else "true"
             normal.append(f"--{name}={value}")
             continue
-        item = _item_type(kind)
+        item = item_type(kind)
         if item is not None and not equals and pending and not pending[0].startswith("--"):
             equals, value = "=", pending.pop(0)
         normal.append(f"--{name}{equals}{_as_list(value, item) if item and equals else value}")
@@ -163,11 +165,6 @@ def _without_none(kind: Any) -> Any:  # noqa: ANN401 - any annotation
     return members[0] if is_optional else kind
 
 
-def _item_type(kind: Any) -> Any | None:  # noqa: ANN401 - any annotation
-    """Return the type of a list's items, or None of what is no list."""
-    return get_args(kind)[0] if get_origin(kind) in (list, tuple) else None
-
-
 def _as_list(value: str, item: Any) -> str:  # noqa: ANN401 - any annotation
     if value.startswith("["):
         return value
@@ -199,40 +196,72 @@ def _arguments(function: CommandFunction, parsed: Namespace) -> dict[str, Any]:
 
 def _usage_error(prog: str, message: str, types: dict[str, Any]) -> UsageError:
     """Return a parser's message as one sentence."""
-    advice = f"see {prog} --help"
-    if unknown := re.search(r"unrecognized arguments: (\S+)", message, re.IGNORECASE):
-        word = unknown.group(1)
-        flags = [f"--{name}".replace("_", "-") for name in types]
-        near = difflib.get_close_matches(word.partition("=")[0].replace("_", "-"), flags, n=1)
-        expected = f"a flag of {prog}" + (f" such as {near[0]}" if near else "")
-        return UsageError("command line", expected=expected, found=word, advice=advice)
-    if missing := re.search(r"arguments are required: (.+)", message):
-        return UsageError("command line", expected=missing.group(1), found="nothing", advice=advice)
-    if missing := re.search(r'[Kk]ey "([^"]+)" is required', message):
-        return UsageError(f"--{missing.group(1)}", expected="a value", found="none", advice=advice)
-    if bad := re.search(r'[Pp]arser key "([^"]+)"', message):
-        name = bad.group(1)
-        given = re.search(r"(?:Given value|Value|Got value): (.+)", message)
-        lines = [line.strip(" -") for line in message.splitlines()]
-        return UsageError(
-            f"--{name}".replace("_", "-"),
-            expected=_type_words(types.get(name)),
-            found=given.group(1) if given else lines[-1],
-            advice=advice,
-        )
-    return UsageError(
-        "command line", expected="flags and values", found=" ".join(message.split()), advice=advice
-    )
+    for pattern, explain in _EXPLANATIONS:
+        if found := re.search(pattern, message, re.IGNORECASE):
+            where, expected, given = explain(found, types, message)
+            break
+    else:
+        where, expected, given = "command line", "flags and values", " ".join(message.split())
+    return UsageError(where, expected=expected, found=given, advice=f"see {prog} --help")
 
 
-def _type_words(kind: Any) -> str:  # noqa: ANN401 - any annotation
-    """Return a type in words for a person."""
-    if get_origin(kind) is Literal:
-        return "one of " + ", ".join(map(str, get_args(kind)))
-    if (item := _item_type(kind)) is not None:
-        return f"{_type_words(item)}, several with commas between them"
-    words = {int: "a whole number", float: "a number", bool: "true or false", str: "a word"}
-    return words.get(kind, getattr(kind, "__name__", str(kind)).lower())
+_Explained = tuple[str, str, str]  # where, expected, found
+
+
+def _explain_unknown(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
+    word = found.group(1)
+    return "command line", _such_as("a flag", word.partition("=")[0].lstrip("-"), types), word
+
+
+def _explain_unknown_key(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
+    key = ".".join(filter(None, found.groups()))
+    return "--config", _such_as("a flag", key, types), key
+
+
+def _explain_missing(found: re.Match[str], _types: dict[str, Any], _: str) -> _Explained:
+    return "command line", found.group(1).upper(), "nothing"
+
+
+def _explain_no_value(found: re.Match[str], types: dict[str, Any], _: str) -> _Explained:
+    name = found.group(1)
+    return _flag(name), type_words(types.get(name)), "no value"
+
+
+def _explain_no_file(found: re.Match[str], _types: dict[str, Any], _: str) -> _Explained:
+    return _flag(found.group(1)), "a YAML file that can be read", found.group(2)
+
+
+def _explain_bad_value(found: re.Match[str], types: dict[str, Any], message: str) -> _Explained:
+    name = found.group(1)
+    given = re.search(r"(?:Given value|Value|Got value): (.+)", message)
+    last = message.splitlines()[-1].strip(" -")
+    return _flag(name), type_words(types.get(name)), given.group(1) if given else last
+
+
+# Messages of argparse and jsonargparse, the first that fits counts.
+_EXPLANATIONS: Sequence[tuple[str, Callable[[re.Match[str], dict[str, Any], str], _Explained]]] = (
+    (r"unrecognized arguments: (\S+)", _explain_unknown),
+    (r"group '(.+?)' does not accept option '(.+?)'", _explain_unknown_key),
+    (r"key '(.+?)' is not expected", _explain_unknown_key),
+    (r"arguments are required: (.+)", _explain_missing),
+    (r'key "([^"]+)" is required', _explain_missing),
+    (r"argument --(\S+): expected one argument", _explain_no_value),
+    (
+        r'parser key "([^"]+)".*?(?:does not exist|unable to load config).*?[\'"](.+?)[\'"]',
+        _explain_no_file,
+    ),
+    (r'parser key "([^"]+)"', _explain_bad_value),
+)
+
+
+def _such_as(what: str, name: str, types: dict[str, Any]) -> str:
+    """Return what is expected, with the flag whose name is nearest."""
+    near = difflib.get_close_matches(name.replace("-", "_"), list(types), n=1)
+    return f"{what} such as {_flag(near[0])}" if near else what
+
+
+def _flag(name: str) -> str:
+    return f"--{name}".replace("_", "-")
 
 
 def _summary_and_example(function: CommandFunction) -> tuple[str, str | None]:
@@ -260,33 +289,3 @@ def _usage(prog: str, function: CommandFunction) -> str:
         for one in places
     )
     return " ".join([prog, *names, "[flags]"])
-
-
-class _Help(argparse.RawDescriptionHelpFormatter):
-    """Shows flags as they are typed, with their defaults."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, max_help_position=34, width=110)
-
-    def _format_action_invocation(self, action: argparse.Action) -> str:
-        if not action.option_strings:
-            return action.dest.upper()
-        flag = max(action.option_strings, key=len).removesuffix("+").replace("_", "-")
-        if isinstance(action.default, bool):
-            return flag if not action.default else f"--no-{flag[2:]}"
-        if action.choices is not None:
-            return f"{flag} {{{','.join(map(str, action.choices))}}}"
-        return flag if action.nargs == 0 else f"{flag} {action.dest.rpartition('.')[2].upper()}"
-
-    def _get_help_string(self, action: argparse.Action) -> str:
-        help_words = re.sub(r"%(?!\()", "%%", action.help or "")
-        is_shown = action.option_strings and action.default not in (None, argparse.SUPPRESS, "")
-        if is_shown and not isinstance(action.default, bool):
-            return f"{help_words} [{_shown(action.default)}]"
-        return help_words
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return ",".join(map(str, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
