@@ -48,6 +48,8 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         if _is_print_config(action):
             return "Print the effective configuration as YAML and exit."
         text = action.help or ""
+        if text == "Path to a configuration file.":
+            return "YAML file with this section."
         if not action.option_strings or action.default in (None, argparse.SUPPRESS, "", (), False):
             return text
         return f"{text} [{_shown(action.default)}]"

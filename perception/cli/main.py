@@ -4,6 +4,7 @@ import importlib
 import inspect
 import json
 import logging
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -123,9 +124,7 @@ GROUPS: Mapping[str, str] = {
 }
 
 # TRANSITION: commands that are not yet functions of one file; each moves up into COMMANDS.
-OLD_COMMANDS = {
-    "train": "train networks, or search the parameters of the proposals",
-}
+OLD_COMMANDS = {"train": ("detector", "depthcn", "fusion", "proposals")}
 
 _HELP = """usage: trifuse COMMAND [flags]
 
@@ -146,16 +145,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words[0] == "--version":
         print(f"trifuse {__version__}")
         return 0
-    logging.basicConfig(stream=sys.stderr, format="%(message)s", level=logging.INFO)
+    logging.basicConfig(handlers=[_LogHandler()], format="%(message)s", level=logging.INFO)
     try:
         _run(words)
     except PerceptionError as error:
-        print(f"trifuse {words[0]}: {error}", file=sys.stderr)
+        _print_error(f"trifuse {words[0]}: {error}")
         return 2
     except KeyboardInterrupt:
-        print(f"trifuse {words[0]}: stopped; what was written is kept", file=sys.stderr)
+        _print_error(f"trifuse {words[0]}: stopped; what was written is kept")
         return 2
+    except BrokenPipeError:  # the reader, such as `head`, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     return 0
+
+
+class _LogHandler(logging.Handler):
+    """Writes each record as a line of stderr, above the progress bars."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        from perception.cli.progress import write_line
+
+        write_line(self.format(record))
+
+
+def _print_error(sentence: str) -> None:
+    """Print a sentence on a line of its own, below the progress bars."""
+    from perception.cli.progress import close_bars
+
+    close_bars()
+    print(sentence, file=sys.stderr)
 
 
 def _run(words: list[str]) -> None:
@@ -164,18 +183,21 @@ def _run(words: list[str]) -> None:
         if name in COMMANDS:
             _run_command(name, words[count:])
             return
-    group = words[0]
+    group, *rest = words
     subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
-    if (group in OLD_COMMANDS and len(words) > 1) or (group in OLD_COMMANDS and not subcommands):
-        _run_old(group, words[1:])
-    elif subcommands and (len(words) == 1 or words[1] in ("-h", "--help")):
-        print(f"usage: trifuse {group} COMMAND [flags]\n\n{_listing(subcommands)}")
+    is_help = not rest or rest[0] in ("-h", "--help")
+    if rest and rest[0] in OLD_COMMANDS.get(group, ()):
+        _run_old(group, rest)
+    elif subcommands and is_help:
+        lines = _lines({name: one.summary for name, one in subcommands.items()})
+        summary = GROUPS[group]
+        print(f"usage: trifuse {group} COMMAND [flags]\n\n{summary.capitalize()}.\n\n{lines}")
     else:
-        known: Mapping[str, object] = subcommands or dict.fromkeys(
-            [*(name for name in COMMANDS if " " not in name), *GROUPS]
-        )
+        known = [name.removeprefix(f"{group} ") for name in subcommands] or _top_level()
         raise UsageError(
-            "command", expected=f"one of {', '.join(known)}", found=" ".join(words[:2])
+            "command line",
+            expected=f"one of {', '.join(known)}",
+            found=rest[0] if subcommands else group,
         )
 
 
@@ -188,13 +210,14 @@ def _run_command(name: str, words: list[str]) -> None:
         call(prog, function, words)
 
 
-def _overview() -> str:
+def _top_level() -> dict[str, str]:
+    """Return the summary of each command and of each group of commands."""
     single = {name: one.summary for name, one in COMMANDS.items() if " " not in name}
-    return _HELP.format(commands=_lines({**single, **GROUPS}))
+    return {**single, **GROUPS}
 
 
-def _listing(commands: Mapping[str, Command]) -> str:
-    return _lines({name: one.summary for name, one in commands.items()})
+def _overview() -> str:
+    return _HELP.format(commands=_lines(_top_level()))
 
 
 def _lines(summaries: Mapping[str, str]) -> str:

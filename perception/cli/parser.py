@@ -53,7 +53,7 @@ def help_text(prog: str, function: CommandFunction, *, everything: bool) -> str:
     nested = {name: kind for name, kind in _dataclass_parameters(function) if not _is_flat(kind)}
     parser = build_parser(prog, function, skip=() if everything else tuple(nested))
     if nested and not everything:
-        names = ", ".join(f"--{name}.*" for name in nested)
+        names = ", ".join(f"{_flag(name)}.*" for name in nested)
         note = f"{names}: parameters of the method, listed by --help-all."
         parser.epilog = "\n".join(filter(None, [note, parser.epilog]))
     return parser.format_help().rstrip()

@@ -3,6 +3,11 @@
 from pathlib import Path
 
 from perception.cli.flags import DriveFlags
+from perception.pipeline import PipelineConfig
+from perception.tracking.single_object.config import SingleObjectTrackerConfig, TrackerName
+
+_TRACKER_CONFIG = SingleObjectTrackerConfig()
+_PIPELINE = PipelineConfig.for_motion("none")
 
 
 def track(  # noqa: PLR0913 - flags of a command
@@ -12,9 +17,11 @@ def track(  # noqa: PLR0913 - flags of a command
     track_id: int | None = None,
     box: str | None = None,
     start_frame: int | None = None,
-    tracker: str = "default",
+    tracker: TrackerName = "default",
     out: Path | None = None,
     video: bool = True,
+    tracker_config: SingleObjectTrackerConfig = _TRACKER_CONFIG,
+    pipeline: PipelineConfig = _PIPELINE,
 ) -> None:
     """Track one object through a drive by LiDAR and camera; write its trajectory and a video.
 
@@ -26,10 +33,11 @@ def track(  # noqa: PLR0913 - flags of a command
         box: Box of the object as x,y,z,length,width,height,yaw in metres and radians; x y z is the centre of the
             bottom face in the LiDAR frame of the start frame. A negative first number needs --box=-5,...
         start_frame: Start frame; else the first frame of the object or of the drive. --frames counts from there.
-        tracker: Name of the tracker: default, h-fus, l-fus, 3d-ms, 3d-kf, or, in the image alone, ms-i, cbwh,
-            opencv-kcf, opencv-csrt, opencv-mil.
+        tracker: Name of the tracker; ms-i, cbwh and opencv-* work in the image alone.
         out: Folder for the results; else results/<time>, with results/latest pointing to it.
         video: Draw the video.
+        tracker_config: Parameters of the trackers.
+        pipeline: Configuration of registration and ground, which come before the tracker.
     """
     from data.derived.track_start import TrackStartConfig, find_start
     from data.open_drive import open_drive
@@ -39,5 +47,7 @@ def track(  # noqa: PLR0913 - flags of a command
     start_config = TrackStartConfig(track_id, box, start_frame)
     opened = open_drive(drive, sequence=frames.sequence, sensor=frames.sensor)
     start = find_start(opened, start_config)
-    config = TrackConfig(tracker, frames.frames, video, frames.on_bad_frame)
+    config = TrackConfig(
+        tracker, frames.frames, video, frames.on_bad_frame, pipeline, tracker_config
+    )
     print(track_object(opened, start, out or make_results_folder(), config).text())

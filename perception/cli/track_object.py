@@ -27,6 +27,7 @@ from perception.render.tracked_object_views import TrackedObjectScene
 from perception.render.trails import TrackedObjectTrail
 from perception.render.video import open_video
 from perception.sensor import LidarModel
+from perception.tracking.single_object.config import SingleObjectTrackerConfig
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.tracking.single_object.handover import tracker_input_of
@@ -40,7 +41,7 @@ from perception.types import Boxes3D, Drive, Result, UInt8
 
 log = logging.getLogger(__name__)
 
-TrackerFactory = Callable[[str, LidarModel], SingleObjectTracker]
+TrackerFactory = Callable[[str, LidarModel, SingleObjectTrackerConfig], SingleObjectTracker]
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,7 @@ class TrackConfig:
         video: Whether the video is drawn.
         on_bad_frame: Stop at a damaged frame, or skip it.
         pipeline: Configuration of the stages before the tracker.
+        tracker_config: Parameters of the trackers.
         make: Makes a tracker by its name.
     """
 
@@ -61,6 +63,7 @@ class TrackConfig:
     video: bool = True
     on_bad_frame: OnBadFrame = "stop"
     pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig.for_motion("none"))
+    tracker_config: SingleObjectTrackerConfig = field(default_factory=SingleObjectTrackerConfig)
     make: TrackerFactory = single_object_tracker
 
     def __post_init__(self) -> None:
@@ -82,7 +85,9 @@ def track_object(
     Raises:
         PerceptionError: the tracker cannot start, or a frame cannot be used; the results before it stay.
     """
-    tracker = _TimedTracker(config.make(config.tracker, drive.sensor), start.box_velo)
+    tracker = _TimedTracker(
+        config.make(config.tracker, drive.sensor, config.tracker_config), start.box_velo
+    )
     summary = TrajectorySummary(
         drive.name, config.tracker, start.name, out, start.truth, drive.calibration
     )
@@ -178,9 +183,18 @@ def _write_config(out: Path, drive: Drive, start: TrackStart, config: TrackConfi
         out,
         drive,
         sensor=drive.sensor.name,
-        object={"name": start.name, "start_frame": start.frame, "box_velo": start.box_velo},
+        **_start_flags(start),
         **{name: value for name, value in vars(config).items() if name != "make"},
     )
+
+
+def _start_flags(start: TrackStart) -> dict[str, object]:
+    """Return the flags that name the object and its start frame."""
+    if start.truth is not None:
+        return {"track_id": start.object_id, "start_frame": start.frame}
+    box = start.box_velo
+    numbers = np.concatenate([box.bottom_m[0], box.size_m[0], box.yaw_rad])
+    return {"box": ",".join(f"{number:g}" for number in numbers), "start_frame": start.frame}
 
 
 def _points_in(box_velo: Boxes3D, tracker_input: TrackerInput) -> int:

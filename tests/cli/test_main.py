@@ -1,0 +1,73 @@
+"""The console script: commands, groups, exit codes, and what is written to which stream."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from perception.cli.main import COMMANDS, GROUPS, main
+from perception.cli.parser import help_text
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_command_is_listed_with_its_summary(capsys):
+    assert main([]) == 0
+    printed = capsys.readouterr().out
+    for name in [*GROUPS, *(name for name in COMMANDS if " " not in name)]:
+        assert f"\n  {name} " in printed
+
+
+@pytest.mark.parametrize("group", ["evaluate", "study"])
+def test_a_group_lists_its_commands(group, capsys):
+    assert main([group, "--help"]) == 0
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in COMMANDS if name.startswith(f"{group} "))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_every_flag(name):
+    text = help_text(f"trifuse {name}", COMMANDS[name].load(), everything=True)
+    lines = text.splitlines()
+    flags = [number for number, line in enumerate(lines) if line.startswith("  -")]
+    bare = [
+        lines[number]
+        for number in flags
+        if len(lines[number].split("  ")) < 3 and not lines[number + 1].startswith(" " * 20)
+    ]
+    assert bare == []
+    assert any(line.startswith("Example: trifuse") for line in lines)
+
+
+@pytest.mark.parametrize("words", [["fly"], ["evaluate", "fly"], ["run"], ["run", "nowhere"]])
+def test_what_cannot_run_is_exit_code_2_and_one_line(words, capsys):
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"trifuse {words[0]}: ")
+    assert captured.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["run", "track", "evaluate ground"])
+def test_help_imports_nothing_heavy(name):
+    code = (
+        f"import sys; from perception.cli.main import main; main({[*name.split(), '--help']!r})\n"
+        "heavy = ('torch', 'scipy', 'cv2', 'onnxruntime', 'small_gicp', 'matplotlib', 'av')\n"
+        "print([one for one in heavy if one in sys.modules])"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.splitlines()[-1] == "[]"
+
+
+def test_help_is_quick():
+    start_s = time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-m", "perception", "run", "--help"],
+        cwd=ROOT, capture_output=True, check=True,
+    )  # fmt: skip
+    # 0.4 s on an idle machine; the limit leaves room for tests beside this one.
+    assert time.perf_counter() - start_s < 3

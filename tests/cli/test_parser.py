@@ -1,0 +1,200 @@
+"""Flags from the signature of a function: values, YAML files, help, and errors."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from perception.cli.parser import FlagGroup, call, flag_types, help_text, normalize
+from perception.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Shared(FlagGroup):
+    """Shared flags.
+
+    Attributes:
+        frames: Number of frames.
+        mode: Mode of reading.
+    """
+
+    frames: int | None = None
+    mode: Literal["stop", "skip"] = "stop"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion.
+
+    Attributes:
+        voxel_size_m: Edge of a voxel in metres; 5 % of the area.
+        parallel: Whether it runs in parallel.
+    """
+
+    voxel_size_m: float = 0.1
+    parallel: bool = True
+
+
+@dataclass(frozen=True)
+class Pipeline:
+    """Pipeline.
+
+    Attributes:
+        motion: Motion of points.
+    """
+
+    motion: Motion = field(default_factory=Motion)
+
+
+CALLS = []
+_PIPELINE = Pipeline()
+
+
+def command(  # noqa: D417 - a FlagGroup documents itself
+    drive: Path,
+    *,
+    shared: Shared,
+    iou: tuple[float, ...] = (0.7, 0.5),
+    names: list[str] | None = None,
+    video: bool = True,
+    pipeline: Pipeline = _PIPELINE,
+) -> None:
+    """Do something with a drive.
+
+    A second paragraph.
+
+    Example: trifuse do kitti --iou 0.5
+
+    Args:
+        drive: Drive to read.
+        iou: Overlaps.
+        names: Names of methods.
+        video: Draw the video.
+        pipeline: Pipeline configuration.
+    """
+    CALLS.append((drive, shared, iou, names, video, pipeline))
+
+
+def several(drives: list[Path], *, out: Path = Path("out")) -> None:
+    """Do something with several drives.
+
+    Args:
+        drives: Drives to read.
+        out: Folder for the results.
+    """
+    CALLS.append((drives, out))
+
+
+def called(*words: str, function=command):
+    CALLS.clear()
+    call("trifuse do", function, words)
+    return CALLS.pop()
+
+
+def refused(*words: str) -> tuple[str, str, str]:
+    with pytest.raises(UsageError) as caught:
+        call("trifuse do", command, words)
+    error = caught.value
+    assert error.advice == "see trifuse do --help"
+    return error.where, error.expected, error.found
+
+
+def test_defaults_are_those_of_the_signature():
+    assert called("a") == (Path("a"), Shared(), (0.7, 0.5), None, True, Pipeline())
+
+
+def test_every_kind_of_flag_reaches_the_function():
+    words = ("--frames", "3", "--iou", "0.5,0.25", "--names", "x,y", "--no-video", "--mode", "skip")
+    nested = ("--pipeline.motion.voxel-size", "0.2", "--pipeline.motion.no-parallel")
+    assert called("a", *words, *nested) == (
+        Path("a"),
+        Shared(3, "skip"),
+        (0.5, 0.25),
+        ["x", "y"],
+        False,
+        Pipeline(Motion(0.2, parallel=False)),
+    )
+
+
+def test_several_words_fill_a_positional_list():
+    assert called("a", "b", "--out", "o", function=several) == ([Path("a"), Path("b")], Path("o"))
+
+
+def test_a_file_gives_values_and_flags_behind_it_win(tmp_path):
+    file = tmp_path / "flags.yaml"
+    file.write_text("frames: 5\nvideo: false\npipeline:\n  motion:\n    voxel_size_m: 0.3\n")
+    _, shared, _, _, video, pipeline = called("a", "--config", str(file), "--frames", "7")
+    assert (shared.frames, video, pipeline.motion.voxel_size_m) == (7, False, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("words", "normal"),
+    [
+        (["--on-bad-frame", "skip"], ["--on_bad_frame", "skip"]),
+        (["--video"], ["--video=true"]),
+        (["--no-video", "a"], ["--video=false", "a"]),
+        (["--iou=0.7,0.5"], ["--iou=[0.7,0.5]"]),
+        (["--iou", "[0.7]"], ["--iou=[0.7]"]),
+        (["--names", ""], ["--names=[]"]),
+        (["--pipeline.motion.voxel-size", "1"], ["--pipeline.motion.voxel_size_m", "1"]),
+    ],
+)
+def test_words_become_those_of_the_parser(words, normal):
+    assert normalize(words, flag_types(command)) == normal
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ([], ("command line", "DRIVE", "nothing")),
+        (["a", "b"], ("command line", "a flag", "b")),
+        (["a", "--frams", "3"], ("command line", "a flag such as --frames", "--frams")),
+        (["a", "--frames"], ("--frames", "a whole number", "no value")),
+        (["a", "--frames", "x"], ("--frames", "a whole number", "x")),
+        (["a", "--mode", "go"], ("--mode", "one of stop, skip", "go")),
+        (["a", "--video=maybe"], ("--video", "true or false", "maybe")),
+        (
+            ["a", "--iou", "0.5,x"],
+            ("--iou", "a number, several with commas between them", "x"),
+        ),
+        (
+            ["a", "--pipeline.motion.voxel-size", "x"],
+            ("--pipeline.motion.voxel-size-m", "a number", "x"),
+        ),
+    ],
+)
+def test_what_cannot_be_parsed_is_one_sentence(words, error):
+    assert refused(*words) == error
+
+
+def test_files_that_cannot_be_used_are_named(tmp_path):
+    file = tmp_path / "flags.yaml"
+    where, expected, found = refused("a", "--config", str(file))
+    assert (where, expected) == ("--config", "a YAML file that can be read")
+    assert found.endswith("flags.yaml")
+    file.write_text("pipeline:\n  motion:\n    voxel_siz_m: 0.3\n")
+    assert refused("a", "--config", str(file)) == (
+        "--config",
+        "a flag such as --pipeline.motion.voxel-size-m",
+        "pipeline.motion.voxel_siz_m",
+    )
+
+
+def test_help_shows_values_switches_defaults_and_the_example():
+    lines = [line.strip() for line in help_text("do", command, everything=False).splitlines()]
+    assert lines[0] == "usage: do DRIVE [flags]"
+    words = {tuple(line.split("  ")[0].split()): line for line in lines}
+    assert words[("--mode", "{stop,skip}")].endswith("[stop]")
+    assert words[("--iou", "X,...")].endswith("[0.7,0.5]")
+    assert words[("--[no-]video",)].endswith("Draw the video. [on]")
+    assert words[("--frames", "N")].endswith("Number of frames.")
+    assert lines[-1] == "Example: trifuse do kitti --iou 0.5"
+    assert not any("voxel" in line for line in lines)
+
+
+def test_all_help_lists_the_nested_flags():
+    text = help_text("do", command, everything=True)
+    assert "--pipeline.motion.voxel-size-m X" in text
+    assert "5 % of the area. [0.1]" in text
+    assert "--pipeline.motion.[no-]parallel" in text
