@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, time_interleaved
+from benchmarks.measure import Cell, Contender, time_interleaved
 from benchmarks.reference.detection_ap import reference_curve
 from benchmarks.stages import Comparison
-from perception.cli.table import Cell
 from perception.evaluation.detection.average_precision import kitti_average_precision
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, NO_ALPHA_RAD

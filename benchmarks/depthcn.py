@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measure import Contender, time_interleaved
+from benchmarks.measure import Cell, Contender, time_interleaved
 from benchmarks.reference.depthcn import detect_one_by_one
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
 from perception.cli.detectors import run_depthcn
-from perception.cli.table import Cell
 from perception.detection.depthcn.detector import DepthCn
 
 

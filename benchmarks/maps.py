@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.map_peers import fill_by_morphology, fill_nearest_by_chamfer
-from benchmarks.measure import Contender, time_interleaved
+from benchmarks.measure import Cell, Contender, time_interleaved
 from benchmarks.stages import Comparison, PreparedDrive
-from perception.cli.table import Cell
 from perception.maps.densify import FILL_METHODS, Fill, dense_maps
 from perception.maps.encoding import encode_depth, encode_reflectance
 from perception.maps.filling import FilledMaps

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from perception.cli.table import Cell, format_table
+from perception.evaluation.report import format_table
+
+Cell = str | None
 
 
 @dataclass(frozen=True)
@@ -77,13 +79,13 @@ def time_interleaved(
 def timing_table(title: str, timings: Sequence[Timing], **columns: Mapping[str, Cell]) -> str:
     """Return a table of timings, with further columns that map a contender's name to a figure."""
     names = [name.replace("_", " ") for name in columns]
-    rows: list[list[Cell]] = [
+    rows = [
         [
             t.name,
             f"{t.median_ms:.1f}",
             f"{t.p99_ms:.1f}",
-            f"{t.ratio:.1f}x",
-            *(column.get(t.name) for column in columns.values()),
+            f"{t.ratio:.1f}",
+            *(column.get(t.name) or "-" for column in columns.values()),
         ]
         for t in timings
     ]

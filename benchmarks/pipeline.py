@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.chain import back_and_forth
 from benchmarks.measure import resident_mib
-from perception.cli.table import format_table
+from perception.evaluation.report import format_table
 from perception.evaluation.stage_times import StageTime, StageTimes
 from perception.pipeline import Pipeline, PipelineConfig
 from perception.types import Drive, Frame, Result

@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measure import Contender, time_interleaved
+from benchmarks.measure import Cell, Contender, time_interleaved
 from benchmarks.reference.dbscan import cluster_by_definition
 from benchmarks.reference.proposals import boxes_by_loop
 from benchmarks.stages import Comparison, PreparedDrive, add_peer
-from perception.cli.table import Cell
 from perception.detection.clustering import cluster
 from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.above_ground import find_above_ground
@@ -43,7 +42,7 @@ def compare_clusters_full_scan(prepared: PreparedDrive) -> Comparison:
         cells = HeightCells.of(frame.points_velo, _RULES.cell_m)
         above_ground = frame.points_velo[cells.has_variance(_RULES.min_variance_m2)]
         places_m.append(above_ground[:, :2].astype(np.float64))
-    return _compare("clusters of a full turn", places_m, [])
+    return _compare("clusters of a full scan", places_m, [])
 
 
 def compare_proposals(prepared: PreparedDrive) -> Comparison:
@@ -67,13 +66,15 @@ def compare_proposals(prepared: PreparedDrive) -> Comparison:
             name: f"{np.mean([len(b) for b in found]):.1f}" for name, found in boxes_px.items()
         }
     }
+    cars_px: list[Float64] = []
     if prepared.drive.has_labels:
         cars_px = [_cars_px(prepared.drive.labels(i)) for i in range(len(views))]
         for overlap in _OVERLAPS:
-            metrics[f"cars [%] at IoU {overlap:g}"] = {
+            metrics[f"cars at IoU {overlap:g} [%]"] = {
                 name: _reached(cars_px, found, overlap) for name, found in boxes_px.items()
             }
-    return Comparison("proposals", timings, metrics)
+    title = f"proposals, {sum(map(len, cars_px))} cars" if cars_px else "proposals"
+    return Comparison(title, timings, metrics)
 
 
 def _compare(title: str, places_m: list[Float64], others: list[Contender]) -> Comparison:
@@ -126,4 +127,4 @@ def _reached(cars_px: list[Float64], boxes_px: list[Float64], overlap: float) ->
         for cars, boxes in zip(cars_px, boxes_px, strict=True)
     ]
     every = np.concatenate(best)
-    return f"{100 * np.mean(every >= overlap):.1f} of {len(every)}" if len(every) else None
+    return f"{100 * np.mean(every >= overlap):.1f}" if len(every) else None

@@ -12,7 +12,7 @@ from perception.types import Float32, Float64
 Register = Callable[[Float32, Float32, Float64], Float64]
 
 
-def plain_small_gicp(target: Float32, source: Float32, guess: Float64) -> Float64:
+def one_call_small_gicp(target: Float32, source: Float32, guess: Float64) -> Float64:
     """Align two scans by small_gicp's one-line call with its defaults on two threads."""
     result = small_gicp.align(
         target[:, :3].astype(np.float64),

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.ground_peers import PatchworkGround, RansacPlane
-from benchmarks.measure import Contender, Timing, time_interleaved, timing_table
+from benchmarks.measure import Cell, Contender, Timing, time_interleaved, timing_table
 from benchmarks.reference.voxels import count_voxels_by_unique_rows
-from benchmarks.registration_peers import open3d_point_to_plane, plain_small_gicp
-from perception.cli.table import Cell
+from benchmarks.registration_peers import one_call_small_gicp, open3d_point_to_plane
 from perception.errors import DriveError, MissingDependencyError, ModelError
 from perception.evaluation.ground import GroundErrors, ground_errors, mean_displacement_error
 from perception.geometry.se3 import inverse
@@ -104,7 +103,7 @@ def compare_registration(prepared: PreparedDrive) -> Comparison:
 
     contenders = [
         Contender("Trifuse", ours),
-        Contender("small_gicp, one plain call", scan_to_scan(plain_small_gicp)),
+        Contender("small_gicp, one call", scan_to_scan(one_call_small_gicp)),
         Contender(
             "thesis: whole window (Algorithm 2)",
             lambda i: register_window(prepared.windows[i]),
