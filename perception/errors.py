@@ -16,10 +16,10 @@ class PerceptionError(Exception):
         """Compose the sentence.
 
         Args:
-            where: the file, argument or frame in which the fault was met.
-            expected: what had to be there.
-            found: what is there instead.
-            advice: what the user can do about it, as an imperative.
+            where: File, argument or frame of the fault.
+            expected: Content or value that is valid there.
+            found: Content or value that is there instead.
+            advice: Remedy for the user, as an imperative.
         """
         self.where, self.expected, self.found, self.advice = str(where), expected, found, advice
         sentence = f"{where}: expected {expected}, found {found}"

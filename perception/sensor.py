@@ -15,14 +15,14 @@ class LidarModel:
     """A spinning multi-beam LiDAR.
 
     Attributes:
-        name: as its maker calls it.
+        name: Name given by its maker.
         elevations_rad: (L,) beam elevations over the horizontal, highest first.
-        azimuth_step_rad: angle turned between two firings of one beam.
-        rate_hz: turns a second.
-        height_m: of the sensor's origin over the road it stands on.
-        min_range_m: nearest return.
-        max_range_m: farthest return.
-        range_noise_m: standard deviation of a range.
+        azimuth_step_rad: Angle in rad between two firings of one beam.
+        rate_hz: Revolutions per second.
+        height_m: Height of the sensor's origin above the road in metres.
+        min_range_m: Range of the nearest return in metres.
+        max_range_m: Range of the farthest return in metres.
+        range_noise_m: Standard deviation of a range in metres.
     """
 
     name: str

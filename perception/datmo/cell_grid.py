@@ -21,7 +21,7 @@ class CellGrid:
     Attributes:
         low_m: (x, y) of the corner with the least coordinates.
         shape: (X, Y) how many cells there are.
-        cell_m: edge of a cell, υ of the thesis.
+        cell_m: Edge of a cell in metres (υ).
     """
 
     low_m: tuple[float, float]

@@ -40,10 +40,10 @@ class CellHistory:
         """Begin with a window that has seen nothing.
 
         Args:
-            size: cells along each side of the window.
-            scans: n, after how many scans an observation is forgotten.
-            max_observations: m, how many observations of a cell count, the latest.
-            min_observations: k, of how many observations a mean is worth naming.
+            size: Number of cells along each side of the window.
+            scans: Number of scans after which an observation is forgotten (n).
+            max_observations: Largest number of observations of a cell that are averaged, the latest (m).
+            min_observations: Smallest number of observations of a cell that has a mean (k).
         """
         self.size = size
         self._max_observations, self._min_observations = (

@@ -20,9 +20,9 @@ def cluster_moving_points(
     """Return (N,) the number of each point's thing, from 0.
 
     Args:
-        points_velo: (N, 2+) with the sensor at the origin.
-        elevation_step_rad: between two beams.
-        config: which gaps do not part a thing.
+        points_velo: (N, 2+) points in the LiDAR frame.
+        elevation_step_rad: Angle in rad between two beams.
+        config: Clustering configuration.
     """
     if len(points_velo) == 0:
         return np.zeros(0, np.int64)

@@ -74,8 +74,8 @@ class ElevationGridConfig:
     """Elevation grid (5.6).
 
     Attributes:
-        ground_variance_m2: T_σ, largest variance of heights in m² of a ground cell (Table 7.4).
-        ground_height_m: T_μ, largest height in metres of a ground cell (Table 7.4).
+        ground_variance_m2: Largest variance of heights in m² of a ground cell (T_σ, Table 7.4).
+        ground_height_m: Largest height in metres of a ground cell (T_μ, Table 7.4).
         ground_statistic: Height of a cell that is compared with T_μ.
         low_m: Lowest height in metres over the ground of a point that counts.
         high_m: Highest height in metres over the ground of a point that counts.
@@ -95,9 +95,9 @@ class ShortTermMapConfig:
     """Short-term map (Algorithm 4).
 
     Attributes:
-        scans: n, number of elevation grids in the queue (Table 7.4).
-        max_observations: m, largest number of observations of a cell that are averaged, the latest (Table 7.4).
-        min_observations: k, smallest number of observations of a cell that has a value (Table 7.4).
+        scans: Number of elevation grids in the queue (n, Table 7.4).
+        max_observations: Largest number of observations of a cell that are averaged, the latest (m, Table 7.4).
+        min_observations: Smallest number of observations of a cell that has a value (k, Table 7.4).
         includes_newest: Whether the newest grid is averaged as well, as in Algorithm 4, or joins the queue afterwards.
     """
 
@@ -122,8 +122,8 @@ class MotionGridConfig:
     """Motion grid (5.7)-(5.8).
 
     Attributes:
-        alpha: α, share of its height by which a cell may differ from the map (Table 7.4).
-        radius_cells: ε, radius in cells in which the map is searched for a similar height (Table 7.4).
+        alpha: Share of its height by which a cell may differ from the map (α, Table 7.4).
+        radius_cells: Radius in cells in which the map is searched for a similar height (ε, Table 7.4).
         max_height_m: Largest height in metres of a cell that may move; leaves out trees, signs and bridges.
     """
 
@@ -167,7 +167,7 @@ class MotionGridDetectorConfig:
         background: Short-term map (Algorithm 4).
         motion: Motion grid (5.7)-(5.8).
         objects: Objects in the motion grid (5.9).
-        cell_m: υ, edge of a cell in metres (Table 7.4).
+        cell_m: Edge of a cell in metres (υ, Table 7.4).
         height_reference: Surface that heights are measured from: a level plane below the LiDAR, or the estimated ground.
         area: Area of reported objects in the LiDAR frame (5.2.2).
         work_area: Area of the grids; larger, so that the map knows a place before it enters `area`.

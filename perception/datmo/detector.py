@@ -12,13 +12,13 @@ class SegmentedScan:
     """One scan, and what the stages before say of it.
 
     Attributes:
-        stamp_s: its time.
-        points_velo: (N, 4) without the vehicle's own returns.
+        stamp_s: Time of the scan in seconds.
+        points_velo: (N, 4) points without returns of the vehicle itself.
         point_states: (N,) one `PointState` each.
-        ground: in the LiDAR frame.
+        ground: Ground surface in the LiDAR frame.
         world_SE3_velo: (4, 4) refined pose.
         ins_world_SE3_velo: (4, 4) pose as the INS gave it; the refined one where there is no INS.
-        is_reset: whether poses before this scan no longer fit to it.
+        is_reset: Whether poses of earlier scans no longer fit to this one.
     """
 
     stamp_s: float
@@ -35,8 +35,8 @@ class DetectedObjects:
     """The things of one scan, in its LiDAR frame.
 
     Attributes:
-        moving: things that move.
-        static: things that stand, where the detector knows them.
+        moving: Moving objects.
+        static: Static objects, where the detector finds them.
     """
 
     moving: Footprints

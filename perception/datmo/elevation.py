@@ -33,7 +33,7 @@ class LevelPlane:
     """The road as the thesis' grids assume it: level, and below the LiDAR by its mounting height.
 
     Attributes:
-        z_m: of the plane in the LiDAR frame.
+        z_m: Height of the plane in the LiDAR frame in metres.
     """
 
     z_m: float

@@ -23,13 +23,13 @@ class MotionGrids:
     """Every grid of one scan.
 
     Attributes:
-        config: by which they were made.
-        work_cells: where the cells of E and S lie.
-        cells: where the cells of the others lie: those over the area in which objects are wanted.
+        config: Configuration of the detector.
+        work_cells: Cells of E and S.
+        cells: Cells of the other grids, over the area of reported objects.
         elevation: E, over the work area.
         background_m: S, the short-term map over the work area.
         motion_m: M, after false detections were suppressed.
-        found: the things in it.
+        found: Objects in M.
     """
 
     config: MotionGridDetectorConfig
@@ -67,8 +67,8 @@ class MotionGridDetector:
         """Begin without a scan.
 
         Args:
-            sensor: whose scans will come.
-            config: `THESIS`, `AUTHOR`, or values of your own.
+            sensor: LiDAR model of the scans.
+            config: Configuration: `THESIS`, `AUTHOR`, or other values.
         """
         self._config = config
         self._plane = LevelPlane(-sensor.height_m)

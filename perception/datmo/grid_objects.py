@@ -16,9 +16,9 @@ class LabelledCells:
     """The things of a motion grid.
 
     Attributes:
-        labels: (X, Y) the number of each cell's thing, 1 to `count`; 0 where there is none.
-        count: how many things there are.
-        joined: (X, Y) the cells after morphology, before the sizes are looked at.
+        labels: (X, Y) object of each cell, 1 to `count`; 0 where there is none.
+        count: Number of objects.
+        joined: (X, Y) cells after morphology, before the size filters.
     """
 
     labels: Int

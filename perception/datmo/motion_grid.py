@@ -20,8 +20,8 @@ def motion_grid(
     Args:
         height_m: (X, Y) the newest elevation grid E.
         background_m: (X, Y) the short-term map S.
-        alpha: share of its height by which a cell may differ.
-        radius_cells: ε, how far the square neighbourhood J reaches.
+        alpha: Share of its height by which a cell may differ from the map (α).
+        radius_cells: Radius in cells of the square neighbourhood J (ε).
 
     Returns:
         (X, Y) M: the height where something moves, else 0.

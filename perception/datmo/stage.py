@@ -21,9 +21,9 @@ class Datmo:
         """Begin without a scan.
 
         Args:
-            detector: finds what moves in a scan.
-            tracker: follows it.
-            uses_ins_poses: whether tracks lie in the world of the INS, as in the thesis, or of refined poses.
+            detector: Detector of moving objects.
+            tracker: Tracker of moving objects.
+            uses_ins_poses: Whether tracks are in the world of the INS, as in the thesis, or of refined poses.
         """
         self._detector, self._tracker, self._uses_ins_poses = detector, tracker, uses_ins_poses
 

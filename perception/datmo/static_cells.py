@@ -14,10 +14,10 @@ class StaticCells:
     """The C cells that hold standing points.
 
     Attributes:
-        occupancy: (X, Y) 1 where a standing point is.
-        first: (2,) cell of the picture's corner, counted from the sensor.
-        cell_m: edge of a cell.
-        rows: (C,) which cells of the flattened picture these are, rising.
+        occupancy: (X, Y) 1 where a cell has a static point.
+        first: (2,) cell of the corner of `occupancy`, counted from the sensor.
+        cell_m: Edge of a cell in metres.
+        rows: (C,) indices of the cells in the flattened `occupancy`, rising.
         places_m: (C, 3) mean x and y of a cell's points, and their highest z.
         points: (C,) how many each holds.
     """

@@ -14,7 +14,7 @@ def box_outlines_px(
 
     Args:
         image_P_velo: (3, 4) projection to pixels.
-        boxes_velo: what is projected; what lies behind the camera is cut off.
+        boxes_velo: (M) boxes in the LiDAR frame; parts behind the camera are cut off.
         size_px: (width, height) of the image, to whose borders the rectangles are clipped as labels
             are; None for an image without borders.
     """

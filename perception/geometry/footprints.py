@@ -111,9 +111,9 @@ def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints
     """Outline every thing.
 
     Args:
-        points_m: (N, 3+) points of all things, in any order.
-        cluster_of: (N,) number of each point's thing, 0 to things - 1; every number occurs.
-        clusters: how many there are.
+        points_m: (N, 3+) points of all clusters, in any order.
+        cluster_of: (N,) number of each point's cluster, 0 to clusters - 1; every number occurs.
+        clusters: Number of clusters.
     """
     if clusters == 0:
         return Footprints.empty()

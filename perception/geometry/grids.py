@@ -13,11 +13,11 @@ class LocalArea:
     """The box of space that the obstacle stages look at, in the LiDAR frame (thesis 7.1.1).
 
     Attributes:
-        ahead_m: reach along +x.
-        behind_m: reach along -x.
-        side_m: reach along +y and -y.
-        height_m: reach above the ground.
-        depth_m: reach below the ground plane, for roads that fall away.
+        ahead_m: Reach along +x in metres.
+        behind_m: Reach along -x in metres.
+        side_m: Reach along +y and -y in metres.
+        height_m: Reach above the ground in metres.
+        depth_m: Reach below the ground plane in metres, for roads that slope down.
     """
 
     ahead_m: float = 25.0
@@ -52,9 +52,9 @@ class EgoVehicle:
     The defaults hold a large car with a LiDAR over its middle, and an arm's length on each side.
 
     Attributes:
-        front_m: reach along +x.
-        rear_m: reach along -x.
-        side_m: reach along +y and -y.
+        front_m: Reach along +x in metres.
+        rear_m: Reach along -x in metres.
+        side_m: Reach along +y and -y in metres.
     """
 
     front_m: float = 3.0

@@ -23,7 +23,7 @@ class HeightSamples(ArrayTable):
 
     Attributes:
         points: (N, 3).
-        weights: (N,) 1 for a height that is known as well as any.
+        weights: (N,) 1 for a height that is as certain as any.
     """
 
     points: Annotated[Float64, 3]
@@ -52,11 +52,11 @@ class HeightGrid:
     """Where the nodes are.
 
     Attributes:
-        x0_m: of the first node.
-        y0_m: of the first node.
-        cell_m: between nodes.
-        nodes_x: number of nodes along x.
-        nodes_y: number of nodes along y.
+        x0_m: Coordinate x of the first node in metres.
+        y0_m: Coordinate y of the first node in metres.
+        cell_m: Distance between two nodes in metres.
+        nodes_x: Number of nodes along x.
+        nodes_y: Number of nodes along y.
     """
 
     x0_m: float
@@ -113,10 +113,10 @@ class HeightGrid:
         """Return (size,) heights that minimise squared misfits + stiffness x roughness.
 
         Args:
-            samples: what the surface should pass through.
-            place: where they lie, from `bilinear`.
-            stiffness: weight of the squared second differences between nodes.
-            prior_m: (size,) heights that fill in, with next to no weight, what nothing else decides.
+            samples: Heights that the surface is fitted to.
+            place: Position of the samples between the nodes, from `bilinear`.
+            stiffness: Weight of the squared second differences between nodes.
+            prior_m: (size,) heights used, with next to no weight, where nothing else determines the surface.
         """
         banded = stiffness * self.roughness
         banded[-1] += _PRIOR_WEIGHT
@@ -138,7 +138,7 @@ class HeightSurface:
     """A bilinear surface: the `GroundModel` of the default ground.
 
     Attributes:
-        grid: where the nodes are.
+        grid: Nodes of the surface.
         heights_m: (grid.size,) z at the nodes.
     """
 

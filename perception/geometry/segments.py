@@ -18,7 +18,7 @@ class ProjectedSegments:
     """The K of S segments of which a part is seen.
 
     Attributes:
-        rows: (K,) which they are, rising.
+        rows: (K,) indices of the segments, rising.
         ends_px: (K, 2, 2) columns and rows of both ends of that part, in the segment's direction.
     """
 
@@ -42,10 +42,10 @@ def project_segments(
 
     Args:
         image_P_src: (3, 4) projection to pixels.
-        segments_m: both ends of each.
+        segments_m: (S, 2, 3) both ends of each segment in the source frame.
         size_px: (width, height) of the image, or None for one that has no borders.
-        margin_px: how far beyond the borders lines still go on.
-        nearest_m: the depth at which lines that come to the camera, or pass it, end.
+        margin_px: Distance in pixels beyond the borders at which lines end.
+        nearest_m: Depth in metres of the near plane, where lines towards the camera end.
     """
     ends = segments_m @ image_P_src[:, :3].T + image_P_src[:, 3]
     # Signed distances of both ends from the planes around the view (Cyrus and Beck): inside is positive.

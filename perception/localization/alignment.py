@@ -20,8 +20,8 @@ class PreprocessedPoints:
     """A thinned scan with a local covariance at each point, ready to be matched.
 
     Attributes:
-        cloud: small_gicp's points and covariances.
-        tree: small_gicp's search tree over them.
+        cloud: Points and covariances of small_gicp.
+        tree: Search tree of small_gicp over the points.
     """
 
     cloud: Any
@@ -37,10 +37,10 @@ class Alignment:
     """How a source surface lies on a target.
 
     Attributes:
-        target_SE3_source: (4, 4).
-        inlier_ratio: share of the source's points with a match within reach.
-        cost: mean squared error of a point, an unmatched one counting 1; lower is better.
-        is_converged: whether the steps became small.
+        target_SE3_source: (4, 4) transform from the source to the target.
+        inlier_ratio: Share of the source's points with a match, 0 to 1.
+        cost: Mean squared error of a point, an unmatched one counting 1; lower is better.
+        is_converged: Whether the last step was below the tolerances.
     """
 
     target_SE3_source: Float64
@@ -72,12 +72,12 @@ def align(
     """Move the source onto the target from a first guess `target_SE3_source`.
 
     Args:
-        target: what stands.
-        source: what is moved.
-        initial_guess: (4, 4) first guess.
-        max_correspondence_m: the farthest match that counts.
-        threads: more than one changes the last digits from run to run.
-        kind: point to point as the thesis does, or surface to surface.
+        target: Points that stay.
+        source: Points that are moved.
+        initial_guess: (4, 4) first guess of `target_SE3_source`.
+        max_correspondence_m: Largest distance of a match in metres.
+        threads: Number of threads; more than one changes the last digits from run to run.
+        kind: Point-to-point ICP as in the thesis, or GICP.
     """
     if min(len(target), len(source)) < _MIN_POINTS:
         return Alignment(initial_guess, inlier_ratio=0.0, cost=1.0, is_converged=False)

@@ -31,8 +31,8 @@ class _Plane:
     """A plane that bounds a scan at one end of an axis.
 
     Attributes:
-        height_m: of the sensor over it; negative where the plane is above the sensor.
-        support: share of the near points that lie on it.
+        height_m: Height of the sensor over the plane; negative where the plane is above the sensor.
+        support: Share of the near points that lie on it.
     """
 
     height_m: float
@@ -43,9 +43,9 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
     """Make sure that a scan has its ground below, at the sensor's height; be silent if in doubt.
 
     Args:
-        points_velo: (N, 4) one scan.
-        sensor: says how high it stands.
-        source: the scan's file, for the error message.
+        points_velo: (N, 4) points of one scan.
+        sensor: LiDAR model with the mounting height.
+        source: File of the scan, for the error message.
 
     Raises:
         MountingError: another axis points up, or the sensor stands at another height.

@@ -46,9 +46,9 @@ class Localization:
 
     Attributes:
         world_SE3_velo: (4, 4) refined pose.
-        origin: what it rests on.
-        inlier_ratio: share of the scan that matched; 0 where nothing was registered.
-        is_reset: whether scans before this one no longer fit to it.
+        origin: Source of the pose.
+        inlier_ratio: Share of the scan that matched; 0 where nothing was registered.
+        is_reset: Whether poses of earlier scans no longer fit to this one.
     """
 
     world_SE3_velo: Float64
@@ -94,9 +94,9 @@ class LidarOdometry:
 
         Args:
             points_velo: (N, 3+) the whole scan.
-            stamp_s: its time; a repeated stamp repeats the pose.
+            stamp_s: Time of the scan in seconds; a repeated stamp repeats the pose.
             ins_world_SE3_velo: (4, 4) INS pose of the LiDAR, or None.
-            source: the scan's name, for the error message.
+            source: Name of the scan, for the error message.
 
         Raises:
             PoseError: stamps run backwards, or the INS moves as no vehicle does.

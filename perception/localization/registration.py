@@ -34,7 +34,7 @@ class Registration:
         Args:
             config: Registration configuration.
             method: `default` for LiDAR odometry, `thesis` for the INS refined by ICP within the window.
-            previous_scans: m, number of scans before the newest in the window.
+            previous_scans: Number of scans before the newest in the window (m).
         """
         self._config, self._method = config, method
         self._odometry = LidarOdometry(config)

@@ -22,12 +22,12 @@ class ColumnFillingConfig:
     """What is one beam, and what is one surface.
 
     Attributes:
-        column_width_px: image columns that are filled as one, about the step of a beam.
-        max_gap_px: a surface goes on behind a hole of this size.
-        max_depth_ratio: two inverse depths of a greater ratio side by side belong to two surfaces.
-        max_slope_per_m_px: most change of inverse depth from row to row on one surface. A plane that
-            passes the camera at d metres has 1 / (focal length * d): at one metre on KITTI.
-        extension_ratio: how far a row goes on past its end, as a share of the way to the next beam.
+        column_width_px: Number of image columns that are filled as one, about the step of a beam.
+        max_gap_px: Largest hole in pixels behind which a surface goes on.
+        max_depth_ratio: Largest ratio of two inverse depths side by side on one surface.
+        max_slope_per_m_px: Largest change of inverse depth (1/m) from row to row on one surface. A plane that passes
+            the camera at d metres has 1 / (focal length * d): the default is one metre on KITTI.
+        extension_ratio: Extension of a row past its end, as a share of the distance to the next beam.
     """
 
     column_width_px: int = 2
@@ -47,10 +47,10 @@ class ColumnGrid:
     """Cells in columns, one after the other, each from the highest return down and with a blank cell below.
 
     Attributes:
-        columns: how many, without the margins.
-        rows: cells of a column, with the blank one.
-        top: image row of the highest return: what lies above has nothing to be filled from.
-        margin: columns on either side, for what reaches over the edge.
+        columns: Number of columns without the margins.
+        rows: Number of cells of a column, with the blank one.
+        top: Image row of the highest return; nothing is filled above it.
+        margin: Number of extra columns on either side.
     """
 
     columns: int
@@ -84,9 +84,9 @@ class _Returns:
     """K returns, at most one a cell, and the next of each one's beam; the farthest first.
 
     Attributes:
-        cells: (K,) where they lie.
+        cells: (K,) cell of each return.
         values: (K,) inverse depth + i reflectance.
-        following: (K,) the next of the beam, where there is one.
+        following: (K,) next return of the same beam, where there is one.
         steps: (K,) columns to it, 0 where there is none.
     """
 

@@ -49,7 +49,7 @@ class _Anchors:
     Attributes:
         cells: (A,) column * rows + row; every column has one.
         values: (A,) inverse depth + i reflectance.
-        rows: cells of a column.
+        rows: Number of cells of a column.
     """
 
     cells: Int

@@ -54,7 +54,7 @@ def densify(sparse: SparseMaps, method: MapMethod = "default") -> DenseMaps:
     """Fill both maps within the region of interest.
 
     Args:
-        sparse: the returns in the image; none give maps without a valid pixel.
+        sparse: Returns in the image; without any, no pixel of the maps is valid.
         method: `default` along beams and columns, `thesis` the nearest vertex of the Delaunay triangle,
             `nearest` the nearest return, `linear` planes over the triangles, `natural` natural neighbours.
     """

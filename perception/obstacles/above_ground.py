@@ -38,10 +38,10 @@ def split_by_ground(
     """Split a scan at a distance over the ground; what is higher than the area belongs to neither.
 
     Args:
-        points_velo: (N, 3+) in the frame of the ground model.
-        ground: of that frame.
-        area: in which obstacles are wanted.
-        min_ground_distance_m: d_min, smallest distance of an obstacle point from the ground in metres.
+        points_velo: (N, 3+) points in the frame of the ground surface.
+        ground: Ground surface in the same frame.
+        area: Local area in which obstacles are reported.
+        min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
     """
     rows = np.flatnonzero(area.contains_xy(points_velo))
     local = points_velo.take(rows, axis=0)[:, :3].astype(np.float32, copy=False)

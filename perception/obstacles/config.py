@@ -65,14 +65,14 @@ class PiecewisePlanesConfig:
     """Ground of the thesis: planes over slices of the road ahead, by RANSAC (5.1.2, Algorithm 3).
 
     Attributes:
-        first_edge_m: λ0, radius of the first slice in metres (5.1.2).
-        steps_per_slice: η, number of elevation steps of the sensor in a slice (Table 7.1).
+        first_edge_m: Radius of the first slice in metres (λ0, 5.1.2).
+        steps_per_slice: Number of elevation steps of the sensor in a slice (η, Table 7.1).
         iterations: Number of RANSAC iterations (open in the thesis).
         inlier_m: Largest distance of a RANSAC inlier from the plane in metres (open in the thesis).
         subsample: Number of points of a slice that RANSAC uses (open in the thesis).
         refits: Whether the best plane is fitted again to all its inliers (not in the thesis).
-        max_angle_rad: τ, largest angle in rad between neighbouring planes (Table 7.1: 10 degrees).
-        max_step_m: ℓ, largest step in metres between neighbouring planes at their common edge (Table 7.1).
+        max_angle_rad: Largest angle in rad between neighbouring planes (τ, Table 7.1: 10 degrees).
+        max_step_m: Largest step in metres between neighbouring planes at their common edge (ℓ, Table 7.1).
         max_first_step_m: Largest distance in metres of the first plane from level ground below the sensor (not in
             the thesis).
     """
@@ -120,11 +120,11 @@ class FreeSpaceConfig:
     """Default static-moving segmentation: a place is moving where earlier beams passed through it.
 
     Attributes:
-        min_ground_distance_m: d_min, smallest distance of an obstacle point from the ground in metres.
+        min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
         horizon_s: Age of the oldest scan in seconds that is asked whether a place was free.
         max_travel_m: Largest distance in metres that the vehicle may have moved since that scan.
         margin_m: Largest difference in range in metres of two returns from one surface.
-        memory_scans: n, number of scans for which a static voxel is kept without being seen.
+        memory_scans: Number of scans for which a static voxel is kept without being observed (n).
     """
 
     # On a surface good to 5 cm, 15 cm clear kerbs and three range noises (the thesis' planes need 20 cm). A pedestrian
@@ -175,10 +175,10 @@ class MotionCountersConfig:
     """Static-moving segmentation of the thesis: occupancy counters of ground cells (5.1.3, Table 7.1).
 
     Attributes:
-        min_ground_distance_m: d_min, smallest distance of an obstacle point from the ground in metres (Table 7.1).
-        static_threshold: T_s, smallest number of points of a static column (Table 7.1: 50 for m = 6 and an HDL-64E);
-            else in proportion to the merged scans and to the sensor's points a scan.
-        moving_threshold: T_d, smallest number of points of a moving column (Table 7.1).
+        min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min, Table 7.1).
+        static_threshold: Smallest number of points of a static column (T_s, Table 7.1: 50 for m = 6 and an HDL-64E);
+            where none is given, in proportion to the merged scans and to the sensor's points a scan.
+        moving_threshold: Smallest number of points of a moving column (T_d, Table 7.1).
     """
 
     min_ground_distance_m: float = 0.2
@@ -192,8 +192,8 @@ class MotionConfig:
 
     Attributes:
         method: Method of this stage; else that of the pipeline.
-        voxel_size_m: υ, edge of a voxel in metres (Table 7.1).
-        previous_scans: m, number of scans before the newest that are merged by the methods of the thesis (Table 7.1).
+        voxel_size_m: Edge of a voxel in metres (υ, Table 7.1).
+        previous_scans: Number of scans before the newest that the methods of the thesis merge (m, Table 7.1).
         free_space: Free-space test, the default.
         moving_clusters: Decision which clusters are moving, by the default method.
         counters: Occupancy counters, the method of the thesis.

@@ -45,10 +45,12 @@ class FreeSpaceMemory:
         """Begin without a scan.
 
         Args:
-            sensor: whose scans will come.
-            horizon_s: age of the oldest scan that is asked.
-            max_travel_m: how far the vehicle may have come since then; farther back the beams are too coarse.
-            margin_m: depth within which two returns are from one surface; also its error to the side.
+            sensor: LiDAR model of the scans.
+            horizon_s: Age of the oldest queried scan in seconds.
+            max_travel_m: Largest distance in metres that the vehicle may have moved since; farther back the beams are
+                too coarse.
+            margin_m: Largest difference in range in metres of two returns from one surface, and the error across the
+                beam.
         """
         self._projection = SphericalProjection(sensor, tolerance_m=margin_m / 2)
         self._period_s = 1 / sensor.rate_hz

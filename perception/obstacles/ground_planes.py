@@ -92,7 +92,7 @@ def planes_through(triples: Float64) -> Float64:
     return np.column_stack([normals, -np.sum(normals * origin, axis=1)])
 
 
-def most_supported_plane(points: Float64, samples: Int, inlier_m: float) -> Float64:
+def best_supported_plane(points: Float64, samples: Int, inlier_m: float) -> Float64:
     """Return the plane (4,) with the most inliers among those through (T, 3) samples of (N, 3) points."""
     planes = planes_through(points[samples])
     distances = np.abs(planes[:, :3] @ points.T + planes[:, 3:])
@@ -116,7 +116,7 @@ def ransac_plane(
     if len(points) > config.subsample:
         points = points[random.integers(len(points), size=config.subsample)]
     samples = random.integers(len(points), size=(config.iterations, 3))
-    plane = most_supported_plane(points, samples, config.inlier_m)
+    plane = best_supported_plane(points, samples, config.inlier_m)
     inliers = np.abs(points @ plane[:3] + plane[3]) < config.inlier_m
     return fit_plane(points[inliers]) if config.refits and inliers.sum() > 3 else plane
 
@@ -154,9 +154,9 @@ def validate(
 
     Args:
         proposed: (N + 1, 4) planes, NaN where none was found.
-        edges_m: (N,) where they meet.
-        level: (4,) level ground.
-        config: the limits.
+        edges_m: (N,) x of the edges between the planes.
+        level: (4,) level ground at the sensor's height.
+        config: Largest angle and steps.
 
     Returns:
         (N + 1, 4) planes and (N + 1,) which of them are their own.
@@ -176,9 +176,9 @@ class PiecewisePlanesEstimator:
     """Estimates the piecewise planes of a cloud.
 
     Attributes:
-        sensor: whose beams set the slices.
-        area: in which the ground is wanted.
-        config: of the planes.
+        sensor: LiDAR model, whose beams set the slices.
+        area: Local area in which the ground is estimated.
+        config: Configuration of the planes.
     """
 
     sensor: LidarModel
@@ -190,7 +190,7 @@ class PiecewisePlanesEstimator:
 
         Args:
             points_velo: (N, 3+) a scan, or merged scans in the newest one's frame.
-            random: draws RANSAC's samples.
+            random: Random generator of RANSAC.
         """
         points = points_velo[self.area.contains_xy(points_velo), :3].astype(np.float64)
         edges_m = self._edges_m()

@@ -51,13 +51,13 @@ class MotionCounters:
     """Everything that Fig. 5.6 shows of one frame.
 
     Attributes:
-        grid: of the voxels; its x and y cells are those of the counters.
-        voxels: before and after the preprocessing.
+        grid: Voxel grid; its x and y cells are those of the counters.
+        voxels: Voxels before and after the preprocessing.
         static_before: (X, Y) C_s of the merged cloud, Fig. 5.6 (b).
         static: (X, Y) C_s after the preprocessing (c).
         moving: (X, Y) C_d (d).
         log_ratio: (X, Y) R of (5.4) (e).
-        masks: of (5.5).
+        masks: Static and moving columns (5.5).
     """
 
     grid: VoxelGrid
@@ -76,7 +76,7 @@ def subtract(scan_keys: Sequence[Keys]) -> SubtractedVoxels:
     count the scans that reached a voxel.
 
     Args:
-        scan_keys: the voxel key of each obstacle point, scan by scan, the newest last.
+        scan_keys: Voxel keys of the obstacle points, scan by scan, the newest last.
     """
     scans = [count_keys(keys) for keys in scan_keys]
     reached: Keys = np.concatenate([scan.keys for scan in scans])
@@ -132,11 +132,12 @@ class CounterSegmenter:
         """Take the thesis' values (Table 7.1).
 
         Args:
-            area: in which obstacles are wanted.
-            voxel_size_m: edge of a voxel, υ.
-            min_ground_distance_m: least distance of an obstacle point from the ground, d_min.
-            static_threshold: T_s, for a window of 7 scans of an HDL-64E.
-            moving_threshold: T_d.
+            area: Local area in which obstacles are reported.
+            voxel_size_m: Edge of a voxel in metres (υ).
+            min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
+            static_threshold: Smallest number of points of a static column (T_s), for a window of 7 scans of an
+                HDL-64E.
+            moving_threshold: Smallest number of points of a moving column (T_d).
         """
         self._area = area
         self._voxel_size_m = voxel_size_m
@@ -148,8 +149,8 @@ class CounterSegmenter:
         """Segment the newest scan of the window.
 
         Args:
-            window: scans with their poses, the newest last.
-            ground: in the frame of the newest scan; it removes the ground of every scan.
+            window: Scans with their poses, the newest last.
+            ground: Ground in the frame of the newest scan; it removes the ground of every scan.
         """
         scans = self._obstacle_points(window, ground)
         counters = self._count(scans)

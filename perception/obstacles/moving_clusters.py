@@ -52,11 +52,11 @@ def moving_voxels(
     """Tell which of V occupied voxels belong to things that move.
 
     Args:
-        centers_m: (V, 3) where they are.
-        history: what earlier scans saw there.
-        moved_before_m: (B, 3) places of voxels that moved in the scan before.
-        config: when a thing counts as moving.
-        gap_m: between two beams at the end of the area; nearer parts may be one thing.
+        centers_m: (V, 3) positions of the voxels.
+        history: Visibility of these positions in earlier scans.
+        moved_before_m: (B, 3) positions of voxels that moved in the scan before.
+        config: Thresholds of moving clusters.
+        gap_m: Distance in metres between two beams at the end of the area; parts closer together may be one object.
     """
     if len(centers_m) == 0 or len(history.ages_s) == 0:
         return np.zeros(len(centers_m), bool)
@@ -116,8 +116,8 @@ class _VoxelColumns:
 
     Attributes:
         of: (V,) the column of each voxel.
-        shape: columns along x and y.
-        cell_m: edge of a column.
+        shape: Number of columns along x and y.
+        cell_m: Edge of a column in metres.
     """
 
     of: Int

@@ -70,8 +70,8 @@ class SphericalProjection:
         """Lay out the pixels.
 
         Args:
-            sensor: its beams and its azimuth step.
-            tolerance_m: how far a point may lie to the side of where it was, by error of pose and beam.
+            sensor: LiDAR model with its beams and its azimuth step.
+            tolerance_m: Largest error of a position across the beam in metres, from pose and beam.
         """
         self.rows = sensor.beams
         self.columns = max(sensor.columns // _FIRINGS_A_COLUMN, 1)
@@ -134,8 +134,9 @@ class RangeImage:
         """Say of (P, 3+) places in this scan's frame whether it saw them free, met, or hidden.
 
         Args:
-            points_velo: places.
-            margin_m: how much farther a beam must go to have passed, and how near it must end to have met.
+            points_velo: (P, 3+) positions in the frame of the scan.
+            margin_m: Distance in metres by which a beam must go farther to have passed, and within which it must end
+                to have hit.
         """
         at = self._projection.pixels(points_velo)
         margin = np.float32(margin_m)

@@ -42,10 +42,10 @@ class StaticMap:
         """Add a scan's static voxels and return all that still stand, in the scan's frame.
 
         Args:
-            seen: static voxels of the scan.
-            moving: voxels of the scan that move, rising; nothing static is left there.
-            world_SE3_velo: pose of the scan.
-            is_free: tells of (P, 3) places in the scan's frame which a beam of it passed.
+            seen: Static voxels of the scan.
+            moving: Moving voxels of the scan, rising; nothing static is kept there.
+            world_SE3_velo: (4, 4) pose of the scan.
+            is_free: Function that tells through which (P, 3) positions, in the scan's frame, a beam of it passed.
         """
         velo_SE3_world = se3.inverse(world_SE3_velo)
         known = self._known

@@ -22,7 +22,7 @@ class KeyCounts:
     """K different keys, rising, and how often each was met.
 
     Attributes:
-        keys: (K,) as `VoxelGrid.keys` makes them.
+        keys: (K,) keys of `VoxelGrid.keys`.
         counts: (K,) at least 1.
     """
 
@@ -36,8 +36,8 @@ class VoxelGrid:
 
     Attributes:
         corner_m: (3,) least x, y, z.
-        shape: cells along x, y, z.
-        size_m: edge of a cube, the thesis' υ.
+        shape: Number of cells along x, y and z.
+        size_m: Edge of a voxel in metres (υ).
     """
 
     corner_m: Float64
@@ -124,9 +124,9 @@ class KeyGroups:
     """N keys grouped by value into K.
 
     Attributes:
-        counted: the K different keys.
+        counted: The K different keys.
         first: (K,) index of the first of the N for each.
-        group_of: (N,) to which of the K each belongs.
+        group_of: (N,) group of each key, 0 to K - 1.
     """
 
     counted: KeyCounts

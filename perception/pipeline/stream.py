@@ -31,10 +31,10 @@ class ResultStream:
         """Begin to read.
 
         Args:
-            frames: in order; read in a thread of their own.
-            submit: starts the work on a frame, given when it arrived by `time.perf_counter`.
-            policy: `every` frame, for which the source waits; or the `latest`, for a source that does not.
-            max_in_flight: so many frames at most are begun and not yet taken.
+            frames: Frames in order; they are read in a thread of their own.
+            submit: Function that starts the work on a frame, given its arrival time by `time.perf_counter`.
+            policy: Every frame, for which the source waits; or the latest, for a source that does not wait.
+            max_in_flight: Largest number of frames that are started and not yet taken.
         """
         self.dropped = 0
         """How many frames were passed over since a later one came before there was room."""

@@ -16,7 +16,7 @@ class Calibration:
         image_P_cam: (3, 4) projection of the rectified reference camera's frame to pixels; KITTI's P2.
         cam_SE3_velo: (4, 4) LiDAR to rectified reference camera; KITTI's R0_rect * Tr_velo_to_cam.
         image_size_px: (width, height) where the calibration states it.
-        source: the file, for error messages.
+        source: File of the calibration, for error messages.
     """
 
     image_P_cam: Float64
@@ -48,13 +48,13 @@ class Frame:
     """What the sensors saw at one moment.
 
     Attributes:
-        index: number of the frame within its drive.
-        stamp_s: time of the scan.
+        index: Number of the frame within its drive.
+        stamp_s: Time of the scan in seconds.
         points_velo: (N, 4) x, y, z in metres and reflectance 0..1.
         image: (H, W, 3) RGB, or None without a camera.
         world_SE3_velo: (4, 4) INS pose of the LiDAR in a frame fixed to the earth, or None without INS.
-        calibration: of the camera, or None.
-        source: the scan's file, for error messages.
+        calibration: Calibration of the camera, or None without a camera.
+        source: File of the scan, for error messages.
     """
 
     index: int

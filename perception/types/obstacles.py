@@ -33,9 +33,9 @@ class Voxels:
     """V occupied cubes of one grid.
 
     Attributes:
-        centers_m: (V, 3).
+        centers_m: (V, 3) centres of the voxels.
         counts: (V,) points in each, the thesis' occupancy value (2.1.2).
-        size_m: edge of a cube.
+        size_m: Edge of a voxel in metres.
     """
 
     centers_m: Float32
@@ -58,8 +58,8 @@ class Obstacles:
 
     Attributes:
         point_states: (N,) one `PointState` for each point of the frame.
-        static: voxels of the static model, seen in this scan or a recent one.
-        moving: voxels of this scan that move.
+        static: Voxels of the static map, observed in this scan or a recent one.
+        moving: Moving voxels of this scan.
     """
 
     point_states: UInt8

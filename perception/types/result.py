@@ -17,17 +17,17 @@ class Result:
     """What the pipeline made of one frame.
 
     Attributes:
-        frame: what it was given.
-        world_SE3_velo: (4, 4) pose after registration.
-        ground: the ground surface in the LiDAR frame.
-        obstacles: static and moving.
-        tracks: what moves, as objects with an identity.
-        modality_detections: what each detector saw by itself; empty where detection is off.
-        map_images: (H, W) of each map that they looked at, 0 where nothing is known.
-        vehicles: what they say together, None where detection is off.
-        depthcn: what DepthCN saw, None where it is off.
-        timings_s: seconds by stage; what overlaps counts more than once.
-        spans: when each stage ran, stages of one worker in their order.
+        frame: Frame that was processed.
+        world_SE3_velo: (4, 4) refined pose of the LiDAR.
+        ground: Ground surface in the LiDAR frame.
+        obstacles: Static and moving obstacles.
+        tracks: Moving objects with their ids.
+        modality_detections: Detections of each modality; empty where detection is off.
+        map_images: (H, W) 8-bit image of each map that a detector used, 0 where nothing is known.
+        vehicles: Vehicles of the fused detections, None where detection is off.
+        depthcn: Detections of DepthCN, None where it is off.
+        timings_s: Duration of each stage in seconds; stages that overlap count more than once.
+        spans: Start and end of each stage, stages of one worker in their order.
     """
 
     frame: Frame

@@ -8,7 +8,7 @@ from perception.obstacles.ground_planes import (
     PiecewisePlanes,
     PiecewisePlanesEstimator,
     fit_plane,
-    most_supported_plane,
+    best_supported_plane,
     plane_step,
     planes_through,
     quartile_gate_m,
@@ -85,7 +85,7 @@ def test_vectorised_ransac_equals_the_loop_with_the_same_samples() -> None:
         count = sum(abs(normal @ point - normal @ p) < 0.05 for point in points)
         if count > most:
             best, most = np.append(normal, -normal @ p), count
-    np.testing.assert_allclose(most_supported_plane(points, samples, 0.05), best)
+    np.testing.assert_allclose(best_supported_plane(points, samples, 0.05), best)
 
 
 def test_ransac_finds_the_exact_plane_among_outliers() -> None:
