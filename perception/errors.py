@@ -1,6 +1,6 @@
-"""The one family of errors that a user can cause.
+"""Errors that a user can cause.
 
-Libraries raise them; only the command line turns one into a sentence and exit code 2.
+Libraries raise them; the command line prints one as a sentence and exits with code 2.
 """
 
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class PerceptionError(Exception):
-    """Say in one sentence what is wrong, where, what was expected, and what to do."""
+    """An error in one sentence: where it is, what was expected, what was found, and what to do."""
 
     def __init__(
         self, where: str | Path, *, expected: str, found: str, advice: str | None = None
@@ -26,7 +26,7 @@ class PerceptionError(Exception):
         super().__init__(f"{sentence}; {advice}." if advice else f"{sentence}.")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let the error of a worker process reach the one that waits for it."""
+        """Keep all fields when the error is sent from a worker process."""
         return _restore, (type(self), self.args, self.__dict__)
 
 
@@ -39,11 +39,11 @@ def _restore(
 
 
 class ScanError(PerceptionError):
-    """A LiDAR scan is truncated, empty, not finite, or not what its format says."""
+    """A LiDAR scan is truncated, empty, not finite, or not in its format."""
 
 
 class MountingError(PerceptionError):
-    """The LiDAR does not stand as its axes and its model say."""
+    """The LiDAR is not mounted as its axes and its model state."""
 
 
 class ImageError(PerceptionError):
@@ -63,11 +63,11 @@ class LabelError(PerceptionError):
 
 
 class DriveError(PerceptionError):
-    """A drive folder is not laid out as expected, or lacks what a stage needs."""
+    """A drive folder has another layout, or lacks a file that a stage needs."""
 
 
 class ModelError(PerceptionError):
-    """A model file or checkpoint is unreadable, or made for other inputs or classes."""
+    """A model file or checkpoint is unreadable, or for other inputs or classes."""
 
 
 class UsageError(PerceptionError):
@@ -75,10 +75,10 @@ class UsageError(PerceptionError):
 
 
 class MissingDependencyError(PerceptionError):
-    """An optional package is needed for what was asked."""
+    """An optional package is not installed."""
 
     def __init__(self, package: str, *, needed_for: str, extra: str, reason: ImportError) -> None:
-        """Name the package, what it is needed for, why it fails, and the line that installs it."""
+        """Compose the sentence with the line that installs the package."""
         super().__init__(
             needed_for,
             expected=f"the Python package {package}",

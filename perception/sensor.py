@@ -1,4 +1,4 @@
-"""LiDAR sensors as data: what an algorithm may know of the sensor, it asks of a `LidarModel`."""
+"""LiDAR models: all that an algorithm may know of the sensor."""
 
 import json
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class LidarModel:
 
     Attributes:
         name: Name given by its maker.
-        elevations_rad: (L,) beam elevations over the horizontal, highest first.
+        elevations_rad: (L,) beam elevations above the horizontal, highest first.
         azimuth_step_rad: Angle in rad between two firings of one beam.
         rate_hz: Revolutions per second.
         height_m: Height of the sensor's origin above the road in metres.
@@ -35,7 +35,7 @@ class LidarModel:
     range_noise_m: float
 
     def __post_init__(self) -> None:
-        """Refuse a beam table that is not a falling row of at least two angles."""
+        """Validate the beam elevations, height, rate and azimuth step."""
         elevations = np.asarray(self.elevations_rad, np.float64)
         object.__setattr__(self, "elevations_rad", elevations)
         if elevations.ndim != 1 or len(elevations) < 2 or not (np.diff(elevations) < 0).all():
@@ -71,7 +71,7 @@ def _fan(top_deg: float, bottom_deg: float, beams: int) -> Float64:
     return np.radians(np.linspace(top_deg, bottom_deg, beams))
 
 
-# Makers' data sheets; heights as mounted on KITTI's car (thesis 3.1.1).
+# Values of the makers' data sheets; heights as mounted on the car of KITTI (thesis 3.1.1).
 HDL_64E = LidarModel(
     name="HDL-64E",
     elevations_rad=np.concatenate([_fan(2.0, -8.33, 32), _fan(-8.83, -24.33, 32)]),
@@ -132,6 +132,6 @@ def load_sensor(name: str) -> LidarModel:
 
 
 def sensor_to_json(sensor: LidarModel) -> str:
-    """Return the text that `load_sensor` reads back."""
+    """Return the text that `load_sensor` reads."""
     fields = {**vars(sensor), "elevations_rad": sensor.elevations_rad.tolist()}
     return json.dumps(fields, indent=1)

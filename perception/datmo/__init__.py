@@ -1,1 +1,1 @@
-"""Detection and tracking of moving objects: from a segmented scan to things that move."""
+"""Detection and tracking of moving objects (DATMO), on segmented scans (thesis 5.2)."""

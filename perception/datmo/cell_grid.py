@@ -1,4 +1,4 @@
-"""The square cells over an area around the vehicle.
+"""Square cells over an area around the vehicle.
 
    x ^  row X-1        Cell (i, j) holds x from low_x + i cell_m and y from low_y + j cell_m on.
      |   ...           In cell coordinates the middle of cell (i, j) is (i + 0.5, j + 0.5).
@@ -16,11 +16,11 @@ from perception.types import Float64, Int
 
 @dataclass(frozen=True)
 class CellGrid:
-    """Where the cells lie in the LiDAR frame.
+    """Position of the cells in the LiDAR frame.
 
     Attributes:
-        low_m: (x, y) of the corner with the least coordinates.
-        shape: (X, Y) how many cells there are.
+        low_m: (x, y) of the corner with the smallest coordinates.
+        shape: (X, Y) number of cells.
         cell_m: Edge of a cell in metres (υ).
     """
 
@@ -30,14 +30,14 @@ class CellGrid:
 
     @classmethod
     def covering(cls, area: LocalArea, cell_m: float) -> "CellGrid":
-        """Lay cells from the area's rear right corner to at least its front left one."""
+        """Return cells from the area's rear right corner to at least its front left one."""
         lengths_m = area.behind_m + area.ahead_m, 2 * area.side_m
         rows, columns = (int(np.ceil(length_m / cell_m - 1e-6)) for length_m in lengths_m)
         return cls((-area.behind_m, -area.side_m), (rows, columns), cell_m)
 
     @property
     def high_m(self) -> tuple[float, float]:
-        """(x, y) of the corner with the greatest coordinates."""
+        """(x, y) of the corner with the largest coordinates."""
         low_x, low_y = self.low_m
         return low_x + self.shape[0] * self.cell_m, low_y + self.shape[1] * self.cell_m
 

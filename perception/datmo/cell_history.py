@@ -1,15 +1,14 @@
-"""What the cells of a window over the earth have shown, at a cost that does not grow with memory.
+"""Mean of the last observations of each cell of a moving window, at a cost independent of the memory.
 
-The window follows the vehicle over an endless plane of cells. It is stored as a torus: the plane's
+The window follows the vehicle over an infinite plane of cells. It is stored as a torus: the plane's
 cell (i, j) always lies at (i mod size, j mod size), so that a moving window copies nothing and only
 clears the cells that enter it.
 
     plane   ... 7 8 [ 9 10 11 12 ] 13 ...       a window of 4 cells that begins at 9
     torus           [ 12 9 10 11 ]              each at its number modulo 4; 13 would replace 9
 
-Each cell keeps its last m observations in a ring and their sum. A new one adds itself and takes the
-oldest away; a scan that leaves the queue of n takes away what is left of it. So the mean is always
-at hand.
+Each cell keeps its last m observations in a ring and their sum. A new observation replaces the
+oldest; a scan that leaves the queue of n takes its remaining observations with it. So the mean is always available.
 """
 
 from collections import deque
@@ -37,7 +36,7 @@ class CellHistory:
     """The mean of the last m observations of each cell, made within the last n scans."""
 
     def __init__(self, size: int, scans: int, max_observations: int, min_observations: int) -> None:
-        """Begin with a window that has seen nothing.
+        """Start with an empty window.
 
         Args:
             size: Number of cells along each side of the window.
@@ -56,32 +55,32 @@ class CellHistory:
         self._first = np.zeros(size * size, np.int32)
         self._next = np.zeros(size * size, np.int32)
         self._ring_m = np.zeros(self._max_observations * size * size, np.float32)
-        # Sums of float32 in float64 are exact, in whatever order they come and go.
+        # Sums of float32 in float64 are exact, in any order.
         self._sum_m = np.zeros(size * size)
         self._mean_m = np.zeros(size * size, np.float32)
 
     @property
     def scans(self) -> int:
-        """How many scans are remembered."""
+        """Number of remembered scans."""
         return len(self._queue)
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Forget all observations."""
         self._queue.clear()
         self._forget(np.arange(self.size), 0)
 
     def move_to(self, low: Int) -> None:
-        """Let the window begin at (2,) a plane cell; what it leaves is forgotten."""
+        """Move the window to start at a (2,) cell of the plane; cells that leave it are forgotten."""
         for axis in (0, 1):
             steps = int(low[axis] - self._low[axis])
-            # Cells enter at the far end where the window moves up, at the near end otherwise.
+            # Cells enter at the far end where the window moves up, else at the near end.
             start = self._low[axis] + self.size if steps > 0 else low[axis]
             entering = start + np.arange(min(abs(steps), self.size))
             self._forget(entering % self.size, axis)
         self._low = np.array(low, np.int64)
 
     def observe(self, window_m: Float32) -> None:
-        """Take in one scan's (size, size) values over the window, NaN where it saw nothing."""
+        """Add one scan's (size, size) values over the window, NaN where a cell was not observed."""
         if len(self._queue) == self._queue.maxlen:
             self._expire(self._queue.popleft())
         torus_m = np.roll(window_m, self._low % self.size, axis=(0, 1)).ravel()
@@ -107,7 +106,7 @@ class CellHistory:
         return np.roll(mean_m, -(self._low % self.size), axis=(0, 1))
 
     def _expire(self, scan: _Observed) -> None:
-        # Gone already is what later observations have replaced and what left the window.
+        # Observations that were replaced or left the window are gone already.
         remains = np.flatnonzero(self._first.take(scan.cells) == scan.order)
         cells, order = scan.cells.take(remains), scan.order.take(remains)
         self._first[cells] += 1

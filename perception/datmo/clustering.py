@@ -1,8 +1,8 @@
-"""Cut points over the ground plane into things, as a spinning LiDAR shows them.
+"""Clustering of moving points over the ground plane, adapted to the pattern of a spinning LiDAR.
 
 A beam's neighbours to the side hit close by; its neighbours above and below hit a slanted surface, a
-bonnet or a windscreen, far in front or behind. So gaps within one thing lie along the line of sight,
-and gaps to its neighbour lie across.
+bonnet or a windscreen, far in front or behind. So gaps within one object lie along the line of sight,
+and gaps to its neighbour across it.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from perception.types import Bool, Float, Float64, Int
 def cluster_moving_points(
     points_velo: Float, elevation_step_rad: float, config: ClusteringConfig
 ) -> Int:
-    """Return (N,) the number of each point's thing, from 0.
+    """Return the (N,) cluster of each point, from 0.
 
     Args:
         points_velo: (N, 2+) points in the LiDAR frame.
@@ -52,7 +52,7 @@ def _cells(points_velo: Float, cell_m: float) -> tuple[Int, Float64]:
 
 
 def _is_linked(places_m: Float64, depth_gaps_m: Float64, pairs: Int, lateral_gap_m: float) -> Bool:
-    """Tell which (L, 2) pairs of cells lie within an ellipse along the line of sight."""
+    """Return which (L, 2) pairs of cells lie within an ellipse along the line of sight."""
     first, second = places_m[pairs[:, 0]], places_m[pairs[:, 1]]
     sight = first + second
     sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-6)

@@ -1,4 +1,4 @@
-"""What every detector of moving objects offers."""
+"""Interface of detectors of moving objects."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +9,7 @@ from perception.types import Float32, Float64, GroundModel, UInt8
 
 @dataclass(frozen=True)
 class SegmentedScan:
-    """One scan, and what the stages before say of it.
+    """One scan with the results of the stages before.
 
     Attributes:
         stamp_s: Time of the scan in seconds.
@@ -32,7 +32,7 @@ class SegmentedScan:
 
 @dataclass(frozen=True)
 class DetectedObjects:
-    """The things of one scan, in its LiDAR frame.
+    """Objects of one scan, in its LiDAR frame.
 
     Attributes:
         moving: Moving objects.
@@ -44,8 +44,8 @@ class DetectedObjects:
 
 
 class ObjectDetector(Protocol):
-    """Finds moving objects, scan after scan."""
+    """Detects moving objects, scan after scan."""
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
-        """Cut a scan into things."""
+        """Return the objects of a scan."""
         ...

@@ -1,4 +1,4 @@
-"""The local elevation grid: the height of what stands in each cell, without the ground (5.6)."""
+"""Local elevation grid: the height of each cell above the ground (5.6)."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ from perception.types import Bool, Float, Float32, Float64, GroundModel, Int
 
 @dataclass(frozen=True)
 class ElevationGrid:
-    """What one scan saw in each cell.
+    """Heights and points of each cell in one scan.
 
     Attributes:
-        height_m: (X, Y) mean height of the points of a cell; 0 where it is ground or was not seen.
-        points: (X, Y) how many points fell into it.
+        height_m: (X, Y) mean height of the points of a cell; 0 where it is ground or was not observed.
+        points: (X, Y) number of points in the cell.
     """
 
     height_m: Float32
@@ -30,7 +30,7 @@ class ElevationGrid:
 
 @dataclass(frozen=True)
 class LevelPlane:
-    """The road as the thesis' grids assume it: level, and below the LiDAR by its mounting height.
+    """Ground of the thesis' grids: a level plane below the LiDAR by its mounting height.
 
     Attributes:
         z_m: Height of the plane in the LiDAR frame in metres.
@@ -76,7 +76,7 @@ def elevation_grid(
 
 
 def _over_cells(points_velo: Float32, cells: CellGrid) -> Float32:
-    """Return the points over the cells, but for a hair at the far edges that rounding would carry out."""
+    """Return the points over the cells; those at the far edges, which rounding would put outside, are left out."""
     if len(points_velo) == 0:
         return points_velo
     hair_m = 1e-4 * cells.cell_m

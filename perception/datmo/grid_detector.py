@@ -20,7 +20,7 @@ from perception.types import Float32, GroundModel
 
 @dataclass(frozen=True)
 class MotionGrids:
-    """Every grid of one scan.
+    """Grids of one scan.
 
     Attributes:
         config: Configuration of the detector.
@@ -52,7 +52,7 @@ def moving_in_area(
     config: MotionGridDetectorConfig,
     radius_cells: int,
 ) -> Float32:
-    """Return M over the area in which objects are wanted, by a map that reaches farther."""
+    """Return M over the area of reported objects; the map is larger."""
     part = CellGrid.covering(config.work_area, config.cell_m).part(config.area)
     height_m = elevation.height_m[part]
     candidate_m = np.zeros_like(elevation.height_m)
@@ -64,7 +64,7 @@ class MotionGridDetector:
     """Finds moving objects by comparing each scan with a short-term map, scan after scan."""
 
     def __init__(self, sensor: LidarModel, config: MotionGridDetectorConfig = THESIS) -> None:
-        """Begin without a scan.
+        """Start without a scan.
 
         Args:
             sensor: LiDAR model of the scans.
@@ -83,7 +83,7 @@ class MotionGridDetector:
 
     @property
     def grids(self) -> MotionGrids:
-        """Every grid of the last scan, for pictures.
+        """Grids of the last scan, for plots.
 
         Raises:
             UsageError: there was none.
@@ -93,9 +93,9 @@ class MotionGridDetector:
         return self._grids
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
-        """Find what moves; what stands, the grids do not cut into things.
+        """Detect moving objects; static ones are not segmented.
 
-        The map rests on the poses of the INS: the method is meant to bear their errors.
+        The map uses the poses of the INS: the method tolerates their errors.
         """
         since_s = None if self._stamp_s is None else scan.stamp_s - self._stamp_s
         self._stamp_s = scan.stamp_s
@@ -111,7 +111,7 @@ class MotionGridDetector:
         background_m = self._map.update(elevation, scan.ins_world_SE3_velo)
         motion_m = moving_in_area(elevation, background_m, config, config.motion.radius_cells)
         if self._map.scans < config.background.min_observations:
-            # No cell of the map has a value yet, so that all that stands would move.
+            # No cell of the map has a value yet: every static object would be moving.
             motion_m = np.zeros_like(motion_m)
         found = find_objects(motion_m, config.cell_m, config.objects)
         self._grids = MotionGrids(
@@ -122,7 +122,7 @@ class MotionGridDetector:
 
 
 def _outline(grids: MotionGrids, ground: GroundModel) -> Footprints:
-    """Fit what stands for each thing: its cells from above, from the ground to its highest motion."""
+    """Return the footprint of each object: its cells in top view, from the ground to its largest height."""
     found = grids.found
     rows, columns = np.nonzero(found.labels)
     cluster_of = found.labels[rows, columns] - 1

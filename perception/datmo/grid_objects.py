@@ -1,4 +1,4 @@
-"""From a motion grid to things: morphology, hole filling, size filters and labels (5.9)."""
+"""Objects in a motion grid: morphology, hole filling, size filters and labels (5.9)."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 @dataclass(frozen=True)
 class LabelledCells:
-    """The things of a motion grid.
+    """Objects of a motion grid.
 
     Attributes:
         labels: (X, Y) object of each cell, 1 to `count`; 0 where there is none.
@@ -27,7 +27,7 @@ class LabelledCells:
 
 
 def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) -> LabelledCells:
-    """Join the moving cells of (X, Y) a motion grid into things of a plausible size."""
+    """Join the moving cells of an (X, Y) motion grid to objects of a plausible size."""
     joined = join_cells(motion_m, config)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         joined.astype(np.uint8), connectivity=8, ltype=cv2.CV_32S
@@ -40,13 +40,13 @@ def find_objects(motion_m: Float32, cell_m: float, config: GridObjectsConfig) ->
         & (area >= np.floor(_whole(config.min_area_m2 / cell_m2)))
         & (area <= np.floor(_whole(config.max_area_m2 / cell_m2)))
     )
-    is_kept[0] = False  # what is no thing
+    is_kept[0] = False  # the background
     number = np.where(is_kept, np.cumsum(is_kept), 0)
     return LabelledCells(number[labels], int(is_kept.sum()), joined)
 
 
 def join_cells(motion_m: Float32, config: GridObjectsConfig) -> Bool:
-    """Tell which cells belong to things: O = (M ⊕ s_x) ∧ (M ⊕ s_y) (5.9), and the code's steps after it.
+    """Return which cells belong to objects: O = (M ⊕ s_x) ∧ (M ⊕ s_y) (5.9), and the steps of the author's code.
 
     The rows of the grid run along x, ahead. Dilated there once more, a vehicle that the beams cut into
     pieces is whole; both dilations also lengthen what they join.
@@ -55,8 +55,8 @@ def join_cells(motion_m: Float32, config: GridObjectsConfig) -> Bool:
     along = fill_holes(_dilate(motion_m, long, short))
     across = fill_holes(_dilate(motion_m, short, long))
     joined = fill_holes(_dilate(along * across, long, 1))
-    # Eroded by a ball of radius 1 cell: above zero stays what is higher than the ball and has four
-    # neighbours above zero.
+    # Erosion by a ball of radius 1 cell keeps cells that are higher than the ball and have four neighbours
+    # above zero.
     core = cv2.erode(
         (joined > 0).astype(np.uint8), _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=1
     )
@@ -71,8 +71,8 @@ def _dilate(grid: Float32, rows: int, columns: int) -> Float32:
 def fill_holes(grid: Float32) -> Float32:
     """Raise every pit of (X, Y) heights to the lowest level over which it would drain to the border.
 
-    Water stands over what is higher than 0 and sinks, a cell a step, as far as it can drain. The open
-    ground is dry from the start, so the broadest thing decides how many steps there are.
+    The level starts high over all cells above 0 and sinks, one cell a step, until nothing drains any more. Open
+    ground starts at 0, so the widest object determines the number of steps.
     """
     padded = cv2.copyMakeBorder(grid, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     is_high = (padded > 0).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The 2.5D motion grid: what stands in a cell and near it stood nowhere before (5.7)-(5.8)."""
+"""2.5D motion grid: heights that the short-term map has neither in their cell nor near it (5.7)-(5.8)."""
 
 from functools import cache
 
@@ -13,9 +13,9 @@ def motion_grid(
 ) -> Float32:
     """Keep the heights that no cell of the short-term map nearby explains.
 
-    A height is explained by one that differs from it by at most T_e = alpha times itself. Only what
-    stands is asked, and only what is unexplained so far looks one ring farther: most cells find their
-    like at once. A radius of 0 is plain subtraction.
+    A height is explained by one that differs from it by at most T_e = alpha times itself. Only cells above the ground
+    are searched, ring by ring, as long as they are unexplained: most are explained at once. A radius of 0 is
+    subtraction.
 
     Args:
         height_m: (X, Y) the newest elevation grid E.
@@ -49,7 +49,7 @@ def motion_grid(
 
 @cache
 def _ring(radius: int, width: int) -> Int:
-    """Return the flat offsets of the cells at this distance, along rows or columns the greater."""
+    """Return the flat offsets of the cells at this Chebyshev distance."""
     row, column = np.mgrid[-radius : radius + 1, -radius : radius + 1]
     on_ring = np.maximum(np.abs(row), np.abs(column)) == radius
     return np.asarray(row[on_ring] * width + column[on_ring])

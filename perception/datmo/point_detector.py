@@ -1,4 +1,4 @@
-"""Moving objects straight from the points: what the obstacle stage says moves, cut into things."""
+"""Default detector: clusters of the points that the motion stage calls moving."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from perception.types import Bool, Float32, Float64, GroundModel, Int, PointStat
 
 
 class PointDetector:
-    """Joins the moving points of a scan into things, and the standing points into others."""
+    """Clusters the moving points of a scan, and the static points."""
 
     def __init__(
         self,
@@ -29,7 +29,7 @@ class PointDetector:
         self._config = config or PointDetectorConfig()
 
     def detect(self, scan: SegmentedScan) -> DetectedObjects:
-        """Cut a scan into things; each begins at the ground under it."""
+        """Return the clusters of a scan; each reaches down to the ground."""
         moving = _points_of(scan, PointState.MOVING)
         static = _points_of(scan, PointState.STATIC)
         config = self._config
@@ -49,7 +49,7 @@ class PointDetector:
         )
 
     def _beams_across(self, moving: Float32, cluster_of: Int) -> Float64:
-        """Return for each thing how many beams cross it, by its height and its distance."""
+        """Return the number of beams across each cluster, by its height and its distance."""
         clusters = int(cluster_of.max(initial=-1)) + 1
         low_m, high_m = np.full(clusters, np.inf), np.full(clusters, -np.inf)
         np.minimum.at(low_m, cluster_of, moving[:, 2])
@@ -61,7 +61,7 @@ class PointDetector:
 
 
 def _without_attached(cluster_of: Int, touches: Bool, max_share: float) -> Int:
-    """Return the things' numbers, -1 where more than a share of a thing touches what stands."""
+    """Return the (N,) cluster of each point, -1 for clusters of which more than a share touches static points."""
     if len(cluster_of) == 0:
         return cluster_of
     is_attached = np.bincount(cluster_of, touches) > max_share * np.bincount(cluster_of)
@@ -74,7 +74,7 @@ def _points_of(scan: SegmentedScan, state: PointState) -> Float32:
 
 
 def _outline(points_velo: Float32, cluster_of: Int, min_points: int) -> Footprints:
-    """Outline the things of enough points; -1 is none."""
+    """Return the footprints of clusters with enough points; -1 is no cluster."""
     counts = np.bincount(cluster_of + 1)[1:]
     kept = counts >= min_points
     number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)[cluster_of]
@@ -83,7 +83,7 @@ def _outline(points_velo: Float32, cluster_of: Int, min_points: int) -> Footprin
 
 
 def _on_ground(clusters: Footprints, ground: GroundModel) -> Footprints:
-    """Let every thing reach down to the ground: its lowest points were taken for ground."""
+    """Extend every cluster down to the ground: its lowest points were classified as ground."""
     low_m = np.minimum(ground.height_m(clusters.centroids_m), clusters.high_m)
     return Footprints(
         clusters.vertices_m,

@@ -1,8 +1,8 @@
-"""The local short-term map: what the last few scans say stands around the vehicle (Algorithm 4).
+"""Local short-term map: mean heights of the last scans around the vehicle (Algorithm 4).
 
-The thesis turns every stored grid into the vehicle's frame anew at each scan. Here each grid is put
-once into cells that are fixed to the earth, and only the finished map is turned, so the length of
-the queue costs memory and no time.
+The thesis transforms every stored grid into the vehicle's frame at each scan. Here each grid is resampled once into
+cells that are fixed to the earth, and only the finished map is transformed, so the length of the queue costs memory
+and no time.
 """
 
 import cv2
@@ -17,7 +17,7 @@ from perception.types import Float32, Float64, Int
 
 
 class ShortTermMap:
-    """Follows the vehicle with a map of the static world, in the frame of each newest scan."""
+    """Maps the static world around the vehicle, in the frame of the newest scan."""
 
     def __init__(self, cells: CellGrid, config: ShortTermMapConfig) -> None:
         self._cells, self._config = cells, config
@@ -30,17 +30,17 @@ class ShortTermMap:
 
     @property
     def scans(self) -> int:
-        """How many scans are in the queue."""
+        """Number of scans in the queue."""
         return self._history.scans
 
     def clear(self) -> None:
-        """Forget everything; the plane's cells will be those of the next scan's grid."""
+        """Forget all scans; the cells of the plane will be those of the next scan's grid."""
         self._history.clear()
         self._plane_T_cells = np.eye(3)
         self._world_SE3_before: Float64 | None = None
 
     def update(self, elevation: ElevationGrid, world_SE3_velo: Float64) -> Float32:
-        """Take in a scan's grid and return the (X, Y) map around the vehicle (Algorithm 4)."""
+        """Add a scan's grid, and return the (X, Y) map around the vehicle (Algorithm 4)."""
         self._move_with_vehicle(world_SE3_velo)
         low = np.floor(self._plane_T_cells @ (*np.array(self._cells.shape) / 2, 1))[:2]
         low = low.astype(np.int64) - self._half_cells
@@ -54,7 +54,7 @@ class ShortTermMap:
         return background_m
 
     def _move_with_vehicle(self, world_SE3_velo: Float64) -> None:
-        """Add the vehicle's last motion, as it is in the vehicle's own plane, whatever the slope."""
+        """Add the vehicle's last motion, within the vehicle's own plane on any slope."""
         if self._world_SE3_before is not None:
             before_SE3_velo = inverse(self._world_SE3_before) @ world_SE3_velo
             cells_T_velo = self._cells.cells_T_velo
@@ -70,7 +70,7 @@ class ShortTermMap:
 
 
 def planar(dst_SE3_src: Float64) -> Float64:
-    """Return the (3, 3) turn and shift within the plane of x and y."""
+    """Return the (3, 3) rotation and translation within the plane of x and y."""
     yaw_rad = np.arctan2(dst_SE3_src[1, 0], dst_SE3_src[0, 0])
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     x_m, y_m = dst_SE3_src[:2, 3]

@@ -1,4 +1,4 @@
-"""The DATMO stage: a detector of moving objects, and a tracker behind it."""
+"""DATMO stage: a detector and a tracker of moving objects."""
 
 from perception.datmo.config import DatmoConfig
 from perception.datmo.detector import ObjectDetector, SegmentedScan
@@ -18,7 +18,7 @@ class Datmo:
     def __init__(
         self, detector: ObjectDetector, tracker: MultiObjectTracker, *, uses_ins_poses: bool = False
     ) -> None:
-        """Begin without a scan.
+        """Start without a scan.
 
         Args:
             detector: Detector of moving objects.

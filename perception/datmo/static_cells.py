@@ -1,4 +1,4 @@
-"""What stands around, as cells over the ground plane: a few thousand instead of tens of thousands of points."""
+"""Cells of static points over the ground plane: a few thousand instead of tens of thousands of points."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from perception.types import Bool, Float, Float64, Int, UInt8
 
 @dataclass(frozen=True)
 class StaticCells:
-    """The C cells that hold standing points.
+    """The C cells with static points.
 
     Attributes:
         occupancy: (X, Y) 1 where a cell has a static point.
@@ -53,7 +53,7 @@ class StaticCells:
         )
 
     def clusters(self, min_points: int, length_m: float) -> Footprints:
-        """Outline the things up to a length; cells with a common corner are one thing."""
+        """Return the footprints of clusters up to a length; cells with a common corner are one cluster."""
         count, labels, stats, _ = cv2.connectedComponentsWithStats(self.occupancy, connectivity=8)
         cluster_of = np.asarray(labels.ravel()[self.rows], np.int64)
         longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
@@ -73,7 +73,7 @@ class StaticCells:
         )
 
     def is_touching(self, points_velo: Float) -> Bool:
-        """Tell which of (P, 2+) points lie in a cell with a standing point or beside one."""
+        """Return which of (P, 2+) points lie in a cell with a static point or next to one."""
         grown = cv2.dilate(self.occupancy, np.ones((3, 3), np.uint8))
         x = _cell_numbers(points_velo[:, 0], self.cell_m) - self.first[0]
         y = _cell_numbers(points_velo[:, 1], self.cell_m) - self.first[1]

@@ -1,4 +1,4 @@
-"""Rigid transforms, the camera, boxes, grids and registration."""
+"""Rigid transforms, the pinhole camera, boxes, footprints and grids."""
 
 from perception.geometry.threads import set_passive_openmp_wait
 

@@ -1,4 +1,4 @@
-"""The rectangle around an upright box in the image."""
+"""2D boxes around projected 3D boxes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How much of their volumes upright boxes share."""
+"""Overlap of upright boxes in space."""
 
 import numpy as np
 

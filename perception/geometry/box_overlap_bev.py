@@ -1,4 +1,4 @@
-"""How alike upright boxes are on the ground plane: by the area they share, or by how near they stand."""
+"""Overlap and distance of upright boxes in the bird's eye view."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from perception.types import Boxes3D, Float64
 
-_FLAT_M = 1e-9  # an edge that rises less across the other box is level
+_FLAT_M = 1e-9  # an edge that rises less across the box is level
 
 
 def iou_bev(a: Boxes3D, b: Boxes3D) -> Float64:

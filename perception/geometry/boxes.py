@@ -1,4 +1,4 @@
-"""Upright 3D boxes: their corners, and which points they hold."""
+"""Upright 3D boxes: corners, edges, points inside, and transforms."""
 
 import numpy as np
 
@@ -31,7 +31,7 @@ def edges(boxes: Boxes3D) -> Float64:
 def points_inside(boxes: Boxes3D, points: Float, margin_m: float = 0.0) -> Bool:
     """Return (M, N): which points lie within which boxes, each grown by a margin on every side.
 
-    The bottom is not lowered: what lies under a box is ground.
+    The bottom is not lowered: points below a box are ground.
     """
     inside = np.zeros((len(boxes), len(points)), bool)
     for row, (bottom, size, yaw) in enumerate(

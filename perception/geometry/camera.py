@@ -15,7 +15,7 @@ def project(image_P_src: Float64, points_src: Float) -> tuple[Float64, Float64]:
     homogeneous = image_P_src[:, :3] @ points + image_P_src[:, 3:]
     depth_m = homogeneous[2].copy()
     in_front = depth_m > 1e-6
-    # Component after component, as everything that follows takes them.
+    # Stored component by component, the order in which later steps read them.
     with np.errstate(invalid="ignore"):
         pixels = np.divide(homogeneous[:2], np.where(in_front, depth_m, np.nan)).T
     return pixels, depth_m

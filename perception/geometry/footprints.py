@@ -1,7 +1,7 @@
-"""Things seen from above: the outline of each over the ground plane, and its heights.
+"""Footprints: outlines of clusters in top view, and their heights.
 
-A footprint keeps what a box would lose: how far a thing reaches along any direction. So whoever knows
-its heading later can fit the box then.
+A footprint keeps the extent of a cluster along every direction, which a box would lose. So a tracker that knows
+the heading later can fit the box then.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from perception.types import Bool, Float, Float64, Int
 
 @dataclass(frozen=True)
 class Footprints:
-    """F things of one scan, in any upright frame.
+    """F clusters of one scan, in any upright frame.
 
     Attributes:
-        vertices_m: (K, 2) corners of the convex outlines, one thing after another.
-        corners: (F,) how many of these each thing has, at least one.
-        centroids_m: (F, 2) mean of each thing's points.
+        vertices_m: (K, 2) corners of the convex outlines, one cluster after another.
+        corners: (F,) number of corners of each cluster, at least one.
+        centroids_m: (F, 2) mean of each cluster's points.
         low_m: (F,) lowest z.
         high_m: (F,) highest z.
-        points: (F,) how many points each thing has.
+        points: (F,) number of points of each cluster.
     """
 
     vertices_m: Float64
@@ -35,7 +35,7 @@ class Footprints:
     points: Int
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths, and things without a corner."""
+        """Validate lengths, and that each cluster has a corner."""
         lengths = {
             len(column)
             for column in (self.corners, self.centroids_m, self.low_m, self.high_m, self.points)
@@ -53,7 +53,7 @@ class Footprints:
         return len(self.corners)
 
     def __getitem__(self, rows: Bool | Int) -> Self:
-        """Return the things of a mask or of indices."""
+        """Return the clusters of a mask or of indices."""
         kept = np.arange(len(self))[rows]
         counts = self.corners[kept]
         # Row numbers of the kept outlines: each outline's start, and on from there.
@@ -69,18 +69,18 @@ class Footprints:
 
     @classmethod
     def empty(cls) -> Self:
-        """Return no things."""
+        """Return no clusters."""
         none = np.zeros(0, np.int64)
         return cls(np.zeros((0, 2)), none, np.zeros((0, 2)), np.zeros(0), np.zeros(0), none)
 
     def extents_m(self, yaw_rad: Float64) -> tuple[Float64, Float64]:
-        """Return how far each thing reaches along a heading of its own and to the left of it.
+        """Return the extent of each cluster along a heading of its own and to the left of it.
 
         Args:
             yaw_rad: (F,) headings.
 
         Returns:
-            (F, 2) least and (F, 2) greatest coordinate along heading and left, from the frame's origin.
+            (F, 2) smallest and (F, 2) largest coordinate along heading and left, from the frame's origin.
         """
         if len(self) == 0:
             return np.zeros((0, 2)), np.zeros((0, 2))
@@ -92,7 +92,7 @@ class Footprints:
         return np.minimum.reduceat(turned, starts), np.maximum.reduceat(turned, starts)
 
     def moved(self, dst_SE3_src: Float64) -> Self:
-        """Return the things in another frame, by a transform that keeps them upright to a few degrees."""
+        """Return the clusters in another frame, by a transform that keeps them upright to a few degrees."""
         heights = np.column_stack([self.centroids_m, (self.low_m + self.high_m) / 2])
         centers = heights @ dst_SE3_src[:3, :3].T + dst_SE3_src[:3, 3]
         half_m = (self.high_m - self.low_m) / 2
@@ -108,7 +108,7 @@ class Footprints:
 
 
 def footprints_of(points_m: Float, cluster_of: Int, clusters: int) -> Footprints:
-    """Outline every thing.
+    """Return the footprints of clusters of points.
 
     Args:
         points_m: (N, 3+) points of all clusters, in any order.

@@ -10,7 +10,7 @@ from perception.types import Bool, Float
 
 @dataclass(frozen=True)
 class LocalArea:
-    """The box of space that the obstacle stages look at, in the LiDAR frame (thesis 7.1.1).
+    """Local area of the obstacle stages, a box in the LiDAR frame (thesis 7.1.1).
 
     Attributes:
         ahead_m: Reach along +x in metres.
@@ -27,7 +27,7 @@ class LocalArea:
     depth_m: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse an area without extent."""
+        """Validate that the area has an extent."""
         if min(self.ahead_m + self.behind_m, self.side_m, self.height_m) <= 0:
             raise UsageError("local area", expected="a positive extent", found=str(self))
 
@@ -41,15 +41,15 @@ class LocalArea:
         )
 
 
-# Where the thesis looks for moving objects (5.2.2). It holds the area of obstacles, `LocalArea()`, too.
+# Area of moving objects in the thesis (5.2.2). It contains the area of obstacles, `LocalArea()`.
 MOVING_OBJECT_AREA = LocalArea(ahead_m=30.0, behind_m=10.0)
 
 
 @dataclass(frozen=True)
 class EgoVehicle:
-    """The outline of the vehicle around its LiDAR: what returns from inside it is the vehicle itself.
+    """Outline of the vehicle around its LiDAR; returns from inside it are the vehicle itself.
 
-    The defaults hold a large car with a LiDAR over its middle, and an arm's length on each side.
+    The defaults are a large car with a LiDAR above its middle, with a margin on each side.
 
     Attributes:
         front_m: Reach along +x in metres.

@@ -32,7 +32,7 @@ class HeightSamples(ArrayTable):
 
 @dataclass(frozen=True)
 class BilinearWeights:
-    """Where N points lie between the nodes.
+    """Positions of N points between the nodes.
 
     Attributes:
         nodes: (4, N) the four nodes around each.
@@ -49,7 +49,7 @@ class BilinearWeights:
 
 @dataclass(frozen=True)
 class HeightGrid:
-    """Where the nodes are.
+    """Grid of nodes with heights.
 
     Attributes:
         x0_m: Coordinate x of the first node in metres.
@@ -86,7 +86,7 @@ class HeightGrid:
         return np.column_stack([np.repeat(x, self.nodes_y), np.tile(y, self.nodes_x)])
 
     def bilinear(self, xy_m: Float64) -> BilinearWeights:
-        """Return the nodes around (N, 2+) positions; outside, the outermost cell goes on."""
+        """Return the nodes around (N, 2+) positions; outside the grid the outermost cell is extrapolated."""
         u = (xy_m[:, 0] - self.x0_m) / self.cell_m
         v = (xy_m[:, 1] - self.y0_m) / self.cell_m
         i = np.clip(np.floor(u).astype(np.int64), 0, self.nodes_x - 2)
@@ -154,7 +154,7 @@ class HeightSurface:
         grid, dtype = self.grid, points_velo.dtype
         u = (points_velo[:, 0] - dtype.type(grid.x0_m)) * dtype.type(1 / grid.cell_m)
         v = (points_velo[:, 1] - dtype.type(grid.y0_m)) * dtype.type(1 / grid.cell_m)
-        # Truncation instead of the floor: what it takes for cell 0 beyond the edge is clipped to it.
+        # Truncation instead of the floor: positions beyond the lower edge are clipped to cell 0 as well.
         i = np.clip(u.astype(np.int32), 0, grid.nodes_x - 2)
         j = np.clip(v.astype(np.int32), 0, grid.nodes_y - 2)
         cells = i * (grid.nodes_y - 1) + j
@@ -177,7 +177,7 @@ class HeightSurface:
 _PRIOR_WEIGHT = 1e-3  # against the 1 of a sample
 
 
-# Beside the grids and not in them, as surfaces are sent from one process to another with every frame.
+# Cached here and not in the grids, which are sent from one process to another with every frame.
 @lru_cache(maxsize=16)
 def _roughness(nodes_x: int, nodes_y: int) -> Float64:
     along_x, along_y = sparse.identity(nodes_x), sparse.identity(nodes_y)

@@ -44,13 +44,13 @@ def transform_points(dst_SE3_src: Float64, points_src: Float32) -> Float32:
 
 
 def rotation_angle_rad(dst_SE3_src: Float64) -> float:
-    """Return how far the transform turns, 0..pi."""
+    """Return the angle of rotation of a transform, 0 to pi."""
     cosine = (np.trace(dst_SE3_src[:3, :3]) - 1) / 2
     return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def orthonormal(dst_SE3_src: Float64) -> Float64:
-    """Return the transform with the rotation nearest to its 3x3 part, which printed digits may skew."""
+    """Return the transform with the rotation nearest to its 3x3 part, which rounding may skew."""
     left, _, right = np.linalg.svd(dst_SE3_src[:3, :3])
     flip = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     return from_rotation_translation(left @ flip @ right, dst_SE3_src[:3, 3])

@@ -1,7 +1,7 @@
-"""Straight lines before a camera, cut to what it can see.
+"""Straight line segments, projected into the image and clipped to the field of view.
 
-The cut is made in homogeneous coordinates, before the division by depth: there a line that passes behind
-the camera is still straight, and what remains of it ends where the view does.
+Segments are clipped in homogeneous coordinates, before the division by depth, where a line that passes behind the
+camera is still straight.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ NEAREST_M = 0.3
 
 @dataclass(frozen=True)
 class ProjectedSegments:
-    """The K of S segments of which a part is seen.
+    """The K of S segments that are partly in view.
 
     Attributes:
         rows: (K,) indices of the segments, rising.
@@ -38,7 +38,7 @@ def project_segments(
     margin_px: float = 0.0,
     nearest_m: float = NEAREST_M,
 ) -> ProjectedSegments:
-    """Project (S, 2, 3) segments and cut them where the view ends.
+    """Project (S, 2, 3) segments and clip them to the field of view.
 
     Args:
         image_P_src: (3, 4) projection to pixels.

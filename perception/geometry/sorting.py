@@ -1,4 +1,4 @@
-"""Whole numbers in order, and where each stood."""
+"""Sorting of integers with their indices."""
 
 import numpy as np
 
@@ -8,10 +8,10 @@ _BITS = 63  # of a signed number without its sign
 
 
 def sorted_keys(keys: Int) -> tuple[Int, Int]:
-    """Return (N,) keys in order, and where each stood; of equals, the first comes first.
+    """Return (N,) keys in rising order, and the index of each; equal keys keep their order.
 
-    Numbers sort several times faster than their indices, so that the index becomes the last digits of the
-    number. Where numbers lie too far apart for that, their indices are sorted.
+    Integers sort several times faster than their indices, so the index becomes the last bits of the key. Where
+    the range of keys is too large for that, the indices are sorted.
     """
     if len(keys) == 0:
         return keys, np.zeros(0, np.int64)

@@ -1,4 +1,4 @@
-"""How the numeric libraries share the cores: few threads, and none that spins while it waits."""
+"""Threads of the numeric libraries: few, and none that spins while it waits."""
 
 import os
 import threading
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def set_passive_openmp_wait() -> None:
-    """Keep OpenMP threads from spinning on cores that others need; to be called before it is loaded.
+    """Keep waiting OpenMP threads from spinning; call it before OpenMP is loaded.
 
     Measured beside a busy process: 22 ms a registration instead of 70.
     """
@@ -20,7 +20,7 @@ def set_passive_openmp_wait() -> None:
 
 
 def limit_opencv_threads() -> None:
-    """Leave the cores to stages that work side by side, for the rest of the process.
+    """Limit OpenCV to one thread, for stages that run side by side.
 
     Measured with two stages at a time on two cores: 87 ms a frame instead of 103, and a sixth less processor time.
     """
@@ -31,9 +31,9 @@ def limit_opencv_threads() -> None:
 
 @contextmanager
 def limit_blas_threads() -> Iterator[None]:
-    """Keep BLAS to one thread: on arrays this small, more of them cost time and gain none.
+    """Limit BLAS to one thread: on small arrays, more threads cost time.
 
-    The number of threads is the whole process', so that the limit stands until the last who asked has left.
+    The number of threads is one of the whole process, so the limit holds until the last caller has left.
     """
     _LIMIT.enter()
     try:
@@ -43,7 +43,7 @@ def limit_blas_threads() -> Iterator[None]:
 
 
 class _SharedLimit:
-    """The limit that all threads of this process hold together."""
+    """The limit that is shared by all threads of this process."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""One scan aligned with another: the box-grid filter, local surfaces, and ICP in its kinds."""
+"""Alignment of one scan with another: box-grid filter, local covariances, ICP and GICP."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -8,7 +8,7 @@ import small_gicp
 
 from perception.types import Float32, Float64
 
-_MIN_POINTS = 50  # of a filtered scan; fewer do not pin six degrees of freedom
+_MIN_POINTS = 50  # of a filtered scan; fewer do not determine six degrees of freedom
 _MAX_ITERATIONS = 20
 # A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
 # third as small, poses stay as far from the truth, for another quarter of the time).
@@ -17,7 +17,7 @@ _STEP_RAD, _STEP_M = 1e-3, 3e-3
 
 @dataclass(frozen=True)
 class PreprocessedPoints:
-    """A thinned scan with a local covariance at each point, ready to be matched.
+    """A downsampled scan with a local covariance at each point.
 
     Attributes:
         cloud: Points and covariances of small_gicp.
@@ -28,13 +28,13 @@ class PreprocessedPoints:
     tree: Any
 
     def __len__(self) -> int:
-        """Return how many points the filter left."""
+        """Return the number of points after the filter."""
         return int(self.cloud.size())
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How a source surface lies on a target.
+    """Result of an alignment.
 
     Attributes:
         target_SE3_source: (4, 4) transform from the source to the target.
@@ -52,8 +52,8 @@ class Alignment:
 def preprocess_points(
     points: Float32, voxel_size_m: float, neighbors: int = 10, threads: int = 1
 ) -> PreprocessedPoints:
-    """Thin (N, 3+) points to one a box and fit a covariance to each one's neighbours."""
-    # The filter keeps another set of points each time when it runs on several threads.
+    """Downsample (N, 3+) points to one per voxel, and fit a covariance to each one's neighbours."""
+    # On several threads the filter keeps another set of points in each run.
     cloud = small_gicp.voxelgrid_sampling(points[:, :3].astype(np.float64), voxel_size_m, 1)
     tree = small_gicp.KdTree(cloud, num_threads=threads)
     if cloud.size():
@@ -69,7 +69,7 @@ def align(
     threads: int = 1,
     kind: Literal["ICP", "GICP"] = "GICP",
 ) -> Alignment:
-    """Move the source onto the target from a first guess `target_SE3_source`.
+    """Align the source with the target.
 
     Args:
         target: Points that stay.

@@ -1,7 +1,7 @@
-"""Whether a LiDAR stands as it should: x forward, y left, z up, at the height that its model says.
+"""Check of the mounting: x forward, y left, z up, at the height of the LiDAR model.
 
-One scan shows it. A spinning LiDAR looks all around but little up and down, so the axis along which
-its rays point least is the one that it turns about; and the ground is the plane at one end of that axis.
+One scan is enough. A spinning LiDAR covers all azimuths but few elevations, so the axis along which its rays point
+least is its axis of rotation, and the ground is the plane at one end of that axis.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class _Plane:
 
 
 def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "first scan") -> None:
-    """Make sure that a scan has its ground below, at the sensor's height; be silent if in doubt.
+    """Validate that a scan has its ground below, at the sensor's height; pass where that is uncertain.
 
     Args:
         points_velo: (N, 4) points of one scan.
@@ -48,7 +48,7 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
         source: File of the scan, for the error message.
 
     Raises:
-        MountingError: another axis points up, or the sensor stands at another height.
+        MountingError: another axis points up, or the sensor is mounted at another height.
     """
     sample = points_velo[:: max(1, len(points_velo) // _SAMPLE), :3]
     up = _spin_axis(sample)
@@ -135,7 +135,7 @@ def _lowest_of_cells(xy: Float64, z: Float64) -> np.ndarray:
 def _fit_plane(xy: Float64, z: Float64) -> Float64:
     """Return a, b, c of z = a x + b y + c by least squares, reweighted so that outliers count little.
 
-    Most outliers stand above the ground, so that the fit starts from a low quantile.
+    Most outliers are above the ground, so the fit starts from a low quantile.
     """
     design = np.column_stack([xy, np.ones(len(xy))])
     plane = np.array([0.0, 0.0, np.quantile(z, 0.3)])

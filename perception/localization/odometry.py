@@ -1,9 +1,9 @@
-"""Where each scan was taken: INS poses refined by registration, or registration alone.
+"""LiDAR odometry: INS poses refined by registration, or registration alone.
 
-The world of the refined poses starts as the INS's and leaves it slowly: a step is measured against a
-recent scan, not against the earth. What the obstacle stages need is that the last second of scans
-agrees to a centimetre, which the INS does not give (measured on a KITTI drive: 23 cm between scans
-ten frames apart). Pulling the poses back to the INS would tear that agreement, so nothing does.
+The world frame of the refined poses starts as that of the INS and drifts from it slowly: a step is measured against a
+recent scan, not against the earth. The obstacle stages need scans of the last second that agree to a centimetre,
+which the INS does not give (measured on a KITTI drive: 23 cm between scans ten frames apart). Pulling the poses back
+to the INS would break that agreement, so they are left to drift.
 """
 
 from collections.abc import Sequence
@@ -31,18 +31,18 @@ from perception.types import Float32, Float64
 
 
 class PoseOrigin(StrEnum):
-    """What a pose rests on."""
+    """Source of a pose."""
 
     START = "start"  # the first scan: the INS, or the world's origin without one
     REGISTERED = "registered"
-    INS = "ins"  # registration was not believed, or the gap was too long for it
+    INS = "ins"  # registration was rejected, or the gap was too long for it
     EXTRAPOLATED = "extrapolated"  # the same without INS: constant velocity
-    REPEATED = "repeated"  # a stamp seen before
+    REPEATED = "repeated"  # a stamp that came before
 
 
 @dataclass(frozen=True)
 class Localization:
-    """Where one scan was taken.
+    """Pose of one scan.
 
     Attributes:
         world_SE3_velo: (4, 4) refined pose.
@@ -59,7 +59,7 @@ class Localization:
 
 @dataclass(frozen=True)
 class _PreviousScan:
-    """What the next scan needs to know of the last one."""
+    """State that the next scan needs of the last one."""
 
     stamp_s: float
     ins_world_SE3_velo: Float64 | None
@@ -67,11 +67,11 @@ class _PreviousScan:
     velocity: Float64 | None  # (6,) rotation vector and translation a second, in the LiDAR frame
 
 
-_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses where neither INS nor history says
+_INITIAL_SPEEDS_M_S = (0.0, 10.0, 20.0, 30.0)  # first guesses without INS and history
 
 
 class LidarOdometry:
-    """Refine the pose of each scan of a drive, in order, registering each once.
+    """Estimates the pose of each scan of a drive in turn, registering each once.
 
     A scan is matched (GICP) with the last keyframe, a scan at most a few metres back: errors add up
     once a keyframe, not once a scan.
@@ -90,7 +90,7 @@ class LidarOdometry:
         ins_world_SE3_velo: Float64 | None = None,
         source: str = "frame",
     ) -> Localization:
-        """Say where the scan was taken.
+        """Return the pose of the scan.
 
         Args:
             points_velo: (N, 3+) the whole scan.
@@ -158,7 +158,7 @@ class LidarOdometry:
     def _locate(
         self, points_velo: Float32, gap_s: float, step_ins: Float64 | None, last: _PreviousScan
     ) -> Localization:
-        """Register the scan with the keyframe, or fall back on the INS or on constant velocity."""
+        """Register the scan with the keyframe; otherwise use the INS, or constant velocity."""
         last_pose = last.localization.world_SE3_velo
         surface = self._preprocess(points_velo)
         is_near = gap_s <= self._config.max_gap_s
@@ -190,7 +190,7 @@ class LidarOdometry:
         guesses = [] if step_ins is None else [step_ins]
         if velocity is not None:
             constant = _extrapolate(velocity, gap_s)
-            # Within reach of each other the two guesses lead to the same place.
+            # Within reach of each other the two guesses converge to the same pose.
             reach_m = self._config.max_correspondence_m / 2
             if step_ins is None or np.linalg.norm((step_ins - constant)[:3, 3]) > reach_m:
                 guesses.append(constant)
@@ -202,12 +202,12 @@ class LidarOdometry:
         source: PreprocessedPoints,
         initial_guesses: Sequence[Float64],
     ) -> Alignment | None:
-        """Align from each seed and return the best that can be believed."""
+        """Align from each initial guess, and return the best accepted alignment."""
         config = self._config
         reach_m = config.max_correspondence_m
         if (
             len(initial_guesses) > 2
-        ):  # blind: the seeds lie metres apart, so reach far before reaching near
+        ):  # without any prior the guesses are metres apart: match far before matching near
             initial_guesses = [
                 align(target, source, initial_guess, 3 * reach_m, config.threads).target_SE3_source
                 for initial_guess in initial_guesses
@@ -274,6 +274,6 @@ def _extrapolate(velocity: Float64 | None, gap_s: float) -> Float64:
 def _rounded(pose: Float64) -> Float64:
     """Drop the last digits, which depend on the order in which threads add up.
 
-    Left alone, what rounding skews would double with every keyframe.
+    Without it the skew of rounding would double with every keyframe.
     """
     return orthonormal(np.round(pose, 10))

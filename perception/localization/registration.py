@@ -14,7 +14,7 @@ from perception.types import Float32, Frame, Method
 
 @dataclass(frozen=True)
 class RegisteredScans:
-    """The newest scan and those before it, with poses that agree with each other.
+    """The newest scan and those before it, with consistent poses.
 
     Attributes:
         window: Scans and poses, the newest last.
@@ -42,7 +42,7 @@ class Registration:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no scan has come yet."""
+        """Whether there is no scan yet."""
         return len(self._window) == 0
 
     def update(self, frame: Frame, points_velo: Float32) -> RegisteredScans:

@@ -70,7 +70,7 @@ class DenseCloud:
 def merge(window: ScanWindow, area: LocalArea, margin_m: float = 0.0) -> DenseCloud:
     """Move every scan into the newest one's frame and keep the points over the area (5.1).
 
-    The crop comes after the move: what an old scan saw far away may lie in the area now.
+    Points are cropped after the move: distant points of an old scan may lie in the area now.
     """
     newest_SE3_world = inverse(window.newest.world_SE3_velo)
     clouds, ages = [], []

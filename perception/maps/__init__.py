@@ -1,1 +1,1 @@
-"""Dense maps as the camera sees them: depth and reflectance from one LiDAR scan (thesis 6.1, 6.2.2, B)."""
+"""Dense depth and reflectance maps in the camera image, from one LiDAR scan (thesis 6.1, 6.2.2, B)."""

@@ -1,4 +1,4 @@
-"""The beams of a spinning LiDAR in the image: rows of returns, each linked to the next.
+"""Beams of a spinning LiDAR in the image: rows of returns, each linked to the next.
 
     o   o   o   .   o   o                  o  a return; its beam goes on in one of the columns to its right,
                             o   +          at most a row higher or lower
@@ -19,7 +19,7 @@ from perception.types import Bool, Complex64, Int
 
 @dataclass(frozen=True)
 class ColumnFillingConfig:
-    """What is one beam, and what is one surface.
+    """Filling along beams and columns: what is one beam, and what is one surface.
 
     Attributes:
         column_width_px: Number of image columns that are filled as one, about the step of a beam.
@@ -60,7 +60,7 @@ class ColumnGrid:
 
     @classmethod
     def over(cls, sparse: SparseMaps, config: ColumnFillingConfig) -> Self:
-        """Lay it over the image of at least one return."""
+        """Return the grid over an image with at least one return."""
         width, height = sparse.size_px
         top = int(sparse.pixels[:, 1].min())
         return cls(-(-width // config.column_width_px), height - top + 1, top, config.max_steps)
@@ -97,13 +97,13 @@ class _Returns:
 
 
 def fill_rows(sparse: SparseMaps, grid: ColumnGrid, config: ColumnFillingConfig) -> Complex64:
-    """Return what the rows of beams say in each cell: inverse depth + i reflectance, 0 where none passes.
+    """Return inverse depth + i reflectance along the beams in each cell, 0 where none passes.
 
-    One complex number for both maps: all that is done with them is linear.
+    One complex number holds both maps: all operations on them are linear.
     """
     returns = _linked(sparse, grid, config)
     filled = grid.zeros(np.complex64)
-    # What counts least comes first, to be overwritten; of equals, the least deep comes last.
+    # Values of the lowest priority come first and are overwritten; of equal ones, the nearest comes last.
     _extend_ends(filled, returns, grid, config)
     _bridge_gaps(filled, returns, grid, config)
     filled[returns.cells] = returns.values
@@ -145,7 +145,7 @@ def _extend_ends(
 
 
 def _extension_columns(cells: Int, grid: ColumnGrid, config: ColumnFillingConfig) -> int:
-    """Return how many columns a row goes on; the beams' distance is the median gap in the columns."""
+    """Return the number of columns by which a row is extended; the beams' distance is the median gap in the columns."""
     is_return = grid.zeros(bool)
     is_return[cells] = True
     in_order = np.flatnonzero(is_return)

@@ -1,4 +1,4 @@
-"""The default: along the beams from return to return, between two beams along the column.
+"""Default filling: along the beams from return to return, between two beams along the column.
 
     row of a beam      o o . o o     a gap in a row: between its two sides, see `beam_rows`
                        | | | | |
@@ -6,7 +6,7 @@
                        | | | | |     else the closer row
     row of a beam      o o o o o
 
-In inverse depth a plane is linear in the image's rows, so that the road comes out flat.
+In inverse depth a plane is linear in the rows of the image, so the road is filled as a plane.
 """
 
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class _Anchors:
         return np.asarray(np.diff(self.cells // self.rows) == 0)
 
     def seen_by_camera(self, config: ColumnFillingConfig) -> "_Anchors":
-        """Leave out what lies in a hole of a nearer surface.
+        """Leave out anchors in a hole of a nearer surface.
 
         The LiDAR sees past an edge that hides it from the camera; the returns behind lie between
         the rows of the surface before them, as the teeth of two combs.
@@ -114,7 +114,7 @@ class _Anchors:
 def _in_image(
     columns: Complex64, grid: ColumnGrid, sparse: SparseMaps, config: ColumnFillingConfig
 ) -> FilledMaps:
-    """Return both maps within the region; a return that the camera sees keeps its value at its pixel."""
+    """Return both maps within the region; a return that is visible to the camera keeps its value at its pixel."""
     both = columns[:, : grid.rows - 1].T
     begins = np.arange(0, sparse.size_px[0], config.column_width_px)
     first = np.minimum.reduceat(first_rows(sparse), begins) - grid.top
@@ -122,7 +122,7 @@ def _in_image(
     inverse, reflectance = np.ascontiguousarray(both.real), np.ascontiguousarray(both.imag)
     depth_m = _widened(cv2.copyTo(np.reciprocal(inverse), is_inside), grid, sparse, config)
     whole = _widened(cv2.copyTo(reflectance, is_inside), grid, sparse, config)
-    # What the camera does not see is not shown either.
+    # Returns that the camera does not see are left out.
     seen = np.flatnonzero(
         sparse.depth_m <= config.max_depth_ratio * depth_m.ravel()[sparse.flat_indices]
     )

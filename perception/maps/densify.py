@@ -1,4 +1,4 @@
-"""From sparse to dense: depth and reflectance map by any method, and what of them is measured (6.1.3, B.2.2)."""
+"""Dense depth and reflectance maps by any method, with masks of measured and filled pixels (6.1.3, B.2.2)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -30,13 +30,13 @@ FILL_METHODS: Mapping[MapMethod, Fill] = {
 
 @dataclass(frozen=True)
 class DenseMaps:
-    """A depth and a reflectance map, and where to trust them.
+    """A depth and a reflectance map, and which pixels are valid.
 
     Attributes:
         depth_m: (H, W), 0 where not valid.
         reflectance: (H, W) from 0 to 1, 0 where not valid.
-        is_measured: (H, W) the value is that of a return in the pixel.
-        is_filled: (H, W) the value comes from returns around.
+        is_measured: (H, W) whether the value is that of a return in the pixel.
+        is_filled: (H, W) whether the value is interpolated from returns around.
     """
 
     depth_m: Float32
@@ -62,7 +62,7 @@ def densify(sparse: SparseMaps, method: MapMethod = "default") -> DenseMaps:
 
 
 def dense_maps(sparse: SparseMaps, fill: Fill) -> DenseMaps:
-    """Fill both maps by any way of filling."""
+    """Fill both maps by a given filling function."""
     filling = fill(sparse)
     is_valid = filling.depth_m > 0
     is_measured = _keeps_return(filling, sparse)
@@ -70,7 +70,7 @@ def dense_maps(sparse: SparseMaps, fill: Fill) -> DenseMaps:
 
 
 def _keeps_return(filling: FilledMaps, sparse: SparseMaps) -> Bool:
-    """Tell which (H, W) pixels have the depth of a return that lies there: a method may pass over some."""
+    """Return which (H, W) pixels have the depth of a return in them: a method may leave out some returns."""
     is_measured = np.zeros(filling.depth_m.shape, bool)
     is_measured.ravel()[sparse.flat_indices] = (
         filling.depth_m.ravel()[sparse.flat_indices] == sparse.depth_m

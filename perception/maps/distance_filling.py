@@ -7,7 +7,7 @@ from perception.maps.filling import FilledMaps
 from perception.maps.projection import SparseMaps
 from perception.types import Float32, Float64, Int
 
-# Pixels farther than this from every return give nothing to their neighbours.
+# Pixels farther than this from every return do not contribute to their neighbours.
 _FARTHEST_PX = 24
 
 
@@ -22,9 +22,8 @@ def fill_nearest(sparse: SparseMaps) -> FilledMaps:
 def fill_natural(sparse: SparseMaps) -> FilledMaps:
     """Weigh returns by the area that each would lose to a pixel that joined them (Sibson), on the raster.
 
-    A pixel loses itself to every pixel that is nearer to it than its own return. So each pixel hands
-    the value of its return to all pixels of the disc up to that return, and their mean is the
-    interpolation.
+    A pixel is taken over by every pixel that is nearer to it than its own return. So each pixel gives the value of its
+    return to all pixels of the disc up to that return, and their mean is the interpolation.
     """
     if not len(sparse):
         return FilledMaps.empty(sparse.size_px)

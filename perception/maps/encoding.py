@@ -1,4 +1,4 @@
-"""Maps as 8-bit pictures: near depths get more of the 256 values than far ones (6.2)."""
+"""Maps as 8-bit images: near depths get more of the 256 values than far ones (6.2)."""
 
 import cv2
 import numpy as np
@@ -10,8 +10,8 @@ from perception.types import Float32, UInt8
 def encode_depth(depth_m: Float32, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> UInt8:
     """Return depths as 0 at the nearest and 255 at the farthest, linear in inverse depth (6.2).
 
-    Rounded, not floored as printed: half the error. What lies outside the limits takes the limit's
-    value, what is not known (0) that of the nearest; the validity mask tells them apart.
+    Rounded, not floored as printed: half the error. Depths outside the limits take the value of
+    the limit, unknown depths (0) that of the nearest; the validity mask separates them.
     """
     if not 0 < min_depth_m < max_depth_m:
         raise UsageError(
@@ -34,6 +34,6 @@ def encode_reflectance(reflectance: Float32) -> UInt8:
 
 
 def decode_depth(encoded: UInt8, min_depth_m: float = 5.0, max_depth_m: float = 80.0) -> Float32:
-    """Return the depths that `encode_depth` made 8-bit values of, to within its rounding."""
+    """Return the depths of the 8-bit values of `encode_depth`, to within its rounding."""
     scale = 255 * max_depth_m / (max_depth_m - min_depth_m)
     return np.asarray(scale * min_depth_m / (scale - encoded.astype(np.float32)), np.float32)

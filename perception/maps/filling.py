@@ -1,4 +1,4 @@
-"""What every way of making maps dense returns."""
+"""Result of every filling method."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,11 +12,11 @@ from perception.types import Float32
 
 @dataclass(frozen=True)
 class FilledMaps:
-    """Both maps over the whole image, as far as a method can tell.
+    """Both maps over the whole image, as filled by a method.
 
     Attributes:
-        depth_m: (H, W), 0 where the method says nothing.
-        reflectance: (H, W), 0 there too.
+        depth_m: (H, W), 0 where the method has no value.
+        reflectance: (H, W), 0 at the same pixels.
     """
 
     depth_m: Float32
@@ -24,7 +24,7 @@ class FilledMaps:
 
     @classmethod
     def empty(cls, size_px: tuple[int, int]) -> Self:
-        """Return maps of (width, height) that say nothing."""
+        """Return maps of (width, height) without a value."""
         shape = size_px[::-1]
         return cls(np.zeros(shape, np.float32), np.zeros(shape, np.float32))
 
@@ -37,6 +37,6 @@ class FilledMaps:
         return type(self)(depth_m, reflectance)
 
     def within_region(self, sparse: SparseMaps) -> Self:
-        """Return it with nothing said above the highest returns."""
+        """Return it without values above the highest returns."""
         is_inside = region_of_interest(sparse)
         return type(self)(self.depth_m * is_inside, self.reflectance * is_inside)

@@ -1,4 +1,4 @@
-"""The scan in the image: which pixel holds a return, how deep it lies, how much it reflects (6.1)."""
+"""Projection of the scan into the image: pixel, depth and reflectance of each return (6.1)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from perception.errors import CalibrationError
 from perception.geometry.camera import project
 from perception.types import SHARED, ArrayTable, Bool, Calibration, Float32, Float64, Frame, Int
 
-# What is nearer than this is the vehicle itself.
+# Nearer returns are those of the vehicle itself.
 _NEAREST_M = 0.5
 
 
@@ -63,7 +63,7 @@ def project_scan(
         is_inside = (u >= 0) & (v >= 0) & (u < size_px[0]) & (v < size_px[1])
     rows = np.flatnonzero(is_inside & (depth_m > _NEAREST_M))
     depths = depth_m[rows].astype(np.float32)
-    # Component after component, as everything that follows takes them.
+    # Stored component by component, the order in which later steps read them.
     pixels = np.stack([u[rows], v[rows]]).astype(np.int32)
     order = _nearest_of_each(pixels.T, depths, size_px)
     return SparseMaps(pixels.take(order, axis=1).T, depths[order], points[rows[order], 3], size_px)
@@ -73,7 +73,7 @@ def project_frame(frame: Frame) -> SparseMaps:
     """Project the scan of a frame into its camera's image.
 
     Raises:
-        CalibrationError: the frame has no camera, or nothing says how large its image is.
+        CalibrationError: the frame has no camera, or the size of its image is unknown.
     """
     return project_scan(frame.points_velo, *camera_of(frame))
 
@@ -82,7 +82,7 @@ def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
     """Return the calibration of a frame's camera, and (width, height) of its image.
 
     Raises:
-        CalibrationError: the frame has no camera, or nothing says how large its image is.
+        CalibrationError: the frame has no camera, or the size of its image is unknown.
     """
     calibration = frame.calibration
     if calibration is None:
@@ -101,9 +101,9 @@ def camera_of(frame: Frame) -> tuple[Calibration, tuple[int, int]]:
 
 
 def may_be_in_view(points_velo: Float32, image_P_velo: Float64, size_px: tuple[int, int]) -> Bool:
-    """Pass over, in single precision and with a pixel to spare, most of what is out of view.
+    """Return which points may be in view, in single precision and with a margin of one pixel.
 
-    A turn of the LiDAR has six times the returns that a camera sees; only those are worth a division.
+    A revolution of the LiDAR has six times the returns that are in the image; only those are projected.
     """
     if not len(points_velo):
         return np.zeros(0, bool)
@@ -120,7 +120,7 @@ def _nearest_of_each(pixels: Int, depths_m: Float32, size_px: tuple[int, int]) -
     """Return which of N points own their pixels, the farthest first."""
     order = _farthest_first(depths_m)
     flat_indices = _flat_indices(pixels, size_px)[order]
-    # Of what is written to one place, the last stays.
+    # Of several values written to one pixel, the last remains.
     owner = np.empty(size_px[0] * size_px[1], np.int32)
     owner[flat_indices] = order
     return order[np.flatnonzero(owner[flat_indices] == order)]

@@ -1,4 +1,4 @@
-"""Where a dense map may say something: not above the highest returns of the columns around."""
+"""Region of interest of a dense map: not above the highest returns of the columns around."""
 
 import cv2
 import numpy as np
@@ -11,16 +11,16 @@ _WIDER_PX, _HIGHER_PX = 10, 2
 
 
 def region_of_interest(sparse: SparseMaps) -> Bool:
-    """Tell which (H, W) pixels lie below the highest return of the columns around.
+    """Return which (H, W) pixels lie below the highest return of the columns around.
 
-    Above it the LiDAR sees nothing: sky, and what is over its highest beam.
+    Above it the LiDAR has no returns: there is sky, or its highest beam is lower.
     """
     rows = np.arange(sparse.size_px[1], dtype=np.int32)
     return np.asarray(rows[:, None] >= first_rows(sparse))
 
 
 def first_rows(sparse: SparseMaps) -> Int:
-    """Return the (W,) row in which the region begins in each column; without a return, none."""
+    """Return the (W,) first row of the region in each column; the height of the image without a return."""
     width, height = sparse.size_px
     if not len(sparse):
         return np.full(width, height, np.int32)
@@ -32,6 +32,6 @@ def first_rows(sparse: SparseMaps) -> Int:
 
 
 def nearest_true(mask: Bool) -> Int:
-    """Return for each place of a (K,) mask the place of the nearest that is true; one must be."""
+    """Return for each element of a (K,) mask the index of the nearest true one; there must be one."""
     places = np.flatnonzero(mask)
     return places[np.searchsorted((places[1:] + places[:-1]) / 2, np.arange(len(mask)))]

@@ -1,4 +1,4 @@
-"""Which points of a scan belong to the ground, and which stand on it (thesis 5.1.3)."""
+"""Points above the ground (thesis 5.1.3)."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from perception.types import Bool, Float, Float32, GroundModel, Int, PointState,
 
 @dataclass(frozen=True)
 class AboveGround:
-    """The points of one scan that stand on the ground of the local area.
+    """The points of one scan above the ground of the local area.
 
     Attributes:
         points_velo: (O, 3) obstacle points.
@@ -25,7 +25,7 @@ class AboveGround:
     scan_length: int
 
     def point_states(self, is_moving: Bool) -> UInt8:
-        """Return (N,) the `PointState` of the whole scan from (O,) whether each obstacle point moves."""
+        """Return the (N,) `PointState` of the whole scan, given which of the (O,) obstacle points move."""
         states = np.full(self.scan_length, PointState.OUTSIDE, np.uint8)
         states[self.ground_rows] = PointState.GROUND
         states[self.rows] = np.where(is_moving, PointState.MOVING, PointState.STATIC)
@@ -35,7 +35,7 @@ class AboveGround:
 def split_by_ground(
     points_velo: Float, ground: GroundModel, area: LocalArea, min_ground_distance_m: float
 ) -> AboveGround:
-    """Split a scan at a distance over the ground; what is higher than the area belongs to neither.
+    """Split a scan into ground and obstacle points; points above the area are neither.
 
     Args:
         points_velo: (N, 3+) points in the frame of the ground surface.

@@ -27,7 +27,7 @@ class GroundSurfaceConfig:
         band_m: Largest distance in metres from the coarse surface of a point that may be ground.
         full_count: Number of points from which on a cell's average has full weight.
         obstacle_band_m: Lowest and highest height in metres of points that make a cell unfit for the memory.
-        remembered_scans: Number of earlier scans that fill what the newest does not see.
+        remembered_scans: Number of earlier scans that fill gaps of the newest.
         remember_every: Number of scans from one remembered scan to the next.
         memory_weight: Weight of remembered averages, against 1 of new ones.
     """
@@ -121,7 +121,7 @@ class FreeSpaceConfig:
 
     Attributes:
         min_ground_distance_m: Smallest distance of an obstacle point from the ground in metres (d_min).
-        horizon_s: Age of the oldest scan in seconds that is asked whether a place was free.
+        horizon_s: Age of the oldest queried scan in seconds.
         max_travel_m: Largest distance in metres that the vehicle may have moved since that scan.
         margin_m: Largest difference in range in metres of two returns from one surface.
         memory_scans: Number of scans for which a static voxel is kept without being observed (n).

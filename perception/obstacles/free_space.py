@@ -1,4 +1,4 @@
-"""What earlier scans say of the place where something stands now."""
+"""Visibility of a place in earlier scans: free, hit or occluded."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from perception.types import Bool, Float32, Float64
 
 @dataclass(frozen=True)
 class VisibilityHistory:
-    """What the scans of the last second or so say of P places, from the newest to the oldest asked.
+    """Visibility of P places in the scans of the last 1.5 s or so, from the newest queried scan to the oldest.
 
     Attributes:
-        ages_s: (A,) how long ago each of the A scans was taken, rising.
-        was_free: (A, P) a beam passed the place.
-        was_hit: (A, P) a beam ended at the place.
-        was_behind_departed: (A, P) something hid the place that has itself left since.
-        gaps_m: (A, P) how far it stood before the place.
+        ages_s: (A,) age of each queried scan in seconds, rising.
+        was_free: (A, P) whether a beam passed through the place.
+        was_hit: (A, P) whether a beam ended at the place.
+        was_behind_departed: (A, P) whether the place was occluded by an object that has left since.
+        gaps_m: (A, P) distance in metres from that object to the place.
     """
 
     ages_s: Float64
@@ -42,7 +42,7 @@ class FreeSpaceMemory:
     def __init__(
         self, sensor: LidarModel, horizon_s: float, max_travel_m: float, margin_m: float
     ) -> None:
-        """Begin without a scan.
+        """Start without a scan.
 
         Args:
             sensor: LiDAR model of the scans.
@@ -59,7 +59,7 @@ class FreeSpaceMemory:
         self._scans: deque[_PastScan] = deque(maxlen=1 + max(1, round(horizon_s * sensor.rate_hz)))
 
     def push(self, points_velo: Float32, world_SE3_velo: Float64) -> None:
-        """Add the newest scan; the oldest falls out."""
+        """Add the newest scan; the oldest drops out."""
         self._scans.append(_PastScan(RangeImage(points_velo, self._projection), world_SE3_velo))
 
     def clear(self) -> None:
@@ -67,11 +67,11 @@ class FreeSpaceMemory:
         self._scans.clear()
 
     def is_free_in_newest(self, points_velo: Float32) -> Bool:
-        """Tell which (P, 3) places in the newest scan's frame a beam of it passed."""
+        """Return through which (P, 3) places in the newest scan's frame a beam of it passed."""
         return self._scans[-1].image.is_free(points_velo, self._margin_m)
 
     def query(self, points_velo: Float32) -> VisibilityHistory:
-        """Ask scans of a third, two thirds and all of the horizon about (P, 3) places of the newest."""
+        """Query scans of a third, two thirds and all of the horizon for (P, 3) places of the newest."""
         ages = self._ages()
         shape = (len(ages), len(points_velo))
         was_free, was_hit, was_behind_departed = (np.zeros(shape, bool) for _ in range(3))
@@ -93,7 +93,7 @@ class FreeSpaceMemory:
         )
 
     def _ages(self) -> list[int]:
-        """Return the ages to ask, in scans, rising."""
+        """Return the ages of the queried scans, in scans, rising."""
         here = self._scans[-1].world_SE3_velo[:3, 3]
         travelled_m = [
             float(np.linalg.norm(scan.world_SE3_velo[:3, 3] - here)) for scan in self._scans
@@ -103,7 +103,7 @@ class FreeSpaceMemory:
             for age, distance_m in enumerate(reversed(travelled_m))
             if distance_m <= self._max_travel_m
         ]
-        # At a speed that no limit foresaw, the scan before is still the best there is.
+        # At a speed beyond the limit, the scan before is still the best one.
         oldest = min(max(usable[-1], 1), len(self._scans) - 1)
         return sorted({round(oldest * part) for part in (1 / 3, 2 / 3, 1)} - {0})
 

@@ -1,11 +1,11 @@
-"""The thesis' ground: a row of planes, each over a slice of the way ahead (thesis 5.1.2).
+"""The ground of the thesis: piecewise planes over slices of the road ahead (5.1.2).
 
         |<- S0 ->|  S1 | S2  |  S3    | S4      |  S5          |       slices, wider with range
     ____v________|_____|_____|________|_________|_____________ |
     behind      λ0    λ1    λ2       λ3        λ4            reach
 
-Each slice is gated by the quartiles of its heights, fitted by RANSAC, and believed only where its
-plane continues the one before.
+Each slice is gated by the quartiles of its heights, fitted by RANSAC, and accepted only where its plane continues the
+one before.
 """
 
 from dataclasses import dataclass, field
@@ -26,8 +26,8 @@ class PiecewisePlanes:
     Attributes:
         edges_m: (N,) x at which the plane changes.
         planes: (N + 1, 4) accepted planes.
-        proposed: (N + 1, 4) what RANSAC found before the validation; NaN where it found nothing.
-        gates_m: (N + 1, 2) lowest and highest z that each slice's gate let through; NaN if empty.
+        proposed: (N + 1, 4) planes of RANSAC before the validation; NaN where there is none.
+        gates_m: (N + 1, 2) lowest and highest z of each slice's gate; NaN if the slice is empty.
         is_valid: (N + 1,) whether the proposed plane was accepted.
     """
 
@@ -65,7 +65,7 @@ def slice_edges_m(
 
 
 def slice_starts_m(edges_m: Float64, reach_m: float) -> Float64:
-    """Return where the slices after S0 begin, so that they cover all up to the reach.
+    """Return x at which the slices after S0 start; they cover all up to the reach.
 
     The floor of N leaves some metres beyond λN. They join the last slice, or become one of their own
     where they are wider than it.
@@ -123,7 +123,7 @@ def ransac_plane(
 
 @dataclass(frozen=True)
 class PlaneStep:
-    """How a plane differs from the one before.
+    """Difference of a plane from the one before.
 
     Attributes:
         angle_rad: δψ between the normals.
@@ -159,7 +159,7 @@ def validate(
         config: Largest angle and steps.
 
     Returns:
-        (N + 1, 4) planes and (N + 1,) which of them are their own.
+        (N + 1, 4) planes and (N + 1,) which of them were accepted.
     """
     planes, is_valid = proposed.copy(), np.zeros(len(proposed), bool)
     before = level

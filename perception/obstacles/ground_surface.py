@@ -1,11 +1,11 @@
 """The default ground: one smooth surface of heights, fitted robustly, coarse to fine.
 
-1. The lowest points of small cells are candidates; a plane is fitted to them, then a stiff surface
-   that bends with the road but not around a car.
+1. A plane is fitted to the lowest points of small cells, then a stiff surface that bends with the road but not
+   around a car.
 2. All points near the stiff surface are averaged by small cells, and a flexible surface is fitted to
    the averages: it follows camber, crests and kerbs.
-3. Averages of earlier scans stand in where the newest scan saw nothing: behind what hides the ground,
-   close to the vehicle, and between the beams of a sparse sensor.
+3. Averages of earlier scans fill the gaps of the newest: behind obstacles, close to the vehicle, and between the
+   beams of a sparse sensor.
 """
 
 from collections import deque
@@ -24,7 +24,7 @@ from perception.types import ArrayTable, Bool, Float32, Float64, Int
 
 @dataclass(frozen=True)
 class _CellPoints(ArrayTable):
-    """The points of one scan that may be ground, or stand on it, and the small cell of each.
+    """Points of one scan on or near the ground, and the small cell of each.
 
     Attributes:
         x, y, z: (N,) metres.
@@ -43,7 +43,7 @@ class _CellPoints(ArrayTable):
 
 @dataclass(frozen=True)
 class _Memory:
-    """The averages of one earlier scan, and where it was taken."""
+    """Averages of one earlier scan, and its pose."""
 
     samples: HeightSamples
     world_SE3_velo: Float64
@@ -76,9 +76,9 @@ class GroundSurfaceEstimator:
     def update(self, window: ScanWindow) -> HeightSurface:
         """Return the ground in the frame of the window's newest scan.
 
-        Only the newest scan is read: what the earlier ones showed is remembered from their own turn.
-        A window of one scan begins a new drive. Where neither this scan nor the memory saw ground, the
-        surface goes on smoothly; with nothing at all it is level at the sensor's height.
+        Only the newest scan is read; averages of earlier ones are remembered. A window of one scan starts a new drive.
+        Where neither this scan nor the memory has ground, the surface is continued smoothly; without any ground it is
+        level at the sensor's height.
         """
         if len(window) == 1:
             self._memories.clear()
@@ -109,7 +109,7 @@ class GroundSurfaceEstimator:
         return _CellPoints(x[rows], y[rows], z[rows], cells)
 
     def _lowest(self, points: _CellPoints) -> HeightSamples:
-        """Return the lowest point of each small cell, as far as its height can be ground."""
+        """Return the lowest point of each small cell, where its height can be that of the ground."""
         off_level_m = np.abs(points.z + self._height_m)
         reach_m = np.hypot(points.x, points.y)
         points = points[off_level_m < self._config.max_step_m + self._config.max_slope * reach_m]
@@ -134,7 +134,7 @@ class GroundSurfaceEstimator:
         scales_m: tuple[float, ...],
         stiffness: float,
     ) -> Float64:
-        """Fit again and again, each sample weighing less the worse it fitted (Geman-McClure)."""
+        """Fit repeatedly, with less weight for samples of larger residual (Geman-McClure)."""
         place, heights_m = grid.bilinear(samples.points), start_m
         for scale_m in scales_m:
             misfit_m = samples.points[:, 2] - place.interpolate(heights_m)
@@ -148,7 +148,7 @@ class GroundSurfaceEstimator:
         """Average the points near the first surface by small cells.
 
         Returns:
-            The averages, and which are clean: from a cell on whose ground nothing stands.
+            The averages, and which of them come from cells without obstacles.
         """
         config, size = self._config, self._samples.size
         centers = self._samples.nodes_xy_m + self._samples.cell_m / 2
@@ -165,10 +165,7 @@ class GroundSurfaceEstimator:
         return HeightSamples(means, weights), np.bincount(above_ground, minlength=size)[seen] == 0
 
     def _recall(self, world_SE3_velo: Float64) -> HeightSamples:
-        """Return what is known before the newest scan, in its frame, inside the grid.
-
-        That is the remembered averages, and that the vehicle stands on the ground.
-        """
+        """Return the remembered averages and the ground below the vehicle, in the newest scan's frame, inside the grid."""
         velo_SE3_world = inverse(world_SE3_velo)
         recalled = self._footing
         for memory in self._memories:
@@ -179,7 +176,7 @@ class GroundSurfaceEstimator:
         return HeightSamples(recalled.points[inside], weights[inside])
 
     def _gaps(self, memory: HeightSamples, newest: HeightSamples) -> HeightSamples:
-        """Return what is remembered of the cells that the newest scan did not see."""
+        """Return the remembered averages of cells that the newest scan did not observe."""
         is_observed = np.zeros(self._fine.size, bool)
         is_observed[self._cells_of(newest.points)] = True
         rows = ~is_observed[self._cells_of(memory.points)]
@@ -201,13 +198,15 @@ class GroundSurfaceEstimator:
 
 _PLANE_ROUNDS = 12
 _PLANE_SAMPLE = 1200  # points are plenty for three numbers
-_PLANE_PRIOR = np.array([30.0, 30.0, 1.0])  # level ground at the sensor's height, as if seen once
+_PLANE_PRIOR = np.array(
+    [30.0, 30.0, 1.0]
+)  # level ground at the sensor's height, as if observed once
 
 
 def _robust_plane(points: Float64, height_m: float) -> Float64:
-    """Fit z = p x + q y + r to (N, 3) low points, beginning with level ground, as (p, q, r).
+    """Fit z = p x + q y + r to (N, 3) low points, starting from level ground, as (p, q, r).
 
-    What is believed grows with range at first, as slopes do, and tightens round by round.
+    The scale of the robust weights grows with range, as slopes do, and shrinks round by round.
     """
     points = points[:: max(1, len(points) // _PLANE_SAMPLE)]
     basis = np.column_stack([points[:, :2], np.ones(len(points))])
@@ -227,7 +226,7 @@ def _robust_plane(points: Float64, height_m: float) -> Float64:
 
 
 def _footing(height_m: float) -> HeightSamples:
-    """Return the ground between the wheels of a car, which its sensor's height tells."""
+    """Return the ground between the wheels of the vehicle, at the sensor's mounting height."""
     x, y = np.meshgrid([-1.5, 0.0, 1.5], [-0.75, 0.0, 0.75])
     z = np.full(x.size, -height_m)
     return HeightSamples(np.column_stack([x.ravel(), y.ravel(), z]), np.ones(x.size))

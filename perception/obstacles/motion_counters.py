@@ -1,8 +1,7 @@
 """Static and moving by comparing how full a voxel is over time: the thesis' method (5.1.3, Fig. 5.6).
 
-A moving object fills other voxels in every scan; a standing one fills the same. So what is in the
-merged cloud D by one scan alone has moved, and columns of the ground plane are decided by the ratio
-of what is left.
+A moving object fills other voxels in every scan, a static one the same. So voxels of the merged cloud D that one
+scan alone fills have moved, and columns of the ground plane are decided by the ratio of the remaining counts.
 """
 
 from collections.abc import Sequence
@@ -35,7 +34,7 @@ class SubtractedVoxels:
 
 @dataclass(frozen=True)
 class MotionMasks:
-    """Which columns of the ground plane are static and which move; some are neither.
+    """Static and moving columns of the ground plane; some are neither.
 
     Attributes:
         is_static: (X, Y) B_s of (5.5).
@@ -48,7 +47,7 @@ class MotionMasks:
 
 @dataclass(frozen=True)
 class MotionCounters:
-    """Everything that Fig. 5.6 shows of one frame.
+    """Counters and masks of one frame (Fig. 5.6).
 
     Attributes:
         grid: Voxel grid; its x and y cells are those of the counters.
@@ -70,10 +69,10 @@ class MotionCounters:
 
 
 def subtract(scan_keys: Sequence[Keys]) -> SubtractedVoxels:
-    """Remove from the merged grid what one scan alone filled, then from the newest what stays.
+    """Remove from the merged grid the voxels of one scan alone, then from the newest scan the voxels that stay.
 
-    D <= P_k for some scan k says that all points of the voxel come from that scan, so it is enough to
-    count the scans that reached a voxel.
+    D <= P_k for some scan k means that all points of the voxel come from that scan, so it is enough to count the
+    scans of a voxel.
 
     Args:
         scan_keys: Voxel keys of the obstacle points, scan by scan, the newest last.
@@ -129,7 +128,7 @@ class CounterSegmenter:
         static_threshold: int = 50,
         moving_threshold: int = 5,
     ) -> None:
-        """Take the thesis' values (Table 7.1).
+        """Make the segmenter with the values of the thesis (Table 7.1).
 
         Args:
             area: Local area in which obstacles are reported.
@@ -164,7 +163,7 @@ class CounterSegmenter:
         )
 
     def counters(self, window: ScanWindow, ground: GroundModel) -> MotionCounters:
-        """Return what the decision for the newest scan rests on, for a picture of it (Fig. 5.6)."""
+        """Return the counters behind the decision for the newest scan (Fig. 5.6)."""
         return self._count(self._obstacle_points(window, ground))
 
     def _obstacle_points(self, window: ScanWindow, ground: GroundModel) -> list[AboveGround]:

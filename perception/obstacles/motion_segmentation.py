@@ -1,4 +1,4 @@
-"""Which obstacles stand and which move: the stage, by the thesis' method or by free space."""
+"""Static-moving segmentation: the stage, by free space or by the thesis' occupancy counters."""
 
 from typing import Protocol
 
@@ -21,7 +21,7 @@ _WORLD_CELLS = (2**20, 2**20, 2**18)  # 100 km across in voxels of 10 cm
 
 
 class MotionSegmenter(Protocol):
-    """Tells static from moving obstacles, scan after scan."""
+    """Segments static and moving obstacles, scan after scan."""
 
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
         """Segment the newest scan of the window; the ground is in its frame."""
@@ -43,7 +43,7 @@ class FreeSpaceSegmenter:
         """
         config = config or MotionConfig()
         self._area, self._config = area, config
-        # Two beams at the end of the area are this far apart.
+        # Distance between two beams at the end of the area.
         self._gap_m = area.ahead_m * sensor.elevation_step_rad
         free_space = config.free_space
         self._memory = FreeSpaceMemory(
@@ -55,7 +55,7 @@ class FreeSpaceSegmenter:
         self._world_SE3_before = np.eye(4)
 
     def update(self, window: ScanWindow, ground: GroundModel) -> Obstacles:
-        """Segment the newest scan; a window of one scan begins anew."""
+        """Segment the newest scan; a window of one scan starts a new drive."""
         pose = window.newest.world_SE3_velo
         grid, static_map = self._init_drive(window)
         self._memory.push(window.newest.points_velo, pose)
@@ -67,7 +67,7 @@ class FreeSpaceSegmenter:
         )
         voxels = group_keys(grid.keys(_to_world(above_ground, pose)))
 
-        # One measured point stands for its voxel.
+        # One measured point represents its voxel.
         places = above_ground.points_velo[voxels.first]
         before = se3.transform_points(
             se3.inverse(pose) @ self._world_SE3_before, self._moved_before
@@ -85,7 +85,7 @@ class FreeSpaceSegmenter:
         )
 
     def _init_drive(self, window: ScanWindow) -> tuple[VoxelGrid, StaticMap]:
-        """Return the grid and the map, new ones where the window begins anew."""
+        """Return the grid and the map, new ones at the start of a drive."""
         if self._grid_world is None or self._static_map is None or len(window) == 1:
             self._memory.clear()
             self._moved_before = np.zeros((0, 3), np.float32)

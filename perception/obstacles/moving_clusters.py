@@ -1,7 +1,8 @@
-"""From what was seen of single voxels to whole things that move.
+"""Clusters of voxels, and the decision which of them are moving.
 
-One voxel alone errs: a window returns once and lets pass the next time, an edge is missed by a
-hair. So voxels are joined over the ground plane, and a thing moves where most of it has.
+A single voxel is unreliable: a window reflects once and not the next time, a beam just misses an edge. So voxels are
+joined to clusters over the ground plane, and a cluster is moving where enough of its voxels appeared in free space
+(`MovingClusterConfig`: at least `min_voxels` and `min_appeared_ratio`, and more than those that persisted).
 """
 
 from dataclasses import dataclass
@@ -17,12 +18,12 @@ from perception.types import Bool, Float, Float64, Int
 
 @dataclass(frozen=True)
 class VoxelVotes:
-    """What each of V voxels says; a voxel in none of the three was out of sight until now.
+    """Evidence of V voxels; a voxel in none of the three was occluded until now.
 
     Attributes:
-        appeared: (V,) its place was empty.
-        persisted: (V,) its place was filled.
-        uncovered: (V,) its place was hidden, by something that has left since.
+        appeared: (V,) whether its place was free.
+        persisted: (V,) whether its place was occupied.
+        uncovered: (V,) whether its place was occluded by an object that has left since.
     """
 
     appeared: Bool
@@ -31,7 +32,7 @@ class VoxelVotes:
 
 
 def vote(history: VisibilityHistory) -> VoxelVotes:
-    """Let the older scans decide and, where none saw the place, the youngest."""
+    """Decide by the older scans and, where the place was visible in none of them, by the youngest."""
     older = slice(1, None) if len(history.ages_s) > 1 else slice(None)
     free = history.was_free[older].sum(axis=0)
     hit = history.was_hit[older].sum(axis=0)
@@ -49,7 +50,7 @@ def moving_voxels(
     config: MovingClusterConfig,
     gap_m: float,
 ) -> Bool:
-    """Tell which of V occupied voxels belong to things that move.
+    """Return which of V occupied voxels belong to moving clusters.
 
     Args:
         centers_m: (V, 3) positions of the voxels.
@@ -94,7 +95,7 @@ def moving_voxels(
 
 
 def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
-    """Tell which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
+    """Return which of (V, 3) places have one of (B, 3) others within reach over the ground plane."""
     if len(others_m) == 0:
         return np.zeros(len(centers_m), bool)
     others = cKDTree(others_m[:, :2])
@@ -103,16 +104,16 @@ def _are_near(centers_m: Float, others_m: Float, reach_m: float) -> Bool:
 
 
 def _static_weight(history: VisibilityHistory, config: MovingClusterConfig) -> float:
-    """Return how many standing voxels one that came must outweigh.
+    """Return the weight of a persisting voxel against one that appeared.
 
-    While the history is short a walker still overlaps where he was, and only his front has come.
+    While the history is short a pedestrian still overlaps his earlier place, and only his front has appeared.
     """
     return min(1.0, float(history.ages_s[-1]) / config.clear_age_s)
 
 
 @dataclass(frozen=True)
 class _VoxelColumns:
-    """The upright bars over the ground plane in which V voxels stand; (5.3) gives each one state.
+    """The vertical columns over the ground plane of V voxels; each has one state (5.3).
 
     Attributes:
         of: (V,) the column of each voxel.
@@ -136,7 +137,7 @@ class _VoxelColumns:
         return np.asarray(np.bincount(self.of, voxels, self.shape[0] * self.shape[1]), np.float64)
 
     def join(self, chosen: Bool, passable: Bool, gap_m: float) -> Int:
-        """Return (V,) the number of the thing each voxel is of, 0 beside the chosen columns.
+        """Return the (V,) cluster of each voxel, 0 outside the chosen columns.
 
         Columns are joined with their eight neighbours, and over a gap of passable ones.
         """
@@ -151,13 +152,13 @@ class _VoxelColumns:
 def _cluster_appeared(
     columns: _VoxelColumns, persisted: Bool, gap_m: float, static_weight: float
 ) -> Int:
-    """Number the things, not joining through columns most of which stood."""
+    """Return the (V,) cluster of each voxel, not joined through columns that mostly persisted."""
     static = columns.count(persisted)
     return columns.join(columns.count(~persisted) > static * static_weight, static == 0, gap_m)
 
 
 def _complete(columns: _VoxelColumns, moves: Bool, whole_object_ratio: float) -> Bool:
-    """Let all of an object move where most of it does: a slow car's side fills the place it filled."""
+    """Extend motion to the whole object where most of it moves: the side of a slow car fills the place it filled before."""
     occupied = columns.count(np.ones(len(moves), bool)) > 0
     whole = columns.join(occupied, ~occupied, gap_m=0.0)
     share = np.bincount(whole, moves) / np.maximum(np.bincount(whole), 1)
@@ -167,10 +168,10 @@ def _complete(columns: _VoxelColumns, moves: Bool, whole_object_ratio: float) ->
 def _is_own_departure(
     cluster: Int, clusters: int, history: VisibilityHistory, gap_m: float
 ) -> Bool:
-    """Tell of which things the leaver before them is their own back, seen earlier.
+    """Return for which clusters the departed object before them is their own back, observed earlier.
 
-    A thing that drives away hid its place by where it was: the gap shrinks to nothing as its way is
-    followed to now. A thing that comes to light behind a passer-by keeps its distance to it.
+    An object that drives away occluded its present place from its earlier one: the gap shrinks to nothing when its
+    path is extrapolated to now. An object that appears behind a passer-by keeps its distance to him.
     """
     young_s, old_s = history.ages_s[0], history.ages_s[-1]
     behind, behind_twice = history.was_behind_departed[0], np.zeros(len(cluster), bool)
@@ -179,7 +180,7 @@ def _is_own_departure(
         behind_twice = behind & history.was_behind_departed[-1]
         followed_m = (old_s * history.gaps_m[0] - young_s * history.gaps_m[-1]) / (old_s - young_s)
         gap_now_m = np.where(behind_twice, followed_m, gap_now_m)
-    # Seen once, it can only say yes: it may still be coming nearer.
+    # One observation can only confirm: the gap may still be shrinking.
     comes = np.bincount(cluster, behind & (gap_now_m < gap_m), clusters)
     keeps_away = np.bincount(cluster, behind_twice & (gap_now_m >= gap_m), clusters)
     return np.asarray((comes > 0) & (comes >= keeps_away))

@@ -1,7 +1,7 @@
-"""What one scan saw, as ranges over direction: which places it looked through, met, or could not see.
+"""Range image of one scan, and the visibility of places in it: free, hit or occluded.
 
-Every return says two things: something stood at its end, and nothing stood on the way there. The
-thesis counts only the first; the second is what tells a moving object from one seen anew.
+Every return has two meanings: there is an object at its end, and free space before it. The thesis counts only the
+first; the second separates moving objects from those that were occluded before.
 """
 
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ _LEVELS = 4
 
 
 class Visibility(IntEnum):
-    """What a scan says of a place."""
+    """Visibility of a place in a scan."""
 
-    UNKNOWN = 0  # no beam came near, or the beams disagree
-    FREE = 1  # every beam around passed and met something farther
+    UNKNOWN = 0  # no beam is near, or the beams disagree
+    FREE = 1  # every beam around passed and ended farther away
     HIT = 2  # a beam ended here
-    OCCLUDED = 3  # the beam ended before
+    OCCLUDED = 3  # a beam ended before it
 
 
 @dataclass(frozen=True)
 class PointVisibility:
-    """What a scan says of P places.
+    """Visibility of P places in a scan.
 
     Attributes:
         states: (P,) `Sight`.
-        gaps_m: (P,) how far behind the return in its direction a hidden place lies; else 0.
+        gaps_m: (P,) distance in metres from the return before it to an occluded place; 0 for other places.
     """
 
     states: UInt8
@@ -49,7 +49,7 @@ class RangeImagePixels:
         rows: (P,) nearest beam, the highest is 0.
         columns: (P,) direction around the vertical.
         ranges_m: (P,) distance from the sensor.
-        is_in_view: (P,) whether a beam of the sensor points there.
+        is_in_view: (P,) whether a beam of the sensor points in that direction.
     """
 
     rows: Int
@@ -63,7 +63,7 @@ class SphericalProjection:
 
     Near the sensor a small shift of a point spans many pixels. So places are compared with blocks of
     pixels: level l spans 2^l columns to either side, and as many rows as make the same angle, but
-    always the beam above and the beam below, between which a standing thing cannot hide.
+    always the beam above and the beam below, so that no object fits between them.
     """
 
     def __init__(self, sensor: LidarModel, tolerance_m: float) -> None:
@@ -119,7 +119,7 @@ class RangeImage:
     """The nearest return in each pixel of one scan."""
 
     def __init__(self, points_velo: Float32, projection: SphericalProjection) -> None:
-        """Draw a scan; points that no beam of the sensor can have met are left out."""
+        """Make the image of a scan; points outside the sensor's elevations are left out."""
         pixels = projection.pixels(points_velo)
         cells = (pixels.rows * projection.columns + pixels.columns)[pixels.is_in_view]
         flat = np.full(projection.rows * projection.columns, _NOTHING, np.float32)
@@ -127,11 +127,11 @@ class RangeImage:
         ranges = flat.reshape(projection.rows, projection.columns)
         self._projection = projection
         self._nearest = _block_minima(ranges, projection.blocks)
-        # One more pixel on every side: neighbours are then a fixed step away.
+        # Padded by one pixel on every side: neighbours are then at a fixed offset.
         self._framed = np.pad(np.pad(ranges, ((0, 0), (1, 1)), "wrap"), ((1, 1), (0, 0)), "edge")
 
     def visibility(self, points_velo: Float32, margin_m: float) -> PointVisibility:
-        """Say of (P, 3+) places in this scan's frame whether it saw them free, met, or hidden.
+        """Return whether (P, 3+) places in this scan's frame are free, hit or occluded.
 
         Args:
             points_velo: (P, 3+) positions in the frame of the scan.
@@ -150,19 +150,19 @@ class RangeImage:
         return PointVisibility(states, gaps_m)
 
     def is_free(self, points_velo: Float32, margin_m: float) -> Bool:
-        """Tell which (P, 3+) places `look` would call free."""
+        """Return which (P, 3+) places are free, as `visibility` has it."""
         at = self._projection.pixels(points_velo)
         return self._is_passed(at, np.float32(margin_m)) & at.is_in_view
 
     def _is_passed(self, at: RangeImagePixels, margin_m: np.float32) -> Bool:
-        """Tell where every beam of the block around met something farther."""
+        """Return where every beam of the block around ended farther away."""
         pixel = at.rows * self._projection.columns + at.columns
         level = self._projection.levels(at.ranges_m)
         around = self._nearest.ravel().take(level * self._nearest.shape[1] + pixel)
         return np.asarray((around > at.ranges_m + margin_m) & (around < _NOTHING))
 
     def _ends_near(self, pixel: Int, ranges_m: Float32, margin_m: np.float32) -> Bool:
-        """Tell where a return in the 3 x 3 pixels around lies within the margin."""
+        """Return where a return in the 3 x 3 pixels around lies within the margin."""
         beams, width = self._framed.ravel(), self._framed.shape[1]
         is_hit = np.zeros(len(pixel), bool)
         for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):

@@ -1,4 +1,4 @@
-"""The voxels that stood in this scan and in the last few, without what has since proved to be gone."""
+"""Static map: the static voxels of this scan and the last few, without those that a beam has passed since."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class StaticMap:
         world_SE3_velo: Float64,
         is_free: Callable[[Float32], Bool],
     ) -> Voxels:
-        """Add a scan's static voxels and return all that still stand, in the scan's frame.
+        """Add a scan's static voxels, and return all that are still static, in the scan's frame.
 
         Args:
             seen: Static voxels of the scan.
@@ -77,7 +77,7 @@ class StaticMap:
 
 
 def _join(kept: _StaticVoxels, seen: KeyCounts, seen_centers_velo: Float32) -> _StaticVoxels:
-    """Add up the counts of voxels kept and seen; what is seen is 0 scans old."""
+    """Add up the counts of kept and observed voxels; the age of the observed ones is 0."""
     groups = group_keys(np.concatenate([kept.keys, seen.keys]))
     voxels = len(groups.first)
     counts = np.concatenate([kept.counts, seen.counts])

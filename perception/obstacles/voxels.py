@@ -19,7 +19,7 @@ Keys = NDArray[np.signedinteger[Any]]
 
 @dataclass(frozen=True)
 class KeyCounts:
-    """K different keys, rising, and how often each was met.
+    """K different keys, rising, and the number of occurrences of each.
 
     Attributes:
         keys: (K,) keys of `VoxelGrid.keys`.
@@ -35,7 +35,7 @@ class VoxelGrid:
     """A block of cubes: cell (i, j, k) begins at corner_m + (i, j, k) * size_m.
 
     Attributes:
-        corner_m: (3,) least x, y, z.
+        corner_m: (3,) smallest x, y, z.
         shape: Number of cells along x, y and z.
         size_m: Edge of a voxel in metres (υ).
     """
@@ -45,7 +45,7 @@ class VoxelGrid:
     size_m: float
 
     def __post_init__(self) -> None:
-        """Refuse cubes without extent, and grids whose keys would not fit in 64 bits."""
+        """Validate the edge, and that the keys fit in 64 bits."""
         if not self.size_m > 0:
             raise UsageError("voxel size_m", expected="a positive edge", found=str(self.size_m))
         if not 0 < float(np.prod(np.asarray(self.shape, np.float64))) < 2**62:
@@ -58,7 +58,7 @@ class VoxelGrid:
 
     @classmethod
     def covering(cls, points: Float, size_m: float) -> "VoxelGrid":
-        """Return the least grid around (N, 3+) points whose corners are multiples of the edge."""
+        """Return the smallest grid around (N, 3+) points whose corners are multiples of the edge."""
         if not size_m > 0:
             raise UsageError("voxel size_m", expected="a positive edge", found=str(size_m))
         if len(points) == 0:
@@ -112,7 +112,7 @@ def count_voxels(points: Float, size_m: float) -> Voxels:
 
 
 def is_among(keys: Keys, ordered: Keys) -> Bool:
-    """Tell which of K keys are among others that are given in rising order."""
+    """Return which of K keys are among others in rising order."""
     if len(ordered) == 0:
         return np.zeros(len(keys), bool)
     at = np.minimum(np.searchsorted(ordered, keys), len(ordered) - 1)
@@ -135,7 +135,7 @@ class KeyGroups:
 
 
 def group_keys(keys: Keys) -> KeyGroups:
-    """Group equal keys, and keep the way back from each key to its group."""
+    """Group equal keys, and keep the group of each key."""
     ordered, order = sorted_keys(keys)
     counted = _count_ordered(ordered)
     starts = np.cumsum(counted.counts) - counted.counts

@@ -1,4 +1,4 @@
-"""Every stage over one frame after another, side by side where they can be, in bounded memory.
+"""The pipeline: every stage over the frames of a drive, in parallel where possible, in bounded memory.
 
 `Pipeline` and `StageClock` are imported when they are used, so that `PipelineConfig` needs no numeric libraries.
 """

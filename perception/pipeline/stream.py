@@ -1,9 +1,9 @@
-"""Frames in, results out, in order: as fast as they are wanted, or the newest of those that came.
+"""Stream of frames in and results out, in order: every frame, or the latest of those that arrived.
 
-source -- read --> waiting (one at most) -- begin --> in work (few) -- next --> result
+source -- read --> pending (at most one) -- submit --> in flight (few) -- next --> result
 
-A frame is begun when there is room in work, and leaves it when its result is taken: who takes slowly
-makes the source wait, or the frames in between be dropped. Memory is bounded either way.
+A frame is submitted when fewer than the largest number are in flight, and leaves when its result is taken: a slow
+consumer makes the source wait, or frames are dropped. Memory is bounded either way.
 """
 
 import threading
@@ -15,20 +15,20 @@ from typing import Literal, Self
 
 from perception.types import Frame, Result
 
-# What becomes of frames that come faster than results are taken.
+# Treatment of frames that arrive faster than results are taken.
 FramePolicy = Literal["every", "latest"]
 Submit = Callable[[Frame, float], "Future[Result]"]
-# A source that gives no more frames is not waited for longer.
+# Longest wait for a source that gives no more frames.
 _JOIN_TIMEOUT_S = 1.0
 
 
 class ResultStream:
-    """An iterator over results; a context manager, which ends what was begun."""
+    """An iterator over results; a context manager, which finishes submitted frames."""
 
     def __init__(
         self, frames: Iterable[Frame], submit: Submit, policy: FramePolicy, max_in_flight: int
     ) -> None:
-        """Begin to read.
+        """Start reading.
 
         Args:
             frames: Frames in order; they are read in a thread of their own.
@@ -37,7 +37,7 @@ class ResultStream:
             max_in_flight: Largest number of frames that are started and not yet taken.
         """
         self.dropped = 0
-        """How many frames were passed over since a later one came before there was room."""
+        """Number of frames that were dropped as a later one arrived first."""
         self._submit, self._policy, self._max_in_flight = submit, policy, max_in_flight
         self._in_flight: deque[Future[Result]] = deque()
         self._pending: tuple[Frame, float] | None = None
@@ -81,7 +81,7 @@ class ResultStream:
         return result
 
     def close(self) -> None:
-        """Read no more frames, and wait for those that were begun; their results are lost."""
+        """Stop reading, and wait for submitted frames; their results are lost."""
         with self._changed:
             self._is_closed = True
             self._pending = None
@@ -91,7 +91,7 @@ class ResultStream:
         self._reader.join(_JOIN_TIMEOUT_S)
 
     def _read(self, frames: Iterable[Frame]) -> None:
-        """Take frame after frame from the source, until it ends, fails, or nobody wants more."""
+        """Read frames from the source until it ends, fails, or the stream is closed."""
         source = iter(frames)
         try:
             while self._waits_for_more():
@@ -100,7 +100,7 @@ class ResultStream:
                 except StopIteration:
                     return
                 self._accept(frame, time.perf_counter())
-        except Exception as error:  # for whoever takes the results, after the last of them
+        except Exception as error:  # raised to the consumer after the last result
             self._source_error = error
         finally:
             # A generator is closed in the thread that ran it.
@@ -110,7 +110,7 @@ class ResultStream:
                 self._changed.notify_all()
 
     def _waits_for_more(self) -> bool:
-        """Wait for room where every frame counts; tell whether to read another."""
+        """Wait for room under the policy `every`; return whether to read another frame."""
         with self._changed:
             if self._policy == "every":
                 self._changed.wait_for(lambda: self._has_room or self._is_closed)
@@ -123,7 +123,7 @@ class ResultStream:
             self._submit_pending()
 
     def _release(self) -> None:
-        """Let a taken result make room for the frame that waits."""
+        """Submit the pending frame in the place of a taken result."""
         with self._changed:
             self._in_flight.popleft()
             self._submit_pending()

@@ -1,4 +1,4 @@
-"""Arrays, by the numbers in them, and the check of their shape."""
+"""Array types by the type of their numbers, and the validation of shapes."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ Bool = NDArray[np.bool_]
 
 
 def require_shape(what: str, array: NDArray[Any], expected: tuple[int | str, ...]) -> None:
-    """Refuse an array of another shape; a word, such as N, stands for any length."""
+    """Validate the shape of an array; a letter, such as N, stands for any length."""
     fits = array.ndim == len(expected)
     for have, want in zip(array.shape, expected, strict=False):
         fits &= have == want or isinstance(want, str)

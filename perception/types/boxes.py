@@ -9,7 +9,7 @@ from perception.types.table import ArrayTable
 
 @dataclass(frozen=True)
 class Boxes3D(ArrayTable):
-    """M upright boxes in one frame, the LiDAR's unless the variable's name says otherwise.
+    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another.
 
              front
           +---^---+

@@ -1,4 +1,4 @@
-"""What detectors see in the views of the road, each by itself and together."""
+"""Detections in the camera image, in the maps made of the scan, and their fusion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from perception.types.arrays import Float64, Int
 from perception.types.table import ArrayTable
 
-# A view of the road that a detector looks at: the camera's image, the depth map, the reflectance map.
+# Input of a detector: the camera image, the depth map, or the reflectance map.
 Modality = Literal["rgb", "dm", "rm"]
 MODALITIES: tuple[Modality, ...] = get_args(Modality)
-# Those of them that are made of the LiDAR's returns.
+# The modalities that are made of the scan.
 MapModality = Literal["dm", "rm"]
 MAP_MODALITIES: tuple[MapModality, ...] = get_args(MapModality)
 
 
 @dataclass(frozen=True)
 class Detections(ArrayTable):
-    """M objects that a detector sees in one image.
+    """M detections in one image.
 
     Attributes:
         boxes_px: (M, 4) x1 y1 x2 y2.
@@ -33,18 +33,18 @@ class Detections(ArrayTable):
     types: NDArray[np.str_]
 
 
-# What the detector of each modality sees; one that did not look has no entry.
+# Detections by modality; a modality whose detector did not run has no entry.
 ModalityDetections = Mapping[Modality, Detections]
 
 
 @dataclass(frozen=True)
 class FusedDetections(ArrayTable):
-    """M objects after joint rescoring, best first, and what they were made of.
+    """M fused detections, best first, and the detections that they come from.
 
     Attributes:
         detections: (M)
-        source_indices: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector saw nothing.
-        dominant_modality: (M,) column of the modality that carried the detection most.
+        source_indices: (M, 3) row in the detections of each of `MODALITIES`, -1 where that detector has none.
+        dominant_modality: (M,) column of the modality with the largest contribution.
     """
 
     detections: Detections

@@ -1,4 +1,4 @@
-"""What every drive offers, whatever its layout on disk."""
+"""Interface of drives, the same for every layout on disk, and their labels and truth."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # the sensor's module needs the types
 
 @dataclass(frozen=True)
 class Labels(ArrayTable):
-    """M labelled objects of one frame, KITTI's conventions already converted.
+    """M labelled objects of one frame, converted from the conventions of KITTI.
 
     Attributes:
         boxes_velo: (M) 3D boxes in the LiDAR frame.
@@ -45,22 +45,22 @@ class Drive(Protocol):
 
     @property
     def name(self) -> str:
-        """What the drive is called."""
+        """Name of the drive."""
         ...
 
     @property
     def root(self) -> Path:
-        """The folder it lies in."""
+        """Folder of the drive."""
         ...
 
     @property
     def sensor(self) -> "LidarModel":
-        """The LiDAR."""
+        """LiDAR model of the scans."""
         ...
 
     @property
     def calibration(self) -> Calibration | None:
-        """Of all frames, or None where there is no camera or each frame has its own."""
+        """Calibration of all frames, or None without a camera and where each frame has its own."""
         ...
 
     @property
@@ -110,7 +110,7 @@ class PointTruth:
 
     Attributes:
         classes: (N,) SemanticKITTI class numbers, moving classes (252-259) mapped to their still ones.
-        instances: (N,) object number, 0 for what is no object; the label's track id plus one.
+        instances: (N,) object number, the track id of the label plus one; 0 without an object.
         is_moving: (N,) whether the point's object moves at this moment.
     """
 

@@ -1,4 +1,4 @@
-"""What the sensors see at one moment, and how the camera stands to the LiDAR."""
+"""A frame: scan, image and pose at one time, and the calibration of the camera."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from perception.types.arrays import Float32, Float64, UInt8, require_shape
 
 @dataclass(frozen=True)
 class Calibration:
-    """A rectified pinhole camera and where the LiDAR sits before it.
+    """A rectified pinhole camera, and the pose of the LiDAR in its frame.
 
     Attributes:
         image_P_cam: (3, 4) projection of the rectified reference camera's frame to pixels; KITTI's P2.
@@ -25,7 +25,7 @@ class Calibration:
     source: str = "calibration"
 
     def __post_init__(self) -> None:
-        """Refuse matrices that cannot project."""
+        """Validate shapes, and that the matrices are invertible."""
         require_shape(f"{self.source} image_P_cam", self.image_P_cam, (3, 4))
         require_shape(f"{self.source} cam_SE3_velo", self.cam_SE3_velo, (4, 4))
         for name, square in (
@@ -45,7 +45,7 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Frame:
-    """What the sensors saw at one moment.
+    """Scan, image and pose at one time.
 
     Attributes:
         index: Number of the frame within its drive.
@@ -66,7 +66,7 @@ class Frame:
     source: str = "frame"
 
     def __post_init__(self) -> None:
-        """Refuse empty or non-finite scans, malformed poses, and an image of another size."""
+        """Validate the scan, the pose, and the size of the image."""
         self._check_scan()
         if self.world_SE3_velo is not None:
             require_shape(f"{self.source} world_SE3_velo", self.world_SE3_velo, (4, 4))

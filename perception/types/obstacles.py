@@ -1,4 +1,4 @@
-"""Where the ground is, and what stands on it."""
+"""The ground, and static and moving obstacles on it."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,7 +8,7 @@ from perception.types.arrays import Float, Float32, Float64, Int, UInt8, require
 
 
 class GroundModel(Protocol):
-    """A ground surface in the LiDAR frame. Every ground method returns one."""
+    """A ground surface in the LiDAR frame, which every ground method returns."""
 
     def height_m(self, xy_m: Float) -> Float64:
         """Return (N,) the z of the ground at (N, 2) positions."""
@@ -20,7 +20,7 @@ class GroundModel(Protocol):
 
 
 class PointState(IntEnum):
-    """What the obstacle stage says of one LiDAR point."""
+    """Class of one LiDAR point."""
 
     OUTSIDE = 0  # beyond the local area
     GROUND = 1
@@ -30,7 +30,7 @@ class PointState(IntEnum):
 
 @dataclass(frozen=True)
 class Voxels:
-    """V occupied cubes of one grid.
+    """V occupied voxels of one grid.
 
     Attributes:
         centers_m: (V, 3) centres of the voxels.
@@ -43,7 +43,7 @@ class Voxels:
     size_m: float
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
+        """Validate shapes and lengths."""
         require_shape("Voxels.centers_m", self.centers_m, ("V", 3))
         require_shape("Voxels.counts", self.counts, (len(self.centers_m),))
 
@@ -54,7 +54,7 @@ class Voxels:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """What stands on the ground in one scan, in the LiDAR frame of that scan.
+    """Obstacles of one scan, in the LiDAR frame of that scan.
 
     Attributes:
         point_states: (N,) one `PointState` for each point of the frame.

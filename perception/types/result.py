@@ -1,4 +1,4 @@
-"""What the pipeline makes of one frame."""
+"""Result of the pipeline for one frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from perception.types.vehicles import Vehicles
 
 @dataclass(frozen=True)
 class Result:
-    """What the pipeline made of one frame.
+    """Result of the pipeline for one frame.
 
     Attributes:
         frame: Frame that was processed.
@@ -44,5 +44,5 @@ class Result:
 
     @property
     def latency_s(self) -> float:
-        """From the arrival of the frame to its last stage's end, or NaN where that was not taken."""
+        """Time in seconds from the arrival of the frame to the end of its last stage, NaN where it was not measured."""
         return max((span.stop_s for span in self.spans), default=float("nan"))

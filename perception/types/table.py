@@ -17,7 +17,7 @@ SHARED: Final = "shared"
 class ArrayTable:
     """Base of tables: every field is a column, an array or another table, of one length.
 
-    The annotation of a column tells its type, and the shape of a row where a row is no single number:
+    The annotation of a column states its type, and the shape of its rows:
 
         @dataclass(frozen=True)
         class Detections(ArrayTable):
@@ -76,11 +76,11 @@ class ArrayTable:
         return cls(*values)
 
     def joined(self, others: Self) -> Self:
-        """Return these rows and others after them."""
+        """Return the rows of this table, then those of the other."""
         return type(self).concatenate((self, others))
 
     def replaced(self, rows: Bool | Int, others: Self) -> Self:
-        """Return the table with other rows in the place of some."""
+        """Return the table with some rows replaced by those of the other."""
         places = np.arange(len(self))
         places[rows] = len(self) + np.arange(len(others))
         return self.joined(others)[places]

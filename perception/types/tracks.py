@@ -1,4 +1,4 @@
-"""What moves, as objects with an identity."""
+"""Tracks of moving objects."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -10,13 +10,13 @@ from perception.types.table import ArrayTable
 
 @dataclass(frozen=True)
 class Tracks(ArrayTable):
-    """T objects followed over time, as they are at the moment of one scan, in the LiDAR frame of that scan.
+    """T tracked objects at the time of one scan, in the LiDAR frame of that scan.
 
     Attributes:
-        ids: (T,) rising; a tracker never gives one twice.
+        ids: (T,) rising; an id is never used again.
         boxes: (T)
         velocities_m_s: (T, 2) over the ground, not relative to the vehicle, along x and y of the LiDAR frame.
-        is_observed: (T,) measured in this scan; the others are predicted.
+        is_observed: (T,) whether the object was observed in this scan, or is predicted.
     """
 
     ids: Int

@@ -1,4 +1,4 @@
-"""What is detected, as objects on the road."""
+"""Detected vehicles as objects on the road."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ class Vehicles:
     """M detected vehicles as objects on the road, in the LiDAR frame of one scan of N points.
 
     Attributes:
-        fused: (M) what the detectors saw.
-        ids: (M,) track ids, those of `Tracks` where an object is followed by both; -1 before one is given.
-        boxes: (M) 3D boxes on the ground; rows of NaN where the LiDAR says too little.
+        fused: (M) fused detections.
+        ids: (M,) track ids, equal to those of `Tracks` for an object in both; -1 before confirmation.
+        boxes: (M) 3D boxes on the ground; rows of NaN where the LiDAR has too few points.
         distances_m: (M,) from the LiDAR to the nearest return, NaN without one.
         velocities_m_s: (M, 2) over the ground along x and y of the LiDAR frame, NaN before it is known.
-        owners: (N,) for each point the vehicle that it belongs to, or -1.
+        owners: (N,) vehicle that each point belongs to, or -1.
     """
 
     fused: FusedDetections
@@ -30,7 +30,7 @@ class Vehicles:
     owners: Int
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
+        """Validate shapes and lengths."""
         count = len(self.fused)
         require_shape("Vehicles.ids", self.ids, (count,))
         require_shape("Vehicles.boxes.yaw_rad", self.boxes.yaw_rad, (count,))
@@ -43,5 +43,5 @@ class Vehicles:
 
     @property
     def point_counts(self) -> Int:
-        """(M,) how many points of the scan belong to each."""
+        """(M,) number of points of each vehicle."""
         return np.bincount(self.owners[self.owners >= 0], minlength=len(self))

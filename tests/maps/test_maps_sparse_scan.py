@@ -50,7 +50,7 @@ def test_part_of_sixteen_beams_equals_a_loop(sparse):
 
 def test_default_tells_most_of_what_it_was_not_shown(sparse):
     # Few returns are left out of so few: which method errs less changes from scan to scan.
-    errors = held_out_errors([sparse], np.random.default_rng(0))["ours"]
+    errors = held_out_errors([sparse], np.random.default_rng(0))["Trifuse"]
     assert len(errors.depth_m) > 200
     assert errors.depth_m.mean() < 0.8
     assert errors.is_close.mean() > 0.92

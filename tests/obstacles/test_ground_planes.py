@@ -7,8 +7,8 @@ from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import (
     PiecewisePlanes,
     PiecewisePlanesEstimator,
-    fit_plane,
     best_supported_plane,
+    fit_plane,
     plane_step,
     planes_through,
     quartile_gate_m,
