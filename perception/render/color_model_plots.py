@@ -9,7 +9,11 @@ import numpy as np
 from perception.render import palette
 from perception.render.figure import new_figure, rgb, save_figure
 from perception.render.palette import Color
-from perception.tracking.single_object.color_model import bin_colors, color_bins
+from perception.tracking.single_object.color_model import (
+    bin_colors,
+    bins_per_channel_of,
+    color_bins,
+)
 from perception.tracking.single_object.fusion.image_region import ImageRegion
 from perception.types import Float64, UInt8
 
@@ -95,7 +99,7 @@ def _draw_region(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]
 def _draw_colors(axes: Any, ratios: Float64) -> None:  # noqa: ANN401  (its type is known to few)
     """Place a circle of its own colour for each bin that is in use; its area is the ratio."""
     in_use = np.flatnonzero(ratios)
-    colors = bin_colors()[in_use]
+    colors = bin_colors(bins_per_channel_of(ratios))[in_use]
     axes.scatter(
         *colors.T,
         s=_LARGEST_CIRCLE * ratios[in_use],
@@ -116,7 +120,7 @@ def _draw_colors(axes: Any, ratios: Float64) -> None:  # noqa: ANN401  (its type
 
 def _draw_mean_shift(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]) -> Any:  # noqa: ANN401
     """Draw the confidence of every pixel, and the outlines from the first, dark, to the last, bright."""
-    confidence = scene.filtered[color_bins(scene.image[part])]
+    confidence = scene.filtered[color_bins(scene.image[part], bins_per_channel_of(scene.filtered))]
     shown = _show(axes, confidence, part, cmap="gray", vmin=0, vmax=1)
     for number, region in enumerate(scene.regions, 1):
         light = 0.45 + 0.55 * number / len(scene.regions)
