@@ -21,15 +21,25 @@ cv2.setNumThreads(1)
 
 _SHARED = Path(__file__).parents[2] / "shared" / "kitti"
 _TRAINING = ("tests/train/", "tests/cli/test_train")
+# Modules whose fixtures run whole commands.
+_SLOW = (
+    "tests/cli/test_run",
+    "tests/cli/test_track.py",
+    "tests/cli/test_bench.py",
+    "tests/test_readme.py",
+    "tests/export/",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that read real frames, and those that train."""
+    """Mark the tests that read real frames, those that train, and those that run whole commands."""
     for item in items:
         if "kitti_root" in getattr(item, "fixturenames", ()):
             item.add_marker("kitti")
         if item.nodeid.startswith(_TRAINING):
             item.add_marker("train")
+        if item.nodeid.startswith(_SLOW):
+            item.add_marker("slow")
 
 
 @pytest.fixture(scope="session")

@@ -85,6 +85,7 @@ def test_the_truth_of_a_scene_is_exact_and_says_when_the_object_is_hidden():
     np.testing.assert_allclose(track.velocities_m_s, np.tile([6.0, 0.0], (60, 1)), atol=0.1)
 
 
+@pytest.mark.slow
 def test_the_study_leaves_picture_numbers_and_table(tmp_path, monkeypatch, capsys):
     scenarios = [
         Scenario("Car", challenges, 0.5)

@@ -50,6 +50,7 @@ def test_every_ins_is_measured_once():
     assert cases == [InsNoise(0, 0), InsNoise(1, 0), InsNoise(0, 2)]
 
 
+@pytest.mark.slow
 def test_ins_error(tmp_path, capsys):
     config = InsErrorConfig(positions_m=(0.0, 1.0), angles_deg=(0.0, 2.0))
     plot_path = tmp_path / "ins.png"

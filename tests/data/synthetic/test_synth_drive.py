@@ -13,6 +13,7 @@ from perception.types import Frame
 from tests.faults import fault
 
 
+@pytest.mark.slow
 def test_same_seed_same_drive_bit_by_bit(street_drive):
     twin = SyntheticDrive(40, seed=3)
     last, first = twin[39], twin[0]

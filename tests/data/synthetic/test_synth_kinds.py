@@ -26,6 +26,7 @@ KINDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_two_vehicles_touch(kind):
     config = kind(np.random.default_rng(5))

@@ -14,6 +14,7 @@ from tests.faults import fault
 FRAMES = 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["raw", "tracking"])
 def test_a_sequence_round_trip(tmp_path, layout):
     synth_config = SynthConfig(layout=layout, frames=FRAMES, sensor=VLP_16, seed=7)
