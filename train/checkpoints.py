@@ -1,24 +1,26 @@
-"""Checkpoints of training, read without Lightning and without running what a file may hold."""
+"""Checkpoints, read without Lightning and without executing code, and the revision that model files state."""
 
 import pickle
+import subprocess
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
 import torch
 
+from perception import __version__
 from perception.errors import ModelError
 
 
 def read_checkpoint(path: Path, *models: str) -> dict[str, Any]:
-    """Return what Lightning wrote of a model: `state_dict`, `hyper_parameters` and more.
+    """Return a checkpoint that Lightning wrote: `state_dict`, `hyper_parameters` and more.
 
     Args:
-        path: of the checkpoint.
-        models: one of which the checkpoint must be of; its hyper-parameter `model`.
+        path: Checkpoint file.
+        models: Kinds of models, one of which its hyper-parameter `model` must be.
 
     Raises:
-        ModelError: where there is no such file, it is damaged, or holds another model.
+        ModelError: there is no such file, it is damaged, or of another model.
     """
     expected = f"a checkpoint of {' or '.join(models)}"
     if not path.is_file():
@@ -34,7 +36,7 @@ def read_checkpoint(path: Path, *models: str) -> dict[str, Any]:
 
 
 def model_of(checkpoint: object) -> str | None:
-    """Return the name of the model that a checkpoint is of, or None where it does not say."""
+    """Return the kind of model of a checkpoint, or None where it states none."""
     if not isinstance(checkpoint, dict) or "state_dict" not in checkpoint:
         return None
     name = checkpoint.get("hyper_parameters", {}).get("model")
@@ -42,10 +44,23 @@ def model_of(checkpoint: object) -> str | None:
 
 
 def weights_of(checkpoint: dict[str, Any], part: str) -> dict[str, torch.Tensor]:
-    """Return the weights of one part of a LightningModule, as that part itself calls them."""
+    """Return the weights of one part of a LightningModule by their names within it."""
     prefix = f"{part}."
     return {
         name.removeprefix(prefix): weight
         for name, weight in checkpoint["state_dict"].items()
         if name.startswith(prefix)
     }
+
+
+def program_revision() -> str:
+    """Return the commit of the source tree, marked + where files differ from it; else the version."""
+    root = Path(__file__).parents[1]
+    if not (root / ".git").exists():
+        return __version__
+    command = ["git", "-C", str(root), "describe", "--always", "--abbrev=12", "--dirty=+"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return __version__
+    return found.stdout.strip()

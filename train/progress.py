@@ -1,10 +1,15 @@
-"""What a terminal shows of a training: one bar over all batches, one line an epoch."""
+"""Progress of a training: a bar and a line per epoch in the terminal, and the scalars that TensorBoard shows."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
+import numpy as np
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ProgressBar
 from tqdm import tqdm
+
+from perception.types import Float64
 
 _SHOWN = (  # where they are logged
     "loss",
@@ -20,7 +25,7 @@ _SHOWN = (  # where they are logged
 
 
 class TrainingBar(ProgressBar):
-    """Rate and time left of the whole training, on stderr."""
+    """Rate and remaining time of the whole training, on stderr."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -28,7 +33,7 @@ class TrainingBar(ProgressBar):
         self._is_enabled = True
 
     def disable(self) -> None:
-        """Show nothing; Lightning says so in all processes but the first."""
+        """Show nothing; called by Lightning in all processes but the first."""
         self._is_enabled = False
 
     def enable(self) -> None:
@@ -36,7 +41,7 @@ class TrainingBar(ProgressBar):
         self._is_enabled = True
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Begin where the training begins, or goes on."""
+        """Start the bar where the training starts or resumes."""
         batches = trainer.num_training_batches
         self._bar = tqdm(
             total=int(batches * (trainer.max_epochs or 1)),
@@ -55,15 +60,15 @@ class TrainingBar(ProgressBar):
         batch: object,
         batch_idx: int,
     ) -> None:
-        """Move on by a batch."""
+        """Advance by a batch."""
         self._bar.update()
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Say what the epoch before came to: its own end is too early to know all figures."""
+        """Write the metrics of the epoch before; at its own end not all are known."""
         self._write_line(trainer)
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Say what the last epoch came to, and close the bar."""
+        """Write the metrics of the last epoch, and close the bar."""
         self._write_line(trainer)
         self._close()
 
@@ -76,7 +81,7 @@ class TrainingBar(ProgressBar):
     def on_exception(
         self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
     ) -> None:
-        """Leave the terminal in order."""
+        """Close the bar."""
         self._close()
 
     def _close(self) -> None:
@@ -84,9 +89,27 @@ class TrainingBar(ProgressBar):
             self._bar.close()
 
 
-def step_bar(most: int, first: int = 0) -> "tqdm[NoReturn]":
-    """Return a bar over the steps of a training that may end before the last, on stderr."""
-    return tqdm(total=most, initial=first, desc="train", unit="step", dynamic_ncols=True)
+def step_bar(max_steps: int, first: int = 0) -> "tqdm[NoReturn]":
+    """Return a bar over the steps of a training that may stop early, on stderr."""
+    return tqdm(total=max_steps, initial=first, desc="train", unit="step", dynamic_ncols=True)
+
+
+def read_scalars(folder: Path, names: Sequence[str]) -> dict[str, Float64]:
+    """Return the logged values of each name in the order of their steps, from TensorBoard's files.
+
+    Of a step that was logged twice, as by a training that was killed and resumed, the later one counts.
+    """
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
+    known = events.Tags()["scalars"]
+    found = {}
+    for name in names:
+        by_step = (
+            {event.step: event.value for event in events.Scalars(name)} if name in known else {}
+        )
+        found[name] = np.array([by_step[step] for step in sorted(by_step)], np.float64)
+    return found
 
 
 def _line(metrics: dict[str, Any], stage: str) -> str:

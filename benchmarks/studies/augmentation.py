@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.studies.report import Study
+from perception.cli.progress import frame_progress_bar
 from perception.cli.table import Cell, format_table
-from perception.cli.training.trainer_choice import trainer_config
-from perception.cli.training.verifier_plan import VerifierDataConfig, run_training
+from perception.cli.training import import_trainer
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
+from train.config import TrainingRun
+from train.verifier.config import VerifierExperiment
 
 if TYPE_CHECKING:
     from train.verifier.run import TrainedVerifier
@@ -26,53 +28,58 @@ class AugmentationStudyConfig:
     """What is trained twice.
 
     Attributes:
-        method: which network.
         epochs: of each training.
         seed: of both.
         resume: whether to go on where an earlier study of the same folder ended.
     """
 
-    method: Method = "thesis"
     epochs: int = 40
     seed: int = 0
     resume: bool = False
 
 
 def study_augmentation(
-    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig
+    experiment: VerifierExperiment, plot_path: Path, config: AugmentationStudyConfig
 ) -> Study:
     """Train without and with augmentation in two folders beside the picture, and compare."""
     trained = {
-        is_augmented: _train(data, plot_path, config, is_augmented)
+        is_augmented: _train(experiment, plot_path, config, is_augmented)
         for is_augmented in (False, True)
     }
-    _plot(plot_path, config, trained)
+    _plot(plot_path, experiment.method, trained)
     return Study(
         name="augmentation",
         repeats="Table 7.8",
-        table=_table(config, trained),
+        table=_table(experiment.method, trained),
         numbers={_FOLDERS[key]: asdict(one) for key, one in trained.items()},
-        conditions={"data": data, "plan": config, "thesis_percent": _by_folder(THESIS_PERCENT)},
+        conditions={
+            "experiment": experiment,
+            "config": config,
+            "thesis_percent": _by_folder(THESIS_PERCENT),
+        },
     )
 
 
 def _train(
-    data: VerifierDataConfig, plot_path: Path, config: AugmentationStudyConfig, is_augmented: bool
+    experiment: VerifierExperiment,
+    plot_path: Path,
+    config: AugmentationStudyConfig,
+    is_augmented: bool,
 ) -> "TrainedVerifier":
     out = plot_path.with_suffix("") / _FOLDERS[is_augmented]
-    is_begun = config.resume and (out / "last.ckpt").exists()
-    trained = run_training(
-        replace(data, augment=is_augmented),
-        config.method,
-        trainer_config(epochs=config.epochs, seed=config.seed),
+    resume = "last" if config.resume and (out / "last.ckpt").exists() else None
+    trainer = import_trainer("train.verifier.run")
+    trained: TrainedVerifier = trainer.run_experiment(
+        replace(experiment, data=replace(experiment.data, augment=is_augmented)),
+        TrainingRun(epochs=config.epochs, seed=config.seed),
         out,
-        "last" if is_begun else None,
+        resume,
+        frame_progress_bar("proposals"),
     )
-    assert trained is not None  # one process, and no trial
     return trained
 
 
-def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]") -> str:
+def _table(method: Method, trained: "dict[bool, TrainedVerifier]") -> str:
     rows: list[list[Cell]] = []
     for is_augmented, one in trained.items():
         ours = [100 * metrics["accuracy"] for metrics in (one.training, one.validation)]
@@ -81,25 +88,23 @@ def _table(config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier
         rows.append([_NAMES[is_augmented], one.epoch, *(f"{cell:.2f}" for cell in cells)])
     counts = next(iter(trained.values())).counts
     title = (
-        f"Accuracy in %, {config.method} network: {counts['training_candidates']} candidates to learn from, "
-        f"{counts['validation_candidates']} to judge by"
+        f"Accuracy in %, {method} network: {counts['training_crops']} training and "
+        f"{counts['validation_crops']} validation crops"
     )
     header = (
         "",
         "best epoch",
         "training",
         "validation",
-        "of both classes",
+        "balanced accuracy",
         "thesis training",
         "thesis validation",
     )
     return format_table(title, header, rows)
 
 
-def _plot(
-    plot_path: Path, config: AugmentationStudyConfig, trained: "dict[bool, TrainedVerifier]"
-) -> None:
-    from train.tensorboard_scalars import read_scalars
+def _plot(plot_path: Path, method: Method, trained: "dict[bool, TrainedVerifier]") -> None:
+    from train.progress import read_scalars
 
     curves = []
     for is_augmented, one in trained.items():
@@ -107,9 +112,7 @@ def _plot(
         for part, values in zip(("training", "validation"), found.values(), strict=True):
             epochs = range(1, len(values) + 1)
             curves.append(Curve(f"{_NAMES[is_augmented]}, {part}", epochs, 100 * values))
-    title = (
-        f"Accuracy while learning, {config.method} network (training: as changed, half vehicles)"
-    )
+    title = f"Accuracy while learning, {method} network (training: as changed, half vehicles)"
     plot_curves(plot_path, title, [CurvePanel("", "epoch", "accuracy [%]", curves)])
 
 

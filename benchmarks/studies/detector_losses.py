@@ -24,7 +24,11 @@ def loss_variants(base: DetectorVariant) -> list[DetectorVariant]:
     forms = product(_BOXES, _OBJECTNESSES)
     return [
         replace(
-            base, name=name, detector=replace(base.detector, box_loss=box, objectness=objectness)
+            base,
+            name=name,
+            experiment=replace(
+                base.experiment, loss=replace(base.experiment.loss, box=box, objectness=objectness)
+            ),
         )
         for name, (box, objectness) in zip(_NAMES, forms, strict=True)
     ]

@@ -11,23 +11,20 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from data.atomic_file import write_atomically
 from data.results.documents import to_serializable, write_json
 from perception.cli.detectors import MeasuredModality
 from perception.cli.evaluate_detection import DriveReport, measure_drives
 from perception.cli.flags import DriveFlags
-from perception.cli.training.detector_plan import (
-    DetectorDataConfig,
-    DetectorModelConfig,
-    InitialWeightsConfig,
-    run_training,
-)
-from perception.cli.training.trainer_choice import trainer_config
+from perception.cli.progress import frame_progress_bar
+from perception.cli.training import import_trainer
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
+from train.config import Accelerator, TrainingRun
+from train.detector.config import DetectorExperiment
 
 if TYPE_CHECKING:
     from train.detector.run import TrainedDetector
@@ -38,15 +35,13 @@ class DetectorVariant:
     """One of the detectors that a study compares.
 
     Attributes:
-        name: in tables, and of its folder.
-        detector: which network, and what it is shown.
-        images: that it learns from.
-        epochs: how often.
+        name: Name in tables, and of its folder.
+        experiment: Settings of the training.
+        epochs: Number of epochs.
     """
 
     name: str
-    detector: DetectorModelConfig
-    images: DetectorDataConfig
+    experiment: DetectorExperiment
     epochs: int
 
 
@@ -60,7 +55,7 @@ class VariantTrainingConfig:
     """
 
     seed: int = 0
-    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
+    accelerator: Accelerator = "auto"
 
 
 @dataclass(frozen=True)
@@ -157,23 +152,17 @@ def _trained(
 def _train(
     variant: DetectorVariant, conditions: VariantTrainingConfig, folder: Path
 ) -> "TrainedDetector":
-    config = trainer_config(
+    run = TrainingRun(
         epochs=variant.epochs,
         accelerator=conditions.accelerator,
         precision="auto",
         seed=conditions.seed,
-        monitor="validation/moderate",
     )
-    is_begun = (folder / "last.ckpt").exists()
-    trained = run_training(
-        variant.images,
-        variant.detector,
-        InitialWeightsConfig(),
-        config,
-        folder,
-        "last" if is_begun else None,
+    resume = "last" if (folder / "last.ckpt").exists() else None
+    trainer = import_trainer("train.detector.run")
+    trained: TrainedDetector = trainer.run_experiment(
+        variant.experiment, run, folder, resume, frame_progress_bar("images")
     )
-    assert trained is not None  # one process, and no trial
     return trained
 
 

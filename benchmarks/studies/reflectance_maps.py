@@ -51,11 +51,17 @@ def map_variants(base: DetectorVariant, wide_size: str) -> list[DetectorVariant]
         wide_size: of RM*.
     """
     variants = [
-        replace(base, name=name, detector=replace(base.detector, filling=filling))
+        replace(
+            base,
+            name=name,
+            experiment=replace(
+                base.experiment, model=replace(base.experiment.model, filling=filling)
+            ),
+        )
         for name, filling in _FILLINGS.items()
     ]
-    wide = replace(base.detector, filling=_FILLINGS[NEAREST], size=wide_size)
-    return [*variants, replace(base, name=WIDE, detector=wide)]
+    wide = replace(base.experiment.model, filling=_FILLINGS[NEAREST], size=wide_size)
+    return [*variants, replace(base, name=WIDE, experiment=replace(base.experiment, model=wide))]
 
 
 def study_reflectance_maps(

@@ -30,14 +30,20 @@ def share_variants(base: DetectorVariant, shares: Sequence[float]) -> list[Detec
         replace(
             base,
             name=f"{share:g} of all",
-            images=replace(base.images, training_fraction=share),
+            experiment=replace(
+                base.experiment, data=replace(base.experiment.data, training_fraction=share)
+            ),
             epochs=round(base.epochs / share),
         )
         for share in shares
     ]
     return [
         *variants,
-        replace(base, name=UNCHANGED, images=replace(base.images, augment=False)),
+        replace(
+            base,
+            name=UNCHANGED,
+            experiment=replace(base.experiment, data=replace(base.experiment.data, augment=False)),
+        ),
     ]
 
 
@@ -51,7 +57,7 @@ def study_sim_to_real(
     metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
     overlaps = evaluation.metric.iou
     of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
-    modality = variants[0].detector.modality
+    modality = variants[0].experiment.modality
     plot_over_frames(
         plot_path, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
     )

@@ -1,8 +1,7 @@
-"""`trifuse study`: the studies that train detectors, as commands."""
+"""`trifuse study`: the studies that train networks, as commands."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 from benchmarks.studies.augmentation import AugmentationStudyConfig, study_augmentation
 from benchmarks.studies.detector_losses import loss_variants, study_detector_losses
@@ -14,71 +13,90 @@ from benchmarks.studies.detector_variants import (
 from benchmarks.studies.reflectance_maps import map_variants, study_reflectance_maps
 from benchmarks.studies.report import RESULTS, publish
 from benchmarks.studies.sim_to_real import share_variants, study_sim_to_real
-from perception.cli.flags import require_positive
-from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
-from perception.cli.training.trainer_choice import as_path_tuple
-from perception.cli.training.verifier_plan import VerifierDataConfig
+from data.samples.config import TrainingDrives
+from data.samples.crops.config import CropDataConfig
+from data.samples.images.config import ImageDataConfig
+from perception.cli.flags import require_drives, require_positive
+from perception.cli.parser import FlagGroup
 from perception.evaluation.detection.config import PrecisionConfig
 from perception.types import Method, Modality
+from train.config import Accelerator
+from train.detector.config import (
+    DETECTOR_PRESETS,
+    DetectorExperiment,
+    DetectorModelConfig,
+    Preset,
+)
+from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
-_OVERLAPS = (0.7, 0.5)
+_IOUS = (0.7, 0.5)
 
 
 @dataclass(frozen=True)
-class TrainingFlags:
-    """What all studies that train detectors ask; each hands its `**training` flags on to this.
+class DetectorStudyFlags(FlagGroup):
+    """Training of each detector.
 
     Attributes:
-        epochs: of each training; of one with all frames, where trainings differ in these.
-        batch: pictures a step; else that of the preset.
-        bootstrap: so many choices of frames give intervals; 0 for none.
-        seed: of all.
-        workers: processes that make samples.
-        accelerator: auto takes a GPU where there is one.
-        cache: folder for the pictures; else the user's cache folder.
+        validation: Labelled drives that choose the best epoch and measure all detectors, with commas between them.
+        network: Network: compact, yolov2, or the torchvision classifier of its backbone.
+        preset: Optimizer, loss and batch size: default, or thesis for those of 7.2.2.
+        epochs: Epochs of each training; with all frames, where trainings differ in these.
+        batch: Images per batch; else that of the preset.
+        bootstrap: Number of bootstrap samples of the intervals; 0 for none.
+        seed: Seed of all trainings.
+        workers: Processes that load samples.
+        accelerator: Device; auto uses a GPU where there is one.
+        cache: Cache folder of the images; else the user's cache folder.
     """
 
+    validation: list[Path] | None = None
+    network: str = "compact"
+    preset: Preset = "default"
     epochs: int = 20
     batch: int | None = None
     bootstrap: int = 0
     seed: int = 0
     workers: int = 0
-    accelerator: Literal["auto", "cpu", "gpu"] = "auto"
+    accelerator: Accelerator = "auto"
     cache: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse no training at all."""
+        """Validate the number of epochs."""
         require_positive("--epochs", self.epochs)
 
     @property
     def conditions(self) -> VariantTrainingConfig:
-        """What is the same for all variants."""
+        """Settings that all variants share."""
         return VariantTrainingConfig(self.seed, self.accelerator)
 
-    def base(
-        self, detector: DetectorModelConfig, drives: list[Path], validation: Path | list[Path]
-    ) -> DetectorVariant:
-        """Return what the variants are changes of."""
-        images = DetectorDataConfig(
-            tuple(drives),
-            as_path_tuple(validation),
-            batch=self.batch,
-            workers=self.workers,
-            cache=self.cache,
+    def base(self, drives: list[Path], modality: Modality, size: str) -> DetectorVariant:
+        """Return the variant that the others are changes of."""
+        require_drives(drives)
+        preset = DETECTOR_PRESETS[self.preset]
+        experiment = DetectorExperiment(
+            TrainingDrives(tuple(drives), tuple(self.validation or ())),
+            modality,
+            DetectorModelConfig(self.network, size=size),
+            ImageDataConfig(
+                batch_size=self.batch or preset.batch_size, workers=self.workers, cache=self.cache
+            ),
+            preset.optimizer,
+            preset.loss,
         )
-        return DetectorVariant("", detector, images, self.epochs)
+        return DetectorVariant("", experiment, self.epochs)
 
-    def evaluation(self, *drives: Path) -> VariantEvaluationConfig:
-        """Return by what the variants are measured."""
+    def evaluation(self, real: list[Path] | None = None) -> VariantEvaluationConfig:
+        """Return the drives and the metric of the evaluation."""
         return VariantEvaluationConfig(
-            drives, PrecisionConfig(_OVERLAPS, bootstrap=self.bootstrap, seed=self.seed)
+            (*(self.validation or ()), *(real or ())),
+            PrecisionConfig(_IOUS, bootstrap=self.bootstrap, seed=self.seed),
         )
 
 
 def augmentation(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
-    validation: Path | list[Path] | None = None,
+    validation: list[Path] | None = None,
     method: Method = "thesis",
     epochs: int = 40,
     batch: int = 128,
@@ -93,129 +111,100 @@ def augmentation(  # noqa: PLR0913 - flags of a command
     Example: trifuse study augmentation synth/train --validation synth/val
 
     Args:
-        drives: labelled drives that it learns from.
-        validation: drives to judge by, one or [several]; without, a fifth of the frames is kept back.
-        method: thesis, the network of Fig. 6.5 with its own schedule, or default.
-        epochs: of each of the two trainings.
-        batch: samples a step.
-        seed: of both.
-        workers: processes that make samples.
-        resume: go on where this study ended before.
-        cache: folder for pictures and candidates of the frames; else the user's cache folder.
-        out: the picture; the numbers and both trainings are written beside it.
+        drives: Labelled drives for training.
+        validation: Labelled drives for validation; else a fifth of the frames is kept back.
+        method: Network and optimizer: thesis, Fig. 6.5, or default.
+        epochs: Epochs of each of the two trainings.
+        batch: Crops per batch.
+        seed: Seed of both trainings.
+        workers: Processes that load samples.
+        resume: Resume an earlier study of the same folder.
+        cache: Cache folder of images and proposals; else the user's cache folder.
+        out: Plot; the numbers and both trainings are written beside it.
     """
-    data = VerifierDataConfig(
-        tuple(drives), as_path_tuple(validation), batch, workers=workers, cache=cache
+    require_drives(drives)
+    experiment = VerifierExperiment(
+        TrainingDrives(tuple(drives), tuple(validation or ())),
+        method,
+        CropDataConfig(batch_size=batch, workers=workers, cache=cache),
+        VERIFIER_CONFIGS[method].optimizer,
     )
-    publish(
-        study_augmentation(data, out, AugmentationStudyConfig(method, epochs, seed, resume)), out
-    )
+    publish(study_augmentation(experiment, out, AugmentationStudyConfig(epochs, seed, resume)), out)
 
 
-def reflectance_maps(  # noqa: PLR0913 - flags of a command
+def reflectance_maps(
     drives: list[Path],
     *,
-    validation: Path | list[Path],
-    network: str = "compact",
+    training: DetectorStudyFlags,
     size: str = "416x416",
     wide_size: str = "352x1216",
-    preset: Literal["default", "thesis"] = "default",
     out: Path = RESULTS / "reflectance-maps.png",
-    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
     """Train a detector on sparse, interpolated and wide reflectance maps (Tables B.1, B.2 and B.3).
 
-    A map whose training is done is not trained again: the same command goes on where it was stopped.
+    A finished training is not repeated: the same command continues where it was stopped.
 
     Example: trifuse study reflectance-maps synth/train --validation synth/val --epochs 20
 
     Args:
-        drives: labelled drives that they learn from.
-        validation: drives by which the best epoch is chosen and all are measured, one or [several].
-        network: compact; yolov2, as in the thesis; or a classifier of torchvision as trunk.
-        size: height and width of the input.
-        wide_size: of the one that Table B.2 calls RM*.
-        preset: default; or thesis, the figures of 7.2.2, for yolov2.
-        out: the picture; the numbers and all trainings are written beside it.
-        training: as TrainingFlags says.
+        drives: Labelled drives for training.
+        size: Height and width of the input.
+        wide_size: Height and width of the wide input, RM* of Table B.2.
+        out: Plot; the numbers and all trainings are written beside it.
     """
-    flags = TrainingFlags(**training)
-    choice = DetectorModelConfig("rm", network, size, preset=preset)
-    variants = map_variants(flags.base(choice, drives, validation), wide_size)
-    evaluation = flags.evaluation(*as_path_tuple(validation))
-    publish(study_reflectance_maps(variants, flags.conditions, evaluation, out), out)
+    variants = map_variants(training.base(drives, "rm", size), wide_size)
+    publish(study_reflectance_maps(variants, training.conditions, training.evaluation(), out), out)
 
 
 def detector_losses(
     drives: list[Path],
     *,
-    validation: Path | list[Path],
+    training: DetectorStudyFlags,
     modality: Modality = "dm",
-    network: str = "compact",
     size: str = "192x640",
     out: Path = RESULTS / "detector-losses.png",
-    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
-    """Train a detector by the published loss, and with CIoU of boxes, focal objectness, and both.
+    """Train a detector with the published loss, with CIoU of boxes, with focal objectness, and with both.
 
-    A loss whose training is done is not trained again: the same command goes on where it was stopped.
+    A finished training is not repeated: the same command continues where it was stopped.
 
     Example: trifuse study detector-losses synth/train --validation synth/val --modality rgb
 
     Args:
-        drives: labelled drives that they learn from.
-        validation: drives by which the best epoch is chosen and all are measured, one or [several].
-        modality: rgb, the camera's image; dm, depth map; rm, reflectance map.
-        network: compact, yolov2, or a classifier of torchvision as trunk.
-        size: height and width of the input.
-        out: the picture; the numbers and all trainings are written beside it.
-        training: as TrainingFlags says.
+        drives: Labelled drives for training.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+        size: Height and width of the input.
+        out: Plot; the numbers and all trainings are written beside it.
     """
-    flags = TrainingFlags(**training)
-    base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    evaluation = flags.evaluation(*as_path_tuple(validation))
-    publish(study_detector_losses(loss_variants(base), flags.conditions, evaluation, out), out)
+    variants = loss_variants(training.base(drives, modality, size))
+    publish(study_detector_losses(variants, training.conditions, training.evaluation(), out), out)
 
 
 def sim_to_real(  # noqa: PLR0913 - flags of a command
     drives: list[Path],
     *,
-    validation: Path | list[Path],
-    real: Path | list[Path] | None = None,
+    training: DetectorStudyFlags,
+    real: list[Path] | None = None,
     modality: Modality = "dm",
-    network: str = "compact",
     size: str = "192x640",
     shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0),
     out: Path = RESULTS / "sim-to-real.png",
-    **training: Any,  # noqa: ANN401 - fields of TrainingFlags
 ) -> None:
-    """Train a detector on ever more synthetic frames; measure it on held-out and on real drives.
+    """Train a detector on more and more synthetic frames; measure it on held-out and on real drives.
 
-    Those of fewer frames see them more often, so that all are trained for as many steps. A share whose
-    training is done is not trained again: the same command goes on where it was stopped.
+    Trainings on fewer frames have more epochs, so that all have as many steps. A finished training is not repeated:
+    the same command continues where it was stopped.
 
     Example: trifuse study sim-to-real synth/train --validation synth/val --real kitti/object
 
     Args:
-        drives: synthetic drives that they learn from; shares take their first frames.
-        validation: drives by which the best epoch is chosen, one or [several].
-        real: other labelled drives to measure on, one or [several].
-        modality: rgb, the camera's image; dm, depth map; rm, reflectance map.
-        network: compact, yolov2, or a classifier of torchvision as trunk.
-        size: height and width of the input.
-        shares: of the frames; one more training takes all, without changing them.
-        out: the picture; the numbers and all trainings are written beside it.
-        training: as TrainingFlags says.
+        drives: Synthetic drives for training.
+        real: Other labelled drives to measure on.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+        size: Height and width of the input.
+        shares: Fractions of the frames, the first ones; one more training takes all without augmentation.
+        out: Plot; the numbers and all trainings are written beside it.
     """
-    flags = TrainingFlags(**training)
-    base = flags.base(DetectorModelConfig(modality, network, size), drives, validation)
-    evaluation = flags.evaluation(*as_path_tuple(validation), *as_path_tuple(real))
-    publish(study_sim_to_real(share_variants(base, shares), flags.conditions, evaluation, out), out)
-
-
-COMMANDS = {
-    "augmentation": augmentation,
-    "reflectance-maps": reflectance_maps,
-    "detector-losses": detector_losses,
-    "sim-to-real": sim_to_real,
-}
+    variants = share_variants(training.base(drives, modality, size), shares)
+    evaluation = training.evaluation(real)
+    publish(study_sim_to_real(variants, training.conditions, evaluation, out), out)

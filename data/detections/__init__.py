@@ -1,1 +1,1 @@
-"""What detectors see in labelled frames, kept: what their fusion learns from and is judged by."""
+"""Cached detections in labelled frames, on which the fusion is trained and evaluated."""

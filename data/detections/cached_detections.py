@@ -1,7 +1,7 @@
-"""Detectors run over labelled drives once; what they saw is kept in an `ArrayStore`.
+"""Detections in labelled drives, cached in an `ArrayStore`.
 
-An entry is of one frame: the boxes, scores and types of each modality, and how far the boxes are. Its key is
-all that makes it: the frame's files, the model files, and the code.
+An entry is of one frame: boxes, scores and types of each modality, and depths of the boxes. Its key holds all that
+determines it: the frame's files, the model files, and the code.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ import perception.maps
 from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
-from data.frames import OnBadFrame
+from data.samples.config import OnBadFrame
 from data.true_boxes import true_boxes
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
@@ -41,16 +41,16 @@ log = logging.getLogger(__name__)
 
 
 class DetectorOutput(Protocol):
-    """What detectors make of one frame."""
+    """Output of detectors for one frame."""
 
     @property
     def modality_detections(self) -> ModalityDetections:
-        """What each of them saw."""
+        """Detections of each modality."""
         ...
 
     @property
     def dense(self) -> DenseMaps | None:
-        """The maps that were looked at."""
+        """Dense maps that were detected in, or None."""
         ...
 
 
@@ -64,11 +64,11 @@ class FrameDetector(Protocol):
 
 @dataclass(frozen=True)
 class FingerprintedDetector:
-    """Detectors, and by what they are told from others.
+    """Detectors with the fingerprint of their model files.
 
     Attributes:
-        detector: detects.
-        fingerprint: hash of the model files.
+        detector: Detectors of one or more modalities.
+        fingerprint: Hash of the model files.
     """
 
     detector: FrameDetector
@@ -88,25 +88,25 @@ def detect_drives(
     on_bad_frame: OnBadFrame = "stop",
     progress: Progress = iter,
 ) -> DetectedFrames:
-    """Return what detectors see in the frames of labelled drives.
+    """Return the detections in the frames of labelled drives.
 
     Args:
-        drives: with labels.
-        detectors: look at each frame, where the store does not know what they see in it.
-        store: where that is kept.
-        on_bad_frame: stop at a damaged frame, or leave it out and say so.
-        progress: goes through the numbers of the frames, and may show how far it is.
+        drives: Drives with labels.
+        detectors: Detectors, run on the frames that are not cached.
+        store: Cache of the detections.
+        on_bad_frame: Stop at a damaged frame, or skip it with a warning.
+        progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
         DriveError: there is no frame.
         PerceptionError: a frame cannot be read or used, and `on_bad_frame` is "stop".
     """
-    places = [(number, index) for number, d in enumerate(drives) for index in range(len(d))]
+    frames = [(number, index) for number, d in enumerate(drives) for index in range(len(d))]
     scenes: list[DetectedScene] = []
     labels: list[Labels] = []
     numbers: list[int] = []
-    for place in progress(range(len(places))):
-        number, index = places[place]
+    for position in progress(range(len(frames))):
+        number, index = frames[position]
         try:
             of_frame = drives[number].labels(index)
             scene = detected_scene(drives[number], index, detectors, store)
@@ -126,7 +126,7 @@ def detect_drives(
 def detected_scene(
     drive: Drive, index: int, detectors: FingerprintedDetector, store: ArrayStore
 ) -> DetectedScene:
-    """Return what detectors see in one frame, from the store if it knows.
+    """Return the detections in one frame, from the cache where it has them.
 
     Raises:
         PerceptionError: the frame cannot be read or used.
@@ -150,10 +150,10 @@ def detected_scene(
 def require_no_training_drives(
     drives: Sequence[Drive], detectors: Mapping[Modality, ModalityDetector]
 ) -> None:
-    """Refuse drives that a detector was trained on: it is surer there than it will ever be again.
+    """Validate that no detector was trained on a drive: its scores are too high there.
 
     Raises:
-        UsageError: a model file says that it learned from one of them.
+        UsageError: a model file names one of the drives as training data.
     """
     for modality, detector in detectors.items():
         learned = [
@@ -166,7 +166,7 @@ def require_no_training_drives(
             if any(root == path or path in root.parents for path in learned):
                 raise UsageError(
                     drive.root,
-                    expected="frames that no detector learned from",
+                    expected="frames that no detector was trained on",
                     found=f"training data of {modality} ({detector.model.name})",
                     advice="keep drives apart for the fusion",
                 )
@@ -189,7 +189,7 @@ def _detect(frame: Frame, detector: FrameDetector) -> Arrays:
 
 
 def _size_px(frame: Frame, dense: DenseMaps | None) -> tuple[int, int]:
-    """Return (width, height) of the pictures that were looked at."""
+    """Return the (width, height) of the images that were detected in."""
     height, width = (frame.image if dense is None else dense.depth_m).shape[:2]  # type: ignore[union-attr]
     return width, height
 

@@ -1,4 +1,4 @@
-"""Frames as the fusion of the detectors sees them: what each detector saw, and what is true."""
+"""Labelled frames with the detections of each modality."""
 
 from dataclasses import dataclass, replace
 
@@ -15,9 +15,9 @@ class DetectedFrames:
     """F frames.
 
     Attributes:
-        scenes: (F) what the detectors saw.
-        truth: labelled boxes of frames 0 .. F - 1.
-        drive_numbers: (F,) which drive each frame is of.
+        scenes: (F) detections of each frame.
+        truth: Labelled boxes of frames 0 .. F - 1.
+        drive_numbers: (F,) number of the drive of each frame.
     """
 
     scenes: tuple[DetectedScene, ...]
@@ -25,7 +25,7 @@ class DetectedFrames:
     drive_numbers: Int
 
     def __post_init__(self) -> None:
-        """Refuse labels of other frames."""
+        """Validate that labels and drives are of these frames."""
         last = int(self.truth.frames.max(initial=-1))
         if last >= len(self.scenes) or len(self.drive_numbers) != len(self.scenes):
             raise PerceptionError(
@@ -39,7 +39,7 @@ class DetectedFrames:
         return len(self.scenes)
 
     def __getitem__(self, numbers: Int) -> "DetectedFrames":
-        """Return the frames of numbers, in their order, numbered anew."""
+        """Return the frames of numbers in their order, renumbered from 0."""
         parts = [self.truth_of(number) for number in numbers.tolist()]
         renumbered = [replace(part, frames=np.full(len(part), k)) for k, part in enumerate(parts)]
         return DetectedFrames(
@@ -53,12 +53,12 @@ class DetectedFrames:
         first, end = np.searchsorted(self.truth.frames, [number, number + 1])
         return self.truth[np.arange(first, end)]
 
-    def without(self, *lost: Modality) -> "DetectedFrames":
-        """Return what is left where modalities are lost."""
-        return replace(self, scenes=tuple(scene.without(*lost) for scene in self.scenes))
+    def without(self, *missing: Modality) -> "DetectedFrames":
+        """Return the frames without the detections of some modalities."""
+        return replace(self, scenes=tuple(scene.without(*missing) for scene in self.scenes))
 
     def of_modality(self, modality: Modality) -> DetectedBoxes:
-        """Return what one detector saw by itself."""
+        """Return the boxes of one detector."""
         empty = Detections.empty()
         return DetectedBoxes.of_frames(
             [scene.modality_detections.get(modality, empty) for scene in self.scenes]

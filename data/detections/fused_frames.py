@@ -1,4 +1,4 @@
-"""What a fusion makes of detected frames, step by step (Fig. 7.14), and what each step is worth."""
+"""Fusion of detected frames step by step (Fig. 7.14), and the precision of each step."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ class FusedFrames:
     """Detections of F frames.
 
     Attributes:
-        merged: boxes of all modalities, with the scores of their detectors.
-        rescored: the same boxes, with their new scores.
-        fused: (F) one detection for each object.
+        merged: Boxes of all modalities with the scores of their detectors.
+        rescored: The same boxes with the scores of the fusion.
+        fused: (F) detections, one for each object.
     """
 
     merged: DetectedBoxes
@@ -34,7 +34,7 @@ class FusedFrames:
 
     @property
     def boxes(self) -> DetectedBoxes:
-        """What is left at the end."""
+        """Boxes of the last step."""
         return DetectedBoxes.of_frames([one.detections for one in self.fused])
 
     @property
@@ -52,9 +52,9 @@ def fuse_frames(scenes: Sequence[DetectedScene], fusion: Fusion) -> FusedFrames:
             rescored.append(Detections.empty())
             fused.append(FusedDetections.empty())
             continue
-        judged = fusion.rescore(scene)
-        rescored.append(judged.detections)
-        fused.append(fusion.join(scene, judged))
+        rescored_scene = fusion.rescore(scene)
+        rescored.append(rescored_scene.detections)
+        fused.append(fusion.join(scene, rescored_scene))
     return FusedFrames(
         DetectedBoxes.of_frames(merged), DetectedBoxes.of_frames(rescored), tuple(fused)
     )
@@ -63,15 +63,15 @@ def fuse_frames(scenes: Sequence[DetectedScene], fusion: Fusion) -> FusedFrames:
 def precision_curves(
     truth: TrueBoxes, detections: DetectedBoxes, frames: int, of_class: DetectionClass = CAR
 ) -> dict[str, PrecisionCurve]:
-    """Return KITTI's curves by difficulty; none where nothing was detected."""
+    """Return KITTI's precision curves by difficulty; none where nothing was detected."""
     metrics = kitti_average_precision(truth, detections, frames, (of_class,))
     return metrics.classes[0].curves
 
 
-def judged(
+def class_correctness(
     frames: DetectedFrames, detections: DetectedBoxes, class_names: Sequence[str]
 ) -> Correctness:
-    """Tell which detections of some classes are right, each by the overlap that KITTI asks of its class."""
+    """Return which detections of some classes are correct, by the IoU that KITTI requires of each class."""
     known = {of_class.name: of_class for of_class in KITTI_CLASSES}
     parts = [
         match_correctness(
@@ -85,8 +85,8 @@ def judged(
     )
 
 
-def boxes_beside(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
-    """Return what each modality that looked sees by itself, and what the fusion says."""
+def boxes_by_detector(frames: DetectedFrames, fused: FusedFrames) -> dict[str, DetectedBoxes]:
+    """Return the boxes of each modality that was detected in, and of the fusion."""
     present = [
         name
         for name in MODALITIES
@@ -95,11 +95,11 @@ def boxes_beside(frames: DetectedFrames, fused: FusedFrames) -> dict[str, Detect
     return {str(name): frames.of_modality(name) for name in present} | {"fusion": fused.boxes}
 
 
-def curves_beside(
+def curves_by_detector(
     frames: DetectedFrames, fused: FusedFrames, of_class: DetectionClass = CAR
 ) -> Mapping[str, dict[str, PrecisionCurve]]:
-    """Return the curves of each modality that looked, and of the fusion."""
+    """Return the curves of each modality that was detected in, and of the fusion."""
     return {
         name: precision_curves(frames.truth, boxes, len(frames), of_class)
-        for name, boxes in boxes_beside(frames, fused).items()
+        for name, boxes in boxes_by_detector(frames, fused).items()
     }

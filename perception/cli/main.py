@@ -1,16 +1,11 @@
 """The console script: find the command, parse its flags, turn an error into a sentence."""
 
 import importlib
-import inspect
-import json
 import logging
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_origin
-
-from jsonargparse import auto_cli
 
 from perception import __version__
 from perception.cli.parser import CommandFunction, call, help_text
@@ -83,6 +78,18 @@ COMMANDS: Mapping[str, Command] = {
         "perception.cli.bench:bench",
         "time every stage beside its reference implementation and the best library",
     ),
+    "train detector": Command(
+        "perception.cli.train_detector:detector", "image detector of one modality"
+    ),
+    "train fusion": Command(
+        "perception.cli.train_fusion:fusion", "fusion of the three modalities' detectors"
+    ),
+    "train depthcn": Command(
+        "perception.cli.train_depthcn:depthcn", "network that verifies DepthCN's proposals"
+    ),
+    "train proposals": Command(
+        "perception.cli.train_proposals:proposals", "search of the proposals' parameters"
+    ),
     "detect": Command(
         "perception.cli.detect:detect", "detect vehicles by DepthCN; write KITTI result files"
     ),
@@ -122,9 +129,6 @@ GROUPS: Mapping[str, str] = {
     "train": "train networks, or search the parameters of the proposals",
     "study": "repeat a study of the thesis: a figure and a table",
 }
-
-# TRANSITION: commands that are not yet functions of one file; each moves up into COMMANDS.
-OLD_COMMANDS = {"train": ("detector", "depthcn", "fusion", "proposals")}
 
 _HELP = """usage: trifuse COMMAND [flags]
 
@@ -186,9 +190,7 @@ def _run(words: list[str]) -> None:
     group, *rest = words
     subcommands = {name: one for name, one in COMMANDS.items() if name.startswith(f"{group} ")}
     is_help = not rest or rest[0] in ("-h", "--help")
-    if rest and rest[0] in OLD_COMMANDS.get(group, ()):
-        _run_old(group, rest)
-    elif subcommands and is_help:
+    if subcommands and is_help:
         lines = _lines({name: one.summary for name, one in subcommands.items()})
         summary = GROUPS[group]
         print(f"usage: trifuse {group} COMMAND [flags]\n\n{summary.capitalize()}.\n\n{lines}")
@@ -223,39 +225,3 @@ def _overview() -> str:
 def _lines(summaries: Mapping[str, str]) -> str:
     width = max(map(len, summaries))
     return "\n".join(f"  {name:<{width}}  {summary}" for name, summary in summaries.items())
-
-
-# TRANSITION: goes with the last entry of OLD_COMMANDS.
-
-
-def _run_old(command: str, words: list[str]) -> None:
-    module = importlib.import_module(f"perception.cli.{command}")
-    functions: dict[str, Callable[..., Any]] = getattr(module, "COMMANDS", {})
-    target: Any = functions or getattr(module, command)
-    auto_cli(
-        target,
-        args=_with_list([_with_underscores(word) for word in words], functions),
-        as_positional=True,
-        set_defaults=None,
-        prog=f"trifuse {command}",
-    )
-
-
-def _with_underscores(word: str) -> str:
-    if not word.startswith("--"):
-        return word
-    flag, equals, value = word.partition("=")
-    return "--" + flag[2:].replace("-", "_") + equals + value
-
-
-def _with_list(words: list[str], functions: dict[str, Callable[..., Any]]) -> list[str]:
-    function = functions.get(words[0]) if words else None
-    if function is None:
-        return words
-    first = next(iter(inspect.signature(function).parameters.values()), None)
-    if first is None or get_origin(first.annotation) is not list:
-        return words
-    flags = next((at for at, word in enumerate(words) if word.startswith("-")), len(words))
-    plain = words[1:flags]
-    gathered = [json.dumps(plain)] if plain and not plain[0].startswith("[") else plain
-    return [words[0], *gathered, *words[flags:]]

@@ -11,9 +11,9 @@ import difflib
 import inspect
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from jsonargparse import ArgumentParser, Namespace
 
@@ -21,10 +21,30 @@ from perception.cli.help import help_formatter, item_type, type_words
 from perception.errors import UsageError
 
 CommandFunction = Callable[..., None]
+Function = TypeVar("Function", bound=CommandFunction)
+
+_PRESETS: dict[CommandFunction, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
 
 
 class FlagGroup:
     """Base of the dataclasses whose fields become flat flags of every command that takes one."""
+
+
+def defaults_by(
+    flag: str, presets: Mapping[str, Mapping[str, object]]
+) -> Callable[[Function], Function]:
+    """Return a decorator that gives a command other defaults for each value of a flag.
+
+    Args:
+        flag: Name of the flag, such as `preset`.
+        presets: Defaults by value of the flag, then by name of a flag or a section; what is typed wins.
+    """
+
+    def decorate(function: Function) -> Function:
+        _PRESETS[function] = flag, presets
+        return function
+
+    return decorate
 
 
 def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
@@ -36,7 +56,9 @@ def call(prog: str, function: CommandFunction, words: Sequence[str]) -> None:
     types = flag_types(function)
     parser = build_parser(prog, function)
     try:
-        parsed = parser.parse_args(normalize(words, types))
+        normal = normalize(words, types)
+        parser.set_defaults(_preset_defaults(function, normal))
+        parsed = parser.parse_args(normal)
     except argparse.ArgumentError as error:
         raise _usage_error(prog, str(error), types) from error
     function(**_arguments(function, parser.instantiate(parsed)))
@@ -132,6 +154,26 @@ def normalize(words: Sequence[str], types: dict[str, Any]) -> list[str]:
             equals, value = "=", pending.pop(0)
         normal.append(f"--{name}{equals}{_as_list(value, item) if item and equals else value}")
     return normal
+
+
+def _preset_defaults(function: CommandFunction, words: Sequence[str]) -> dict[str, object]:
+    """Return the defaults of the preset that the words choose, by full name."""
+    flag, presets = _PRESETS.get(function, ("", {}))
+    chosen = [words[at + 1] for at, word in enumerate(words[:-1]) if word == f"--{flag}"]
+    chosen += [word.partition("=")[2] for word in words if word.startswith(f"--{flag}=")]
+    defaults: dict[str, object] = {}
+    for value in chosen:
+        for name, section in presets.get(value, {}).items():
+            defaults |= dict(_leaves(name, section))
+    return defaults
+
+
+def _leaves(name: str, value: object) -> Iterator[tuple[str, object]]:
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            yield from _leaves(f"{name}.{field.name}", getattr(value, field.name))
+    else:
+        yield name, value
 
 
 def _walk(

@@ -38,13 +38,20 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "benchmarks.studies.single_object:single_object",
         "challenges of tracking one object, on scenes with exact truth",
     ),
+    "augmentation": (
+        "benchmarks.studies.training_commands:augmentation",
+        "DepthCN trained without and with augmentation (Table 7.8)",
+    ),
+    "reflectance-maps": (
+        "benchmarks.studies.training_commands:reflectance_maps",
+        "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
+    ),
+    "detector-losses": (
+        "benchmarks.studies.training_commands:detector_losses",
+        "a detector trained with each form of the loss",
+    ),
+    "sim-to-real": (
+        "benchmarks.studies.training_commands:sim_to_real",
+        "a detector trained on more and more synthetic frames",
+    ),
 }
-
-
-def __getattr__(name: str) -> object:
-    # TRANSITION: goes with the studies that train detectors.
-    if name == "COMMANDS":
-        from benchmarks.studies import training_commands
-
-        return training_commands.COMMANDS
-    raise AttributeError(name)

@@ -18,19 +18,22 @@ from benchmarks.studies.detector_variants import (
 from benchmarks.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
 from benchmarks.studies.sim_to_real import UNCHANGED, share_variants
 from benchmarks.studies.variant_report import precision_tables, times_table
+from data.samples.config import TrainingDrives
+from data.samples.images.config import ImageDataConfig
 from export import onnx
 from perception.cli.main import main
-from perception.cli.training.detector_plan import DetectorDataConfig, DetectorModelConfig
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
 from tests.detection.bright_cells import bright_cells
 from tests.train.toy_images import tiny_network
 from train.detector import networks
+from train.detector.config import DetectorExperiment, DetectorModelConfig
 
 BASE = DetectorVariant(
     "base",
-    DetectorModelConfig("rm", "tiny", "64x96"),
-    DetectorDataConfig((Path("streets"),)),
+    DetectorExperiment(
+        TrainingDrives((Path("streets"),)), "rm", DetectorModelConfig("tiny", size="64x96")
+    ),
     epochs=4,
 )
 
@@ -46,8 +49,8 @@ def trainings(monkeypatch):
     """Put a training that does nothing in place; return what it was asked for."""
     asked = []
 
-    def train(images, choice, first, config, out, resume):
-        asked.append((choice, images, config.epochs, resume))
+    def train(experiment, run, out, resume, progress):
+        asked.append((experiment, run.epochs, resume))
         (out / "last.ckpt").touch()
         return Trained(3, {"training_frames": 7})
 
@@ -56,9 +59,14 @@ def trainings(monkeypatch):
         file.write_bytes(bright_cells("dm", size=(64, 96)))
         return file
 
-    monkeypatch.setattr(detector_variants, "run_training", train)
+    monkeypatch.setattr("train.detector.run.run_experiment", train)
     monkeypatch.setattr(detector_variants, "_model_file", write)
     return asked
+
+
+def with_model(name, **changes):
+    model = replace(BASE.experiment.model, **changes)
+    return replace(BASE, name=name, experiment=replace(BASE.experiment, model=model))
 
 
 def evaluation_on(*drives):
@@ -66,10 +74,10 @@ def evaluation_on(*drives):
 
 
 def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
-    variants = [BASE, replace(BASE, name="wide", detector=replace(BASE.detector, size="64x128"))]
+    variants = [BASE, with_model("wide", size="64x128")]
     evaluation = evaluation_on(car_frames)
     first = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
-    assert [choice.size for choice, *_ in trainings] == ["64x96", "64x128"]
+    assert [experiment.model.size for experiment, *_ in trainings] == ["64x96", "64x128"]
     assert list(first) == ["base", "wide"]
     assert (first["base"].epoch, first["base"].training_frames) == (3, 7)
     assert first["base"].drives[str(car_frames)]["frames"] == 3
@@ -105,7 +113,7 @@ def test_a_folder_of_other_settings_is_refused(car_frames, trainings, tmp_path):
 
 def test_maps_differ_in_filling_and_size_alone():
     variants = {one.name: one for one in map_variants(BASE, "64x128")}
-    assert {name: one.detector.filling for name, one in variants.items()} == {
+    assert {name: one.experiment.model.filling for name, one in variants.items()} == {
         "sparse": "sparse",
         "nearest": "nearest",
         "linear": "linear",
@@ -113,14 +121,15 @@ def test_maps_differ_in_filling_and_size_alone():
         "ours": "default",
         "nearest, wide": "nearest",
     }
-    sizes = {name: one.detector.size for name, one in variants.items()}
+    sizes = {name: one.experiment.model.size for name, one in variants.items()}
     assert {name for name, size in sizes.items() if size == "64x128"} == {"nearest, wide"}
     assert {*THESIS_B2, *THESIS_B3} <= set(variants)
 
 
 def test_losses_are_all_four():
     forms = {
-        one.name: (one.detector.box_loss, one.detector.objectness) for one in loss_variants(BASE)
+        one.name: (one.experiment.loss.box, one.experiment.loss.objectness)
+        for one in loss_variants(BASE)
     }
     assert forms == {
         "as published": ("squared", "squared"),
@@ -132,7 +141,10 @@ def test_losses_are_all_four():
 
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
-    reported = [(one.images.training_fraction, one.epochs, one.images.augment) for one in variants]
+    reported = [
+        (one.experiment.data.training_fraction, one.epochs, one.experiment.data.augment)
+        for one in variants
+    ]
     assert reported == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
     assert variants[-1].name == UNCHANGED
     with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):
@@ -173,8 +185,7 @@ def test_the_command_prints_tables_and_draws(car_frames, trainings, tmp_path, ca
     document = json.loads(out.with_suffix(".json").read_text())
     assert document["conditions"]["thesis"]["B.3"]["linear"] == [60.6, 45.71, 40.79]
     assert (
-        main(["study", "sim-to-real", *words, "--shares", "[0.5,1]", "--real", str(car_frames)])
-        == 0
+        main(["study", "sim-to-real", *words, "--shares", "0.5,1", "--real", str(car_frames)]) == 0
     )
     assert len(trainings) == 9
     assert main(["study", "reflectance-maps", *words[:-1], "0"]) == 2
@@ -190,8 +201,12 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     # To write a model file takes ten times as long as the rest; tests/export have that.
     monkeypatch.setattr(onnx, "to_onnx", lambda exportable: model_of(exportable.metadata))
-    images = DetectorDataConfig((car_frames,), (car_frames,), batch=2, cache=tmp_path / "cache")
-    variant = replace(BASE, images=images, epochs=1)
+    experiment = replace(
+        BASE.experiment,
+        drives=TrainingDrives((car_frames,), (car_frames,)),
+        data=ImageDataConfig(batch_size=2, cache=tmp_path / "cache"),
+    )
+    variant = replace(BASE, experiment=experiment, epochs=1)
     found = study_variants(
         [variant],
         VariantTrainingConfig(accelerator="cpu"),

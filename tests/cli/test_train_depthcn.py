@@ -27,12 +27,13 @@ def cache(tmp_path_factory):
 
 def train(drive, cache, out, *more):
     words = (
-        f"train depthcn {drive} --out {out} --cache {cache} --batch 32 --accelerator cpu".split()
-    )
+        f"train depthcn {drive} --out {out} --data.cache {cache} --data.batch-size 32 "
+        "--trainer.accelerator cpu"
+    ).split()
     return main([*words, *more])
 
 
-def test_a_network_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
+def test_a_network_is_trained_and_resumed(drive, cache, tmp_path, capsys):
     out = tmp_path / "out"
     assert train(drive, cache, out, "--epochs", "1") == 0
     assert "validation" in capsys.readouterr().out
@@ -40,11 +41,12 @@ def test_a_network_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
     assert read_checkpoint(out / "last.ckpt", "depthcn")["epoch"] == 1
     written = yaml.safe_load((out / "config.yaml").read_text())
     assert written["network"]["method"] == "default"
-    assert written["data"]["drives"] == [str(drive)]
+    assert written["network"]["optimizer"]["learning_rate"] == 0.05
+    assert written["experiment"]["drives"]["training"] == [str(drive)]
     assert written["resumed_from"] == str(out / "last.ckpt")
-    figures = json.loads((out / "figures.json").read_text())
-    assert 0 <= figures["validation"]["accuracy"] <= 1
-    assert figures["counts"]["training_vehicles"] > 0
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert 0 <= metrics["validation"]["accuracy"] <= 1
+    assert metrics["counts"]["training_vehicles"] > 0
     network, metadata = load_verifier(out / "best.ckpt")
     assert metadata["training_data"] == str(drive)
     assert metadata["revision"] != "unknown"
@@ -54,15 +56,15 @@ def test_a_network_is_trained_and_gone_on_with(drive, cache, tmp_path, capsys):
 def test_a_training_is_not_written_over(drive, cache, tmp_path, capsys):
     (tmp_path / "last.ckpt").touch()
     assert train(drive, cache, tmp_path) == 2
-    assert "go on with --resume last" in capsys.readouterr().err
+    assert "resume it with --resume last" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("flags", "sentence"),
     [
-        (["--epochs", "0"], "expected at least one of each"),
+        (["--epochs", "0"], "--epochs: expected at least 1, found 0"),
         (["--resume", "nothing.ckpt"], "no such file"),
-        (["--batch", "1"], "expected a batch size from 2"),
+        (["--data.batch-size", "1"], "expected a batch size from 2"),
     ],
 )
 def test_what_cannot_work_is_one_sentence(drive, cache, tmp_path, capsys, flags, sentence):

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 import yaml
 
+from data.detections.config import DetectorModelPaths, FusionDataConfig
+from data.detections.split_detections import split_detections
+from data.samples.config import TrainingDrives
 from perception.cli.main import main
-from perception.cli.training.fusion_data import (
-    DetectorModelPaths,
-    FusionDataConfig,
-    split_detections,
-)
 from perception.detection.fusion.detector_fingerprints import detector_fingerprints
 from perception.detection.fusion.features import FEATURES
 from perception.detection.fusion.rescoring import Fusion
@@ -53,13 +51,13 @@ def cache(tmp_path_factory):
 
 
 def train(drive, models, cache, out, *more):
-    words = f"train fusion {drive} --out {out} --cache {cache} --validation-share 0.34".split()
+    words = f"train fusion {drive} --out {out} --data.cache {cache} --data.validation-fraction 0.34".split()
     return main([*words, *models, *more])
 
 
 SHORT = {
-    "default": ["--variant", "default", "--epochs", "2", "--hidden", "4"],
-    "scores": ["--variant", "scores", "--sweep", "[2,3]"],
+    "default": ["--variant", "default", "--epochs", "2", "--fit.hidden", "4"],
+    "scores": ["--variant", "scores", "--sweep", "2,3"],
 }
 
 
@@ -80,18 +78,18 @@ def test_a_fusion_is_fitted_drawn_and_written(trained, drive, models):
     assert fusion.metadata["training_data"] == str(drive)
     opened = DetectorModelPaths(*map(Path, models[1::2])).open()
     assert fusion.metadata["detectors"] == detector_fingerprints(opened)
-    figures = json.loads((out / "figures.json").read_text())
-    counts = figures["trained"]["counts"]
-    assert [counts[f"{part}_frames"] for part in ("training", "validation", "judged")] == [4, 1, 1]
-    assert figures["trained"]["facts"]["calibration"] == fusion.metadata["calibration"]
+    metrics = json.loads((out / "metrics.json").read_text())
+    counts = metrics["trained"]["counts"]
+    assert [counts[f"{part}_frames"] for part in ("training", "validation", "test")] == [4, 1, 1]
+    assert metrics["trained"]["metadata"]["calibration"] == fusion.metadata["calibration"]
     written = yaml.safe_load((out / "config.yaml").read_text())
-    assert written["network"]["form"]["variant"] == variant
+    assert written["network"]["network"]["variant"] == variant
     assert written["resumed_from"] is None
     pictures = {path.stem for path in out.glob("*.png")}
     assert {"rescoring", "steps", "reliability"} <= pictures
     assert ("sizes" in pictures) == (variant == "scores")
     if variant == "scores":
-        assert len(figures["trained"]["swept"]) == 2
+        assert len(metrics["trained"]["swept"]) == 2
         assert fusion.metadata["calibration"] == "1.0,1.0,0.0"
 
 
@@ -108,7 +106,7 @@ def test_its_checkpoint_is_exported_as_it_is_calibrated(trained, tmp_path, capsy
     assert again.metadata == first.metadata
     np.testing.assert_array_equal(says(again), says(first))
     report = json.loads(file.with_suffix(".json").read_text())
-    assert report["facts"]["calibration"] == first.metadata["calibration"]
+    assert report["metadata"]["calibration"] == first.metadata["calibration"]
     assert "wrote" in capsys.readouterr().out
 
 
@@ -116,7 +114,7 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     variant, out, _ = trained
     before = Fusion(out / "fusion.onnx")
     assert train(drive, models, cache, out, *SHORT[variant]) == 2
-    assert "go on with --resume last" in capsys.readouterr().err
+    assert "resume it with --resume last" in capsys.readouterr().err
     assert train(drive, models, cache, out, *SHORT[variant], "--resume", "last") == 0
     after = Fusion(out / "fusion.onnx")
     np.testing.assert_array_equal(says(after), says(before))  # it was at its end
@@ -125,25 +123,28 @@ def test_a_training_is_not_written_over_but_gone_on_with(trained, drive, models,
     assert written["resumed_from"] == str(out / "last.ckpt")
 
 
-def test_to_judge_takes_frames_of_its_own(drive, models, cache):
+def test_the_test_needs_frames_of_its_own(drive, models, cache):
     files = DetectorModelPaths(*map(Path, models[1::2]))
-    with pytest.raises(
-        UsageError, match=r"2 frames or more: .*, found 1; raise --validation-share"
-    ):
-        split_detections(FusionDataConfig((drive,), (), 0.17, models=files, cache=cache), seed=0)
+    config = FusionDataConfig(validation_fraction=0.17, cache=cache)
+    with pytest.raises(UsageError) as raised:
+        split_detections(TrainingDrives((drive,)), files, config, seed=0)
+    assert (raised.value.where, raised.value.found) == ("validation", "1")
 
 
-def test_detectors_look_once(drive, models, cache, monkeypatch):
+def test_detections_are_cached(drive, models, cache, monkeypatch):
     files = DetectorModelPaths(*map(Path, models[1::2]))
-    data = FusionDataConfig((drive,), validation_fraction=0.34, models=files, cache=cache)
-    first = split_detections(data, seed=0)
+    drives = TrainingDrives((drive,))
+    config = FusionDataConfig(validation_fraction=0.34, cache=cache)
+    first = split_detections(drives, files, config, seed=0)
 
     def refuse(self, frame, dense=None):
-        raise AssertionError("looked again")
+        raise AssertionError("detected again")
 
-    monkeypatch.setattr("perception.detection.detectors.multimodal.MultimodalDetector.look", refuse)
-    again = split_detections(data, seed=0)
-    assert [len(p) for p in (first.training, first.validation, first.judged)] == [4, 1, 1]
+    monkeypatch.setattr(
+        "perception.detection.detectors.multimodal.MultimodalDetector.detect", refuse
+    )
+    again = split_detections(drives, files, config, seed=0)
+    assert [len(p) for p in (first.training, first.validation, first.test)] == [4, 1, 1]
     for one, other in zip(first.training.scenes, again.training.scenes, strict=True):
         np.testing.assert_array_equal(
             one.merged.detections.boxes_px, other.merged.detections.boxes_px

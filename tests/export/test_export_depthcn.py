@@ -50,9 +50,9 @@ def test_thesis_network_returns_its_windows(checkpoint, exported):
 
 def test_report_lies_beside_the_file(exported):
     report = json.loads(exported.with_suffix(".json").read_text())
-    assert report["facts"]["kind"] == "depthcn"
+    assert report["metadata"]["kind"] == "depthcn"
     assert report["opset"] == 18
-    full = report["forms"]["fp32"]
+    full = report["variants"]["fp32"]
     assert full["size_bytes"] == exported.stat().st_size
     assert full["parity"]["noise"]["rows"] == 43
     assert full["parity"]["noise"]["largest"]["scores"] < report["tolerances"]["scores"]
@@ -75,8 +75,8 @@ def test_candidates_of_a_drive_are_shown_and_8_bits_compared(
     words = ["export", str(checkpoint), "--out", str(out), "--data", str(drive)]
     assert main([*words, "--int8", "true"]) == 0
     report = json.loads(out.with_suffix(".json").read_text())
-    assert report["forms"]["fp32"]["parity"]["candidates"]["rows"] > 0
-    assert report["forms"]["int8"]["size_bytes"] < 0.3 * report["forms"]["fp32"]["size_bytes"]
+    assert report["variants"]["fp32"]["parity"]["candidates"]["rows"] > 0
+    assert report["variants"]["int8"]["size_bytes"] < 0.3 * report["variants"]["fp32"]["size_bytes"]
     assert (tmp_path / "model.int8.onnx").is_file()
     assert "scores, candidates" in capsys.readouterr().out
 

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -10,7 +11,8 @@ from train.box_overlap import (
     pairwise_iou,
     pairwise_share,
 )
-from train.detector.losses import DetectionLossConfig, detection_loss
+from train.detector.config import PUBLISHED_LOSS
+from train.detector.losses import detection_loss
 from train.detector.targets import BatchLabels, ImageLabels, pad_labels
 from train.networks.compact import CompactDetector
 from train.networks.yolo_head import YoloHead
@@ -33,7 +35,7 @@ def zeros(batch=1):
 
 
 def loss_of(raw, labels, images_seen=LATER, **config):
-    return detection_loss(raw, labels, HEAD, DetectionLossConfig(**config), images_seen)
+    return detection_loss(raw, labels, HEAD, replace(PUBLISHED_LOSS, **config), images_seen)
 
 
 def test_terms_of_a_box_already_right():
@@ -177,7 +179,7 @@ def test_half_precision_is_computed_in_full():
 
 @pytest.mark.parametrize(
     "config",
-    [DetectionLossConfig(), DetectionLossConfig(box="ciou", objectness="focal")],
+    [PUBLISHED_LOSS, replace(PUBLISHED_LOSS, box="ciou", objectness="focal")],
     ids=["published", "ciou, focal"],
 )
 def test_one_batch_is_learned_by_heart(config):

@@ -9,8 +9,7 @@ from torch import nn
 from torchvision import models
 
 from perception.errors import ModelError
-from train.detector.darknet_init import init_from_darknet
-from train.detector.darknet_weights import save_darknet_weights
+from train.detector.darknet_weights import init_from_darknet, save_darknet_weights
 from train.networks.torchvision_detector import (
     TorchvisionDetector,
     TorchvisionTrunk,

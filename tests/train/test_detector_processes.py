@@ -20,17 +20,18 @@ from pathlib import Path
 import torch
 from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.detector import networks
-from train.detector.optimizer_config import PRESETS, Descent
+from train.config import OptimizerConfig, TrainingRun
+from train.detector.config import DETECTOR_PRESETS
 from train.detector.networks import DetectorNetworkConfig
 from train.detector.run import train_detector
 from train.detector.training import DetectorTrainingConfig
-from train.trainer import TrainerConfig
 torch.set_num_threads(1)
 networks.NETWORKS["tiny"] = tiny_network
-form = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
-plan = DetectorTrainingConfig(form, Descent(learning_rate=0.02, averaging=0.8), PRESETS["default"].loss)
-trainer_config = TrainerConfig(2, "cpu", devices=2, watched="validation/moderate")
-trained = train_detector(ToyImages(4, repeats=16), plan, trainer_config, Path(sys.argv[1]))
+network = DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE)
+optimizer = OptimizerConfig(learning_rate=0.02, ema_decay=0.8, gradient_clip_norm=20.0)
+config = DetectorTrainingConfig(network, optimizer, DETECTOR_PRESETS["default"].loss)
+run = TrainingRun(epochs=2, accelerator="cpu", devices=2)
+trained = train_detector(ToyImages(4, repeats=16), config, run, Path(sys.argv[1]))
 if trained is not None:
     print(json.dumps({"epoch": trained.epoch, **trained.counts}))
 """
@@ -48,7 +49,7 @@ def test_two_processes_train_one_detector(tmp_path, monkeypatch):
     samples, boxes = ToyImages(4, repeats=1).training, ValidationBoxes(("Car",))
     for row in range(len(samples)):
         with torch.inference_mode():
-            decoded = detector.decode(detector(samples[row]["pictures"][None]))
+            decoded = detector.decode(detector(samples[row]["images"][None]))
         seen = postprocess_detections(*(part[0].numpy() for part in decoded), ("Car",), SIZE)
         boxes.update([seen], torch.tensor([row]), process=0)
     found = boxes.gathered(SIZE, np.array([samples.image_size_px(0)] * len(samples)))

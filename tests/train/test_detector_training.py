@@ -1,4 +1,4 @@
-"""How detectors learn: what is logged, that a batch is learned by heart, and going on after a kill."""
+"""Training of detectors: what is logged, overfitting of a batch, and resume after a kill."""
 
 from dataclasses import replace
 from functools import partial
@@ -17,22 +17,25 @@ from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops
 from tests.train.toy_images import SIZE, ToyImages, tiny_network
 from train.checkpoints import read_checkpoint
+from train.config import OptimizerConfig, TrainingRun
 from train.detector import networks
 from train.detector.anchors import fit_anchors
+from train.detector.config import DETECTOR_PRESETS, PUBLISHED_LOSS, InitialWeights
 from train.detector.images import draw_detections
 from train.detector.networks import MODEL, DetectorNetworkConfig, load_detector
-from train.detector.optimizer_config import PRESETS, OptimizerConfig
-from train.detector.run import InitialWeights, callbacks, train_detector
+from train.detector.run import callbacks, train_detector
 from train.detector.training import DetectorTrainingConfig
 from train.networks.depthcn import load_verifier
-from train.trainer import TrainerConfig, fastest_precision, fit, make_trainer
-from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
+from train.optimization import learning_rate_factor, make_optimizer
+from train.trainer import fastest_precision, fit, make_trainer
+from train.verifier.config import VERIFIER_CONFIGS
+from train.verifier.training import VerifierTraining
 
-QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8)
+QUICK = OptimizerConfig(learning_rate=0.01, ema_decay=0.8, gradient_clip_norm=20.0)
 PLAN = DetectorTrainingConfig(
     DetectorNetworkConfig("dm", "tiny", ("Car",), SIZE),
     QUICK,
-    PRESETS["default"].loss,
+    DETECTOR_PRESETS["default"].loss,
     scales=(0.5, 1.0),
     training_data="toys",
 )
@@ -44,25 +47,25 @@ def tiny(monkeypatch, one_torch_thread):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
 
 
-def config_of(epochs, **other):
-    return TrainerConfig(epochs=epochs, accelerator="cpu", monitor="validation/moderate", **other)
+def run_of(epochs, **other):
+    return TrainingRun(epochs=epochs, accelerator="cpu", **other)
 
 
 def train(out, epochs=1, config=PLAN, data=None, **other):
-    return train_detector(data or ToyImages(), config, config_of(epochs), out, **other)
+    return train_detector(data or ToyImages(), config, run_of(epochs), out, **other)
 
 
 @pytest.mark.parametrize(("modality", "channels"), [("dm", 1), ("rgb", 3)])
-def test_everything_fits_together(tmp_path, modality, channels):
-    config = replace(PLAN, network_config=replace(PLAN.network_config, modality=modality))
+def test_fast_dev_run_trains_and_writes_nothing(tmp_path, modality, channels):
+    config = replace(PLAN, network=replace(PLAN.network, modality=modality))
     data = ToyImages(channels=channels)
-    trained = train_detector(data, config, config_of(1, fast_dev_run=True), tmp_path)
+    trained = train_detector(data, config, run_of(1, fast_dev_run=True), tmp_path)
     assert trained is None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_batch_is_learned_by_heart(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), optimizer_config=replace(QUICK, learning_rate=0.02))
+def test_a_batch_is_overfitted(tmp_path):
+    config = replace(PLAN, scales=(1.0, 1.0), optimizer=replace(QUICK, learning_rate=0.02))
     trained = train(
         tmp_path, 3, config, ToyImages(11, repeats=40)
     )  # 44 labels: 41 points of recall
@@ -73,14 +76,14 @@ def test_a_batch_is_learned_by_heart(tmp_path):
     assert losses[-1].value < 0.1 * losses[0].value < 1
 
 
-def test_half_precision_learns_as_well(tmp_path):
-    config = replace(PLAN, scales=(1.0, 1.0), optimizer_config=replace(QUICK, learning_rate=0.02))
-    trainer_config = replace(config_of(1), precision="bf16-mixed")
-    trained = train_detector(ToyImages(11, repeats=40), config, trainer_config, tmp_path)
+def test_half_precision_trains_as_well(tmp_path):
+    config = replace(PLAN, scales=(1.0, 1.0), optimizer=replace(QUICK, learning_rate=0.02))
+    run = replace(run_of(1), precision="bf16-mixed")
+    trained = train_detector(ToyImages(11, repeats=40), config, run, tmp_path)
     assert trained.precision["Car 0.5"]["moderate"] > 90
 
 
-def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
+def test_a_killed_training_resumes_exactly(tmp_path, monkeypatch):
     whole = train(tmp_path / "whole", 4)
     killed = tmp_path / "killed"
     with monkeypatch.context() as patch:
@@ -104,7 +107,7 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch):
     assert (resumed.epoch, resumed.precision) == (whole.epoch, whole.precision)
 
 
-def test_the_anchors_are_those_of_the_labels(tmp_path):
+def test_the_anchors_are_fitted_to_the_labels(tmp_path):
     data = ToyImages()
     train(tmp_path, data=data)
     detector, metadata = load_detector(tmp_path / "last.ckpt")
@@ -131,7 +134,7 @@ def test_a_checkpoint_says_what_it_is(tmp_path):
         "revision": "unknown",
         "epochs": "1",
     }
-    assert DetectorNetworkConfig.from_metadata(metadata) == PLAN.network_config
+    assert DetectorNetworkConfig.from_metadata(metadata) == PLAN.network
 
 
 def test_the_loaded_network_sees_what_was_measured(tmp_path):
@@ -139,17 +142,17 @@ def test_the_loaded_network_sees_what_was_measured(tmp_path):
     train(tmp_path, 1, replace(PLAN, scales=(1.0, 1.0)), data)
     detector, _ = load_detector(tmp_path / "best.ckpt")
     with torch.inference_mode():
-        boxes_px, scores = detector.decode(detector(data.training[0]["pictures"][None]))
+        boxes_px, scores = detector.decode(detector(data.training[0]["images"][None]))
     found = postprocess_detections(boxes_px[0].numpy(), scores[0].numpy(), ("Car",), SIZE)[:4]
     found = found[np.lexsort((found.boxes_px[:, 0], found.boxes_px[:, 1] > 30))]
     np.testing.assert_allclose(found.boxes_px, data.training.boxes_px[0], atol=3)
 
 
-def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
+def test_training_starts_from_a_checkpoint(tmp_path):
     train(tmp_path / "first", 3)
-    still = replace(PLAN, optimizer_config=replace(QUICK, learning_rate=1e-12))
+    still = replace(PLAN, optimizer=replace(QUICK, learning_rate=1e-12))
     start = InitialWeights(checkpoint=tmp_path / "first" / "best.ckpt")
-    train(tmp_path / "second", 1, still, ToyImages(5), first=start)  # of other labels
+    train(tmp_path / "second", 1, still, ToyImages(5), weights=start)  # of other labels
     before, _ = load_detector(tmp_path / "first" / "best.ckpt")
     after, _ = load_detector(tmp_path / "second" / "last.ckpt")
     for (name, weight), found in zip(before.named_parameters(), after.parameters(), strict=True):
@@ -157,15 +160,15 @@ def test_another_training_is_gone_on_with_on_other_pictures(tmp_path):
     torch.testing.assert_close(after.head.anchors_px, before.head.anchors_px)
 
 
-def test_training_ends_when_it_gets_no_better(tmp_path, monkeypatch):
+def test_training_stops_early(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "train.detector.training.mean_precision", lambda validation_metrics: {"moderate": 1.0}
     )
-    train_detector(ToyImages(), PLAN, replace(config_of(9), patience=2), tmp_path)
+    train_detector(ToyImages(), PLAN, replace(run_of(9), patience=2), tmp_path)
     assert read_checkpoint(tmp_path / "last.ckpt", MODEL)["epoch"] == 2
 
 
-def test_tensorboard_shows_what_is_promised(tmp_path):
+def test_tensorboard_has_metrics_and_images(tmp_path):
     train(tmp_path, 2)
     events = EventAccumulator(str(tmp_path)).Reload()
     tags = set(events.Tags()["scalars"])
@@ -175,12 +178,12 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
     assert {f"validation/{name}" for name in metrics} <= tags
     assert any(name.startswith("lr-") for name in tags)
     assert len(events.Scalars("validation/moderate")) == 2
-    assert {"validation/pictures", "validation/curves"} <= set(events.Tags()["images"])
-    image = events.Images("validation/pictures")[0]
+    assert {"validation/images", "validation/curves"} <= set(events.Tags()["images"])
+    image = events.Images("validation/images")[0]
     assert (image.width, image.height) == (13 * 96, 13 * 5 * 64)
 
 
-def test_boxes_are_drawn_where_they_are():
+def test_boxes_are_drawn_at_their_place():
     samples = ToyImages().validation
     batch = {name: value[None] for name, value in samples[0].items()}
     seen = Detections(np.array([[10.0, 20, 30, 40]]), np.array([0.5]), np.array(["Car"]))
@@ -202,7 +205,7 @@ def _is_near(image, color):
     ("capabilities", "precision"),
     [({"avx512_bf16": True}, "bf16-mixed"), ({"avx512_f": True}, "32-true")],
 )
-def test_half_precision_where_the_cpu_has_it(monkeypatch, capabilities, precision):
+def test_fastest_precision_of_the_cpu(monkeypatch, capabilities, precision):
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: capabilities, raising=False)
     assert fastest_precision("cpu") == precision
 
@@ -214,7 +217,7 @@ def checkpoint(tmp_path):
 
 
 def other_form(**changes):
-    return replace(PLAN, network_config=replace(PLAN.network_config, **changes))
+    return replace(PLAN, network=replace(PLAN.network, **changes))
 
 
 @pytest.mark.parametrize(
@@ -227,19 +230,19 @@ def other_form(**changes):
 )
 @pytest.mark.parametrize("how", ["resume", "start"])
 def test_a_checkpoint_of_another_detector_is_refused(tmp_path, checkpoint, config, sentence, how):
-    given = {"resume": checkpoint} if how == "resume" else {"first": InitialWeights(checkpoint)}
+    given = {"resume": checkpoint} if how == "resume" else {"weights": InitialWeights(checkpoint)}
     with pytest.raises(ModelError, match=sentence):
         train(tmp_path / "out", config=config, **given)
 
 
 def test_a_checkpoint_of_another_model_is_refused(tmp_path, checkpoint):
-    trainer = make_trainer(tmp_path, TrainerConfig(1, "cpu"))
+    trainer = make_trainer(tmp_path, run_of(1), "validation/balanced")
     fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops(8))
     verifier = tmp_path / "last.ckpt"
     for refuses in (
         lambda: load_detector(verifier),
         lambda: train(tmp_path / "out", resume=verifier),
-        lambda: train(tmp_path / "out", first=InitialWeights(verifier)),
+        lambda: train(tmp_path / "out", weights=InitialWeights(verifier)),
     ):
         with pytest.raises(ModelError, match="a checkpoint of detector, found one of depthcn"):
             refuses()
@@ -274,53 +277,55 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, checkpoint, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
-    with pytest.raises(ModelError, match="No space left on device; make room and go on"):
+    with pytest.raises(ModelError, match="No space left on device"):
         train(checkpoint.parent, 2, resume=checkpoint)
     assert checkpoint.read_bytes() == before
     load_detector(checkpoint)
 
 
-def test_only_one_start(tmp_path):
+def test_only_one_kind_of_initial_weights(tmp_path):
     with pytest.raises(UsageError, match="at most one kind, found checkpoint, darknet"):
         InitialWeights(checkpoint=Path("a"), darknet=Path("b"))
 
 
 @pytest.mark.parametrize(
-    ("first", "sentence"),
+    ("weights", "expected"),
     [
-        (InitialWeights(darknet=Path("a")), "Darknet weights: expected network yolov2, found tiny"),
-        (InitialWeights(backbone=Path("a")), "expected a trunk of torchvision, found tiny"),
+        (InitialWeights(darknet=Path("a")), "network yolov2"),
+        (InitialWeights(backbone="a"), "a classifier of torchvision"),
     ],
 )
-def test_weights_of_another_kind_of_network_are_refused(tmp_path, first, sentence):
-    with pytest.raises(UsageError, match=sentence):
-        train(tmp_path, first=first)
+def test_weights_of_another_kind_of_network_are_refused(tmp_path, weights, expected):
+    with pytest.raises(UsageError) as raised:
+        train(tmp_path, weights=weights)
+    assert (raised.value.expected, raised.value.found) == (expected, "tiny")
 
 
-def test_other_names_are_refused(tmp_path):
+def test_unknown_names_are_refused(tmp_path):
     with pytest.raises(UsageError, match=r"compact, yolov2, .* such as resnet18, found resnet19"):
         train(tmp_path, config=other_form(network="resnet19"))
     with pytest.raises(UsageError, match="rgb or dm or rm, found lidar"):
         DetectorNetworkConfig("lidar")
 
 
-def test_the_thesis_trained_like_this():
-    preset = PRESETS["thesis"]
-    way = preset.optimizer_config
+def test_the_thesis_preset():
+    preset = DETECTOR_PRESETS["thesis"]
+    way = preset.optimizer
     found = (way.optimizer, way.learning_rate, way.momentum, way.weight_decay, preset.batch_size)
     assert found == ("sgd", 0.001, 0.9, 0.0005, 64)
-    rate = way.learning_rate_factor(80_200)
+    rate = learning_rate_factor(way, 80_200)
     shares = [rate(step) for step in (499, 999, 39_999, 40_000, 60_000, 80_199)]
     np.testing.assert_allclose(shares, [1 / 16, 1, 1, 0.1, 0.01, 0.01])
+    assert preset.loss == PUBLISHED_LOSS
     assert (preset.loss.box, preset.loss.objectness) == ("squared", "squared")
 
 
-def test_only_weights_decay():
-    groups = QUICK.make_optimizer(tiny_network(("Car",), 1)).param_groups
+def test_only_matrices_decay():
+    groups = make_optimizer(tiny_network(("Car",), 1), QUICK).param_groups
     decays = {one["weight_decay"]: {weight.ndim > 1 for weight in one["params"]} for one in groups}
     assert decays == {QUICK.weight_decay: {True}, 0.0: {False}}
 
 
-def test_several_machines_share_a_training(tmp_path):
-    trainer = make_trainer(tmp_path, config_of(1, nodes=3, devices=2))
+def test_several_machines(tmp_path):
+    trainer = make_trainer(tmp_path, run_of(1, nodes=3, devices=2), "validation/moderate")
     assert (trainer.num_nodes, trainer.world_size) == (3, 6)

@@ -47,7 +47,7 @@ def rows(search_log: Path) -> list[str]:
 def test_the_best_setting_reaches_most_with_fewest_proposals(config, tmp_path):
     table = search(config, tmp_path / "counts.jsonl")
     assert len(table) == len(GRID) == 8
-    assert table[0].rules.radius_m == 0.5
+    assert table[0].parameters.radius_m == 0.5
     assert (table[0].objects, table[0].frames, table[0].unread) == (8, 4, 0)
     assert table[0].reached == (8, 8)
     worth = [(-count.reached[0], count.proposals) for count in table]
@@ -61,7 +61,7 @@ def test_sharing_the_ground_changes_nothing(frames, method):
     for part in config.parts():
         for count in run_search_task(part):
             found = [
-                propose(frame.points_velo, *camera_of(frame), count.rules, method)
+                propose(frame.points_velo, *camera_of(frame), count.parameters, method)
                 for frame in open_drive(frames)
             ]
             assert count.proposals == sum(map(len, found)) > 0
@@ -74,7 +74,7 @@ def test_rows_are_one_a_setting_and_chunk(config, tmp_path):
     assert header["search"]["of_class"] == "car"
     assert header["search"]["drives"][0]["labels"] == {"car": 8}
     assert len(counts) == 8 * 2  # four frames are a chunk of three and one of one
-    best = [row for row in counts if ProposalConfig(**row["rules"]) == table[0].rules]
+    best = [row for row in counts if ProposalConfig(**row["parameters"]) == table[0].parameters]
     assert [(row["chunk"], row["frames"], row["objects"]) for row in best] == [(0, 3, 6), (1, 1, 2)]
 
 
@@ -170,7 +170,7 @@ def test_counts_of_another_search_are_refused(config, tmp_path, change, name):
     [
         ('{"chunk": 0}', "row 3: expected the counts of one setting in one chunk"),
         ("no JSON", "row 3: expected the counts"),
-        ('{"chunk": 0, "rules": {"cell_m": 0.5, "wheels": 4}}', "row 3: expected the counts"),
+        ('{"chunk": 0, "parameters": {"cell_m": 0.5, "wheels": 4}}', "row 3: expected the counts"),
     ],
 )
 def test_a_damaged_row_in_the_middle_is_named(config, tmp_path, row, complaint):
@@ -269,7 +269,7 @@ def test_values_that_cannot_work_are_refused(values):
 def test_the_default_grid_holds_the_thesis_values():
     grid = SearchGrid()
     assert len(grid) == 400
-    assert ProposalConfig(0.5, 0.01, 5, 0.5) in grid.rules()
+    assert ProposalConfig(0.5, 0.01, 5, 0.5) in grid.combinations()
 
 
 def test_a_worker_that_is_ended_is_told_of():

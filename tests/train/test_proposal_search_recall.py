@@ -13,7 +13,7 @@ def test_recall_of_all_labels_is_what_the_search_counted(tmp_path):
     grid = SearchGrid((0.5,), (0.01,), (2,), (0.05, 0.5))
     config = SearchConfig(survey([root], "car"), grid, "thesis", chunk_frames=2)
     table = search(config, tmp_path / "counts.jsonl")
-    settings = [ProposalSetting(count.rules, "thesis") for count in table]
+    settings = [ProposalSetting(count.parameters, "thesis") for count in table]
     recalls = measure_recall(config, settings, "points")
     for count, recall in zip(table, recalls, strict=True):
         metrics = recall.difficulties["all"]

@@ -10,15 +10,18 @@ import json, sys
 from pathlib import Path
 import torch
 from tests.train.toy_crops import ToyCrops
-from train.trainer import TrainerConfig, fit, make_trainer
-from train.verifier.training import PLANS, VerifierTraining
+from train.config import TrainingRun
+from train.trainer import fit, make_trainer
+from train.verifier.config import VERIFIER_CONFIGS
+from train.verifier.run import MONITOR
+from train.verifier.training import VerifierTraining
 torch.set_num_threads(1)
 torch.manual_seed(0)
-trainer = make_trainer(Path(sys.argv[1]), TrainerConfig(1, "cpu", devices=2))
-fit(trainer, VerifierTraining(PLANS["default"]), ToyCrops())
+trainer = make_trainer(Path(sys.argv[1]), TrainingRun(epochs=1, accelerator="cpu", devices=2), MONITOR)
+fit(trainer, VerifierTraining(VERIFIER_CONFIGS["default"]), ToyCrops())
 if trainer.is_global_zero:
-    figures = {name: float(value) for name, value in trainer.callback_metrics.items()}
-    print(json.dumps({"processes": trainer.world_size, "steps": trainer.global_step, **figures}))
+    metrics = {name: float(value) for name, value in trainer.callback_metrics.items()}
+    print(json.dumps({"processes": trainer.world_size, "steps": trainer.global_step, **metrics}))
 """
 
 

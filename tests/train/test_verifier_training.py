@@ -1,4 +1,4 @@
-"""How verifiers learn: what is logged, that a batch is learned by heart, and going on after a kill."""
+"""Training of verifiers: what is logged, overfitting of a batch, and resume after a kill."""
 
 from functools import partial
 
@@ -13,19 +13,21 @@ from tests.train.interrupted import KilledAfter
 from tests.train.toy_crops import ToyCrops, toy_batch
 from train.box_overlap import paired_iou
 from train.checkpoints import read_checkpoint
+from train.config import TrainingRun
 from train.networks.depthcn import MODEL, load_verifier
-from train.schedules import step_decay, warmup_cosine
-from train.trainer import TrainerConfig, checkpoint_to_resume, fit, make_trainer
+from train.optimization import step_decay, warmup_cosine
+from train.trainer import checkpoint_to_resume, fit, make_trainer
+from train.verifier.config import VERIFIER_CONFIGS
 from train.verifier.images import ScoredCrops, VerifierImages, draw_scored
-from train.verifier.loss import box_loss
 from train.verifier.metrics import VerifierMetrics
-from train.verifier.training import VERIFIER_CONFIGS, VerifierTraining
+from train.verifier.run import MONITOR
+from train.verifier.training import VerifierTraining, box_loss
 
 pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
-def config_of(epochs, **other):
-    return TrainerConfig(epochs=epochs, accelerator="cpu", **other)
+def run_of(epochs, **other):
+    return TrainingRun(epochs=epochs, accelerator="cpu", **other)
 
 
 def module_of(method="default", seed=0):
@@ -34,14 +36,14 @@ def module_of(method="default", seed=0):
 
 
 @pytest.mark.parametrize(("method", "channels"), [("default", 3), ("thesis", 1)])
-def test_everything_fits_together(tmp_path, method, channels):
-    trainer = make_trainer(tmp_path, config_of(1, fast_dev_run=True))
+def test_fast_dev_run_trains_and_writes_nothing(tmp_path, method, channels):
+    trainer = make_trainer(tmp_path, run_of(1, fast_dev_run=True), MONITOR)
     fit(trainer, module_of(method), ToyCrops(8, channels))
     assert trainer.global_step == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_batch_is_learned_by_heart():
+def test_a_batch_is_overfitted():
     module, batch = module_of(), toy_batch(8, 3)
     module.network.full[-1].p = 0.0  # dropout
     module.log_dict = lambda *args, **config: None
@@ -59,20 +61,20 @@ def test_a_batch_is_learned_by_heart():
 
 
 def weights_after(folder, epochs, killed_at=None):
-    trainer = make_trainer(folder / "whole", config_of(epochs))
+    trainer = make_trainer(folder / "whole", run_of(epochs), MONITOR)
     fit(trainer, module_of(), ToyCrops())
     with pytest.raises(KeyboardInterrupt):
         fit(
-            make_trainer(folder / "killed", config_of(epochs), [KilledAfter(killed_at)]),
+            make_trainer(folder / "killed", run_of(epochs), MONITOR, [KilledAfter(killed_at)]),
             module_of(),
             ToyCrops(),
         )
-    again = make_trainer(folder / "killed", config_of(epochs))
+    again = make_trainer(folder / "killed", run_of(epochs), MONITOR)
     fit(again, module_of(seed=9), ToyCrops(), folder / "killed" / "last.ckpt")
     return [read_checkpoint(folder / name / "last.ckpt", MODEL) for name in ("whole", "killed")]
 
 
-def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path):
+def test_a_killed_training_resumes_exactly(tmp_path):
     whole, resumed = weights_after(tmp_path, epochs=3, killed_at=4 + 2)
     for name, weight in whole["state_dict"].items():
         torch.testing.assert_close(resumed["state_dict"][name], weight, rtol=0, atol=0, msg=name)
@@ -81,7 +83,7 @@ def test_a_killed_training_goes_on_as_if_it_had_not_been(tmp_path):
 
 
 def test_the_best_epoch_and_the_last_are_kept(tmp_path):
-    trainer = make_trainer(tmp_path, config_of(3))
+    trainer = make_trainer(tmp_path, run_of(3), MONITOR)
     fit(trainer, module_of(), ToyCrops())
     assert {file.name for file in tmp_path.glob("*.ckpt")} == {"best.ckpt", "last.ckpt"}
     last = read_checkpoint(tmp_path / "last.ckpt", MODEL)
@@ -92,7 +94,7 @@ def test_the_best_epoch_and_the_last_are_kept(tmp_path):
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
-    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCrops())
+    fit(make_trainer(tmp_path, run_of(1), MONITOR), module_of(), ToyCrops())
     before = (tmp_path / "last.ckpt").read_bytes()
 
     def full(path, content):
@@ -100,9 +102,9 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("train.checkpoint_writer.write_atomically", full)
-    with pytest.raises(ModelError, match="No space left on device; make room and go on"):
+    with pytest.raises(ModelError, match="No space left on device"):
         fit(
-            make_trainer(tmp_path, config_of(2)),
+            make_trainer(tmp_path, run_of(2), MONITOR),
             module_of(),
             ToyCrops(),
             tmp_path / "last.ckpt",
@@ -112,8 +114,8 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
 
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path):
-    fit(make_trainer(tmp_path, config_of(1)), module_of(), ToyCrops())
-    trainer = make_trainer(tmp_path / "thesis", config_of(2))
+    fit(make_trainer(tmp_path, run_of(1), MONITOR), module_of(), ToyCrops())
+    trainer = make_trainer(tmp_path / "thesis", run_of(2), MONITOR)
     with pytest.raises(ModelError, match=r"weights of this depthcn, found those of .* \(default\)"):
         fit(trainer, module_of("thesis"), ToyCrops(channels=1), tmp_path / "last.ckpt")
 
@@ -121,14 +123,14 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path):
 def test_a_training_is_not_written_over(tmp_path):
     assert checkpoint_to_resume(tmp_path, None) is None
     (tmp_path / "last.ckpt").touch()
-    with pytest.raises(UsageError, match="go on with --resume last"):
+    with pytest.raises(UsageError, match="resume it with --resume last"):
         checkpoint_to_resume(tmp_path, None)
     assert checkpoint_to_resume(tmp_path, "last") == tmp_path / "last.ckpt"
 
 
-def test_tensorboard_shows_what_is_promised(tmp_path):
+def test_tensorboard_has_metrics_and_images(tmp_path):
     grids = {"flip": np.full((20, 30, 3), 128, np.uint8), "jitter": np.zeros((20, 30, 3), np.uint8)}
-    trainer = make_trainer(tmp_path, config_of(2), [VerifierImages(lambda: grids)])
+    trainer = make_trainer(tmp_path, run_of(2), MONITOR, [VerifierImages(lambda: grids)])
     fit(trainer, module_of(), ToyCrops())
     events = EventAccumulator(str(tmp_path)).Reload()
     metrics = ("accuracy", "balanced", "precision", "recall", "box_iou", "box_iou_70")
@@ -143,7 +145,7 @@ def test_tensorboard_shows_what_is_promised(tmp_path):
 
 
 def test_the_terminal_stays_tidy(tmp_path, capfd):
-    fit(make_trainer(tmp_path, config_of(2)), module_of(), ToyCrops())
+    fit(make_trainer(tmp_path, run_of(2), MONITOR), module_of(), ToyCrops())
     printed = capfd.readouterr()
     assert printed.out == ""
     lines = [line.split("\r")[-1] for line in printed.err.splitlines()]
@@ -167,16 +169,16 @@ def test_the_default_rate_rises_and_falls():
     assert rates[99] == pytest.approx(0.001)
 
 
-def test_the_thesis_network_learns_what_to_subtract(tmp_path):
+def test_the_thesis_network_subtracts_the_mean_crop(tmp_path):
     data = ToyCrops(8, 1)
     module = module_of("thesis")
-    fit(make_trainer(tmp_path, config_of(1)), module, data)
+    fit(make_trainer(tmp_path, run_of(1), MONITOR), module, data)
     torch.testing.assert_close(module.network.mean_image, data.mean_crop())
     network, _ = load_verifier(tmp_path / "last.ckpt")
     torch.testing.assert_close(network.mean_image, data.mean_crop())
 
 
-def test_only_weights_decay():
+def test_only_matrices_decay():
     trainer = make_trainer_for_rates()
     module = module_of("thesis")
     module.trainer = trainer

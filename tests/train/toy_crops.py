@@ -7,7 +7,7 @@ import torch
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
-from data.distributed_sampler import ContiguousDistributedSampler
+from data.samples.epoch_samplers import ContiguousDistributedSampler
 
 
 def toy_batch(count: int, channels: int, seed: int = 0) -> dict[str, torch.Tensor]:

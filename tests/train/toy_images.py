@@ -7,8 +7,8 @@ import torch
 from lightning.pytorch import LightningDataModule
 from torch.utils.data import DataLoader, Sampler
 
-from data.distributed_sampler import ContiguousDistributedSampler
-from data.images.dataset import collate
+from data.samples.epoch_samplers import ContiguousDistributedSampler
+from data.samples.images.dataset import collate
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import NO_ALPHA_RAD
@@ -46,7 +46,7 @@ class ToySamples:
 
     def __getitem__(self, row: int) -> dict[str, torch.Tensor]:
         return {
-            "pictures": torch.from_numpy(self.images[row]),
+            "images": torch.from_numpy(self.images[row]),
             "boxes_px": torch.from_numpy(self.boxes_px[row]),
             "classes": torch.zeros(CARS, dtype=torch.int64),
             "is_ignored": torch.zeros(CARS, dtype=torch.bool),

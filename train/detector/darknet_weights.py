@@ -1,4 +1,4 @@
-"""Darknet's weight files, in and out.
+"""Reader and writer of Darknet's weight files.
 
     int32 major, minor, revision
     int32 or uint64 images seen: 64 bits from version 0.2 on
@@ -12,6 +12,7 @@ A file of the first layers alone, such as `darknet19_448.conv.23`, ends where th
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from torch import Tensor, nn
 
 from perception.errors import ModelError
 from perception.types import Float32
+from train.networks.yolov2 import YOLOv2
 
 _VERSION = struct.Struct("<3i")
 _FEW_SEEN, _MANY_SEEN = struct.Struct("<i"), struct.Struct("<Q")
@@ -29,13 +31,13 @@ _NUMBER = np.dtype("<f4")
 
 @dataclass(frozen=True)
 class DarknetHeader:
-    """What a weight file begins with.
+    """Header of a weight file.
 
     Attributes:
-        major: of the version of Darknet that wrote it.
-        minor: of the same.
-        revision: of the same.
-        images_seen: in training.
+        major: Major version of Darknet.
+        minor: Minor version of Darknet.
+        revision: Revision of Darknet.
+        images_seen: Number of images seen in training.
     """
 
     major: int = 0
@@ -45,7 +47,7 @@ class DarknetHeader:
 
     @property
     def seen_format(self) -> struct.Struct:
-        """Return how `images_seen` is written; versions over 1000 are a marker of very old files."""
+        """Return the format of `images_seen`; versions over 1000 mark very old files."""
         is_long = 10 * self.major + self.minor >= 2 and max(self.major, self.minor) < 1000
         return _MANY_SEEN if is_long else _FEW_SEEN
 
@@ -58,17 +60,15 @@ class DarknetHeader:
 def load_darknet_weights(
     network: nn.Module, path: Path, *, is_prefix: bool = False
 ) -> DarknetHeader:
-    """Fill a network from a weight file and return the file's header.
-
-    Give a part of a detector to fill only that: its backbone from `darknet19_448.conv.23`.
+    """Load the weights of a network, or of a part such as its backbone; return the file's header.
 
     Args:
-        network: whose modules were created in the order of the cfg.
-        path: of the file.
-        is_prefix: take the file's first numbers and leave the rest, for a backbone from a whole detector.
+        network: Network whose modules were created in the order of the cfg.
+        path: Weight file.
+        is_prefix: Take the first numbers and ignore the rest, for a backbone from a whole detector.
 
     Raises:
-        ModelError: unreadable, not a weight file, of another network, or with numbers that are not finite.
+        ModelError: the file is unreadable, no weight file, of another network, or has numbers that are not finite.
     """
     content = _read(path)
     header = _parse_header(content, path)
@@ -80,6 +80,28 @@ def load_darknet_weights(
         for slot, part in zip(slots, np.split(numbers, ends[:-1]), strict=True):
             slot.copy_(torch.from_numpy(part).reshape(slot.shape))
     return header
+
+
+def init_from_darknet(detector: YOLOv2, path: Path) -> str:
+    """Initialize as much of a detector as a weight file holds; return the name of that part.
+
+    Args:
+        detector: Detector with random weights.
+        path: Weights of a whole detector with as many classes and anchors; of a detector with others, whose head
+            is left out; or of a backbone such as `darknet19_448.conv.23`.
+
+    Raises:
+        ModelError: the file fits none of these.
+    """
+    with suppress(ModelError):
+        load_darknet_weights(detector, path)
+        return "detector"
+    with suppress(ModelError):
+        load_darknet_weights(detector.trunk, path, is_prefix=True)
+        return "trunk"
+    backbone = detector.trunk.get_submodule("backbone")
+    load_darknet_weights(backbone, path, is_prefix=True)
+    return "backbone"
 
 
 def save_darknet_weights(

@@ -1,4 +1,4 @@
-"""What TensorBoard shows of a detector: validation pictures with boxes, and its precision-recall curves."""
+"""TensorBoard images of a detector: validation images with boxes, and precision-recall curves."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,21 +15,21 @@ from perception.types import Detections, Float64, UInt8
 from train.detector.training import Batch, DetectorTraining
 
 _SHOWN_IMAGES = 6
-_MIN_SCORE = 0.3  # below, they only hide the picture
-_SMALLEST_WIDTH_PX = 1200  # smaller pictures are shown larger
+_DISPLAY_SCORE = 0.3  # lower ones would hide the image
+_SMALLEST_WIDTH_PX = 1200  # smaller images are enlarged
 _LABEL, _IGNORED, _FOUND = palette.MOVING, palette.POINTS, (255, 255, 255)
 _TEXT_PX = 10
 
 
 class DetectorImages(Callback):
-    """Draws some pictures and the curves of every validation."""
+    """Draw some images and the curves of every validation."""
 
     def __init__(self) -> None:
         self._rows: frozenset[int] = frozenset()
         self._drawn: dict[int, UInt8] = {}
 
     def on_validation_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Choose the pictures: spread evenly, the same in every epoch."""
+        """Choose the images: spread evenly, the same in every epoch."""
         count = len(trainer.datamodule.validation)  # type: ignore[attr-defined]
         rows = np.linspace(0, count - 1, min(count, _SHOWN_IMAGES)).round().astype(int)
         self._rows, self._drawn = frozenset(rows.tolist()), {}
@@ -43,42 +43,42 @@ class DetectorImages(Callback):
         batch_idx: int,
         dataloader_idx: int = 0,
     ) -> None:
-        """Draw those of a batch that are chosen."""
-        for place, row in enumerate(batch["numbers"].tolist()):
+        """Draw the chosen images of a batch."""
+        for position, row in enumerate(batch["numbers"].tolist()):
             if row in self._rows:
-                self._drawn[row] = draw_detections(batch, place, outputs["seen"][place])
+                self._drawn[row] = draw_detections(batch, position, outputs["detections"][position])
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Show the pictures below each other, and the curves."""
+        """Log the images below each other, and the curves."""
         for logger in trainer.loggers:
             if not isinstance(logger, TensorBoardLogger) or not trainer.is_global_zero:
                 continue
             if self._drawn:
                 image = np.concatenate([self._drawn[row] for row in sorted(self._drawn)])
                 logger.experiment.add_image(
-                    "validation/pictures", image, trainer.global_step, dataformats="HWC"
+                    "validation/images", image, trainer.global_step, dataformats="HWC"
                 )
             if isinstance(pl_module, DetectorTraining) and pl_module.validation_metrics is not None:
                 figure = curve_figure("validation", curve_panels(pl_module.validation_metrics))
                 logger.experiment.add_figure("validation/curves", figure, trainer.global_step)
 
 
-def draw_detections(batch: Batch, place: int, found: Detections) -> UInt8:
-    """Return (H, W, 3) one picture: labels green, what is ignored grey, detections white with scores.
+def draw_detections(batch: Batch, position: int, found: Detections) -> UInt8:
+    """Return the (H, W, 3) drawing of one image: labels green, ignored grey, detections white with scores.
 
-    It is a whole number of times as large as the input.
+    It is an integer factor larger than the input.
     """
-    planes = batch["pictures"][place].byte().cpu().numpy()
+    planes = batch["images"][position].byte().cpu().numpy()
     times = -(-_SMALLEST_WIDTH_PX // planes.shape[2])
     large = planes.repeat(times, axis=1).repeat(times, axis=2)
     colored = np.broadcast_to(large, (3, *large.shape[1:]))
     canvas = np.ascontiguousarray(colored.transpose(1, 2, 0))
-    boxes_px: Float64 = times * batch["boxes_px"][place].cpu().numpy().astype(np.float64)
+    boxes_px: Float64 = times * batch["boxes_px"][position].cpu().numpy().astype(np.float64)
     has_area = (boxes_px[:, 2:] > boxes_px[:, :2]).all(axis=1)
-    is_ignored = batch["is_ignored"][place].cpu().numpy().astype(bool)
+    is_ignored = batch["is_ignored"][position].cpu().numpy().astype(bool)
     draw_boxes(canvas, boxes_px[has_area & is_ignored], _IGNORED)
     draw_boxes(canvas, boxes_px[has_area & ~is_ignored], _LABEL)
-    sure = found[found.scores >= _MIN_SCORE]
+    sure = found[found.scores >= _DISPLAY_SCORE]
     draw_boxes(canvas, times * sure.boxes_px, _FOUND)
     for box_px, score in zip(times * sure.boxes_px, sure.scores.tolist(), strict=True):
         draw_tag(canvas, f"{score:.2f}", box_px, _FOUND, _TEXT_PX)
@@ -86,7 +86,7 @@ def draw_detections(batch: Batch, place: int, found: Detections) -> UInt8:
 
 
 def curve_panels(validation_metrics: DetectionMetrics) -> list[CurvePanel]:
-    """Return a panel for every class and overlap, with a curve a difficulty."""
+    """Return a panel for each class and IoU, with a curve for each difficulty."""
     return [
         precision_panel(
             f"{one.detection_class.name}, IoU {one.detection_class.iou:g}",

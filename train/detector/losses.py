@@ -1,18 +1,18 @@
-"""What YOLOv2 is trained to make small, as published, with two options.
+"""The loss of YOLOv2 as published, with two options: CIoU of boxes, and focal loss of objectness.
 
-Published is a sum of squares over all predictions of a picture (Redmon et al., "You only look once", CVPR 2016,
+Published is a sum of squares over all predictions of an image (Redmon et al., "You only look once", CVPR 2016,
 eq. 3), with the weights of `yolov2.cfg`. A square counts half, so that its gradient is the difference itself,
 and the published learning rates mean the same here.
 """
 
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from train.box_overlap import paired_complete_iou, paired_iou, pairwise_iou, pairwise_share
+from train.detector.config import DetectionLossConfig
 from train.detector.targets import (
     BatchLabels,
     GridTargets,
@@ -22,48 +22,19 @@ from train.detector.targets import (
 )
 from train.networks.yolo_head import BOX, CLASSES, OBJECTNESS, YoloHead, box_corners
 
-_MOSTLY = 0.5  # of a box that lies in an ignored area
-
-
-@dataclass(frozen=True)
-class DetectionLossConfig:
-    """What is summed, and with which weight. The defaults are those of `yolov2.cfg`.
-
-    Attributes:
-        box: `squared` of the four corrections, or `ciou` of the box.
-        objectness: `squared`, or `focal`, which looks away from what is already right.
-        box_weight: `coord_scale`; small boxes count up to twice.
-        object_weight: `object_scale`
-        no_object_weight: `noobject_scale`
-        class_weight: `class_scale`
-        prior_weight: pull of every box to its anchor, at first.
-        prior_images: how many pictures long.
-        ignore_iou: a prediction that overlaps a label by more is not told that nothing is there; `thresh`.
-        focal_gamma: of the error, as weight; 2 in Lin et al., "Focal loss", ICCV 2017.
-    """
-
-    box: Literal["squared", "ciou"] = "squared"
-    objectness: Literal["squared", "focal"] = "squared"
-    box_weight: float = 1.0
-    object_weight: float = 5.0
-    no_object_weight: float = 1.0
-    class_weight: float = 1.0
-    prior_weight: float = 0.01
-    prior_images: int = 12_800
-    ignore_iou: float = 0.6
-    focal_gamma: float = 2.0
+_MIN_IGNORED_SHARE = 0.5  # of a box within an ignored area
 
 
 class DetectionLoss(NamedTuple):
-    """Terms per picture, weighted.
+    """Weighted terms per image.
 
     Attributes:
-        total: the sum of the others.
-        box: of boxes that answer for a label.
-        objects: objectness where there is a label.
-        no_objects: objectness where there is none.
-        classes: cross-entropy.
-        prior: distance of all other boxes from their anchors, 0 after the first pictures.
+        total: Sum of the others.
+        box: Boxes of the responsible predictions.
+        objects: Objectness of the responsible predictions.
+        no_objects: Objectness of the background.
+        classes: Cross-entropy of the classes.
+        prior: Distance of all other boxes to their anchors, 0 after the first images.
     """
 
     total: Tensor
@@ -84,11 +55,11 @@ def detection_loss(
     """Return the loss of a batch, in float32 whatever the precision of the network.
 
     Args:
-        raw: (B, A, 5 + classes, rows, columns) predictions.
-        labels: of the B pictures.
-        head: which made the predictions.
-        config: what is summed.
-        images_seen: how many pictures were trained on before.
+        raw: (B, A, 5 + classes, rows, columns) raw predictions.
+        labels: Labels of the B images.
+        head: Head that made the predictions.
+        config: Terms and weights.
+        images_seen: Number of images trained on before.
     """
     with torch.autocast(raw.device.type, enabled=False):
         raw = raw.float()
@@ -120,7 +91,7 @@ def _box_term(
 def _object_term(
     raw: Tensor, corners: Tensor, targets: GridTargets, config: DetectionLossConfig
 ) -> Tensor:
-    """Ask for an objectness equal to the overlap that the box reaches."""
+    """Train objectness towards the IoU that the box reaches."""
     reached = paired_iou(_at(corners, targets), targets.boxes_px).detach()
     return _objectness_error(_at(raw, targets)[:, OBJECTNESS], reached, config).sum()
 
@@ -132,7 +103,7 @@ def _no_object_term(
     targets: GridTargets,
     config: DetectionLossConfig,
 ) -> Tensor:
-    """Ask for no objectness of those that neither answer for a label nor lie on one."""
+    """Train objectness towards 0 where a prediction is neither responsible for a label nor on one."""
     is_free = _lies_on_label(corners.detach(), labels, config.ignore_iou) | _is_responsible(
         raw, targets
     )
@@ -160,34 +131,34 @@ def _objectness_error(logits: Tensor, target: Tensor, config: DetectionLossConfi
     scores = logits.sigmoid()
     if config.objectness == "squared":
         return _squared(scores, target)
-    # The continuous form of the focal loss, for wanted values between 0 and 1 (Li et al.,
+    # The continuous form of the focal loss, for targets between 0 and 1 (Li et al.,
     # "Generalized focal loss", NeurIPS 2020, eq. 3).
     entropy = functional.binary_cross_entropy_with_logits(logits, target, reduction="none")
     return (target - scores).abs() ** config.focal_gamma * entropy
 
 
 def _lies_on_label(corners: Tensor, labels: BatchLabels, ignore_iou: float) -> Tensor:
-    """Return (B, A, rows, columns) whether boxes overlap a label, or lie mostly in an ignored area."""
+    """Return the (B, A, rows, columns) mask of boxes on a label or mostly in an ignored area."""
     batch, anchors, _, rows, columns = corners.shape
     boxes_px = corners.permute(0, 1, 3, 4, 2).reshape(batch, -1, 4)
     is_real = has_area(labels.boxes_px)[:, None]
     is_ignored = labels.is_ignored[:, None]
     on_label = (pairwise_iou(boxes_px, labels.boxes_px) > ignore_iou) & ~is_ignored
-    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > _MOSTLY) & is_ignored
+    in_ignored = (pairwise_share(boxes_px, labels.boxes_px) > _MIN_IGNORED_SHARE) & is_ignored
     lies = ((on_label | in_ignored) & is_real).any(dim=2)
     return lies.reshape(batch, anchors, rows, columns)
 
 
 def _is_responsible(raw: Tensor, targets: GridTargets) -> Tensor:
-    """Return (B, A, rows, columns) whether a prediction answers for a label."""
+    """Return the (B, A, rows, columns) mask of the predictions responsible for a label."""
     batch, anchors, _, rows, columns = raw.shape
-    answers = torch.zeros(batch, anchors, rows, columns, dtype=torch.bool, device=raw.device)
-    answers[targets.image, targets.anchor, targets.row, targets.column] = True
-    return answers
+    is_responsible = torch.zeros(batch, anchors, rows, columns, dtype=torch.bool, device=raw.device)
+    is_responsible[targets.image, targets.anchor, targets.row, targets.column] = True
+    return is_responsible
 
 
 def _at(maps: Tensor, targets: GridTargets) -> Tensor:
-    """Return (N, values) of maps (B, A, values, rows, columns) where they answer for a label."""
+    """Return the (N, values) of (B, A, values, rows, columns) maps at the responsible predictions."""
     return maps.movedim(2, -1)[targets.image, targets.anchor, targets.row, targets.column]
 
 

@@ -1,4 +1,4 @@
-"""Which networks detect, made anew or read from a checkpoint."""
+"""The detectors' networks, with random weights or read from a checkpoint."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from train.networks.torchvision_detector import TorchvisionDetector, trunk_names
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
 
-MODEL = "detector"  # what the checkpoints say that they are of
+MODEL = "detector"  # kind of model in checkpoints and model files
 ANCHORS = 5
 _SIZE = InputSize(192, 640)
 
-# From class names and channels to a network with random weights; all others are trunks of torchvision.
+# From class names and channels to a network with random weights; all others are backbones of torchvision.
 NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
     "compact": lambda class_names, channels: CompactDetector(class_names, channels=channels),
     "yolov2": lambda class_names, channels: YOLOv2(class_names, channels=channels),
@@ -28,14 +28,14 @@ NETWORKS: dict[str, Callable[[Sequence[str], int], YoloDetector]] = {
 
 @dataclass(frozen=True)
 class DetectorNetworkConfig:
-    """What a detector looks at and for.
+    """Network of a detector, and its input.
 
     Attributes:
-        modality: rgb, dm or rm.
-        network: compact, yolov2, or the name of a trunk of torchvision.
-        class_names: in the order of the scores.
-        size: of the pictures that it is made for.
-        filling: how the maps are made dense.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+        network: Network: compact, yolov2, or the torchvision classifier of its backbone.
+        class_names: Classes in the order of the scores.
+        size: Size of the input.
+        filling: Method by which maps are made dense.
     """
 
     modality: Modality
@@ -45,13 +45,13 @@ class DetectorNetworkConfig:
     filling: MapFilling = "default"
 
     def __post_init__(self) -> None:
-        """Refuse a modality that there is not."""
+        """Validate the modality."""
         if self.modality not in MODALITIES:
             raise UsageError("modality", expected=" or ".join(MODALITIES), found=self.modality)
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Say the same in words, as model files do."""
+        """The same as texts, for model files."""
         return {
             "kind": MODEL,
             "network": self.network,
@@ -64,7 +64,7 @@ class DetectorNetworkConfig:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, Any]) -> Self:
-        """Read what `facts` says."""
+        """Return the configuration that a model file or checkpoint states."""
         modality: Modality = next(m for m in get_args(Modality) if m == metadata["modality"])
         return cls(
             modality=modality,
@@ -75,69 +75,67 @@ class DetectorNetworkConfig:
         )
 
 
-def make_detector(network_config: DetectorNetworkConfig) -> YoloDetector:
+def make_detector(config: DetectorNetworkConfig) -> YoloDetector:
     """Return a network with random weights.
 
     Raises:
-        UsageError: there is none of this name.
+        UsageError: there is no network of this name.
     """
-    channels = CHANNELS[network_config.modality]
-    if network_config.network in NETWORKS:
-        return NETWORKS[network_config.network](network_config.class_names, channels)
-    if network_config.network in trunk_names():
-        return TorchvisionDetector(
-            network_config.network, network_config.class_names, channels=channels
-        )
+    channels = CHANNELS[config.modality]
+    if config.network in NETWORKS:
+        return NETWORKS[config.network](config.class_names, channels)
+    if config.network in trunk_names():
+        return TorchvisionDetector(config.network, config.class_names, channels=channels)
     raise UsageError(
         "network",
-        expected=f"{', '.join(NETWORKS)}, or a trunk of torchvision such as resnet18",
-        found=network_config.network,
+        expected=f"{', '.join(NETWORKS)}, or a classifier of torchvision such as resnet18",
+        found=config.network,
     )
 
 
 def load_detector(checkpoint: Path) -> tuple[YoloDetector, dict[str, str]]:
-    """Return a trained network, ready to detect, and what a model file says of it.
+    """Return a trained network in evaluation mode, and the metadata of its model file.
 
     Raises:
-        ModelError: where the checkpoint is damaged, or of another kind of network.
+        ModelError: the checkpoint is damaged, or of another kind of network.
     """
     content = read_checkpoint(checkpoint, MODEL)
     hyper_parameters = content["hyper_parameters"]
-    network_config = DetectorNetworkConfig.from_metadata(hyper_parameters)
-    detector = make_detector(network_config)
+    config = DetectorNetworkConfig.from_metadata(hyper_parameters)
+    detector = make_detector(config)
     try:
         detector.load_state_dict(weights_of(content, "network"))
     except RuntimeError as error:
         found = "weights of other sizes"
         raise ModelError(
-            checkpoint, expected=f"weights of {network_config.network}", found=found
+            checkpoint, expected=f"weights of {config.network}", found=found
         ) from error
     provenance = {name: str(hyper_parameters[name]) for name in ("training_data", "revision")}
-    anchors = {"anchors": anchor_words(detector), "epochs": str(content["epoch"] + 1)}
-    return detector.eval(), network_config.metadata | anchors | provenance
+    anchors = {"anchors": anchors_text(detector), "epochs": str(content["epoch"] + 1)}
+    return detector.eval(), config.metadata | anchors | provenance
 
 
-def anchor_words(detector: YoloDetector) -> str:
+def anchors_text(detector: YoloDetector) -> str:
     """Return widths and heights of the anchors in pixels, such as 19.1x13.4,37.6x22.6."""
     sizes = detector.head.anchors_px.tolist()
     return ",".join(f"{width:.1f}x{height:.1f}" for width, height in sizes)
 
 
-def require_same_form(checkpoint: Path, network_config: DetectorNetworkConfig) -> None:
-    """Refuse to go on, or to start, from a detector of other pictures, classes or layers.
+def require_same_detector(checkpoint: Path, config: DetectorNetworkConfig) -> None:
+    """Validate that a checkpoint is of the same network, modality and classes.
 
-    Another size of the input or another filling of the maps is no hindrance.
+    The size of the input and the filling of the maps may differ.
 
     Raises:
-        ModelError: where it is missing, damaged, of another kind, or differs.
+        ModelError: it is missing, damaged, of another kind, or differs.
     """
     hyper_parameters = read_checkpoint(checkpoint, MODEL)["hyper_parameters"]
     for name in ("network", "modality", "classes"):
-        expected, found = network_config.metadata[name], str(hyper_parameters[name])
+        expected, found = config.metadata[name], str(hyper_parameters[name])
         if expected != found:
             raise ModelError(
                 checkpoint,
                 expected=f"a detector whose {name} is {expected}",
                 found=found,
-                advice="give the options that the checkpoint was made with",
+                advice="give the flags of the checkpoint's training",
             )

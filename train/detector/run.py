@@ -1,60 +1,52 @@
-"""From labelled pictures to a trained detector, and what it comes to on those that were kept back."""
+"""Training of a detector from labelled drives to the checkpoint of its best epoch."""
 
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 import torch
 from lightning.pytorch import Callback, Trainer
 from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor
 
-from data.images.datamodule import ImageDataModule
+from data.results.documents import write_yaml
+from data.samples.images.datamodule import ImageDataModule
+from data.samples.images.input_images import ImageConfig
+from perception import __version__
+from perception.detection.detectors.input_size import InputSize
 from perception.errors import UsageError
-from train.checkpoints import read_checkpoint
-from train.detector.darknet_init import init_from_darknet
+from perception.types import Progress
+from train.checkpoints import program_revision, read_checkpoint
+from train.config import TrainingRun
+from train.detector.config import DetectorExperiment, InitialWeights
+from train.detector.darknet_weights import init_from_darknet
 from train.detector.images import DetectorImages
-from train.detector.networks import MODEL, load_detector, make_detector, require_same_form
+from train.detector.networks import (
+    MODEL,
+    DetectorNetworkConfig,
+    load_detector,
+    make_detector,
+    require_same_detector,
+)
 from train.detector.training import DetectorTraining, DetectorTrainingConfig
 from train.networks.torchvision_detector import TorchvisionDetector, init_from_classifier
 from train.networks.yolo_detector import YoloDetector
 from train.networks.yolov2 import YOLOv2
-from train.trainer import BEST, TrainerConfig, fit, make_trainer
+from train.trainer import BEST, checkpoint_to_resume, fit, is_first_process, make_trainer
 
 MONITOR = "validation/moderate"
-
-
-@dataclass(frozen=True)
-class InitialWeights:
-    """Where a training starts, at most one of them; without, from random weights.
-
-    Attributes:
-        checkpoint: of another training of the same network, on other pictures.
-        darknet: weight file of Darknet, for yolov2: of its backbone or of a whole detector.
-        backbone: state_dict of a torchvision classifier, or `download`, for a network with such a trunk.
-    """
-
-    checkpoint: Path | None = None
-    darknet: Path | None = None
-    backbone: Path | Literal["download"] | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse several."""
-        given = [name for name, value in vars(self).items() if value is not None]
-        if len(given) > 1:
-            raise UsageError("first weights", expected="at most one kind", found=", ".join(given))
+_RANDOM_WEIGHTS = InitialWeights()
 
 
 @dataclass(frozen=True)
 class TrainedDetector:
-    """What a training leaves.
+    """Result of a training.
 
     Attributes:
-        checkpoint: of the best epoch.
-        epoch: its number, from 1.
-        counts: frames and wanted labels of both parts.
-        precision: average precision in percent on what was kept back, by class and overlap and by difficulty.
+        checkpoint: Checkpoint of the best epoch.
+        epoch: Number of the best epoch, from 1.
+        counts: Frames and targets of training and validation.
+        precision: Average precision in percent on the validation set, by class and IoU, then by difficulty.
     """
 
     checkpoint: Path
@@ -63,80 +55,128 @@ class TrainedDetector:
     precision: dict[str, dict[str, float]]
 
 
+def run_experiment(
+    experiment: DetectorExperiment,
+    run: TrainingRun,
+    out: Path,
+    resume: str | None = None,
+    progress: Progress = iter,
+) -> TrainedDetector | None:
+    """Train a detector in a folder; return its result, in the first process only.
+
+    Args:
+        experiment: All settings of the detector.
+        run: Epochs, devices and seed.
+        out: Folder of the results.
+        resume: Checkpoint to resume from, or the word last for that of the folder.
+        progress: Wrapper of the loop over frames that may show its progress.
+
+    Raises:
+        PerceptionError: settings, drives, weights or a checkpoint cannot be used.
+    """
+    checkpoint = checkpoint_to_resume(out, resume)
+    model = experiment.model
+    network = DetectorNetworkConfig(
+        experiment.modality,
+        model.network,
+        model.classes,
+        InputSize.parse(model.size),
+        model.filling,
+    )
+    image = ImageConfig(
+        network.modality,
+        network.class_names,
+        network.size,
+        network.filling,
+        experiment.data.jpeg_quality,
+    )
+    config = DetectorTrainingConfig(
+        network,
+        experiment.optimizer,
+        experiment.loss,
+        model.anchors,
+        seed=run.seed,
+        training_data=experiment.drives.names,
+        revision=program_revision(),
+    )
+    data = ImageDataModule(experiment.drives, image, experiment.data, run.seed, progress)
+    if is_first_process():
+        document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
+        write_yaml(out / "config.yaml", {**document, "resumed_from": checkpoint})
+    return train_detector(data, config, run, out, checkpoint, experiment.weights)
+
+
 def train_detector(
     data: ImageDataModule,
     config: DetectorTrainingConfig,
-    trainer_config: TrainerConfig,
+    run: TrainingRun,
     out: Path,
     resume: Path | None = None,
-    first: InitialWeights = InitialWeights(),
+    weights: InitialWeights = _RANDOM_WEIGHTS,
 ) -> TrainedDetector | None:
-    """Train; return what came of it, or None in all processes but the first, and of a trial.
+    """Train; return the result, or None in all processes but the first and after a fast_dev_run.
 
     Args:
-        data: labelled pictures of one modality.
-        config: which network, and how it descends.
-        trainer_config: how long and on what.
-        out: the folder.
-        resume: a checkpoint to go on from.
-        first: where it starts.
+        data: Labelled images of one modality.
+        config: Network, and how it is trained.
+        run: Epochs, devices and seed.
+        out: Folder of the results.
+        resume: Checkpoint to resume from.
+        weights: Initial weights.
 
     Raises:
         ModelError: a checkpoint or a weight file is damaged, or of another network.
         PerceptionError: the data cannot be read or used.
     """
     if resume is not None:
-        require_same_form(resume, config.network_config)
-    if first.checkpoint is not None:
-        # What its numbers mean hangs on the anchors.
+        require_same_detector(resume, config.network)
+    if weights.checkpoint is not None:
+        # The meaning of its weights depends on the anchors.
         config = replace(config, anchors="default")
-    torch.manual_seed(trainer_config.seed)
-    module = DetectorTraining(config, initial_network(config, first))
-    trainer: Trainer = make_trainer(out, trainer_config, callbacks(config))
+    torch.manual_seed(run.seed)
+    module = DetectorTraining(config, initial_network(config, weights))
+    trainer: Trainer = make_trainer(out, run, MONITOR, callbacks(config))
     fit(trainer, module, data, resume)
-    if trainer_config.fast_dev_run or not trainer.is_global_zero:
+    if run.fast_dev_run or not trainer.is_global_zero:
         return None
     return _best(data, out / BEST)
 
 
-def initial_network(config: DetectorTrainingConfig, first: InitialWeights) -> YoloDetector:
-    """Return the network that a training starts with.
+def initial_network(config: DetectorTrainingConfig, weights: InitialWeights) -> YoloDetector:
+    """Return the network with its initial weights.
 
     Raises:
         ModelError: weights cannot be read, or are of another network.
-        UsageError: weights of a kind that this network does not take.
+        UsageError: the network does not take weights of this kind.
     """
-    network_config = config.network_config
-    if first.checkpoint is not None:
-        require_same_form(first.checkpoint, network_config)
-        network, _ = load_detector(first.checkpoint)
+    if weights.checkpoint is not None:
+        require_same_detector(weights.checkpoint, config.network)
+        network, _ = load_detector(weights.checkpoint)
         return network.train()
-    network = make_detector(network_config)
-    if first.darknet is not None:
+    network, name = make_detector(config.network), config.network.network
+    if weights.darknet is not None:
         if not isinstance(network, YOLOv2):
-            raise UsageError(
-                "Darknet weights", expected="network yolov2", found=network_config.network
-            )
-        init_from_darknet(network, first.darknet)
-    if first.backbone is not None:
+            raise UsageError("--weights.darknet", expected="network yolov2", found=name)
+        init_from_darknet(network, weights.darknet)
+    if weights.backbone is not None:
         if not isinstance(network, TorchvisionDetector):
             raise UsageError(
-                "backbone weights", expected="a trunk of torchvision", found=network_config.network
+                "--weights.backbone", expected="a classifier of torchvision", found=name
             )
-        init_from_classifier(network, network_config.network, first.backbone)
+        init_from_classifier(network, name, weights.backbone)
     return network
 
 
 def callbacks(config: DetectorTrainingConfig) -> list[Callback]:
-    """Return what draws, and what averages the weights."""
-    ema_decay = config.optimizer_config.ema_decay
-    averages = [WeightAveraging(avg_fn=partial(_averaged, kept=ema_decay))] if ema_decay else []
+    """Return the callbacks that draw images and average the weights."""
+    decay = config.optimizer.ema_decay
+    averages = [WeightAveraging(avg_fn=partial(_averaged, decay=decay))] if decay else []
     return [*averages, DetectorImages()]
 
 
-def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, kept: float) -> Tensor:
-    """Return the running mean; at first it is short, so that the random weights are soon forgotten."""
-    now = torch.as_tensor((1 + count) / (10 + count)).clamp(max=kept)
+def _averaged(mean: Tensor, new: Tensor, count: Tensor | int, decay: float) -> Tensor:
+    """Return the moving average; it is short at first, to forget the random weights soon."""
+    now = torch.as_tensor((1 + count) / (10 + count)).clamp(max=decay)
     return mean * now + new * (1 - now)
 
 

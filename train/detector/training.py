@@ -1,23 +1,24 @@
-"""How a detector learns (7.2.2)."""
+"""Training of a detector (7.2.2)."""
 
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
 from lightning.pytorch import LightningModule
 from torch import Tensor
 from torch.optim import Optimizer
-from torch.optim.lr_scheduler import LambdaLR
 
-from data.images.datamodule import ImageDataModule
+from data.samples.images.datamodule import ImageDataModule
 from perception.detection.detectors.input_size import InputSize
 from perception.detection.detectors.postprocess import postprocess_detections
 from perception.evaluation.detection.average_precision import DetectionMetrics
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Detections
+from train.config import OptimizerConfig
 from train.detector.anchors import fit_anchors
-from train.detector.losses import DetectionLoss, DetectionLossConfig, detection_loss
+from train.detector.config import DETECTOR_PRESETS, Anchors, DetectionLossConfig
+from train.detector.losses import DetectionLoss, detection_loss
 from train.detector.metrics import ValidationBoxes, mean_precision, measure, precision_table
 from train.detector.multi_scale import (
     Interpolation,
@@ -27,32 +28,32 @@ from train.detector.multi_scale import (
     size_of_batch,
 )
 from train.detector.networks import ANCHORS, MODEL, DetectorNetworkConfig
-from train.detector.optimizer_config import OptimizerConfig
 from train.detector.targets import BatchLabels
 from train.networks.yolo_detector import YoloDetector
+from train.optimization import configure_optimizers
 
-Batch = dict[str, Tensor]  # pictures, boxes_px, classes, is_ignored, numbers
+Batch = dict[str, Tensor]  # images, boxes_px, classes, is_ignored, numbers
 
 
 @dataclass(frozen=True)
 class DetectorTrainingConfig:
-    """Which detector is trained, and how.
+    """Network of a detector, and how it is trained.
 
     Attributes:
-        network_config: what it looks at and for.
-        optimizer_config: the way down.
-        loss: what it makes small.
-        anchors: `auto` fits them to the training labels, `default` takes those that the network has.
-        scales: smallest and largest height of the pictures trained on, over that of the form.
-        seed: of their sizes and the anchors.
-        training_data: what it learns from, for the model file.
-        revision: of the program, for the model file.
+        network: Network and its input.
+        optimizer: Optimizer and learning rate.
+        loss: Terms of the loss.
+        anchors: Anchor boxes: fitted to the training labels, or the network's own.
+        scales: Smallest and largest height of the training images over that of the input.
+        seed: Seed of these sizes and of the anchors.
+        training_data: Names of the training drives, for the model file.
+        revision: Revision of the program, for the model file.
     """
 
-    network_config: DetectorNetworkConfig
-    optimizer_config: OptimizerConfig = field(default_factory=OptimizerConfig)
+    network: DetectorNetworkConfig
+    optimizer: OptimizerConfig = DETECTOR_PRESETS["default"].optimizer
     loss: DetectionLossConfig = field(default_factory=DetectionLossConfig)
-    anchors: Literal["auto", "default"] = "auto"
+    anchors: Anchors = "auto"
     scales: tuple[float, float] = (0.75, 1.25)
     seed: int = 0
     training_data: str = "unknown"
@@ -60,29 +61,29 @@ class DetectorTrainingConfig:
 
 
 class DetectorTraining(LightningModule):
-    """One detector, its loss at several scales, its descent, and the figures by which it is followed."""
+    """A detector, its loss at several scales, its optimizer and its metrics."""
 
     def __init__(self, config: DetectorTrainingConfig, network: YoloDetector) -> None:
-        """Take a network as it is."""
+        """Take a network with its initial weights."""
         super().__init__()
         self.save_hyperparameters(_hyper_parameters(config))
         self.config = config
-        # Measured on a CPU with bfloat16, half the time of rows of channels.
+        # On a CPU with bfloat16 this takes half the time of the default layout.
         self.network = network.to(memory_format=torch.channels_last)
-        self.sizes = scaled_sizes(config.network_config.size, *config.scales)
+        self.sizes = scaled_sizes(config.network.size, *config.scales)
         self.validation_metrics: DetectionMetrics | None = None
-        """What came of the last validation."""
+        """Metrics of the last validation."""
         self._truth: TrueBoxes | None = None
-        self.boxes = ValidationBoxes(config.network_config.class_names)
+        self.boxes = ValidationBoxes(config.network.class_names)
 
     @property
     def data(self) -> ImageDataModule:
-        """What it learns from."""
+        """Data module of the training."""
         found: ImageDataModule = self.trainer.datamodule  # type: ignore[attr-defined]
         return found
 
     def on_fit_start(self) -> None:
-        """Fit the anchors to the labels that are to be learned, where a training begins."""
+        """Fit the anchors to the training labels, in a new training."""
         if self.trainer.ckpt_path is None and self.config.anchors == "auto":
             rng = np.random.default_rng(self.config.seed)
             fitted = fit_anchors(self.data.training.label_sizes_px(), ANCHORS, rng).anchors_px
@@ -94,13 +95,13 @@ class DetectorTraining(LightningModule):
         return raw
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
-        """Return the loss of a batch, at one of the sizes."""
-        network_config, step = self.config.network_config, self.trainer.global_step
+        """Return the loss of a batch at one of the sizes."""
+        network, step = self.config.network, self.trainer.global_step
         size = size_of_batch(self.sizes, step, self.config.seed)
-        before = InputSize(*batch["pictures"].shape[-2:])
-        images, labels = batch["pictures"].float(), _labels(batch)
+        before = InputSize(*batch["images"].shape[-2:])
+        images, labels = batch["images"].float(), _labels(batch)
         if size != before:
-            how: Interpolation = "bilinear" if network_config.modality == "rgb" else "nearest"
+            how: Interpolation = "bilinear" if network.modality == "rgb" else "nearest"
             images = resize_images(images, size, how)
             labels = resize_labels(labels, before, size)
         seen = step * len(images) * self.trainer.world_size
@@ -109,39 +110,34 @@ class DetectorTraining(LightningModule):
         return loss.total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, list[Detections]]:
-        """Judge a batch; return what is `seen` in each picture, in pixels of the input."""
-        raw = self(batch["pictures"].float())
+        """Evaluate a batch; return the `detections` of each image, in pixels of the input."""
+        raw = self(batch["images"].float())
         loss = self._loss(raw, _labels(batch), self.config.loss.prior_images)
         self._log_loss("validation", loss, len(raw))
-        seen = self._detections(raw, InputSize(*batch["pictures"].shape[-2:]))
-        self.boxes.update(seen, batch["numbers"], self.global_rank)
-        return {"seen": seen}
+        detections = self._detections(raw, InputSize(*batch["images"].shape[-2:]))
+        self.boxes.update(detections, batch["numbers"], self.global_rank)
+        return {"detections": detections}
 
     def on_validation_epoch_end(self) -> None:
-        """Log KITTI's measure over the validation set."""
-        network_config, samples = self.config.network_config, self.data.validation
+        """Log KITTI's average precision over the validation set."""
+        network, samples = self.config.network, self.data.validation
         if self._truth is None:
             self._truth = samples.truth()
         sizes_px = np.array([samples.image_size_px(row) for row in range(len(samples))])
-        found = self.boxes.gathered(network_config.size, sizes_px)
+        found = self.boxes.gathered(network.size, sizes_px)
         self.boxes.reset()
-        self.validation_metrics = measure(
-            self._truth, found, len(samples), network_config.class_names
-        )
+        self.validation_metrics = measure(self._truth, found, len(samples), network.class_names)
         metrics = mean_precision(self.validation_metrics)
         self.log_dict({f"validation/{name}": ap for name, ap in metrics.items()}, sync_dist=True)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Note what the weights came to in the last validation."""
+        """Store the metrics of the last validation."""
         if self.validation_metrics is not None:
             checkpoint["precision"] = precision_table(self.validation_metrics)
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
-        """Return the descent and its rate, which changes with every step."""
-        optimizer = self.config.optimizer_config.make_optimizer(self.network)
-        steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(optimizer, self.config.optimizer_config.learning_rate_factor(steps))
-        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+        """Return optimizer and schedule."""
+        return configure_optimizers(self, self.network, self.config.optimizer)
 
     def configure_gradient_clipping(
         self,
@@ -149,8 +145,8 @@ class DetectorTraining(LightningModule):
         gradient_clip_val: float | None = None,
         gradient_clip_algorithm: str | None = None,
     ) -> None:
-        """Shorten what a few odd labels would make of a step."""
-        longest = self.config.optimizer_config.gradient_clip_norm
+        """Clip long gradients, which a few odd labels cause."""
+        longest = self.config.optimizer.gradient_clip_norm
         if longest:
             self.clip_gradients(optimizer, longest, "norm")
 
@@ -171,7 +167,7 @@ class DetectorTraining(LightningModule):
 
     def _detections(self, raw: Tensor, size: InputSize) -> list[Detections]:
         boxes_px, scores = (part.cpu().numpy() for part in self.network.decode(raw))
-        names = self.config.network_config.class_names
+        names = self.config.network.class_names
         return [
             postprocess_detections(*one, names, size) for one in zip(boxes_px, scores, strict=True)
         ]
@@ -182,10 +178,10 @@ def _labels(batch: Batch) -> BatchLabels:
 
 
 def _hyper_parameters(config: DetectorTrainingConfig) -> dict[str, Any]:
-    """Return what a checkpoint says of itself, in plain values."""
-    parts = {name: asdict(getattr(config, name)) for name in ("descent", "loss")}
+    """Return what a checkpoint states of itself, in plain values."""
+    parts = {name: asdict(getattr(config, name)) for name in ("optimizer", "loss")}
     others = {
         name: getattr(config, name)
         for name in ("anchors", "scales", "seed", "training_data", "revision")
     }
-    return {"model": MODEL} | config.network_config.metadata | parts | others
+    return {"model": MODEL} | config.network.metadata | parts | others

@@ -1,7 +1,6 @@
-"""The fusion's network by AdamW, batch after batch."""
+"""AdamW of the fusion's network, in batches."""
 
 from collections.abc import Iterator
-from functools import partial
 from math import ceil
 from typing import Any
 
@@ -9,24 +8,22 @@ import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule, LightningModule
 from torch import Tensor
-from torch.optim import AdamW
-from torch.optim.lr_scheduler import LambdaLR
 from torch.utils.data import DataLoader, Sampler, TensorDataset
 
 from perception.types import Int
-from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.config import FusionTrainingConfig
 from train.fusion.mlp import RescoringMlp
-from train.fusion.targets import FusionRows
-from train.schedules import warmup_cosine
+from train.fusion.targets import FusionRows, FusionSets
+from train.optimization import configure_optimizers
 
 MONITOR = "validation/explained"
 
 
 class FusionTraining(LightningModule):
-    """One network and its descent by AdamW."""
+    """The fusion's network and its training by AdamW."""
 
     def __init__(self, config: FusionTrainingConfig, network: RescoringMlp) -> None:
-        """Take a network as it is."""
+        """Take a network with its initial weights."""
         super().__init__()
         self.save_hyperparameters(config.hyper_parameters)
         self.config, self.network = config, network
@@ -40,7 +37,7 @@ class FusionTraining(LightningModule):
         return error
 
     def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
-        """Log the error of the whole set, and which share of the targets' variance is explained."""
+        """Log the error of the whole set, and the fraction of the targets' variance that is explained."""
         features, targets, weights = batch
         total = weights.sum()
         error = (weights * (self.network(features) - targets) ** 2).sum() / total
@@ -50,27 +47,18 @@ class FusionTraining(LightningModule):
         self.log_dict(found, batch_size=len(features))
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
-        """Return the descent and its rate, which changes with every step."""
-        weights = [w for w in self.parameters() if w.ndim > 1]
-        biases = [w for w in self.parameters() if w.ndim <= 1]
-        groups = [
-            {"params": weights, "weight_decay": self.config.weight_decay},
-            {"params": biases, "weight_decay": 0.0},
-        ]
-        optimizer = AdamW(groups, lr=self.config.learning_rate)
-        steps = int(self.trainer.estimated_stepping_batches)
-        rate = LambdaLR(optimizer, partial(warmup_cosine, steps=steps))
-        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+        """Return optimizer and schedule."""
+        return configure_optimizers(self, self.network, self.config.adamw)
 
 
 class ShuffledRows(Sampler[Int]):
-    """All rows, a batch at once, in an order of the seed and the epoch: so going on changes nothing."""
+    """Batches of all rows, in an order that depends on seed and epoch alone."""
 
     def __init__(self, count: int, batch: int, seed: int) -> None:
         self._count, self._batch, self._seed, self._epoch = count, batch, seed, 0
 
     def __len__(self) -> int:
-        """Return how many batches there are."""
+        """Return the number of batches."""
         return ceil(self._count / self._batch)
 
     def __iter__(self) -> Iterator[Int]:
@@ -80,24 +68,24 @@ class ShuffledRows(Sampler[Int]):
             yield order[start : start + self._batch]
 
     def set_epoch(self, epoch: int) -> None:
-        """Say which epoch is next, as Lightning does."""
+        """Set the next epoch; called by Lightning."""
         self._epoch = epoch
 
 
 class FusionBatches(LightningDataModule):
-    """Combinations in batches; what was kept back is one."""
+    """Combinations in batches; all validation rows are one batch."""
 
     def __init__(self, sets: FusionSets, config: FusionTrainingConfig) -> None:
         super().__init__()
         self._sets, self._plan = sets, config
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """Return what is learned from, in a new order each time."""
-        order = ShuffledRows(len(self._sets.training), self._plan.batch, self._plan.seed)
+        """Return training batches, in a new order at every epoch."""
+        order = ShuffledRows(len(self._sets.training), self._plan.batch_size, self._plan.seed)
         return DataLoader(_tensors(self._sets.training), batch_size=None, sampler=order)
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """Return what was kept back."""
+        """Return the validation batch."""
         rows = _tensors(self._sets.validation)
         return DataLoader(rows, batch_size=None, sampler=[np.arange(len(rows))])
 

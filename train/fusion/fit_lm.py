@@ -1,4 +1,4 @@
-"""The fusion's network by Levenberg-Marquardt, until what was kept back says that it is enough."""
+"""Levenberg-Marquardt of the fusion's network, stopped early by the validation error."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,14 +8,23 @@ import torch
 
 from perception.geometry.threads import limit_blas_threads
 from perception.types import Float64
-from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.config import FusionTrainingConfig
 from train.fusion.levenberg_marquardt import LevenbergMarquardtStep, levenberg_marquardt_steps
+from train.fusion.mlp import initial_network
 from train.fusion.mlp_least_squares import MlpLeastSquares
+from train.fusion.targets import FusionSets
 
 
 @dataclass(frozen=True)
 class BestFit:
-    """Where the error on what was kept back was lowest."""
+    """Parameters of the lowest validation error.
+
+    Attributes:
+        step: Number of the step.
+        parameters: (P,) parameters.
+        training: Mean square error of the training rows.
+        validation: Mean square error of the validation rows.
+    """
 
     step: int
     parameters: Float64
@@ -25,22 +34,27 @@ class BestFit:
 
 @dataclass(frozen=True)
 class LevenbergMarquardtState:
-    """How far a descent is: all that it takes to go on."""
+    """State of a fit from which it can be resumed.
+
+    Attributes:
+        last: Last step.
+        best: Parameters of the lowest validation error.
+    """
 
     last: LevenbergMarquardtStep
     best: BestFit
 
     @property
-    def state(self) -> dict[str, dict[str, Any]]:
-        """What a checkpoint keeps of it."""
+    def as_dict(self) -> dict[str, dict[str, Any]]:
+        """State as a checkpoint stores it."""
         return {
-            name: {**vars(place), "parameters": torch.from_numpy(place.parameters)}
-            for name, place in vars(self).items()
+            name: {**vars(part), "parameters": torch.from_numpy(part.parameters)}
+            for name, part in vars(self).items()
         }
 
     @classmethod
     def from_dict(cls, state: dict[str, dict[str, Any]]) -> Self:
-        """Read what a checkpoint keeps."""
+        """Return the state that a checkpoint stores."""
         last, best = (
             {**state[name], "parameters": state[name]["parameters"].numpy()}
             for name in ("last", "best")
@@ -51,35 +65,35 @@ class LevenbergMarquardtState:
 def fit_levenberg_marquardt(
     sets: FusionSets,
     config: FusionTrainingConfig,
-    watch: Callable[[LevenbergMarquardtState, float], None] | None = None,
+    callback: Callable[[LevenbergMarquardtState, float], None] | None = None,
     resumed_state: LevenbergMarquardtState | None = None,
 ) -> BestFit:
-    """Go down by Levenberg-Marquardt until what was kept back says that it is enough.
+    """Fit a network by Levenberg-Marquardt until the validation error stops falling.
 
     Args:
-        sets: combinations.
-        config: the network, and when to stop.
-        watch: is told of each step and of its error on what was kept back.
-        resumed_state: a descent to go on with, from its last step.
+        sets: Combinations for training and validation.
+        config: Network, damping and stopping criteria.
+        callback: Function called with the state and the validation error after each step.
+        resumed_state: State of a fit to continue.
     """
-    network = config.initial_network(sets.training)
+    network = initial_network(config, sets.training.features)
     problem, validation_problem = (
         MlpLeastSquares(network, sets.training),
         MlpLeastSquares(network, sets.validation),
     )
     best = None if resumed_state is None else resumed_state.best
-    start, damping, first = problem.start, config.damping, 0
+    start, lm, first = problem.start, config.lm, 0
     if resumed_state is not None:
         start, first = resumed_state.last.parameters, resumed_state.last.number
-        damping = replace(damping, first=resumed_state.last.damping)
+        lm = replace(lm, initial_damping=resumed_state.last.damping)
     with limit_blas_threads():
-        for step in levenberg_marquardt_steps(problem, start, damping, first):
+        for step in levenberg_marquardt_steps(problem, start, lm, first):
             error = validation_problem.mean_square(step.parameters)
             if best is None or error < best.validation:
                 best = BestFit(step.number, step.parameters, step.mean_square, error)
-            if watch is not None:
-                watch(LevenbergMarquardtState(step, best), error)
-            if step.number - best.step >= config.checks:
+            if callback is not None:
+                callback(LevenbergMarquardtState(step, best), error)
+            if step.number - best.step >= config.lm.patience:
                 break
-    assert best is not None  # the start is one
+    assert best is not None  # the start was evaluated
     return best

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt: between Gauss-Newton and the steepest descent, by a damping that follows success.
+"""Levenberg-Marquardt: between Gauss-Newton and steepest descent, by an adaptive damping.
 
 D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", 1963; M. T. Hagan,
 M. B. Menhaj, "Training feedforward networks with the Marquardt algorithm", 1994. The damping's numbers are
@@ -15,16 +15,19 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from perception.types import Float64
+from train.fusion.config import LevenbergMarquardtConfig
+
+_CONFIG = LevenbergMarquardtConfig()
 
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """What is known of a sum of squares at one place in the space of P parameters.
+    """Mean square of residuals and its derivatives at P parameters.
 
     Attributes:
-        mean_square: of the residuals.
-        gradient: (P,) Jᵀr / n.
-        normal_matrix: (P, P) JᵀJ / n.
+        mean_square: Mean square of the residuals.
+        gradient: (P,) gradient Jᵀr / n.
+        normal_matrix: (P, P) Gauss-Newton matrix JᵀJ / n.
     """
 
     mean_square: float
@@ -33,7 +36,7 @@ class NormalEquations:
 
 
 class LeastSquaresProblem(Protocol):
-    """Residuals that shall be small."""
+    """Residuals to minimize."""
 
     def mean_square(self, parameters: Float64) -> float:
         """Return the mean of the squared residuals."""
@@ -45,36 +48,15 @@ class LeastSquaresProblem(Protocol):
 
 
 @dataclass(frozen=True)
-class LevenbergMarquardtConfig:
-    """How the damping follows success, and when there is nothing left to gain.
-
-    Attributes:
-        first: damping of the first step.
-        fall: factor after a step that helped.
-        rise: factor after one that did not.
-        most: no step helps beyond this.
-        min_gradient: below which the place is as low as it gets.
-        max_steps: that are taken.
-    """
-
-    first: float = 1e-3
-    fall: float = 0.1
-    rise: float = 10.0
-    most: float = 1e10
-    min_gradient: float = 1e-7
-    max_steps: int = 1000
-
-
-@dataclass(frozen=True)
 class LevenbergMarquardtStep:
-    """A place that is lower than all before it.
+    """Parameters with a lower error than all before them.
 
     Attributes:
-        number: of the step, 0 of the start.
-        parameters: (P,)
-        mean_square: of the residuals.
-        gradient: length of Jᵀr / n.
-        damping: of the next step.
+        number: Number of the step, 0 of the start.
+        parameters: (P,) parameters.
+        mean_square: Mean square of the residuals.
+        gradient: Norm of the gradient Jᵀr / n.
+        damping: Damping of the next step.
     """
 
     number: int
@@ -87,32 +69,32 @@ class LevenbergMarquardtStep:
 def levenberg_marquardt_steps(
     problem: LeastSquaresProblem,
     start: Float64,
-    damping: LevenbergMarquardtConfig = LevenbergMarquardtConfig(),
+    config: LevenbergMarquardtConfig = _CONFIG,
     first: int = 0,
 ) -> Iterator[LevenbergMarquardtStep]:
-    """Yield the start and then ever lower places, until none is found; who looks on may stop earlier.
+    """Yield the start and then parameters of ever lower error; the caller may stop earlier.
 
-    From a step's parameters, damping and number it goes on as if it had not stopped.
+    From a step's parameters, damping and number it continues as if it had not stopped.
 
     Args:
-        problem: what shall be small.
-        start: (P,) parameters.
-        damping: from that of the first step on.
-        first: number of the start.
+        problem: Residuals to minimize.
+        start: (P,) initial parameters.
+        config: Damping and stopping criteria.
+        first: Number of the start.
     """
-    mu, parameters = damping.first, np.asarray(start, np.float64)
-    for number in range(first, damping.max_steps + 1):
+    mu, parameters = config.initial_damping, np.asarray(start, np.float64)
+    for number in range(first, config.max_steps + 1):
         here = problem.normal_equations(parameters)
         length = float(np.linalg.norm(here.gradient))
         yield LevenbergMarquardtStep(number, parameters, here.mean_square, length, mu)
-        if number == damping.max_steps or length < damping.min_gradient:
+        if number == config.max_steps or length < config.min_gradient:
             return
-        while mu <= damping.most:
+        while mu <= config.max_damping:
             tried = _tried(parameters, here, mu)
             if tried is not None and problem.mean_square(tried) < here.mean_square:
-                mu *= damping.fall
+                mu *= config.decrease
                 break
-            mu *= damping.rise
+            mu *= config.increase
         else:
             return
         assert tried is not None  # it was lower
@@ -120,7 +102,7 @@ def levenberg_marquardt_steps(
 
 
 def _tried(parameters: Float64, here: NormalEquations, mu: float) -> Float64 | None:
-    """Return where the damped step leads, or None where its equations are not solvable."""
+    """Return the parameters after a damped step, or None where its equations cannot be solved."""
     damped = here.normal_matrix + mu * np.eye(len(parameters))
     try:
         step = cho_solve(cho_factor(damped, check_finite=False), here.gradient, check_finite=False)

@@ -24,9 +24,9 @@ class MlpLeastSquares:
 
     def __init__(self, network: RescoringMlp, rows: FusionRows) -> None:
         """Take the network as a start, and the T rows that it shall fit."""
-        self._network_config, self._state = network.network_config, network.state_dict()
+        self._config, self._state = network.config, network.state_dict()
         self._shapes = {name: weight.shape for name, weight in network.named_parameters()}
-        self._bends_output = network.network_config.variant == "default"
+        self._bends_output = network.config.variant == "default"
         self.start: Float64 = parameters_to_vector(network.parameters()).detach().double().numpy()
         """(P,) the parameters of the network."""
         features = torch.from_numpy(rows.features)
@@ -80,7 +80,7 @@ class MlpLeastSquares:
 
     def network_of(self, parameters: Float64) -> RescoringMlp:
         """Return a network with these parameters."""
-        made = RescoringMlp(self._network_config)
+        made = RescoringMlp(self._config)
         made.load_state_dict(self._state | self._named(parameters))
         return made
 

@@ -1,10 +1,11 @@
-"""How many neurons the fusion's network needs: the error on what was kept back over its sizes (Fig. 7.13)."""
+"""Sweep of the sizes of the fusion's network: training and validation error over neurons (Fig. 7.13)."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from train.fusion.config import FusionSets, FusionTrainingConfig
+from train.fusion.config import FusionTrainingConfig
 from train.fusion.fit_lm import fit_levenberg_marquardt
+from train.fusion.targets import FusionSets
 
 Hidden = tuple[int, ...]
 Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
@@ -12,12 +13,12 @@ Progress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
 
 @dataclass(frozen=True)
 class SweptSize:
-    """One network.
+    """Errors of one network.
 
     Attributes:
-        hidden: sizes of its layers.
-        training: mean square error where that of the rest is lowest.
-        validation: the lowest on what was kept back.
+        hidden: Neurons of each hidden layer.
+        training: Mean square training error at the lowest validation error.
+        validation: Lowest mean square validation error.
     """
 
     hidden: Hidden
@@ -40,7 +41,7 @@ def sweep(
     """Fit a network of each size by Levenberg-Marquardt, all from the same seed."""
     swept = []
     for hidden in progress(sizes):
-        sized = replace(config, network_config=replace(config.network_config, hidden=hidden))
+        sized = replace(config, network=replace(config.network, hidden=hidden))
         best = fit_levenberg_marquardt(sets, sized)
         swept.append(SweptSize(hidden, best.training, best.validation))
     return swept

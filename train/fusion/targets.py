@@ -49,6 +49,19 @@ class FusionRows(Rows):
     weights: Float32
 
 
+@dataclass(frozen=True)
+class FusionSets:
+    """Combinations for training and for validation.
+
+    Attributes:
+        training: Rows to fit.
+        validation: Rows that decide when to stop.
+    """
+
+    training: FusionRows
+    validation: FusionRows
+
+
 def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     """Return what is true of all boxes of a scene, in the order of `DetectedScene.merged`."""
     found = scene.merged.detections

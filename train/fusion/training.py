@@ -1,7 +1,6 @@
-"""How the fusion's network is fitted: by Levenberg-Marquardt as in 7.2.2, or by AdamW.
+"""Training of the fusion's network: by Levenberg-Marquardt as in 7.2.2, or by AdamW.
 
-Both leave the same: OUT/best.ckpt of the lowest error on what was kept back, OUT/last.ckpt to go on from, and
-what TensorBoard shows.
+Both write OUT/best.ckpt of the lowest validation error, OUT/last.ckpt to resume from, and TensorBoard events.
 """
 
 import io
@@ -18,24 +17,26 @@ from perception.errors import ModelError
 from perception.types import Float64
 from train.checkpoint_writer import require_same_network
 from train.checkpoints import read_checkpoint
-from train.fusion.config import FusionSets, FusionTrainingConfig
-from train.fusion.fit_adamw import FusionBatches, FusionTraining
+from train.config import TrainingRun
+from train.fusion.config import MODEL, FusionTrainingConfig
+from train.fusion.fit_adamw import MONITOR, FusionBatches, FusionTraining
 from train.fusion.fit_lm import LevenbergMarquardtState, fit_levenberg_marquardt
-from train.fusion.mlp import MODEL
+from train.fusion.mlp import initial_network
 from train.fusion.mlp_least_squares import MlpLeastSquares
+from train.fusion.targets import FusionSets
 from train.progress import step_bar
-from train.trainer import BEST, LAST, TrainerConfig, fit, make_trainer
+from train.trainer import BEST, LAST, fit, make_trainer
 
 
 @dataclass(frozen=True)
 class FittedFusion:
-    """What a fit leaves.
+    """Result of a fit.
 
     Attributes:
-        checkpoint: of the lowest error on what was kept back.
-        epoch: when that was, from 0.
-        training: mean square error there.
-        validation: the same on what was kept back.
+        checkpoint: Checkpoint of the lowest validation error.
+        epoch: Its epoch or step, from 0.
+        training: Mean square error of the training rows there.
+        validation: Mean square error of the validation rows there.
     """
 
     checkpoint: Path
@@ -48,28 +49,28 @@ def fit_fusion(
     sets: FusionSets,
     config: FusionTrainingConfig,
     out: Path,
-    trainer: TrainerConfig,
+    run: TrainingRun,
     resume: Path | None = None,
 ) -> FittedFusion:
-    """Fit a network in a folder; how long and on what is asked of adamw only.
+    """Fit a network in a folder; epochs and devices matter to AdamW only.
 
     Args:
-        sets: combinations.
-        config: the network, and how it is fitted.
-        out: the folder.
-        trainer: how long and on what.
-        resume: a checkpoint of the same fit to go on from.
+        sets: Combinations for training and validation.
+        config: Network, and how it is fitted.
+        out: Folder of the checkpoints.
+        run: Epochs and devices.
+        resume: Checkpoint of the same fit to resume from.
 
     Raises:
-        ModelError: the checkpoint is damaged, or of another network or way to fit.
+        ModelError: the checkpoint is damaged, or of another network or method.
     """
     torch.manual_seed(config.seed)
-    module = FusionTraining(config, config.initial_network(sets.training))
+    module = FusionTraining(config, initial_network(config, sets.training.features))
     if resume is not None:
         _require_same_fit(resume, module)
-    if config.optimiser == "lm":
+    if config.method == "lm":
         return _fit_by_levenberg_marquardt(sets, config, out, resume)
-    fit(make_trainer(out, trainer, []), module, FusionBatches(sets, config), resume)
+    fit(make_trainer(out, run, MONITOR), module, FusionBatches(sets, config), resume)
     content = read_checkpoint(out / BEST, MODEL)
     module.load_state_dict(content["state_dict"])
     errors = [MlpLeastSquares(module.network, rows) for rows in (sets.training, sets.validation)]
@@ -78,14 +79,14 @@ def fit_fusion(
 
 
 def write_calibrations(checkpoint: Path, calibrations: FusionCalibration) -> None:
-    """Write into a checkpoint how scores become probabilities, for those who export it."""
+    """Write calibration curves into a checkpoint, for its export."""
     _write(checkpoint, read_checkpoint(checkpoint, MODEL) | {"calibration": str(calibrations)})
 
 
 def _fit_by_levenberg_marquardt(
     sets: FusionSets, config: FusionTrainingConfig, out: Path, resume: Path | None
 ) -> FittedFusion:
-    problem = MlpLeastSquares(config.initial_network(sets.training), sets.training)
+    problem = MlpLeastSquares(initial_network(config, sets.training.features), sets.training)
 
     def content(parameters: Float64, step: int) -> dict[str, Any]:
         weights = problem.network_of(parameters).state_dict()
@@ -104,31 +105,33 @@ def _fit_by_levenberg_marquardt(
             writer.add_scalar(name, value, last.number)
         if best.step == last.number:
             _write(out / BEST, content(best.parameters, best.step))
-        _write(out / LAST, content(last.parameters, last.number) | {"descent": fit_state.state})
+        _write(out / LAST, content(last.parameters, last.number) | {"fit_state": fit_state.as_dict})
         bar.update(last.number - bar.n)
         bar.set_postfix(train=f"{last.mean_square:.5f}", validation=f"{validation:.5f}")
 
     resumed_state = None
     if resume is not None:
-        resumed_state = LevenbergMarquardtState.from_dict(read_checkpoint(resume, MODEL)["descent"])
+        resumed_state = LevenbergMarquardtState.from_dict(
+            read_checkpoint(resume, MODEL)["fit_state"]
+        )
         _write(out / BEST, content(resumed_state.best.parameters, resumed_state.best.step))
     first = 0 if resumed_state is None else resumed_state.last.number
-    with SummaryWriter(str(out)) as writer, step_bar(config.damping.max_steps, first) as bar:
+    with SummaryWriter(str(out)) as writer, step_bar(config.lm.max_steps, first) as bar:
         best = fit_levenberg_marquardt(sets, config, keep, resumed_state)
     return FittedFusion(out / BEST, best.step, best.training, best.validation)
 
 
 def _require_same_fit(checkpoint: Path, module: FusionTraining) -> None:
-    """Refuse to go on from a checkpoint of another network, or from one that holds no state of this fit."""
+    """Validate that a checkpoint is of this network and holds the state of this method."""
     require_same_network(checkpoint, module)
     content = read_checkpoint(checkpoint, MODEL)
-    states = {"lm": "descent", "adamw": "optimizer_states"}
-    if states[module.config.optimiser] not in content:
+    states = {"lm": "fit_state", "adamw": "optimizer_states"}
+    if states[module.config.method] not in content:
         raise ModelError(
             checkpoint,
-            expected=f"a checkpoint to go on from by {module.config.optimiser}",
+            expected=f"a checkpoint to resume from by {module.config.method}",
             found=f"one by {content['hyper_parameters']['optimiser']} without its state",
-            advice="go on from last.ckpt with the options that it was made with",
+            advice="resume from last.ckpt with the flags of its training",
         )
 
 

@@ -1,4 +1,4 @@
-"""YOLOv2's head behind any classifier of torchvision, for those who have its pretrained weights.
+"""YOLOv2's head behind any classifier of torchvision, for pretrained weights.
 
 classifier   last maps at a stride of 8, 16 and 32
               |           |           |
@@ -11,7 +11,6 @@ import pickle
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Literal
 from urllib.error import URLError
 from zipfile import BadZipFile
 
@@ -104,20 +103,18 @@ def trunk_names() -> tuple[str, ...]:
     return tuple(models.list_models(module=models))
 
 
-def init_from_classifier(
-    detector: TorchvisionDetector, name: str, weights: Path | Literal["download"]
-) -> None:
+def init_from_classifier(detector: TorchvisionDetector, name: str, weights: str) -> None:
     """Fill the trunk from a classifier that was trained before.
 
     Args:
         detector: with that classifier as its trunk.
         name: torchvision's, of the classifier.
-        weights: a file of its state_dict as torchvision gives it away, or leave to fetch it.
+        weights: File of its state_dict as torchvision publishes it, or the word download.
 
     Raises:
         ModelError: it cannot be fetched or read, or is of another classifier.
     """
-    state = _fetch(name) if weights == "download" else _read(weights)
+    state = _fetch(name) if weights == "download" else _read(Path(weights))
     # The maps need no classes: what was behind them is left out.
     maps = detector.trunk.get_submodule("maps")
     required = maps.state_dict()

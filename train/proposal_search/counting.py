@@ -21,7 +21,7 @@ class SearchTask:
     Attributes:
         chunk: number of the chunk.
         frames: of the chunk.
-        rules: settings with the same cell and least variance.
+        parameters: settings with the same cell and least variance.
         method: default or thesis.
         of_class: type of the objects.
         overlaps: IoUs from which on a proposal reaches an object.
@@ -30,7 +30,7 @@ class SearchTask:
 
     chunk: int
     frames: FrameSet
-    rules: tuple[ProposalConfig, ...]
+    parameters: tuple[ProposalConfig, ...]
     method: Method
     of_class: str
     overlaps: tuple[float, ...]
@@ -42,7 +42,7 @@ class ProposalCount:
     """What one setting reaches in one chunk, or in several together.
 
     Attributes:
-        rules: the setting.
+        parameters: the setting.
         frames: that were read.
         unread: frames that could not be.
         objects: of the class, in those that were read.
@@ -50,7 +50,7 @@ class ProposalCount:
         proposals: of all frames together.
     """
 
-    rules: ProposalConfig
+    parameters: ProposalConfig
     frames: int
     unread: int
     objects: int
@@ -60,7 +60,7 @@ class ProposalCount:
     def __add__(self, other: "ProposalCount") -> "ProposalCount":
         """Put two chunks together."""
         return ProposalCount(
-            self.rules,
+            self.parameters,
             self.frames + other.frames,
             self.unread + other.unread,
             self.objects + other.objects,
@@ -76,7 +76,7 @@ def run_search_task(part: SearchTask) -> list[ProposalCount]:
         PerceptionError: a frame cannot be read, or has no camera.
     """
     drive = part.frames.open()
-    sums = [_nothing(rules, part) for rules in part.rules]
+    sums = [_nothing(parameters, part) for parameters in part.parameters]
     for index in part.frames.frames:
         frame = read_or_skip(drive, index, part.on_bad_frame)
         if frame is None:
@@ -103,18 +103,18 @@ def _count_frame(frame: Frame, labels: Labels, part: SearchTask) -> Iterator[Pro
     above_ground = find_above_ground(
         frame.points_velo,
         *camera_of(frame),
-        part.rules[0].cell_m,
-        part.rules[0].min_variance_m2,
+        part.parameters[0].cell_m,
+        part.parameters[0].min_variance_m2,
         part.method,
     )
-    for rules in part.rules:
+    for parameters in part.parameters:
         labels_of_points = cluster_points(
-            above_ground, rules.radius_m, rules.min_points, part.method
+            above_ground, parameters.radius_m, parameters.min_points, part.method
         )
         found = fit_boxes(above_ground, labels_of_points)
         reached = count_recalled(objects_px, found.boxes_px, part.overlaps)
-        yield ProposalCount(rules, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
+        yield ProposalCount(parameters, 1, 0, len(objects_px), tuple(reached.tolist()), len(found))
 
 
-def _nothing(rules: ProposalConfig, part: SearchTask) -> ProposalCount:
-    return ProposalCount(rules, 0, 0, 0, (0,) * len(part.overlaps), 0)
+def _nothing(parameters: ProposalConfig, part: SearchTask) -> ProposalCount:
+    return ProposalCount(parameters, 0, 0, 0, (0,) * len(part.overlaps), 0)

@@ -32,15 +32,15 @@ class SearchGrid:
                 raise UsageError(
                     f"--grid.{name}", expected="values, each once", found=str(list(values))
                 )
-        self.rules()
+        self.combinations()
 
     def __len__(self) -> int:
         """Return how many settings there are."""
-        return len(self.rules())
+        return len(self.combinations())
 
-    def rules(self) -> list[ProposalConfig]:
+    def combinations(self) -> list[ProposalConfig]:
         """Return every combination; those that share their ground removal lie together."""
-        return [rules for ground in self.grounds() for rules in ground]
+        return [parameters for ground in self.grounds() for parameters in ground]
 
     def grounds(self) -> Iterator[list[ProposalConfig]]:
         """Yield the combinations that share their ground removal: one cell, one least variance."""

@@ -28,11 +28,11 @@ class ProposalSetting:
     """One way to make proposals.
 
     Attributes:
-        rules: its four parameters.
+        parameters: its four parameters.
         method: default or thesis.
     """
 
-    rules: ProposalConfig = field(default_factory=ProposalConfig)
+    parameters: ProposalConfig = field(default_factory=ProposalConfig)
     method: Method = "default"
 
 
@@ -116,6 +116,6 @@ def collect_proposals(task: RecallTask) -> list[FrameProposals]:
 
 def _propose(frame: Frame, setting: ProposalSetting, order: ProposalOrder) -> Detections:
     calibration, size_px = camera_of(frame)
-    found = propose(frame.points_velo, calibration, size_px, setting.rules, setting.method)
+    found = propose(frame.points_velo, calibration, size_px, setting.parameters, setting.method)
     scores = order_scores(order, found, float(calibration.image_P_cam[0, 0]))
     return Detections(found.boxes_px, scores, np.full(len(found), "proposal"))

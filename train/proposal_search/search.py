@@ -28,7 +28,7 @@ class SearchConfig:
 
     Attributes:
         survey: the drives and the class.
-        grid: the values of the rules.
+        grid: the values of the parameters.
         method: of the proposals, default or thesis.
         overlaps: IoUs that are counted; the first is what is maximised.
         chunk_frames: frames that one process takes at a time.
@@ -56,14 +56,14 @@ class SearchConfig:
             SearchTask(
                 chunk=chunk,
                 frames=frames,
-                rules=tuple(rules),
+                parameters=tuple(parameters),
                 method=self.method,
                 of_class=self.survey.of_class,
                 overlaps=self.overlaps,
                 on_bad_frame=self.on_bad_frame,
             )
             for chunk, frames in enumerate(self.survey.chunks(self.chunk_frames))
-            for rules in self.grid.grounds()
+            for parameters in self.grid.grounds()
         ]
 
     def identity(self) -> dict[str, Any]:
@@ -115,8 +115,8 @@ def search(
         counts.add(part.chunk, of_part)
     chunks = range(len(config.survey.chunks(config.chunk_frames)))
     sums = [
-        reduce(add, (counts.counts[chunk, rules] for chunk in chunks))
-        for rules in config.grid.rules()
+        reduce(add, (counts.counts[chunk, parameters] for chunk in chunks))
+        for parameters in config.grid.combinations()
     ]
     if not sums[0].objects:
         raise LabelError(

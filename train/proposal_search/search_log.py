@@ -3,7 +3,7 @@
 The first row says what is searched over; each other row is what one setting reaches in one chunk:
 
     {"search": {"drives": [...], "of_class": "Car", "overlaps": [0.7, 0.5], ...}}
-    {"chunk": 0, "rules": {"cell_m": 0.5, ...}, "frames": 20, "unread": 0, "objects": 61, "reached": [30, 47], "proposals": 512}
+    {"chunk": 0, "parameters": {"cell_m": 0.5, ...}, "frames": 20, "unread": 0, "objects": 61, "reached": [30, 47], "proposals": 512}
 
 A row counts once it ends in a line break. What a row says depends on its own setting alone, so that a
 search over more values goes on from one over fewer.
@@ -48,7 +48,7 @@ class SearchLog:
 
     def holds(self, part: SearchTask) -> bool:
         """Tell whether every setting of a part is counted."""
-        return all((part.chunk, rules) in self.counts for rules in part.rules)
+        return all((part.chunk, parameters) in self.counts for parameters in part.parameters)
 
     def add(self, chunk: int, counts: Iterable[ProposalCount]) -> None:
         """Write what a part came to, at once."""
@@ -56,7 +56,7 @@ class SearchLog:
         rows = b"".join(_row({"chunk": chunk, **asdict(count)}) for count in counts)
         with self.path.open("ab") as file:
             file.write(rows)
-        self.counts.update({(chunk, count.rules): count for count in counts})
+        self.counts.update({(chunk, count.parameters): count for count in counts})
 
     def _require_same(self, line: bytes, search: dict[str, Any]) -> None:
         found = _parse(line).get("search")
@@ -78,7 +78,7 @@ class SearchLog:
         try:
             chunk = int(row["chunk"])
             count = ProposalCount(
-                rules=ProposalConfig(**row["rules"]),
+                parameters=ProposalConfig(**row["parameters"]),
                 reached=tuple(map(int, row["reached"])),
                 **{name: int(row[name]) for name in ("frames", "unread", "objects", "proposals")},
             )
@@ -89,7 +89,7 @@ class SearchLog:
                 found=repr(line[:60].decode(errors="replace")),
                 advice="remove the row, and it is counted again",
             ) from error
-        self.counts[chunk, count.rules] = count
+        self.counts[chunk, count.parameters] = count
 
 
 def _whole_lines(path: Path) -> list[bytes]:

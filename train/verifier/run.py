@@ -1,4 +1,4 @@
-"""From candidates to a trained verifier, and what it comes to on what it learned from and on the rest."""
+"""Training of DepthCN's network from labelled drives to the checkpoint of its best epoch."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,16 +8,23 @@ import torch
 from lightning.pytorch import Trainer
 from torch.utils.data import DataLoader
 
-from data.crops.datamodule import CropDataModule
-from data.crops.dataset import CropDataset
-from data.crops.previews import augmentation_previews, preview_rows
-from perception.types import UInt8
-from train.networks.depthcn import VehicleVerifier, load_verifier
-from train.trainer import BEST, TrainerConfig, fit, make_trainer
+from data.results.documents import write_yaml
+from data.samples.crops.datamodule import CropDataModule
+from data.samples.crops.dataset import CropDataset
+from data.samples.crops.labelled_frames import CropConfig
+from data.samples.crops.previews import augmentation_previews, preview_rows
+from perception import __version__
+from perception.types import Progress, UInt8
+from train.checkpoints import program_revision
+from train.config import TrainingRun
+from train.networks.depthcn import VERIFIER_INPUTS, VehicleVerifier, load_verifier
+from train.trainer import BEST, checkpoint_to_resume, fit, is_first_process, make_trainer
+from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment, VerifierTrainingConfig
 from train.verifier.images import VerifierImages
 from train.verifier.metrics import VerifierMetrics
-from train.verifier.training import VerifierTraining, VerifierTrainingConfig
+from train.verifier.training import VerifierTraining
 
+MONITOR = "validation/balanced"
 _SHOWN_SAMPLES = 8
 _EVALUATION_BATCH = 256
 
@@ -26,14 +33,14 @@ MetricValues = dict[str, float]
 
 @dataclass(frozen=True)
 class TrainedVerifier:
-    """What a training leaves.
+    """Result of a training.
 
     Attributes:
-        checkpoint: of the best epoch.
-        epoch: its number, from 1.
-        counts: candidates and vehicles of both parts.
-        training: figures of the best epoch's network on what it learned from, unchanged.
-        validation: the same on what was kept back.
+        checkpoint: Checkpoint of the best epoch.
+        epoch: Number of the best epoch, from 1.
+        counts: Crops and vehicles of training and validation.
+        training: Metrics of the best network on the training set, not augmented.
+        validation: Metrics of the best network on the validation set.
     """
 
     checkpoint: Path
@@ -43,34 +50,70 @@ class TrainedVerifier:
     validation: MetricValues
 
 
+def run_experiment(
+    experiment: VerifierExperiment,
+    run: TrainingRun,
+    out: Path,
+    resume: str | None = None,
+    progress: Progress = iter,
+) -> TrainedVerifier | None:
+    """Train a verifier in a folder; return its result, in the first process only.
+
+    Args:
+        experiment: All settings of the network.
+        run: Epochs, devices and seed.
+        out: Folder of the results.
+        resume: Checkpoint to resume from, or the word last for that of the folder.
+        progress: Wrapper of the loop over frames that may show its progress.
+
+    Raises:
+        PerceptionError: settings, drives or a checkpoint cannot be used.
+    """
+    checkpoint = checkpoint_to_resume(out, resume)
+    preset, network = VERIFIER_CONFIGS[experiment.method], VERIFIER_INPUTS[experiment.method]
+    config = VerifierTrainingConfig(
+        experiment.method,
+        experiment.optimizer or preset.optimizer,
+        preset.box_weight,
+        training_data=experiment.drives.names,
+        revision=program_revision(),
+    )
+    crop = CropConfig(experiment.method, window=network.window, channels=network.channels)
+    data = CropDataModule(experiment.drives, experiment.data, crop, run.seed, progress)
+    if is_first_process():
+        document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
+        write_yaml(out / "config.yaml", {**document, "network": config, "resumed_from": checkpoint})
+    return train_verifier(data, config, run, out, checkpoint)
+
+
 def train_verifier(
     data: CropDataModule,
     config: VerifierTrainingConfig,
-    trainer_config: TrainerConfig,
+    run: TrainingRun,
     out: Path,
     resume: Path | None = None,
 ) -> TrainedVerifier | None:
-    """Train; return what came of it, or None in all processes but the first, and of a trial.
+    """Train; return the result, or None in all processes but the first and after a fast_dev_run.
 
     Args:
-        data: candidates.
-        config: which network, and how it descends.
-        trainer_config: how long and on what.
-        out: the folder.
-        resume: a checkpoint to go on from.
+        data: Crops of labelled drives.
+        config: Network, and how it is trained.
+        run: Epochs, devices and seed.
+        out: Folder of the results.
+        resume: Checkpoint to resume from.
     """
-    torch.manual_seed(trainer_config.seed)
+    torch.manual_seed(run.seed)
     module = VerifierTraining(config)
     images = VerifierImages(lambda: _augmentations(data))
-    trainer: Trainer = make_trainer(out, trainer_config, [images])
+    trainer: Trainer = make_trainer(out, run, MONITOR, [images])
     fit(trainer, module, data, resume)
-    if trainer_config.fast_dev_run or not trainer.is_global_zero:
+    if run.fast_dev_run or not trainer.is_global_zero:
         return None
     return _evaluate_best(data, out / BEST)
 
 
 def evaluate(network: VehicleVerifier, samples: CropDataset, workers: int = 0) -> MetricValues:
-    """Return the figures of a network over samples as they are."""
+    """Return the metrics of a network on samples without augmentation."""
     metrics = VerifierMetrics()
     loader = DataLoader(samples, _EVALUATION_BATCH, num_workers=workers)
     with torch.inference_mode():
@@ -85,15 +128,14 @@ def _evaluate_best(data: CropDataModule, checkpoint: Path) -> TrainedVerifier:
     parts = {"training": data.training, "validation": data.validation}
     counts = {}
     for name, samples in parts.items():
-        counts[f"{name}_candidates"] = len(samples)
+        counts[f"{name}_crops"] = len(samples)
         counts[f"{name}_vehicles"] = int(samples.crops.is_vehicle.sum())
     return TrainedVerifier(
         checkpoint,
         int(hyper_parameters["epochs"]),
         counts,
         **{
-            name: evaluate(network, samples, data.loading.workers)
-            for name, samples in parts.items()
+            name: evaluate(network, samples, data.config.workers) for name, samples in parts.items()
         },
     )
 

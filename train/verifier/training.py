@@ -1,65 +1,25 @@
-"""How the networks of DepthCN learn (6.1.4)."""
+"""Training of DepthCN's networks (6.1.4, 7.2.1)."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from functools import partial
-from typing import Any, Literal
+from dataclasses import asdict
+from typing import Any
 
 from lightning.pytorch import LightningModule
 from torch import Tensor
 from torch.nn import functional
-from torch.optim import SGD
-from torch.optim.lr_scheduler import LambdaLR
 
-from perception.types import Method
 from train.networks.depthcn import MODEL, ThesisVerifier, make_verifier
-from train.schedules import step_decay, warmup_cosine
-from train.verifier.loss import box_loss
+from train.optimization import configure_optimizers
+from train.verifier.config import VerifierTrainingConfig
 from train.verifier.metrics import VerifierMetrics
 
 Batch = dict[str, Tensor]  # crops, windows_px, is_vehicle, normalized_box
 
 
-@dataclass(frozen=True)
-class VerifierTrainingConfig:
-    """How a network is trained, by stochastic gradient descent.
-
-    Attributes:
-        method: which network.
-        learning_rate: the highest.
-        schedule: `stepped` a tenth every 8 epochs, `cosine` a short rise and a long fall.
-        weight_decay: L2, of weights only.
-        momentum: of the descent.
-        box_weight: of the boxes' loss beside that of the classes.
-        training_data: what it learns from, for the model file.
-        revision: of the program, for the model file.
-    """
-
-    method: Method = "default"
-    learning_rate: float = 0.05
-    schedule: Literal["stepped", "cosine"] = "cosine"
-    weight_decay: float = 0.0005
-    momentum: float = 0.9
-    box_weight: float = 1.0
-    training_data: str = "unknown"
-    revision: str = "unknown"
-
-
-# The thesis' own figures: 7.2.1, the rate and its steps and L2 from the author's code.
-VERIFIER_CONFIGS: dict[Method, VerifierTrainingConfig] = {
-    "default": VerifierTrainingConfig(),
-    "thesis": VerifierTrainingConfig(
-        "thesis", 0.001, "stepped", weight_decay=0.004, box_weight=0.0
-    ),
-}
-_EPOCHS_A_STAGE = 8
-
-
 class VerifierTraining(LightningModule):
-    """One network, its loss, its descent, and the figures by which it is followed."""
+    """A verifier network, its loss, its optimizer and its metrics."""
 
     def __init__(self, config: VerifierTrainingConfig) -> None:
-        """Make the network anew."""
+        """Make the network with random weights."""
         super().__init__()
         self.save_hyperparameters({"model": MODEL} | asdict(config))
         self.config = config
@@ -67,7 +27,7 @@ class VerifierTraining(LightningModule):
         self.training_metrics, self.validation_metrics = VerifierMetrics(), VerifierMetrics()
 
     def on_fit_start(self) -> None:
-        """Tell the thesis' network what to subtract: the mean of what it will be trained on."""
+        """Set the mean crop that the thesis' network subtracts, in a new training."""
         is_new = self.trainer.ckpt_path is None
         if is_new and isinstance(self.network, ThesisVerifier):
             mean = self.trainer.datamodule.mean_crop()  # type: ignore[attr-defined]
@@ -86,18 +46,18 @@ class VerifierTraining(LightningModule):
         return loss
 
     def on_train_epoch_end(self) -> None:
-        """Log the figures over the epoch, measured while it learned."""
+        """Log the metrics of the epoch, measured during training."""
         self._log_metrics("train", self.training_metrics)
 
     def validation_step(self, batch: Batch, batch_idx: int) -> dict[str, Tensor]:
-        """Judge a batch; return logits and shares for whoever draws them."""
+        """Evaluate a batch; return logits and boxes for the callback that draws them."""
         logits, shares = self.network.heads(batch["crops"])
         self._loss("validation", batch, logits, shares)
         self._count(self.validation_metrics, batch, logits, shares)
         return {"logits": logits, "shares": shares}
 
     def on_validation_epoch_end(self) -> None:
-        """Log the figures over the validation set."""
+        """Log the metrics of the validation set."""
         self._log_metrics("validation", self.validation_metrics)
 
     def _loss(self, stage: str, batch: Batch, logits: Tensor, shares: Tensor) -> Tensor:
@@ -132,20 +92,16 @@ class VerifierTraining(LightningModule):
         metrics.reset()
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - one of many forms that Lightning takes
-        """Return the descent and its rate, which changes with every step."""
-        kept = [weight for weight in self.parameters() if weight.ndim > 1]
-        free = [weight for weight in self.parameters() if weight.ndim <= 1]
-        groups = [
-            {"params": kept, "weight_decay": self.config.weight_decay},
-            {"params": free, "weight_decay": 0.0},
-        ]
-        optimizer = SGD(groups, lr=self.config.learning_rate, momentum=self.config.momentum)
-        rate = LambdaLR(optimizer, self._rate())
-        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": rate, "interval": "step"}}
+        """Return optimizer and schedule."""
+        return configure_optimizers(self, self.network, self.config.optimizer)
 
-    def _rate(self) -> Callable[[int], float]:
-        steps = int(self.trainer.estimated_stepping_batches)
-        if self.config.schedule == "stepped":
-            epochs = self.trainer.max_epochs or 1
-            return partial(step_decay, steps_per_stage=_EPOCHS_A_STAGE * max(steps // epochs, 1))
-        return partial(warmup_cosine, steps=steps)
+
+def box_loss(boxes: Tensor, targets: Tensor) -> Tensor:
+    """Return the mean over M boxes of the errors of their edges x1 y1 x2 y2, normalized to the window.
+
+    Squared below a tenth of the window: the gradient vanishes at the optimum, as that of an IoU does not.
+    """
+    if len(boxes) == 0:
+        return boxes.sum()
+    edges = functional.smooth_l1_loss(boxes, targets, beta=0.1, reduction="none")
+    return edges.sum(1).mean()

@@ -6,12 +6,10 @@ from export.fusion import export_fusion
 from export.result import ExportConfig
 from perception.detection.fusion.rescoring import Fusion
 from tests.simulated_detectors import simulated_frames
-from train.fusion.config import FusionSets, FusionTrainingConfig
-from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
-from train.fusion.mlp import MlpConfig
-from train.fusion.targets import fusion_rows
+from train.config import TrainingRun
+from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
+from train.fusion.targets import FusionSets, fusion_rows
 from train.fusion.training import fit_fusion
-from train.trainer import TrainerConfig
 
 
 @pytest.fixture(scope="session")
@@ -23,9 +21,9 @@ def fitted(tmp_path_factory):
         fusion_rows(simulated_frames(25, 2), "default"),
     )
     config = FusionTrainingConfig(
-        MlpConfig("default", (8,)), damping=LevenbergMarquardtConfig(max_steps=20)
+        MlpConfig("default", (8,)), method="lm", lm=LevenbergMarquardtConfig(max_steps=20)
     )
-    found = fit_fusion(sets, config, out, TrainerConfig())
+    found = fit_fusion(sets, config, out, TrainingRun())
     file = out / "fusion.onnx"
     file.write_bytes(export_fusion(ExportConfig(found.checkpoint)).models["fp32"])
     return Fusion(file)

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import pytest
 
-from data.detections.fused_frames import curves_beside, fuse_frames, precision_curves
+from data.detections.fused_frames import curves_by_detector, fuse_frames, precision_curves
 from perception.evaluation.detection.box_rows import DetectedBoxes
 from perception.types import MODALITIES
 from tests.simulated_detectors import simulated_frames
@@ -20,7 +20,7 @@ def moderate(frames, detections: DetectedBoxes) -> float:
 
 
 def test_the_fusion_beats_the_best_modality_at_every_difficulty(frames, fitted):
-    curves = curves_beside(frames, fuse_frames(frames.scenes, fitted))
+    curves = curves_by_detector(frames, fuse_frames(frames.scenes, fitted))
     assert list(curves) == [*MODALITIES, "fusion"]
     for difficulty in ("easy", "moderate", "hard"):
         best = max(curves[name][difficulty].ap() for name in MODALITIES)

@@ -1,4 +1,4 @@
-"""Both ways to fit leave the same files; a calibration finds the curve that made its scores."""
+"""Training of the fusion by both methods, and calibration of its scores."""
 
 from dataclasses import replace
 
@@ -14,16 +14,17 @@ from perception.detection.fusion.score_calibration import BetaCalibration, Fusio
 from perception.errors import ModelError, UsageError
 from perception.evaluation.detection.reliability import Correctness, measure_reliability
 from tests.train.fusion.test_mlp_least_squares import toy_rows
+from train.config import TrainingRun
 from train.fusion.calibration import fit_calibration
-from train.fusion.config import FusionSets, FusionTrainingConfig
-from train.fusion.fit_adamw import MONITOR, FusionTraining
+from train.fusion.config import FusionTrainingConfig, LevenbergMarquardtConfig, MlpConfig
+from train.fusion.fit_adamw import FusionTraining
 from train.fusion.fit_lm import fit_levenberg_marquardt
-from train.fusion.levenberg_marquardt import LevenbergMarquardtConfig
-from train.fusion.mlp import MlpConfig, load_fusion
+from train.fusion.mlp import load_fusion
 from train.fusion.mlp_least_squares import MlpLeastSquares
 from train.fusion.sweep import hidden_sizes, sweep
+from train.fusion.targets import FusionSets
 from train.fusion.training import fit_fusion, write_calibrations
-from train.trainer import TrainerConfig, checkpoint_to_resume
+from train.trainer import checkpoint_to_resume
 
 SETS = FusionSets(toy_rows(80, 0), toy_rows(40, 1))
 
@@ -32,15 +33,15 @@ def config_of(**changes) -> FusionTrainingConfig:
     return FusionTrainingConfig(MlpConfig("scores", (4,)), training_data="toys", **changes)
 
 
-@pytest.mark.parametrize("optimiser", ["lm", "adamw"])
-def test_both_ways_leave_a_network_that_can_be_exported(tmp_path, optimiser):
-    config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=8), batch=20)
-    fitted = fit_fusion(SETS, config, tmp_path, TrainerConfig(epochs=8, monitor=MONITOR))
-    first = fit_levenberg_marquardt(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=0)))
+@pytest.mark.parametrize("method", ["lm", "adamw"])
+def test_both_methods_write_a_network_to_export(tmp_path, method):
+    config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=8), batch_size=20)
+    fitted = fit_fusion(SETS, config, tmp_path, TrainingRun(epochs=8))
+    first = fit_levenberg_marquardt(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=0)))
     assert fitted.validation < 0.5 * first.validation
     _, metadata = load_fusion(fitted.checkpoint)
     assert metadata["hidden"] == "4"
-    assert metadata["optimiser"] == optimiser
+    assert metadata["optimiser"] == method
     assert metadata["training_data"] == "toys"
     events = EventAccumulator(str(tmp_path)).Reload()
     assert {"train/mse", "validation/mse"} <= set(events.Tags()["scalars"])
@@ -62,25 +63,25 @@ def killed(monkeypatch, config, at):
     owner, name = {
         "lm": (MlpLeastSquares, "normal_equations"),
         "adamw": (FusionTraining, "training_step"),
-    }[config.optimiser]
+    }[config.method]
     original = getattr(owner, name)
     monkeypatch.setattr(owner, name, one_less)
 
 
-@pytest.mark.parametrize("optimiser", ["lm", "adamw"])
-def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optimiser):
+@pytest.mark.parametrize("method", ["lm", "adamw"])
+def test_a_killed_fit_resumes_exactly(tmp_path, monkeypatch, method):
     # Of lm steps, and of adamw batches of which there are four an epoch.
-    config = config_of(optimiser=optimiser, damping=LevenbergMarquardtConfig(max_steps=9), batch=20)
-    trainer = TrainerConfig(epochs=3, monitor=MONITOR)
-    whole = fit_fusion(SETS, config, tmp_path / "whole", trainer)
+    config = config_of(method=method, lm=LevenbergMarquardtConfig(max_steps=9), batch_size=20)
+    run = TrainingRun(epochs=3)
+    whole = fit_fusion(SETS, config, tmp_path / "whole", run)
     out = tmp_path / "killed"
     with monkeypatch.context() as patch:
         killed(patch, config, at=6)
         with pytest.raises(KeyboardInterrupt):
-            fit_fusion(SETS, config, out, trainer)
+            fit_fusion(SETS, config, out, run)
     for name in ("best.ckpt", "last.ckpt"):
         load_fusion(out / name)
-    resumed = fit_fusion(SETS, config, out, trainer, checkpoint_to_resume(out, "last"))
+    resumed = fit_fusion(SETS, config, out, run, checkpoint_to_resume(out, "last"))
     assert replace(resumed, checkpoint=whole.checkpoint) == whole
     for name in ("best.ckpt", "last.ckpt"):
         expected, found = (load_fusion(tmp_path / of / name)[0] for of in ("whole", "killed"))
@@ -89,30 +90,32 @@ def test_a_killed_fit_goes_on_as_if_it_had_not_been(tmp_path, monkeypatch, optim
 
 
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
-    config = config_of(damping=LevenbergMarquardtConfig(max_steps=1))
-    fit_fusion(SETS, config, tmp_path, TrainerConfig())
+    config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
+    fit_fusion(SETS, config, tmp_path, TrainingRun())
     last, best = tmp_path / "last.ckpt", tmp_path / "best.ckpt"
     wider = FusionTrainingConfig(MlpConfig("scores", (5,)))
     with pytest.raises(ModelError, match="the weights of this fusion, found those of another"):
-        fit_fusion(SETS, wider, tmp_path, TrainerConfig(), last)
-    with pytest.raises(ModelError, match="go on from by adamw, found one by lm"):
-        fit_fusion(SETS, config_of(optimiser="adamw"), tmp_path, TrainerConfig(), last)
-    with pytest.raises(ModelError, match=r"without its state; go on from last\.ckpt"):
-        fit_fusion(SETS, config, tmp_path, TrainerConfig(), best)
+        fit_fusion(SETS, wider, tmp_path, TrainingRun(), last)
+    with pytest.raises(ModelError, match="resume from by adamw, found one by lm"):
+        fit_fusion(SETS, config_of(method="adamw"), tmp_path, TrainingRun(), last)
+    with pytest.raises(ModelError, match=r"without its state; resume from last\.ckpt"):
+        fit_fusion(SETS, config, tmp_path, TrainingRun(), best)
 
 
-def test_it_ends_when_what_was_kept_back_gets_no_better():
+def test_it_stops_early_by_the_validation_error():
     seen = []
     best = fit_levenberg_marquardt(
-        SETS, config_of(checks=2), lambda descent, error: seen.append(error)
+        SETS,
+        config_of(lm=LevenbergMarquardtConfig(patience=2)),
+        lambda state, error: seen.append(error),
     )
     assert best.validation == min(seen)
     assert len(seen) - 1 - int(np.argmin(seen)) in (0, 2)  # no way down, or two checks in vain
 
 
-def test_the_same_seed_finds_the_same_place():
+def test_the_same_seed_fits_the_same_parameters():
     first, second = (
-        fit_levenberg_marquardt(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=5)))
+        fit_levenberg_marquardt(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=5)))
         for _ in range(2)
     )
     np.testing.assert_array_equal(first.parameters, second.parameters)
@@ -121,7 +124,7 @@ def test_the_same_seed_finds_the_same_place():
 def test_a_sweep_fits_every_size():
     sizes = hidden_sizes([2, 3], [2, 3, 4])
     assert sizes == [(2,), (3,), (3, 2), (4, 2), (4, 3)]
-    swept = sweep(SETS, config_of(damping=LevenbergMarquardtConfig(max_steps=3)), sizes[1:3])
+    swept = sweep(SETS, config_of(lm=LevenbergMarquardtConfig(max_steps=3)), sizes[1:3])
     assert [one.hidden for one in swept] == [(3,), (3, 2)]
     assert all(0 < one.validation < 0.1 for one in swept)
 
@@ -151,8 +154,8 @@ def test_a_calibration_keeps_the_order_whatever_it_is_shown():
 
 
 def test_a_file_takes_a_calibration_and_so_does_a_checkpoint(tmp_path):
-    config = config_of(damping=LevenbergMarquardtConfig(max_steps=1))
-    checkpoint = fit_fusion(SETS, config, tmp_path, TrainerConfig()).checkpoint
+    config = config_of(lm=LevenbergMarquardtConfig(max_steps=1))
+    checkpoint = fit_fusion(SETS, config, tmp_path, TrainingRun()).checkpoint
     model = export_fusion(ExportConfig(checkpoint)).models["fp32"]
     file = tmp_path / "fusion.onnx"
     curves = FusionCalibration(

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from train.fusion.levenberg_marquardt import (
-    LevenbergMarquardtConfig,
-    NormalEquations,
-    levenberg_marquardt_steps,
-)
+from train.fusion.config import LevenbergMarquardtConfig
+from train.fusion.levenberg_marquardt import NormalEquations, levenberg_marquardt_steps
 
 
 class Problem:

@@ -10,8 +10,9 @@ from scipy.optimize import approx_fprime, least_squares
 
 from perception.detection.fusion.features import FEATURES
 from perception.errors import UsageError
+from train.fusion.config import MlpConfig
 from train.fusion.levenberg_marquardt import levenberg_marquardt_steps
-from train.fusion.mlp import MlpConfig, RescoringMlp
+from train.fusion.mlp import RescoringMlp
 from train.fusion.mlp_least_squares import MlpLeastSquares
 from train.fusion.targets import FusionRows
 

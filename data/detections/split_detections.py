@@ -1,0 +1,98 @@
+"""Detections of labelled drives, split for the training, validation and test of their fusion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.array_store import ArrayStore
+from data.detections.cached_detections import (
+    FingerprintedDetector,
+    detect_drives,
+    require_no_training_drives,
+)
+from data.detections.config import DetectorModelPaths, FusionDataConfig
+from data.detections.detected_frames import DetectedFrames
+from data.samples.cached_frames import open_drives
+from data.samples.config import SplitBy, TrainingDrives
+from data.samples.splits import validation_frames
+from perception.detection.detectors.multimodal import MultimodalDetector
+from perception.detection.fusion.detector_fingerprints import detector_fingerprints
+from perception.errors import UsageError
+from perception.types import Progress
+
+_STREAM = 0xF  # stream of random numbers
+
+
+@dataclass(frozen=True)
+class SplitDetections:
+    """Detections in labelled frames.
+
+    Attributes:
+        training: Frames that the fusion is fitted to.
+        validation: Frames that stop the training and calibrate its scores.
+        test: Frames on which the result is evaluated.
+        class_names: Classes of the detectors.
+        detectors: Fingerprints of the detectors, for the model file.
+    """
+
+    training: DetectedFrames
+    validation: DetectedFrames
+    test: DetectedFrames
+    class_names: tuple[str, ...]
+    detectors: str
+
+
+def split_detections(
+    drives: TrainingDrives,
+    models: DetectorModelPaths,
+    config: FusionDataConfig,
+    seed: int,
+    progress: Progress = iter,
+) -> SplitDetections:
+    """Detect in all frames, or read the cached detections, and split them.
+
+    Args:
+        drives: Labelled drives that no detector was trained on.
+        models: Model files of the detectors.
+        config: Split and cache.
+        seed: Seed of the split.
+        progress: Wrapper of the loop over frames that may show its progress.
+
+    Raises:
+        UsageError: a detector was trained on one of the drives, or nothing is left of a part.
+        PerceptionError: a drive, a frame or a model cannot be read or used.
+    """
+    detectors = models.open()
+    fingerprinted = FingerprintedDetector(MultimodalDetector(detectors), models.fingerprint())
+    store = ArrayStore(config.cache, int(config.cache_gb * 1e9))
+    parts = []
+    for paths in drives.parts:
+        opened = open_drives(paths)
+        require_no_training_drives(opened, detectors)
+        parts.append(detect_drives(opened, fingerprinted, store, config.on_bad_frame, progress))
+    rng = np.random.default_rng([seed, _STREAM])
+    if len(parts) == 1:
+        whole, fraction = parts[0], config.validation_fraction
+        is_kept = validation_frames(whole.drive_numbers, fraction, config.split_by, rng)
+        parts = [whole[np.flatnonzero(~is_kept)], whole[np.flatnonzero(is_kept)]]
+    training, kept = parts
+    validation, test = _halves(kept, config.split_by, rng)
+    names = next(iter(detectors.values())).class_names
+    return SplitDetections(training, validation, test, names, detector_fingerprints(detectors))
+
+
+def _halves(
+    kept: DetectedFrames, split_by: SplitBy, rng: np.random.Generator
+) -> tuple[DetectedFrames, DetectedFrames]:
+    """Split the frames kept back in two: by drives where these were drawn and there are several."""
+    if len(kept) < 2:
+        raise UsageError(
+            "validation",
+            expected="2 frames or more, for calibration and for the test",
+            found=f"{len(kept)}",
+            advice="raise --data.validation-fraction, or name other drives with --validation",
+        )
+    has_several = len(np.unique(kept.drive_numbers)) > 1
+    by: SplitBy = split_by if has_several else "frames"
+    is_test = validation_frames(kept.drive_numbers, 0.5, by, rng)
+    return kept[np.flatnonzero(~is_test)], kept[np.flatnonzero(is_test)]

@@ -1,0 +1,1 @@
+"""Training samples from labelled drives: cached frames, datasets and Lightning data modules."""

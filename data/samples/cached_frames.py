@@ -1,0 +1,80 @@
+"""Frames of labelled drives, numbered from 0 over all drives, with arrays computed from them in a cache."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from data.array_store import Arrays, ArrayStore, entry_key
+from data.frame_fingerprint import frame_fingerprint
+from data.frames import file_number
+from data.open_drive import open_drive, sequences_in
+from perception.errors import DriveError
+from perception.types import Drive, Frame, Int
+
+
+class CachedFrames:
+    """F frames of some drives; what is computed from each is kept in an `ArrayStore`.
+
+    An entry's key holds all that determines it: the frame's files, the settings, and the code.
+    """
+
+    def __init__(self, drives: Sequence[Drive], store: ArrayStore) -> None:
+        """Number the frames.
+
+        Args:
+            drives: Drives with labels.
+            store: Cache of the arrays.
+        """
+        self.drives, self.store = tuple(drives), store
+        self._frames = [(drive, index) for drive in drives for index in range(len(drive))]
+        self._keys: dict[tuple[int, str], str] = {}  # an image is needed often, its key is slow
+        self.drive_numbers: Int = np.repeat(np.arange(len(drives)), [len(d) for d in drives])
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @property
+    def file_numbers(self) -> Int:
+        """(F,) numbers by which the files of the frames are named."""
+        return np.array([file_number(drive, index) for drive, index in self._frames], np.int64)
+
+    def place(self, number: int) -> tuple[Drive, int]:
+        """Return the drive of a frame, and the frame's index in it."""
+        return self._frames[number]
+
+    def cached(
+        self, number: int, what: str, settings: dict[str, Any], compute: Callable[[Frame], Arrays]
+    ) -> Arrays:
+        """Return arrays computed from a frame, from the cache where it has them.
+
+        Args:
+            number: Number of the frame.
+            what: Name of the arrays in the key.
+            settings: All that determines them beside the frame: numbers, texts, and the code's fingerprint.
+            compute: Function from the frame to the arrays.
+
+        Raises:
+            PerceptionError: a file of the frame cannot be read, or it lacks what is computed from.
+        """
+        drive, index = self._frames[number]
+        if (number, what) not in self._keys:
+            key = entry_key(what=what, **settings, **frame_fingerprint(drive, index))
+            self._keys[number, what] = key
+        return self.store.get(self._keys[number, what], lambda: compute(drive[index]))
+
+
+def open_drives(paths: Sequence[Path], *, images: bool = True) -> list[Drive]:
+    """Open every drive of every path.
+
+    Raises:
+        DriveError: there is no path, or one is no drive.
+    """
+    if not paths:
+        raise DriveError("training", expected="drives to train on", found="none")
+    return [
+        open_drive(path, sequence=sequence, images=images)
+        for path in paths
+        for sequence in sequences_in(path)
+    ]

@@ -1,0 +1,1 @@
+"""Training data of DepthCN's network: crops of proposals and labels, augmented."""

@@ -1,0 +1,96 @@
+"""Crops of drives on disk, in batches, for Lightning."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from data.array_store import ArrayStore
+from data.samples.config import TrainingDrives
+from data.samples.crops.config import CropAugmentationConfig, CropDataConfig
+from data.samples.crops.dataset import CropDataset
+from data.samples.crops.labelled_frames import CropConfig, LabelledFrames
+from data.samples.crops.sampling import CropSet, collect_crops
+from data.samples.datamodule import SampleDataModule
+from data.samples.epoch_samplers import BalancedSampler
+from data.samples.splits import Split
+from perception.types import Drive, Int, Progress
+
+_CONFIG, _CROP = CropDataConfig(), CropConfig()
+
+
+class CropDataModule(SampleDataModule[LabelledFrames, CropDataset]):
+    """Batches of crops: augmented and balanced for training, unchanged proposals for validation.
+
+    A batch holds what `CropDataset` says of a sample, with a first axis of samples.
+    """
+
+    def __init__(
+        self,
+        drives: TrainingDrives,
+        config: CropDataConfig = _CONFIG,
+        crop: CropConfig = _CROP,
+        seed: int = 0,
+        progress: Progress = iter,
+    ) -> None:
+        """Take what `setup` needs; nothing is read yet.
+
+        Args:
+            drives: Drives for training and validation.
+            config: Split, batches, sampling and augmentation.
+            crop: Input of the network.
+            seed: Seed of split, jitter, order and augmentation.
+            progress: Wrapper of the loop over frames that may show its progress.
+        """
+        super().__init__(drives, config, seed, progress)
+        self.config, self.crop = config, crop
+
+    @property
+    def augmentation(self) -> CropAugmentationConfig | None:
+        """Magnitudes of the augmentation, None without."""
+        return self.config.augmentation if self.config.augment else None
+
+    def mean_crop(self, samples: int = 1024) -> Tensor:
+        """Return the (C, 66, 112) mean of some unchanged training samples, half of them vehicles."""
+        plain = CropDataset(self.training.frames, self.training.crops, None, self.seed)
+        sampler = BalancedSampler(plain.crops.is_vehicle, self.seed, samples)
+        total = sum(plain[index]["crops"].to(torch.int64) for index in sampler)
+        return torch.as_tensor(total, dtype=torch.float32) / len(sampler)
+
+    def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledFrames:
+        return LabelledFrames(drives, self.crop, store)
+
+    def _fill_cache(self, frames: LabelledFrames) -> None:
+        self._collect(frames, self._progress)
+
+    def _make_datasets(
+        self,
+        frames: LabelledFrames,
+        split: Split,
+        validation_frames: LabelledFrames,
+        validation: Int,
+    ) -> None:
+        crops = self._collect(frames)
+        others = crops if validation_frames is frames else self._collect(validation_frames)
+        crops = crops.of_frames(split.training)
+        # Validation measures on proposals, which the network will meet, not on jittered labels.
+        others = others.of_frames(validation)
+        others = others[~others.is_jittered]
+        crops.require_both_classes("training crops")
+        others.require_both_classes("validation crops")
+        self.training = CropDataset(frames, crops, self.augmentation, self.seed)
+        self.validation = CropDataset(validation_frames, others, None, self.seed)
+
+    def _epoch_sampler(self) -> BalancedSampler:
+        is_vehicle = self.training.crops.is_vehicle
+        return BalancedSampler(is_vehicle, self.seed, self.config.samples_per_epoch)
+
+    def _collect(self, frames: LabelledFrames, progress: Progress = iter) -> CropSet:
+        config = self.config
+        return collect_crops(
+            frames,
+            config.sampling,
+            on_bad_frame=config.on_bad_frame,
+            seed=self.seed,
+            progress=progress,
+        )

@@ -1,0 +1,173 @@
+"""From labelled frames to crops: every proposal, and jittered boxes of labelled vehicles."""
+
+import logging
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from data.samples.config import OnBadFrame
+from data.samples.crops.config import CropSamplingConfig
+from data.samples.crops.labelled_frames import LabelledFrames, ProposalScene
+from data.samples.crops.matching import MATCHERS, VEHICLE
+from perception.detection.depthcn.windows import WindowKind, windows_px
+from perception.errors import DriveError, LabelError, PerceptionError
+from perception.types import Bool, Float32, Float64, Int, Progress
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class CropSet:
+    """M crops of many frames, without their pixels.
+
+    Attributes:
+        frames: (M,) number of the frame of each.
+        windows_px: (M, 4) x1 y1 x2 y2 of the crops in the image.
+        depths_m: (M,) depth of the objects.
+        is_vehicle: (M,) mask of the vehicles.
+        boxes_px: (M, 4) x1 y1 x2 y2 of the vehicle's label, NaN of others.
+        is_jittered: (M,) mask of the jittered labels; the others are proposals.
+    """
+
+    frames: Int
+    windows_px: Float32
+    depths_m: Float32
+    is_vehicle: Bool
+    boxes_px: Float32
+    is_jittered: Bool
+
+    def __len__(self) -> int:
+        """Return M."""
+        return len(self.frames)
+
+    def __getitem__(self, rows: Bool | Int | slice) -> Self:
+        """Return the crops of a mask, of indices, or of a slice."""
+        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Return the crops of all parts, one part after the other."""
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+    def of_frames(self, numbers: Int) -> Self:
+        """Return the crops of some frames."""
+        return self[np.isin(self.frames, numbers)]
+
+    def require_both_classes(self, where: str) -> None:
+        """Validate that there are vehicles and others.
+
+        Raises:
+            LabelError: there is no vehicle, or nothing else.
+        """
+        vehicles = int(self.is_vehicle.sum())
+        if 0 < vehicles < len(self):
+            return
+        lacking = "negatives" if vehicles else "vehicles that the LiDAR observes"
+        raise LabelError(
+            where,
+            expected=f"crops of both classes, {lacking} among them",
+            found=f"{vehicles} vehicles and {len(self) - vehicles} others",
+            advice="add drives",
+        )
+
+
+def collect_crops(
+    frames: LabelledFrames,
+    config: CropSamplingConfig,
+    *,
+    on_bad_frame: OnBadFrame = "stop",
+    seed: int = 0,
+    progress: Progress = iter,
+) -> CropSet:
+    """Collect the crops of all frames.
+
+    Args:
+        frames: Frames with proposals and labels.
+        config: Jittered labels that are added.
+        on_bad_frame: Stop at a damaged frame, or skip it with a warning.
+        seed: Seed of the jitter.
+        progress: Wrapper of the loop over frames that may show its progress.
+
+    Raises:
+        DriveError: there is no frame, or a drive has no labels.
+        LabelError: no vehicle is labelled, or a label cannot be read.
+        PerceptionError: a frame cannot be read, and `on_bad_frame` is "stop".
+    """
+    if not len(frames):
+        raise DriveError("crops", expected="labelled frames", found="none")
+    parts, types = [], Counter[str]()
+    for number in progress(range(len(frames))):
+        try:
+            scene = frames.scene(number)
+            frames.image(number)  # computed here, where the progress is shown
+        except LabelError:
+            raise
+        except PerceptionError as error:
+            if on_bad_frame == "stop":
+                raise
+            log.warning("skipped frame %d: %s", number, error)
+            continue
+        types.update(scene.label_types.tolist())
+        rng = np.random.default_rng([seed, number])
+        window = frames.config.window
+        parts += [_proposed(scene, number, window), _jittered(scene, number, window, config, rng)]
+    _require_vehicles(types, len(parts) // 2)
+    return CropSet.joined(parts)
+
+
+def _require_vehicles(types: Counter[str], frames: int) -> None:
+    if types[VEHICLE]:
+        return
+    others = ", ".join(f"{count} {name}" for name, count in types.most_common()) or "no object"
+    raise LabelError(
+        f"labels of {frames} frames",
+        expected=f"at least one {VEHICLE}",
+        found=f"{others}, a set that lacks the class",
+        advice="choose drives with labelled cars",
+    )
+
+
+def _proposed(scene: ProposalScene, number: int, kind: WindowKind) -> CropSet:
+    matches = MATCHERS[kind](scene)
+    rows = np.flatnonzero(~matches.is_left_out)
+    labels = matches.labels[rows]
+    boxes_px = np.full((len(rows), 4), np.nan)
+    boxes_px[labels >= 0] = scene.label_boxes_px[labels[labels >= 0]]
+    windows = windows_px(kind, scene.boxes_px[rows], scene.depths_m[rows], scene.focal_px)
+    return _of_frame(number, windows, scene.depths_m[rows], boxes_px, is_jittered=False)
+
+
+def _jittered(
+    scene: ProposalScene,
+    number: int,
+    kind: WindowKind,
+    config: CropSamplingConfig,
+    rng: np.random.Generator,
+) -> CropSet:
+    """Return labelled vehicles that the LiDAR observes, proposed or not, with jittered boxes."""
+    is_observed = (scene.label_types == VEHICLE) & (scene.label_points >= config.min_points)
+    rows = np.repeat(
+        np.flatnonzero(is_observed & np.isfinite(scene.label_depths_m)), config.jittered_copies
+    )
+    boxes_px, depths_m = scene.label_boxes_px[rows], scene.label_depths_m[rows]
+    size = np.tile(boxes_px[:, 2:] - boxes_px[:, :2], 2)
+    moved = boxes_px + rng.uniform(-config.max_jitter, config.max_jitter, boxes_px.shape) * size
+    windows = windows_px(kind, moved, depths_m, scene.focal_px)
+    return _of_frame(number, windows, depths_m, boxes_px, is_jittered=True)
+
+
+def _of_frame(
+    number: int, windows: Float64, depths_m: Float64, boxes_px: Float64, *, is_jittered: bool
+) -> CropSet:
+    return CropSet(
+        frames=np.full(len(windows), number),
+        windows_px=windows.astype(np.float32),
+        depths_m=depths_m.astype(np.float32),
+        is_vehicle=np.asarray(np.isfinite(boxes_px).all(axis=1)),
+        boxes_px=boxes_px.astype(np.float32),
+        is_jittered=np.full(len(windows), is_jittered),
+    )

@@ -1,0 +1,39 @@
+"""Augmentation of an image and its targets; each modality keeps its meaning.
+
+A zoomed object is nearer in a depth map and as bright in a reflectance map; colours change in images alone.
+"""
+
+import numpy as np
+
+from data.samples.images.config import ImageAugmentationConfig
+from data.samples.images.geometric import draw_geometric_transform, transform_targets, warp_image
+from data.samples.images.input_images import ImageConfig
+from data.samples.images.map_transforms import transform_depth_map, transform_reflectance_map
+from data.samples.images.photometric import transform_image
+from data.samples.images.targets import DetectionTargets
+from perception.types import UInt8
+
+
+def augment(
+    image: UInt8,
+    labels: DetectionTargets,
+    config: ImageConfig,
+    magnitudes: ImageAugmentationConfig,
+    rng: np.random.Generator,
+) -> tuple[UInt8, DetectionTargets]:
+    """Return an augmented (h, w, C) image and its targets."""
+    modality, is_filled = config.modality, config.filling != "sparse"
+    size_px = image.shape[1], image.shape[0]
+    geometric_transform = draw_geometric_transform(magnitudes.geometric, size_px, rng)
+    warped_image = warp_image(image, geometric_transform, modality, rng)
+    if modality == "rgb":
+        warped_image = transform_image(warped_image, magnitudes.photometric, rng)
+    elif modality == "dm":
+        warped_image = transform_depth_map(
+            warped_image, geometric_transform.zoom, magnitudes.maps, rng, is_filled=is_filled
+        )
+    else:
+        warped_image = transform_reflectance_map(
+            warped_image, magnitudes.maps, rng, is_filled=is_filled
+        )
+    return warped_image, transform_targets(labels, geometric_transform, size_px)

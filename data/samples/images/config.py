@@ -1,0 +1,159 @@
+"""Settings of the image detectors' training data: split, batches, and augmentation."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Self
+
+from data.samples.config import AugmentationConfig, SampleDataConfig
+from perception.errors import UsageError
+
+
+@dataclass(frozen=True)
+class GeometricConfig(AugmentationConfig):
+    """Magnitudes of the geometric augmentation, which images and maps share.
+
+    Attributes:
+        flip: Probability of a horizontal flip.
+        zoom: Largest factor, less 1, by which objects are larger and nearer, or smaller and farther.
+        focal: Largest factor, less 1, by which objects are larger or smaller at the same distance.
+        aspect: Largest factor, less 1, of width over height.
+        shift: Largest shift as a fraction of the image, beyond the freedom that the zoom gives.
+        occlusion: Probability that nearer objects hide parts of the image.
+    """
+
+    MAX: ClassVar = {
+        "flip": 1.0,
+        "zoom": 3.0,
+        "focal": 1.0,
+        "aspect": 1.0,
+        "shift": 0.5,
+        "occlusion": 1.0,
+    }
+
+    flip: float = 0.5
+    zoom: float = 0.4
+    focal: float = 0.1
+    aspect: float = 0.08
+    shift: float = 0.04
+    occlusion: float = 0.4
+
+
+@dataclass(frozen=True)
+class PhotometricConfig(AugmentationConfig):
+    """Magnitudes of the photometric augmentation of camera images.
+
+    Attributes:
+        brightness: Largest factor of the values, less 1.
+        contrast: Largest factor of the values' distances from the mean, less 1.
+        gamma: Largest factor of the values' power, less 1.
+        white_balance: Largest factor of each colour by itself, less 1.
+        saturation: Largest fraction by which colours are weaker or stronger.
+        hue_rad: Largest rotation of the hue in rad.
+        light: Largest factor, less 1, by which brightness varies smoothly over the image.
+        shadow: Probability of a shadow with an edge, down to a quarter of the light.
+        filtering: Standard deviation of the weights of a random 3x3 filter beside the pixel's own: Xu et al.,
+            "Robust and generalizable visual representation learning via random convolutions", ICLR 2021.
+        blur_px: Largest standard deviation of a blur in pixels.
+        noise: Largest standard deviation of the noise of each value of 0..255.
+        jpeg: Probability of JPEG artefacts.
+    """
+
+    MAX: ClassVar = {
+        "saturation": 1.0,
+        "shadow": 1.0,
+        "filtering": 0.5,
+        "noise": 100.0,
+        "jpeg": 1.0,
+    }
+
+    brightness: float = 0.5
+    contrast: float = 0.5
+    gamma: float = 0.4
+    white_balance: float = 0.15
+    saturation: float = 0.8
+    hue_rad: float = 0.35
+    light: float = 0.4
+    shadow: float = 0.3
+    filtering: float = 0.06
+    blur_px: float = 1.0
+    noise: float = 10.0
+    jpeg: float = 0.25
+
+
+@dataclass(frozen=True)
+class MapAugmentationConfig(AugmentationConfig):
+    """Largest magnitudes of the augmentation of depth and reflectance maps; small ones are drawn more often.
+
+    Attributes:
+        dropout: Largest fraction of the map that is lost, in cells of one size.
+        fading: Largest fraction lost of the farthest (depth map) or weakest (reflectance map) returns.
+        beam_dropout: Largest fraction of the rows that is lost; a filled map shows the row above instead.
+        range_noise_m: Largest standard deviation of depths in metres.
+        gain: Largest factor of reflectances, less 1: LiDARs scale them differently.
+        gamma: Largest factor of the reflectances' power, less 1.
+        speckle: Largest standard deviation of the factor of each reflectance.
+    """
+
+    MAX: ClassVar = {"dropout": 0.9, "fading": 1.0, "beam_dropout": 0.9, "speckle": 1.0}
+
+    dropout: float = 0.15
+    fading: float = 0.5
+    beam_dropout: float = 0.4
+    range_noise_m: float = 0.25
+    gain: float = 0.6
+    gamma: float = 0.4
+    speckle: float = 0.25
+
+
+@dataclass(frozen=True)
+class ImageAugmentationConfig:
+    """Magnitudes of all augmentations.
+
+    Attributes:
+        geometric: Geometry of images and maps.
+        maps: Corruptions of depth and reflectance maps.
+        photometric: Colours, light and noise of camera images.
+    """
+
+    geometric: GeometricConfig = field(default_factory=GeometricConfig)
+    maps: MapAugmentationConfig = field(default_factory=MapAugmentationConfig)
+    photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
+
+    @classmethod
+    def none(cls) -> Self:
+        """Return the configuration that changes nothing."""
+        return cls(GeometricConfig.none(), MapAugmentationConfig.none(), PhotometricConfig.none())
+
+
+@dataclass(frozen=True)
+class ImageDataConfig(SampleDataConfig):
+    """Training data of an image detector.
+
+    Attributes:
+        batch_size: Images per batch.
+        test_fraction: Fraction of the frames or drives kept for a final test; the thesis' is 0.2 (7.2.2).
+        training_fraction: Fraction of the training frames that is used, the first ones.
+        frame_lists: Two files of frame numbers, for training and for validation, instead of fractions.
+        jpeg_quality: Quality of the JPEG compression of the images, 1 to 100; 75 in the thesis (7.2.2).
+        augmentation: Magnitudes of the augmentation.
+    """
+
+    test_fraction: float = 0.0
+    training_fraction: float = 1.0
+    frame_lists: tuple[Path, Path] | None = None
+    jpeg_quality: int | None = None
+    augmentation: ImageAugmentationConfig = field(default_factory=ImageAugmentationConfig)
+
+    def __post_init__(self) -> None:
+        """Validate the fractions."""
+        super().__post_init__()
+        if not 0 < self.training_fraction <= 1:
+            found = f"{self.training_fraction:g}"
+            raise UsageError("training fraction", expected="above 0, at most 1", found=found)
+        fractions = self.validation_fraction, self.test_fraction
+        if min(fractions) < 0 or sum(fractions) >= 1:
+            raise UsageError(
+                "validation and test fraction",
+                expected="both from 0, together below 1",
+                found=f"{fractions[0]:g} and {fractions[1]:g}",
+            )

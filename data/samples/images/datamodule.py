@@ -1,0 +1,119 @@
+"""Images of drives on disk, in batches, for Lightning."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from torch.utils.data import DataLoader
+
+from data.array_store import ArrayStore
+from data.samples.config import TrainingDrives
+from data.samples.datamodule import SampleDataModule, readable
+from data.samples.epoch_samplers import ShuffledSampler
+from data.samples.images.config import ImageAugmentationConfig, ImageDataConfig
+from data.samples.images.dataset import ImageDataset, collate
+from data.samples.images.input_images import ImageConfig
+from data.samples.images.labelled_images import LabelledImages
+from data.samples.splits import Split, random_split, split_from_lists
+from perception.errors import UsageError
+from perception.types import Drive, Int, Progress
+
+_CONFIG = ImageDataConfig()
+
+
+class ImageDataModule(SampleDataModule[LabelledImages, ImageDataset]):
+    """Batches of images of one modality: augmented for training, unchanged for validation and test.
+
+    A batch holds what `ImageDataset` says of a sample, with a first axis of samples; targets are padded with
+    boxes of zero size.
+
+    Attributes:
+        test: Samples of the final test; empty without a test fraction.
+    """
+
+    test: ImageDataset
+    collate = staticmethod(collate)
+
+    def __init__(
+        self,
+        drives: TrainingDrives,
+        image: ImageConfig,
+        config: ImageDataConfig = _CONFIG,
+        seed: int = 0,
+        progress: Progress = iter,
+    ) -> None:
+        """Take what `setup` needs; nothing is read yet.
+
+        Args:
+            drives: Drives for training and validation.
+            image: Input of the network.
+            config: Split, batches and augmentation.
+            seed: Seed of split, order and augmentation.
+            progress: Wrapper of the loop over frames that may show its progress.
+        """
+        super().__init__(drives, config, seed, progress)
+        self.config, self.image = config, image
+
+    @property
+    def augmentation(self) -> ImageAugmentationConfig | None:
+        """Magnitudes of the augmentation, None without."""
+        return self.config.augmentation if self.config.augment else None
+
+    def test_dataloader(self) -> DataLoader[Any]:
+        """Return batches of all test samples in order."""
+        return self._loader(self.test)
+
+    def _open_frames(self, drives: Sequence[Drive], store: ArrayStore) -> LabelledImages:
+        return LabelledImages(drives, self.image, store)
+
+    def _fill_cache(self, frames: LabelledImages) -> None:
+        self._readable(frames, self._progress(range(len(frames))), is_logged=False)
+
+    def _split(self, frames: LabelledImages) -> Split:
+        config, has_drives = self.config, bool(self.drives.validation)
+        if config.frame_lists is None:
+            return random_split(
+                frames.drive_numbers,
+                validation_fraction=0.0 if has_drives else config.validation_fraction,
+                test_fraction=config.test_fraction,
+                by=config.split_by,
+                seed=self.seed,
+            )
+        if has_drives or len(frames.drives) > 1 or config.test_fraction > 0:
+            raise UsageError(
+                "lists of frames",
+                expected="one drive, no validation drives and no test fraction beside them",
+                found=f"{len(frames.drives)} drives, {len(self.drives.validation)} validation drives "
+                f"and a test fraction of {config.test_fraction:g}",
+            )
+        return split_from_lists(frames.file_numbers, config.frame_lists)
+
+    def _make_datasets(
+        self,
+        frames: LabelledImages,
+        split: Split,
+        validation_frames: LabelledImages,
+        validation: Int,
+    ) -> None:
+        count = math.ceil(self.config.training_fraction * len(split.training))
+        self.training = self._dataset(frames, split.training[:count], self.augmentation)
+        self.validation = self._dataset(validation_frames, validation, None)
+        self.test = self._dataset(frames, split.test, None)
+        self.training.require_targets("training images")
+        self.validation.require_targets("validation images")
+
+    def _epoch_sampler(self) -> ShuffledSampler:
+        return ShuffledSampler(len(self.training), self.seed)
+
+    def _dataset(
+        self, frames: LabelledImages, numbers: Int, augmentation: ImageAugmentationConfig | None
+    ) -> ImageDataset:
+        found = self._readable(frames, numbers.tolist())
+        return ImageDataset(frames, found, augmentation, self.seed)
+
+    def _readable(
+        self, frames: LabelledImages, numbers: Iterable[int], *, is_logged: bool = True
+    ) -> Int:
+        """Return the numbers of the frames whose image can be made; images are made where not cached."""
+        skip = self.config.on_bad_frame == "skip"
+        return readable(numbers, frames.size_px, skip=skip, is_logged=is_logged)

@@ -1,0 +1,130 @@
+"""Images and their targets as tensors: a torch `Dataset` that augments each whenever it is indexed."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
+from torch.utils.data import Dataset
+
+from data.samples.epoch_samplers import SampleIndex
+from data.samples.images.augmentation import augment
+from data.samples.images.config import ImageAugmentationConfig
+from data.samples.images.labelled_images import LabelledImages
+from data.samples.images.targets import DetectionTargets
+from data.true_boxes import true_boxes
+from perception.errors import LabelError
+from perception.evaluation.detection.box_rows import TrueBoxes
+from perception.types import Float64, Int, UInt8
+
+Sample = Mapping[str, Tensor]
+
+
+class ImageDataset(Dataset[Sample]):
+    """Some frames of labelled drives, by row (unchanged) or by `SampleIndex` (augmented).
+
+    A sample holds
+
+        images      (C, h, w) uint8
+        boxes_px    (L, 4)    float32, x1 y1 x2 y2 in pixels of the input
+        classes     (L,)      int64, indices into the class names
+        is_ignored  (L,)      bool, boxes in which a detection is neither right nor wrong
+        numbers     ()        int64, row of the sample
+    """
+
+    def __init__(
+        self,
+        frames: LabelledImages,
+        numbers: Int,
+        augmentation: ImageAugmentationConfig | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Read the labels of some frames.
+
+        Args:
+            frames: Frames with the images.
+            numbers: (F,) numbers of the frames that are samples.
+            augmentation: Magnitudes of the augmentation; None leaves samples unchanged.
+            seed: Seed of the augmentation.
+
+        Raises:
+            PerceptionError: labels or images cannot be read.
+        """
+        self.frames, self.numbers = frames, np.asarray(numbers, np.int64)
+        self.augmentation, self.seed = augmentation, seed
+        self._labels = [frames.targets(number) for number in self.numbers.tolist()]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, index: SampleIndex | int) -> Sample:
+        """Return one sample.
+
+        Raises:
+            PerceptionError: its frame has to be read again and cannot be.
+        """
+        row = index.row if isinstance(index, SampleIndex) else index
+        image, labels = self.view(index)
+        return {
+            "images": torch.from_numpy(np.array(image.transpose(2, 0, 1), order="C")),
+            "boxes_px": torch.from_numpy(labels.boxes_px),
+            "classes": torch.from_numpy(labels.classes),
+            "is_ignored": torch.from_numpy(labels.is_ignored),
+            "numbers": torch.tensor(row),
+        }
+
+    def view(self, index: SampleIndex | int) -> tuple[UInt8, DetectionTargets]:
+        """Return the (h, w, C) image and the targets of a sample.
+
+        Raises:
+            PerceptionError: as `[]`.
+        """
+        row = index.row if isinstance(index, SampleIndex) else index
+        image, labels = self.frames.image(int(self.numbers[row])), self._labels[row]
+        if self.augmentation is None or not isinstance(index, SampleIndex):
+            return image, labels
+        rng = np.random.default_rng([self.seed, *index.view])
+        return augment(image, labels, self.frames.config, self.augmentation, rng)
+
+    def image_size_px(self, row: int) -> tuple[int, int]:
+        """Return the (width, height) of an image before it was stretched to the input."""
+        return self.frames.size_px(int(self.numbers[row]))
+
+    def truth(self) -> TrueBoxes:
+        """Return all labels in pixels of the original images, against which detections are evaluated."""
+        return true_boxes([self.frames.labels(number) for number in self.numbers.tolist()])
+
+    def require_targets(self, where: str) -> None:
+        """Validate that there are targets.
+
+        Raises:
+            LabelError: no label is a target.
+        """
+        if len(self.label_sizes_px()):
+            return
+        types = Counter(self.truth().types.tolist())
+        others = ", ".join(f"{count} {name}" for name, count in types.most_common()) or "no object"
+        raise LabelError(
+            f"labels of {len(self)} {where}",
+            expected=f"at least one {' or '.join(self.frames.config.class_names)} that is visible enough",
+            found=f"{others}, a set that lacks the class",
+            advice="choose drives with such labels",
+        )
+
+    def label_sizes_px(self) -> Float64:
+        """Return (M, 2) widths and heights of the targets in pixels of the input."""
+        boxes_px = [labels.boxes_px[~labels.is_ignored] for labels in self._labels]
+        targets = np.concatenate([np.zeros((0, 4)), *boxes_px])
+        return np.asarray(targets[:, 2:] - targets[:, :2], np.float64)
+
+
+def collate(samples: Sequence[Sample]) -> Sample:
+    """Return a batch; targets are padded with boxes of zero size."""
+    stacked = {name: torch.stack([one[name] for one in samples]) for name in ("images", "numbers")}
+    padded = {
+        name: pad_sequence([one[name] for one in samples], batch_first=True)
+        for name in ("boxes_px", "classes", "is_ignored")
+    }
+    return {**stacked, **padded}

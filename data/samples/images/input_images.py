@@ -1,0 +1,96 @@
+"""Input images of one frame: the camera image, or both dense maps, at the size of the network's input."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+import perception.maps
+from data.array_store import Arrays
+from data.frame_fingerprint import code_fingerprint
+from perception.detection.detectors import input_size, modalities
+from perception.detection.detectors.input_size import InputSize, stretch
+from perception.detection.detectors.modalities import (
+    MapFilling,
+    camera_image,
+    fill_maps,
+    map_image,
+)
+from perception.errors import UsageError
+from perception.maps.projection import project_frame
+from perception.types import MODALITIES, Frame, Int, Modality, UInt8
+
+_SIZE = InputSize(192, 640)
+
+
+@dataclass(frozen=True)
+class ImageConfig:
+    """Input of an image detector.
+
+    Attributes:
+        modality: Camera image, depth map or reflectance map.
+        class_names: Classes to detect, as labels spell them.
+        size: Size of the input, to which images are stretched.
+        filling: Method by which maps are made dense.
+        jpeg_quality: Quality of a JPEG compression, 1 to 100; None for none.
+    """
+
+    modality: Modality
+    class_names: tuple[str, ...] = ("Car",)
+    size: InputSize = _SIZE
+    filling: MapFilling = "default"
+    jpeg_quality: int | None = None
+
+    def __post_init__(self) -> None:
+        """Validate modality, class names and JPEG quality."""
+        if self.modality not in MODALITIES:
+            raise UsageError("modality", expected=f"one of {MODALITIES}", found=self.modality)
+        lower = [name.lower() for name in self.class_names]
+        if not lower or len(set(lower)) < len(lower):
+            found = ", ".join(self.class_names) or "none"
+            raise UsageError("class names", expected="at least one, each once", found=found)
+        if self.jpeg_quality is not None and not 1 <= self.jpeg_quality <= 100:
+            found = str(self.jpeg_quality)
+            raise UsageError("JPEG quality", expected="from 1 to 100", found=found)
+
+
+def image_settings(config: ImageConfig) -> dict[str, object]:
+    """Return all that determines the images of a frame; the classes do not matter."""
+    return {
+        "filling": None if config.modality == "rgb" else config.filling,
+        "size": config.size,
+        "jpeg_quality": config.jpeg_quality,
+        "code": code_fingerprint(perception.maps, modalities, input_size, Path(__file__)),
+    }
+
+
+def make_images(frame: Frame, config: ImageConfig) -> Arrays:
+    """Return the input images of a frame, each (h, w, C), by modality, and `size_px`: width and height before.
+
+    Both maps are made at once, since all but the last step is the same.
+
+    Raises:
+        PerceptionError: the frame lacks the image, or the camera's calibration.
+    """
+    images: dict[Modality, UInt8]
+    if config.modality == "rgb":
+        images = {"rgb": camera_image(frame)}
+    else:
+        dense = fill_maps(project_frame(frame), config.filling)
+        images = {"dm": map_image(dense, "dm"), "rm": map_image(dense, "rm")}
+    height, width = next(iter(images.values())).shape[:2]
+    if (quality := config.jpeg_quality) is not None:
+        images = {name: jpeg_compressed(image, quality) for name, image in images.items()}
+    arrays: dict[str, UInt8 | Int] = {
+        name: stretch(image, config.size, name) for name, image in images.items()
+    }
+    return {**arrays, "size_px": np.array([width, height])}
+
+
+def jpeg_compressed(image: UInt8, quality: int) -> UInt8:
+    """Return an (H, W, C) image after JPEG compression of a quality, 1 to 100."""
+    # OpenCV takes BGR; the order matters, as JPEG keeps brightness better than colour.
+    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    decoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    return np.asarray(decoded, np.uint8).reshape(image.shape)[..., ::-1]

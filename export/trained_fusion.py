@@ -1,0 +1,158 @@
+"""Training of the fusion from cached detections to a calibrated model file (6.2.4)."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from data.atomic_file import write_atomically
+from data.detections.config import DetectorModelPaths, FusionDataConfig
+from data.detections.fused_frames import boxes_by_detector, class_correctness, fuse_frames
+from data.detections.split_detections import SplitDetections, split_detections
+from data.results.documents import write_yaml
+from data.samples.config import TrainingDrives
+from export.fusion import export_fusion, with_calibrations
+from export.result import ExportConfig
+from perception import __version__
+from perception.detection.config import FusionVariant
+from perception.detection.fusion.rescoring import Fusion
+from perception.detection.fusion.score_calibration import FusionCalibration
+from perception.types import MODALITIES, Progress
+from train.checkpoints import program_revision
+from train.config import TrainingRun
+from train.fusion.calibration import fit_calibration
+from train.fusion.config import FusionTrainingConfig
+from train.fusion.sweep import Hidden, SweptSize, hidden_sizes, sweep
+from train.fusion.targets import FusionSets, fusion_rows
+from train.fusion.training import FittedFusion, fit_fusion, write_calibrations
+from train.trainer import checkpoint_to_resume
+
+_SCORE_JITTERS = 2  # jittered copies of every frame, for the default variant
+
+SweepProgress = Callable[[Iterable[Hidden]], Iterable[Hidden]]
+
+
+@dataclass(frozen=True)
+class FusionExperiment:
+    """All settings of the training of the fusion, which `config.yaml` records.
+
+    Attributes:
+        drives: Labelled drives that no detector was trained on.
+        training: Network, and how it is fitted.
+        models: Model files of the detectors.
+        data: Split and cache.
+        sweep: Numbers of neurons of one hidden layer to try; the best of all sizes is taken.
+        sweep_two: Numbers of neurons of two hidden layers, of which all falling pairs are tried.
+    """
+
+    drives: TrainingDrives
+    training: FusionTrainingConfig
+    models: DetectorModelPaths = field(default_factory=DetectorModelPaths)
+    data: FusionDataConfig = field(default_factory=FusionDataConfig)
+    sweep: tuple[int, ...] = ()
+    sweep_two: tuple[int, ...] = ()
+
+    @property
+    def variant(self) -> FusionVariant:
+        """Features of a combination."""
+        return self.training.network.variant
+
+
+@dataclass(frozen=True)
+class TrainedFusion:
+    """Result of a training.
+
+    Attributes:
+        file: Model file.
+        metadata: Metadata of the model file.
+        fitted: Errors of the fit.
+        swept: Errors of the sizes that were tried.
+        counts: Frames and combinations of training, validation and test.
+    """
+
+    file: Path
+    metadata: Mapping[str, str]
+    fitted: FittedFusion
+    swept: tuple[SweptSize, ...]
+    counts: Mapping[str, int]
+
+
+def run_experiment(
+    experiment: FusionExperiment,
+    run: TrainingRun,
+    out: Path,
+    resume: str | None = None,
+    progress: Progress = iter,
+    sweep_progress: SweepProgress = iter,
+) -> tuple[TrainedFusion, SplitDetections]:
+    """Train the fusion in a folder; return it with the detections it was trained and is tested on.
+
+    Args:
+        experiment: All settings of the fusion.
+        run: Epochs and seed.
+        out: Folder of the results.
+        resume: Checkpoint to resume from, or the word last for that of the folder.
+        progress: Wrapper of the loop over frames that may show its progress.
+        sweep_progress: Wrapper of the loop over network sizes that may show its progress.
+
+    Raises:
+        UsageError: there is another training in the folder, or a detector was trained on one of the drives.
+        PerceptionError: drives, models or a checkpoint cannot be used.
+    """
+    checkpoint = checkpoint_to_resume(out, resume)
+    detections = split_detections(
+        experiment.drives, experiment.models, experiment.data, run.seed, progress
+    )
+    sets = FusionSets(
+        fusion_rows(detections.training, experiment.variant, score_jitters=_SCORE_JITTERS),
+        fusion_rows(detections.validation, experiment.variant),
+    )
+    config = replace(
+        experiment.training,
+        seed=run.seed,
+        training_data=experiment.drives.names,
+        detectors=detections.detectors,
+        revision=program_revision(),
+    )
+    sizes = hidden_sizes(experiment.sweep, experiment.sweep_two)
+    swept = tuple(sweep(sets, config, sizes, sweep_progress))
+    if swept:
+        best = min(swept, key=lambda one: one.validation)
+        config = replace(config, network=replace(config.network, hidden=best.hidden))
+    document = {"program": f"trifuse {__version__}", "experiment": experiment, "run": run}
+    write_yaml(out / "config.yaml", {**document, "network": config, "resumed_from": checkpoint})
+    fitted = fit_fusion(sets, config, out, run, checkpoint)
+    file, metadata = out / "fusion.onnx", _export(fitted.checkpoint, out / "fusion.onnx")
+    if experiment.variant == "default":  # the thesis' scores are not calibrated
+        metadata = metadata | {"calibration": _calibrate(file, fitted.checkpoint, detections)}
+    counts = {
+        "training_frames": len(detections.training),
+        "training_combinations": len(sets.training),
+        "validation_frames": len(detections.validation),
+        "validation_combinations": len(sets.validation),
+        "test_frames": len(detections.test),
+    }
+    return TrainedFusion(file, metadata, fitted, swept, counts), detections
+
+
+def _export(checkpoint: Path, file: Path) -> dict[str, str]:
+    """Write the model file of a checkpoint; return its metadata."""
+    exported = export_fusion(ExportConfig(checkpoint))
+    exported.require_parity(file.name)
+    write_atomically(file, exported.models["fp32"])
+    return exported.metadata
+
+
+def _calibrate(file: Path, checkpoint: Path, detections: SplitDetections) -> str:
+    """Write the curves from scores to probabilities into a model file and its checkpoint; return them."""
+    frames = detections.validation
+    boxes = boxes_by_detector(frames, fuse_frames(frames.scenes, Fusion(file)))
+    curves = {
+        name: fit_calibration(class_correctness(frames, found, detections.class_names))
+        for name, found in boxes.items()
+    }
+    calibrations = FusionCalibration(
+        joint=curves["fusion"], alone={name: curves[name] for name in MODALITIES if name in curves}
+    )
+    write_atomically(file, with_calibrations(file.read_bytes(), calibrations))
+    write_calibrations(checkpoint, calibrations)
+    return str(calibrations)

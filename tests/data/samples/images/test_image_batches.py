@@ -1,0 +1,341 @@
+"""Batches of pictures: what they hold, in which order, by how many processes, and after a resume."""
+
+import logging
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from lightning.pytorch import LightningModule, Trainer
+from torch.utils.data import DataLoader
+
+from data.array_store import ArrayStore
+from data.open_drive import open_drive
+from data.samples.config import TrainingDrives
+from data.samples.epoch_samplers import ContiguousDistributedSampler, SampleIndex, ShuffledSampler
+from data.samples.images.augmentation import augment
+from data.samples.images.config import ImageAugmentationConfig, ImageDataConfig
+from data.samples.images.datamodule import ImageDataModule
+from data.samples.images.dataset import ImageDataset, collate
+from data.samples.images.input_images import ImageConfig
+from data.samples.images.labelled_images import LabelledImages
+from perception.errors import DriveError, LabelError, ScanError, UsageError
+from perception.types import MODALITIES, Modality
+from tests.car_frames import SIZE_PX
+from tests.data.samples.images.conftest import SMALL
+
+FIELDS = {"images", "boxes_px", "classes", "is_ignored", "numbers"}
+MakeData = Callable[..., ImageDataModule]
+
+
+@pytest.fixture
+def make_data(make_frames: Callable[..., Path], tmp_path: Path) -> MakeData:
+    def make(
+        modality: Modality = "dm",
+        training: tuple[Path, ...] | None = None,
+        validation: tuple[Path, ...] = (),
+        progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+        **data: object,
+    ) -> ImageDataModule:
+        named = (make_frames(),) if training is None else training
+        return ImageDataModule(
+            TrainingDrives(named, validation),
+            ImageConfig(modality, size=SMALL),
+            ImageDataConfig(**{"batch_size": 2, "cache": tmp_path / "cache", **data}),
+            progress=progress,
+        )
+
+    return make
+
+
+@pytest.fixture
+def dataset(make_images: Callable[..., LabelledImages]) -> ImageDataset:
+    return ImageDataset(make_images(), np.arange(5), ImageAugmentationConfig(), seed=3)
+
+
+def test_a_plain_sample_is_the_picture_and_its_labels(dataset: ImageDataset):
+    sample = dataset[1]
+    assert set(sample) == FIELDS
+    image = dataset.frames.image(1)
+    np.testing.assert_array_equal(sample["images"].numpy(), image.transpose(2, 0, 1))
+    expected = dataset.frames.labels(1).boxes_px * np.tile([320 / 620, 96 / 190], 2)
+    np.testing.assert_allclose(sample["boxes_px"], expected, rtol=1e-5)
+    assert (sample["classes"].tolist(), sample["is_ignored"].tolist()) == ([0, 0], [False, False])
+    assert int(sample["numbers"]) == 1
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_a_view_is_reproducible_and_differs_from_others(
+    make_images: Callable[..., LabelledImages], modality: Modality
+):
+    dataset = ImageDataset(make_images(modality), np.arange(5), ImageAugmentationConfig(), seed=3)
+    first, again, other = (dataset[SampleIndex(0, view)] for view in ((1, 5), (1, 5), (2, 5)))
+    for name in FIELDS:
+        assert torch.equal(first[name], again[name])
+    assert not torch.equal(first["images"], other["images"])
+    reseeded = ImageDataset(dataset.frames, np.arange(5), ImageAugmentationConfig(), seed=4)
+    assert not torch.equal(first["images"], reseeded[SampleIndex(0, (1, 5))]["images"])
+
+
+@pytest.mark.parametrize("modality", MODALITIES)
+def test_without_augmentation_samples_are_unchanged(
+    make_images: Callable[..., LabelledImages], modality: Modality
+):
+    frames = make_images(modality)
+    none = ImageAugmentationConfig.none()
+    rng = np.random.default_rng(0)
+    image, labels = augment(frames.image(0), frames.targets(0), frames.config, none, rng)
+    np.testing.assert_array_equal(image, frames.image(0))
+    np.testing.assert_allclose(labels.boxes_px, frames.targets(0).boxes_px)
+    plain = ImageDataset(frames, np.arange(5))
+    assert torch.equal(plain[SampleIndex(0, (1, 5))]["images"], plain[0]["images"])
+
+
+def test_lost_cache_entries_are_computed_again(dataset: ImageDataset):
+    before = dataset[0]["images"]
+    for path in list(dataset.frames.store.folder.rglob("*.npy")):
+        path.unlink()
+    assert torch.equal(ImageDataset(dataset.frames, np.arange(1))[0]["images"], before)
+
+
+def test_truth_sizes_and_label_sizes_are_of_its_frames_in_order(
+    make_images: Callable[..., LabelledImages],
+):
+    frames = make_images()
+    dataset = ImageDataset(frames, np.array([3, 1]))
+    truth = dataset.truth()
+    assert truth.frames.tolist() == [0, 0, 1, 1]
+    expected = [*frames.labels(3).boxes_px, *frames.labels(1).boxes_px]
+    np.testing.assert_array_equal(truth.boxes_px, expected)
+    assert dataset.image_size_px(1) == SIZE_PX
+    sizes = np.array(expected)[:, 2:] - np.array(expected)[:, :2]
+    np.testing.assert_allclose(dataset.label_sizes_px(), sizes * [320 / 620, 96 / 190], rtol=1e-5)
+
+
+def test_labels_are_filled_up_with_boxes_of_no_size(dataset: ImageDataset):
+    less = {**dataset[0], "boxes_px": torch.ones(1, 4), "classes": torch.ones(1, dtype=torch.int64)}
+    less["is_ignored"] = torch.ones(1, dtype=torch.bool)
+    batch = collate([dataset[1], less])
+    assert batch["images"].shape == (2, 1, 96, 320)
+    assert batch["boxes_px"][1].tolist() == [[1] * 4, [0] * 4]
+    assert (batch["classes"][1].tolist(), batch["is_ignored"][1].tolist()) == (
+        [1, 0],
+        [True, False],
+    )
+    assert batch["numbers"].tolist() == [1, 0]
+
+
+def test_a_batch_without_any_label_is_a_batch(
+    make_frames: Callable[..., Path], make_images: Callable[..., LabelledImages]
+):
+    dataset = ImageDataset(make_images("dm", make_frames(cars=0)), np.arange(2))
+    assert collate([dataset[0], dataset[1]])["boxes_px"].shape == (2, 0, 4)
+    assert dataset.label_sizes_px().shape == (0, 2)
+
+
+def test_an_epoch_holds_every_frame_once_and_depends_on_its_number_alone():
+    first, resumed = ShuffledSampler(20, seed=1), ShuffledSampler(20, seed=1)
+    epochs = []
+    for epoch in range(3):
+        first.set_epoch(epoch)
+        epochs.append(list(first))
+    assert all(sorted(ask.row for ask in epoch) == list(range(20)) for epoch in epochs)
+    assert epochs[0] != epochs[1]
+    assert len({ask.view for epoch in epochs for ask in epoch}) == 60
+    resumed.set_epoch(2)
+    assert list(resumed) == epochs[2]
+    shares = [list(ContiguousDistributedSampler(resumed, process, 2)) for process in range(2)]
+    assert shares[0] + shares[1] == epochs[2]
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_workers_load_the_same_samples(dataset: ImageDataset, method: str):
+    indices = [SampleIndex(row, (0, row)) for row in range(5)]
+
+    def batches(**options: object) -> list[dict[str, torch.Tensor]]:
+        return list(DataLoader(dataset, 2, sampler=indices, collate_fn=collate, **options))
+
+    alone = batches()
+    together = batches(num_workers=1, multiprocessing_context=method)
+    for one, other in zip(alone, together, strict=True):
+        assert all(torch.equal(one[name], other[name]) for name in FIELDS)
+
+
+@pytest.fixture
+def busy_opencv() -> Iterator[None]:
+    """Let OpenCV begin threads, which a forked worker does not have."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    cv2.GaussianBlur(np.zeros((1500, 1500, 3), np.uint8), (0, 0), 3)
+    yield
+    cv2.setNumThreads(before)
+
+
+@pytest.mark.usefixtures("busy_opencv")
+def test_workers_fill_one_cache_at_once(make_data: MakeData):
+    data = make_data(workers=2)
+    data.setup()
+    folder = data.config.cache
+    for path in list(folder.rglob("*.npy")):
+        path.unlink()
+    images = torch.cat([batch["images"] for batch in data.train_dataloader()])
+    assert images.shape == (4, 1, 96, 320)
+    assert (images > 0).any()
+    assert len([path for path in folder.iterdir() if any(path.iterdir())]) == 4
+
+
+def test_a_drive_on_disk_becomes_batches(make_data: MakeData):
+    seen: list[int] = []
+
+    def progress(numbers: Iterable[int]) -> Iterable[int]:
+        for number in numbers:
+            seen.append(number)
+            yield number
+
+    data = make_data(progress=progress, test_fraction=0.2)
+    data.prepare_data()
+    assert seen == [0, 1, 2, 3, 4]
+    assert len(list(data.config.cache.iterdir())) == 5
+    data.setup()
+    parts = data.training.numbers, data.validation.numbers, data.test.numbers
+    assert [len(part) for part in parts] == [3, 1, 1]
+    assert sorted(np.concatenate(parts).tolist()) == [0, 1, 2, 3, 4]
+    batches = list(data.train_dataloader())
+    assert [set(batch) for batch in batches] == [FIELDS] * 2
+    assert batches[0]["images"].dtype == torch.uint8
+    assert sorted(torch.cat([batch["numbers"] for batch in batches]).tolist()) == [0, 1, 2]
+    (kept,) = data.val_dataloader()
+    plain = data.validation.frames.image(int(data.validation.numbers[0]))
+    np.testing.assert_array_equal(kept["images"][0, 0].numpy(), plain[..., 0])
+    assert len(list(data.test_dataloader())) == 1
+
+
+def test_validation_drives_are_taken_whole(make_data: MakeData, make_frames: Callable[..., Path]):
+    data = make_data(validation=(make_frames("other", 2),))
+    data.setup()
+    assert data.training.numbers.tolist() == [0, 1, 2, 3, 4]
+    assert data.validation.numbers.tolist() == [0, 1]
+    assert len(data.test) == 0
+
+
+def test_a_share_takes_the_first_frames(make_data: MakeData, make_frames: Callable[..., Path]):
+    data = make_data(validation=(make_frames("other", 2),), training_fraction=0.5)
+    data.setup()
+    assert data.training.numbers.tolist() == [0, 1, 2]
+    assert data.validation.numbers.tolist() == [0, 1]
+
+
+def test_lists_choose_the_frames(make_data: MakeData, tmp_path: Path):
+    lists = tmp_path / "train.txt", tmp_path / "val.txt"
+    lists[0].write_text("000004\n000001\n")
+    lists[1].write_text("000002\n")
+    data = make_data(frame_lists=lists)
+    data.setup()
+    assert data.training.numbers.tolist() == [1, 4]
+    assert data.validation.numbers.tolist() == [2]
+    lists[1].write_text("000007\n")
+    with pytest.raises(LabelError, match=r"val\.txt row 1: expected the number of a frame"):
+        data.setup()
+
+
+def test_lists_go_with_one_drive_alone(
+    make_data: MakeData, make_frames: Callable[..., Path], tmp_path: Path
+):
+    lists = tmp_path / "train.txt", tmp_path / "val.txt"
+    data = make_data(validation=(make_frames("other", 2),), frame_lists=lists)
+    with pytest.raises(UsageError, match="expected one drive, no validation drives"):
+        data.setup()
+
+
+def test_a_bad_frame_stops_or_is_left_out(
+    make_data: MakeData, make_frames: Callable[..., Path], caplog
+):
+    root = make_frames("broken")
+    (root / "training/velodyne/000002.bin").write_bytes(b"short")
+    with pytest.raises(ScanError, match=r"000002\.bin"):
+        make_data(training=(root,)).prepare_data()
+    data = make_data(training=(root,), on_bad_frame="skip")
+    with caplog.at_level(logging.WARNING):
+        data.prepare_data()
+        assert caplog.messages == []
+        data.setup()
+    assert [message.startswith("skipped frame 2: ") for message in caplog.messages] == [True]
+    numbers = [*data.training.numbers, *data.validation.numbers]
+    assert sorted(numbers) == [0, 1, 3, 4]
+
+
+def test_a_set_that_lacks_the_class_is_refused(
+    make_data: MakeData, make_frames: Callable[..., Path]
+):
+    data = make_data(training=(make_frames("vans", kind="Van"),))
+    with pytest.raises(LabelError) as raised:
+        data.setup()
+    assert raised.value.where == "labels of 4 training images"
+    assert raised.value.found == "8 Van, a set that lacks the class"
+
+
+def test_no_drives_are_refused(make_data: MakeData):
+    with pytest.raises(DriveError) as raised:
+        make_data(training=()).setup()
+    assert raised.value.found == "none"
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        ({"batch_size": 0}, "a batch size from 1 and workers from 0"),
+        ({"workers": -1}, "a batch size from 1 and workers from 0"),
+        ({"validation_fraction": 0.6, "test_fraction": 0.4}, "both from 0, together below 1"),
+        ({"test_fraction": -0.1}, "both from 0, together below 1"),
+        ({"training_fraction": 0.0}, "above 0, at most 1"),
+    ],
+)
+def test_loading_that_cannot_be_is_refused(data: dict[str, float], expected: str):
+    with pytest.raises(UsageError) as raised:
+        ImageDataConfig(**data)
+    assert raised.value.expected == expected
+
+
+class Watcher(LightningModule):
+    """Learns next to nothing, and notes what it sees."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.weight = torch.nn.Parameter(torch.zeros(1))
+        self.seen: list[tuple[int, float, list[int]]] = []
+
+    def training_step(self, batch, batch_idx):
+        epoch_sampler = batch["images"].float().mean()
+        self.seen.append((self.current_epoch, float(epoch_sampler), batch["numbers"].tolist()))
+        return (self.weight - 1).square().sum()
+
+    def configure_optimizers(self):
+        return torch.optim.SGD(self.parameters(), 0.1)
+
+
+def test_resumed_training_loads_the_same_samples(make_data: MakeData, tmp_path: Path):
+    data = make_data()
+
+    def trained(epochs: int, resumed: Path | None = None) -> list[tuple[int, float, list[int]]]:
+        watcher = Watcher()
+        trainer = Trainer(
+            accelerator="cpu", max_epochs=epochs, limit_val_batches=0, logger=False, enable_checkpointing=False,
+            enable_progress_bar=False, enable_model_summary=False, reload_dataloaders_every_n_epochs=0,
+        )  # fmt: skip
+        trainer.fit(watcher, data, ckpt_path=resumed)
+        trainer.save_checkpoint(tmp_path / f"{epochs}.ckpt")
+        return watcher.seen
+
+    first, whole = trained(1), trained(3)
+    assert {epoch for epoch, *_ in whole} == {0, 1, 2}
+    assert len({epoch_sampler for _, epoch_sampler, _ in whole}) == len(whole) == 6
+    assert first + trained(3, tmp_path / "1.ckpt") == whole
+
+
+def test_sequences_give_pictures_as_object_frames_do(kitti_root: Path, store: ArrayStore):
+    drive = open_drive(kitti_root / "tracking", sequence="0000")
+    dataset = ImageDataset(LabelledImages([drive], ImageConfig("rgb"), store), np.arange(3))
+    assert dataset[0]["images"].shape == (3, 192, 640)
+    assert set(dataset.truth().types) >= {"Van", "Cyclist"}
