@@ -26,7 +26,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 
     def start_section(self, heading: str | None) -> None:
         """Name the sections by what they hold; jsonargparse takes the first line of a docstring."""
-        names = {self.summary: "Flags of the command", "options": "Configuration"}
+        names = {self.summary: "Arguments", "options": "Configuration"}
         super().start_section(names.get(heading or "", heading))
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
@@ -40,7 +40,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         flag = max(action.option_strings, key=len).removesuffix("+").replace("_", "-")
         if isinstance(action.default, bool):
             head, dot, name = flag[2:].rpartition(".")
-            return f"--{head}{dot}[no-]{name}" if action.default else flag
+            return f"--{head}{dot}[no-]{name}"
         return f"{flag} {_metavar(self.types.get(action.dest, Path))}"
 
     def _expand_help(self, action: argparse.Action) -> str:
@@ -50,7 +50,9 @@ class _Help(argparse.RawDescriptionHelpFormatter):
         text = action.help or ""
         if text == "Path to a configuration file.":
             return "YAML file with this section."
-        if not action.option_strings or action.default in (None, argparse.SUPPRESS, "", (), False):
+        if isinstance(action.default, bool):
+            return f"{text} [{'on' if action.default else 'off'}]"
+        if not action.option_strings or action.default in (None, argparse.SUPPRESS, "", ()):
             return text
         return f"{text} [{_shown(action.default)}]"
 
@@ -89,8 +91,6 @@ def _metavar(kind: Any) -> str:  # noqa: ANN401 - any annotation
 
 
 def _shown(value: object) -> str:
-    if isinstance(value, bool):
-        return "on"
     if isinstance(value, list | tuple):
         return ",".join(map(str, value))
     return f"{value:g}" if isinstance(value, float) else str(value)

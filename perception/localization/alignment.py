@@ -6,10 +6,12 @@ from typing import Any, Literal
 import numpy as np
 import small_gicp
 
-from perception.types import Float32, Float64
+from perception.types import Bool, Float32, Float64
 
 _MIN_POINTS = 50  # of a filtered scan; fewer do not determine six degrees of freedom
 _MAX_ITERATIONS = 20
+# Cells of the box filter on each side of the origin: small_gicp has 21 bits for an axis.
+_GRID_CELLS = 2**20 - 1
 # A smaller step ends the alignment. What it leaves is of the order of its square (measured: with steps a
 # third as small, poses stay as far from the truth, for another quarter of the time).
 _STEP_RAD, _STEP_M = 1e-3, 3e-3
@@ -21,7 +23,7 @@ class PreprocessedPoints:
 
     Attributes:
         cloud: Points and covariances of small_gicp.
-        tree: Search tree of small_gicp over the points.
+        tree: Search tree of small_gicp over the points; None without points.
     """
 
     cloud: Any
@@ -53,12 +55,21 @@ def preprocess_points(
     points: Float32, voxel_size_m: float, neighbors: int = 10, threads: int = 1
 ) -> PreprocessedPoints:
     """Downsample (N, 3+) points to one per voxel, and fit a covariance to each one's neighbours."""
+    # small_gicp prints a line for each point outside its grid and for each empty tree, which nobody can act on.
+    inside = points[_is_in_grid(points[:, :3], voxel_size_m), :3].astype(np.float64)
     # On several threads the filter keeps another set of points in each run.
-    cloud = small_gicp.voxelgrid_sampling(points[:, :3].astype(np.float64), voxel_size_m, 1)
+    cloud = small_gicp.voxelgrid_sampling(inside, voxel_size_m, 1)
+    if not cloud.size():
+        return PreprocessedPoints(cloud, tree=None)
     tree = small_gicp.KdTree(cloud, num_threads=threads)
-    if cloud.size():
-        small_gicp.estimate_covariances(cloud, tree, neighbors, threads)
+    small_gicp.estimate_covariances(cloud, tree, neighbors, threads)
     return PreprocessedPoints(cloud, tree)
+
+
+def _is_in_grid(xyz: Float32, voxel_size_m: float) -> Bool:
+    """Return (N,) whether a finite point lies within the grid of the box filter."""
+    limit_m = _GRID_CELLS * voxel_size_m
+    return np.asarray((np.abs(xyz) < limit_m).all(axis=1))
 
 
 def align(

@@ -241,7 +241,7 @@ class LidarOdometry:
         )
 
     def _preprocess(self, points_velo: Float32) -> PreprocessedPoints:
-        stride = -(-len(points_velo) // self._config.max_points)
+        stride = max(-(-len(points_velo) // self._config.max_points), 1)
         return preprocess_points(
             points_velo[::stride],
             self._config.voxel_size_m,

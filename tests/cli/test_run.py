@@ -1,6 +1,8 @@
 """What a run leaves behind, whole runs and broken ones."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import av
@@ -10,10 +12,13 @@ import yaml
 
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
+from data.results.run_folder import RunFolder
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
+from perception.errors import DriveError
 
 FRAMES = 4
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +100,40 @@ def test_the_written_configuration_is_the_effective_one(results, street):
     assert config["pipeline"]["area"]["ahead_m"] == 30.0
 
 
+def test_the_written_configuration_can_be_given_back(street, tmp_path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    words = ["--frames", "2", "--no-video", "--pipeline.motion.voxel-size", "0.2"]
+    assert main(["run", str(street), "--out", str(first), *words]) == 0
+    config = first / "config.yaml"
+    assert main(["run", str(street), "--out", str(second), "--config", str(config)]) == 0
+    assert (second / "config.yaml").read_text() == config.read_text()
+    assert yaml.safe_load(config.read_text())["pipeline"]["motion"]["voxel_size_m"] == 0.2
+    assert (second / "tracks.jsonl").read_text() == (first / "tracks.jsonl").read_text()
+    assert not (second / "video.mp4").exists()
+
+
+def test_what_was_written_is_read_back(results, street):
+    folder, drive = RunFolder(results), open_drive(street)
+    frames = folder.frames()
+    assert [frame.frame for frame in frames] == list(range(FRAMES))
+    assert [len(line.tracks) for line in folder.tracks()] == [frame.tracks for frame in frames]
+    assert [len(line.vehicles) for line in folder.vehicles()] == [one.vehicles for one in frames]
+    poses = folder.poses()
+    np.testing.assert_allclose(poses[:, :3, 3], [one.position_m for one in frames], atol=1e-4)
+    assert folder.summary()["frames"] == FRAMES
+    for frame in frames:
+        labels, obstacles = folder.labels(frame.frame), folder.obstacles(frame.frame)
+        assert len(labels) == len(drive[frame.frame].points_velo)
+        assert len(obstacles.static_centers_m) == frame.voxels["static"]
+        assert len(obstacles.ground_xy_m) == len(obstacles.ground_height_m)
+
+
+def test_a_folder_without_a_run_is_named(tmp_path):
+    with pytest.raises(DriveError) as caught:
+        RunFolder(tmp_path)
+    assert (caught.value.where, caught.value.found) == (str(tmp_path), "no frames.jsonl")
+
+
 def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["run", str(damaged), "--out", str(out)]) == 2
@@ -105,6 +144,21 @@ def test_a_damaged_scan_stops_the_run_and_keeps_what_was_done(damaged, tmp_path,
     assert len((out / "tracks.jsonl").read_text().splitlines()) == 2
     assert json.loads((out / "summary.json").read_text())["frames"] == 2
     assert frames_of(out / "video.partial.mp4") == 2
+
+
+def test_sentences_do_not_run_into_the_progress_bar(damaged, tmp_path):
+    for policy, code, sentence in (
+        ("stop", 2, "trifuse run: "),
+        ("skip", 0, "skipped frame 2: "),
+    ):
+        words = [str(damaged), "--no-video", "--out", str(tmp_path), "--on-bad-frame", policy]
+        ran = subprocess.run(
+            [sys.executable, "-m", "perception", "run", *words],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert ran.returncode == code
+        lines = [line.rpartition("\r")[2] for line in ran.stderr.split("\n")]
+        assert any(line.startswith(sentence) and "0000000002.bin" in line for line in lines)
 
 
 def test_a_damaged_scan_can_be_skipped(damaged, tmp_path):

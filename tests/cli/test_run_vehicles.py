@@ -8,6 +8,8 @@ import pytest
 
 from data.kitti.detection_rows import read_detection_set
 from data.kitti.tracking_rows import read_result_rows
+from data.results.records import to_fields
+from data.results.vehicles import read_vehicles
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.types import MODALITIES
@@ -57,14 +59,16 @@ def test_frames_that_are_no_sequence_have_no_tracks_of_vehicles(run_of_cars):
     assert json.loads((run_of_cars / "summary.json").read_text())["vehicles"]["ids"] == 0
 
 
-def test_every_vehicle_says_who_saw_it(run_of_cars):
-    lines = (run_of_cars / "vehicles.jsonl").read_text().splitlines()
-    for one in (vehicle for line in lines for vehicle in json.loads(line)["vehicles"]):
-        assert set(one["scores"]) == set(MODALITIES)
-        # There is no image, so that the LiDAR's two detectors look.
-        assert one["scores"]["rgb"] is None
-        assert one["dominant_modality"] in ("dm", "rm")
-        assert one["scores"][one["dominant_modality"]] is not None
+def test_every_vehicle_has_the_scores_of_its_detectors(run_of_cars):
+    lines = read_vehicles(run_of_cars / "vehicles.jsonl")
+    written = [json.loads(line) for line in (run_of_cars / "vehicles.jsonl").open()]
+    assert [to_fields(line) for line in lines] == written
+    for one in (vehicle for line in lines for vehicle in line.vehicles):
+        assert set(one.scores) == set(MODALITIES)
+        # There is no image, so that only the detectors of the LiDAR's maps run.
+        assert one.scores["rgb"] is None
+        assert one.dominant_modality in ("dm", "rm")
+        assert one.scores[one.dominant_modality] is not None
 
 
 def test_a_sequence_has_a_file_of_followed_vehicles(networks, tmp_path):

@@ -14,7 +14,8 @@ from data.derived.object_truth import DriveObjects
 from data.derived.track_start import TrackStart, TrackStartConfig, find_start, parse_box
 from data.kitti.tracking_rows import read_result_rows
 from data.open_drive import open_drive
-from data.results.trajectory import TrajectoryRecord, TrajectoryRows
+from data.results.records import to_fields
+from data.results.trajectory import TrajectoryRecord, TrajectoryRows, read_trajectory
 from data.synthetic.collection import SynthConfig, write_drives
 from perception.cli.main import main
 from perception.cli.track_object import TrackConfig, track_object
@@ -106,6 +107,8 @@ def test_the_trajectory_tells_the_object_in_both_frames(results, street, labelle
     box = labels.boxes_velo[labels.track_ids == labelled_id]
     np.testing.assert_allclose(lines[0]["velo"]["position_m"], box.bottom_m[0], atol=1.0)
     np.testing.assert_allclose(lines[0]["size_m"], box.size_m[0], atol=0.01)
+    read = read_trajectory(results / "trajectory.jsonl")
+    assert [to_fields(record) for record in read] == lines
     for line in lines:
         world_m_s = np.linalg.norm(line["world"]["velocity_m_s"])
         assert world_m_s == pytest.approx(line["speed_m_s"], abs=1e-3)

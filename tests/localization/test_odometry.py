@@ -223,3 +223,15 @@ def test_real_scans_agree_to_centimetres_without_ins(kitti_root: Path) -> None:
     assert np.linalg.norm(seed[:3, 3]) > 1.5  # the car did drive
     assert metres < 0.03
     assert degrees < 0.06
+
+
+@pytest.mark.parametrize(
+    "points",
+    [np.zeros((0, 4)), np.array([[1e9, 0, 0, 0], [np.nan, 0, 0, 0]]), np.zeros((3, 4))],
+    ids=["empty", "out of range", "too few"],
+)
+def test_small_gicp_writes_nothing_to_the_screen(points, capfd):
+    odometry = LidarOdometry()
+    for number, scan in enumerate([points, street(), points, points]):
+        odometry.update(scan.astype(np.float32), number * STEP_S)
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,47 @@
+"""Dataclasses as lines of JSON, and back."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from data.results.records import RecordWriter, read_records
+from perception.errors import LabelError
+
+
+@dataclass(frozen=True)
+class Place:
+    position_m: list[float]
+    yaw_rad: float | None
+
+
+@dataclass(frozen=True)
+class Line:
+    frame: int
+    place: Place | None
+    scores: dict[str, float | None]
+
+
+LINES = [Line(0, Place([1.0, 2.0], 0.5), {"dm": None, "rm": 0.25}), Line(1, None, {})]
+
+
+def test_what_is_written_is_read_back_after_every_line(tmp_path):
+    path = tmp_path / "made" / "lines.jsonl"
+    with RecordWriter(path) as writer:
+        for count, line in enumerate(LINES, start=1):
+            writer.write(line)
+            assert read_records(path, Line) == LINES[:count]
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"frame": 1}', '{"frame": "x"}'])
+def test_a_line_of_another_kind_is_named(tmp_path, text):
+    path = tmp_path / "lines.jsonl"
+    path.write_text(f'{{"frame": 1, "place": null, "scores": {{}}}}\n{text}\n')
+    with pytest.raises(LabelError) as caught:
+        read_records(path, Line)
+    assert (caught.value.where, caught.value.expected) == (f"{path} line 2", "a Line")
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(LabelError) as caught:
+        read_records(tmp_path / "lines.jsonl", Line)
+    assert caught.value.found == "No such file or directory"
