@@ -1,1 +1,1 @@
-"""Objects followed over time."""
+"""Tracking of objects over time: moving objects, detected vehicles, and one object."""

@@ -77,13 +77,13 @@ class BoxTracker:
 
     def _update_with_moving(self, clusters: Footprints, sensor_m: Float64) -> Footprints:
         """Continue tracks by moving clusters, the confirmed ones first; return the unmatched clusters."""
-        is_confirmed_before = self._tracks.is_confirmed
+        confirmed = self._tracks.is_confirmed
         clusters = join_fragments(
             clusters,
-            self._is_inside(self._tracks[is_confirmed_before], clusters.centroids_m),
+            self._is_inside(self._tracks[confirmed], clusters.centroids_m),
             self._config.fragment_share,
         )
-        for rows in (np.flatnonzero(is_confirmed_before), np.flatnonzero(~is_confirmed_before)):
+        for rows in (np.flatnonzero(confirmed), np.flatnonzero(~confirmed)):
             if len(clusters) and len(rows):
                 tracks = self._tracks[rows]
                 measured = measure_boxes(tracks, clusters, sensor_m, self._config)

@@ -44,7 +44,7 @@ class HeadingConfig:
     Attributes:
         turn_rate_rad_s: Standard deviation of the rate at which a heading turns; a car at a corner makes 0.5 rad/s.
         min_speed_m_s: Minimum speed at which the course is used.
-        front_speed_m_s: Minimum speed at which the course tells the front from the rear.
+        front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
         max_deviation_rad: Maximum standard deviation of a course that is used.
         course_deviation_rad: Standard deviation of the heading from the course.
         shape_deviation_rad: Standard deviation of the heading from the axis of the outline's rectangle.

@@ -1,1 +1,1 @@
-"""One object followed from its first box on, by LiDAR and camera together or by one of them."""
+"""Tracking of one object from its initial box on, by LiDAR and camera or by one of them."""

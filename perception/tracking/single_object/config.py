@@ -433,13 +433,13 @@ class LocalGroundConfig:
 
 @dataclass(frozen=True)
 class BackgroundConfig:
-    """Model of what stands around the object, from the last scans.
+    """Background around the object, from the last scans.
 
     Attributes:
         cell_m: Edge of the cells.
         recent: Number of scans whose points beside the observed object are background.
         kept: Number of scans that are remembered.
-        min_hidden: Minimum number of scans with a hidden object from which static points are told.
+        min_hidden: Minimum number of scans with a hidden object before static points are background.
         static_share: Share of these scans in which a static point is observed.
     """
 

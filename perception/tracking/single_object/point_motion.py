@@ -128,7 +128,7 @@ def heading_from_course(
     size_m: Float64,
     config: CourseConfig,
 ) -> float:
-    """Return the heading of a displacement, or the last heading where the object is too slow to tell.
+    """Return the heading of a displacement, or the last heading of an object that is too slow.
 
     Args:
         displacement_m: (2+,) displacement since the last scan.

@@ -42,7 +42,7 @@ class VehicleTrackerConfig:
         relocate_after_s: Time located elsewhere than predicted after which a track moves there.
         heading_memory: Share of the past observations of the heading that the next one leaves.
         course_speed_m_s: Minimum speed at which the course corrects the heading.
-        front_speed_m_s: Minimum speed at which the course tells the front from the rear.
+        front_speed_m_s: Minimum speed at which the course distinguishes front and rear.
         max_size_samples: Maximum number of observations that a size is averaged over.
         max_reported_speed_deviation_m_s: Maximum standard deviation of a reported velocity.
         image_speed_gain: Gain of a correction of the motion in the image.

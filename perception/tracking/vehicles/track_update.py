@@ -91,7 +91,7 @@ def predict(tracks: VehicleTable, elapsed_s: float, config: VehicleTrackerConfig
 def expected_boxes_px(tracks: VehicleTable, frame: FrameGeometry) -> Float64:
     """Return (T, 4) the predicted box of each track in the image; NaN behind the camera.
 
-    A 2D box moves and grows as its 3D box does; that of a track without a 3D box as it did so far.
+    A 2D box moves and grows as its 3D box does; that of a track without a 3D box as it did before.
     """
     now_px = frame.anchors_px(tracks)
     scale = tracks.anchors_px[:, 2:] / now_px[:, 2:]
@@ -221,8 +221,8 @@ def _turned_to_course(tracks: VehicleTable, config: VehicleTrackerConfig) -> Veh
     """Choose front and rear by a well-known velocity and, once it is fast, correct the heading by the course."""
     course_rad = np.arctan2(tracks.mean[:, 3], tracks.mean[:, 2])
     excess_m_s = tracks.speeds_m_s - 2 * tracks.speed_deviations_m_s
-    tells = (excess_m_s >= config.course_speed_m_s)[:, None]
-    axis = tracks.axis + np.where(tells, _doubled(course_rad), 0.0)
+    is_fast = (excess_m_s >= config.course_speed_m_s)[:, None]
+    axis = tracks.axis + np.where(is_fast, _doubled(course_rad), 0.0)
     yaw_rad = np.arctan2(axis[:, 1], axis[:, 0]) / 2
     ahead_rad = np.where(excess_m_s >= config.front_speed_m_s, course_rad, tracks.yaw_rad)
     return replace(tracks, axis=axis, yaw_rad=_nearer_end(yaw_rad, ahead_rad))

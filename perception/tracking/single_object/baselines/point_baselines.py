@@ -117,9 +117,11 @@ def colors_of_points(localizer_input: LocalizerInput) -> tuple[Int, Bool]:
         return np.zeros(0, np.int64), np.zeros(len(points_velo), bool)
     pixels, _ = project(image_P_velo, points_velo)
     # Points behind the camera have no pixel; any position outside the image leaves them out.
-    places = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.int64)
-    is_observed = np.asarray(((places >= 0) & (places < image.shape[1::-1])).all(axis=1))
-    columns, rows = places[is_observed].T
+    columns_rows = np.rint(np.nan_to_num(pixels, nan=-1.0)).astype(np.int64)
+    is_observed = np.asarray(
+        ((columns_rows >= 0) & (columns_rows < image.shape[1::-1])).all(axis=1)
+    )
+    columns, rows = columns_rows[is_observed].T
     return color_bins(image[rows, columns]), is_observed
 
 
