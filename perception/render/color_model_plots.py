@@ -1,4 +1,4 @@
-"""The colour model of a followed object as a picture: its region, its colours, and the climb to them."""
+"""Figure of the colour model of a tracked object: region, colours, and mean shift in the image."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,22 +20,22 @@ from perception.types import Float64, UInt8
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Space around the outermost outline, as a share of its size.
+# Margin around the outermost outline, as a share of its size.
 _MARGIN = 0.15
-# Area of the circle of the colour that tells most, in square points.
+# Area of the circle of the most discriminative colour, in square points.
 _LARGEST_CIRCLE = 260.0
 _BACKDROP = (0.82, 0.84, 0.87)
 
 
 @dataclass(frozen=True)
 class ColorModelScene:
-    """What one image says of an object's colours.
+    """Colour model of an object in one image.
 
     Attributes:
-        image: (H, W, 3) RGB.
-        regions: of the climb in this image, at least one, the last where the object was found.
-        measured: (512,) ratios of this image.
-        filtered: (512,) what the filters make of them.
+        image: (H, W, 3) RGB image.
+        regions: Regions of the mean shift in this image, at least one, the last where the object was found.
+        measured: (512,) colour ratios of this image.
+        filtered: (512,) colour ratios after the filters.
     """
 
     image: UInt8
@@ -45,7 +45,7 @@ class ColorModelScene:
 
 
 def plot_color_model(path: Path, title: str, scene: ColorModelScene) -> None:
-    """Draw the region and its ring, the ratios before and after the filters, and the climb (Fig. 5.16)."""
+    """Draw region and ring, the ratios before and after the filters, and the mean shift (Fig. 5.16)."""
     part = _part(scene)
     figure = new_figure(16.0, 4.6, title)
     region, confidence = figure.add_subplot(1, 4, 1), figure.add_subplot(1, 4, 4)
@@ -73,7 +73,7 @@ def _part(scene: ColorModelScene) -> tuple[slice, slice]:
 
 
 def _show(axes: "Axes", image: UInt8 | Float64, part: tuple[slice, slice], **style: Any) -> Any:  # noqa: ANN401
-    """Lay a part of the image out in the image's own pixels, and let no outline widen it."""
+    """Show a part of the image in the image's pixel coordinates, with fixed limits."""
     rows, columns = part
     extent = (columns.start - 0.5, columns.stop - 0.5, rows.stop - 0.5, rows.start - 0.5)
     shown = axes.imshow(image, extent=extent, **style)
@@ -97,7 +97,7 @@ def _draw_region(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]
 
 
 def _draw_colors(axes: Any, ratios: Float64) -> None:  # noqa: ANN401  (its type is known to few)
-    """Place a circle of its own colour for each bin that is in use; its area is the ratio."""
+    """Draw a circle in the colour of each used bin, with the ratio as its area."""
     in_use = np.flatnonzero(ratios)
     colors = bin_colors(bins_per_channel_of(ratios))[in_use]
     axes.scatter(
@@ -113,13 +113,13 @@ def _draw_colors(axes: Any, ratios: Float64) -> None:  # noqa: ANN401  (its type
         axis.set_ticks([0, 128, 256])
     axes.set(xlim=(0, 256), ylim=(0, 256), zlim=(0, 256))
     axes.set(xlabel="red", ylabel="green", zlabel="blue")
-    # Room for the outermost label, of which the layout does not know, before the next panel.
+    # Room for the outermost label, which the layout ignores.
     axes.set_box_aspect(None, zoom=0.9)
     axes.patch.set_visible(False)
 
 
 def _draw_mean_shift(axes: "Axes", scene: ColorModelScene, part: tuple[slice, slice]) -> Any:  # noqa: ANN401
-    """Draw the confidence of every pixel, and the outlines from the first, dark, to the last, bright."""
+    """Draw the confidence of each pixel, and the outlines from the first, dark, to the last, bright."""
     confidence = scene.filtered[color_bins(scene.image[part], bins_per_channel_of(scene.filtered))]
     shown = _show(axes, confidence, part, cmap="gray", vmin=0, vmax=1)
     for number, region in enumerate(scene.regions, 1):

@@ -1,4 +1,4 @@
-"""One picture of what a detector makes of a frame: the camera over the depth picture, both with boxes (Fig. 7.10)."""
+"""The image of DepthCN's detections in one frame: camera above depth map, both with boxes (Fig. 7.10)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,15 +24,15 @@ _LEGEND: tuple[LegendEntry, ...] = (
 
 @dataclass(frozen=True)
 class DetectionScene:
-    """What is drawn of one frame.
+    """Content of one frame.
 
     Attributes:
-        number: of the frame in its files.
-        image: (H, W, 3), or None without a camera's image.
-        depth: (H, W, 3) coloured depths of the same view.
-        proposals_px: (P, 4) boxes before verification.
-        detections: after it.
-        timings_s: by stage.
+        number: Number of the frame in its files.
+        image: (H, W, 3) camera image, or None.
+        depth: (H, W, 3) coloured depth map.
+        proposals_px: (P, 4) boxes x1 y1 x2 y2 of the proposals.
+        detections: Verified detections.
+        timings_s: Time of each stage in seconds.
     """
 
     number: int
@@ -45,12 +45,12 @@ class DetectionScene:
 
 @dataclass(frozen=True)
 class DetectionComposition:
-    """How scenes become pictures of one fixed size.
+    """Layout of the images of a drive, all of one size.
 
     Attributes:
-        panel_px: (width, height) of the camera's and of the depth's part, even.
-        has_camera: whether there is a part for the camera's image.
-        turn_s: time of one turn of the LiDAR, the budget of a frame.
+        panel_px: (width, height) of the panel of the camera and of that of the depth map, even numbers.
+        has_camera: Whether there is a panel for the camera's image.
+        turn_s: Time of one LiDAR revolution in seconds, the time budget of a frame.
     """
 
     panel_px: tuple[int, int]
@@ -59,14 +59,14 @@ class DetectionComposition:
 
     @classmethod
     def of(cls, first: DetectionScene, turn_s: float) -> Self:
-        """Lay the pictures out for scenes like the first."""
+        """Return the layout for scenes like the first."""
         height, width = first.depth.shape[:2]
         scale = min(_MAX_WIDTH_PX / width, _MAX_PANEL_PX / height)
         panel_px = (_MAX_WIDTH_PX, 2 * round(scale * height / 2))
         return cls(panel_px, first.image is not None, turn_s)
 
     def draw(self, scene: DetectionScene) -> UInt8:
-        """Return the (height, width, 3) picture of one frame."""
+        """Return the (height, width, 3) image of one frame."""
         width, panel_height = self.panel_px
         top = panel_height + _GUTTER_PX if self.has_camera else 0
         body_height = top + panel_height
@@ -78,7 +78,7 @@ class DetectionComposition:
         return canvas
 
     def _panel(self, scene: DetectionScene, image: UInt8) -> UInt8:
-        """Return a picture with its boxes, enlarged with it."""
+        """Return an image with its boxes, resized to the panel."""
         fitted = FittedImage.within(image, self.panel_px)
         draw_boxes(fitted.canvas, fitted.resizing.move_boxes(scene.proposals_px), PROPOSED)
         found = scene.detections

@@ -1,4 +1,4 @@
-"""How the fusion rescores, how big its network should be, and whether its scores are to be believed."""
+"""Figures of the fusion: rescoring, size of the network, and reliability of the scores."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,11 +18,11 @@ _NAMES = dict(zip(MODALITIES, ("color", "depth", "reflectance"), strict=True))
 
 
 def plot_rescoring(path: Path, title: str, levels: Float64, overlaps: Float64) -> None:
-    """Draw what overlap is expected of each modality's box over all three scores (Fig. 7.12).
+    """Draw the expected overlap of the box of each modality over the three scores (Fig. 7.12).
 
     Args:
-        path: of the PNG.
-        title: of the figure.
+        path: Path of the PNG.
+        title: Title of the figure.
         levels: (S,) scores along each axis.
         overlaps: (S, S, S, 3) expected IoU, by the scores of the three modalities in their order.
     """
@@ -48,13 +48,13 @@ def plot_sizes(
     one_layer: Mapping[int, tuple[float, float]],
     two_layers: Mapping[tuple[int, int], float],
 ) -> None:
-    """Draw mean square errors over the sizes of the hidden layers (Fig. 7.13).
+    """Draw the mean squared error over the sizes of the hidden layers (Fig. 7.13).
 
     Args:
-        path: of the PNG.
-        title: of the figure.
-        one_layer: training and validation, by neurons.
-        two_layers: validation, by neurons of the first and of the second layer; may be empty.
+        path: Path of the PNG.
+        title: Title of the figure.
+        one_layer: Errors of training and validation by the number of neurons.
+        two_layers: Errors of validation by the numbers of neurons of both layers; may be empty.
     """
     panels = bool(one_layer) + bool(two_layers)
     figure = new_figure(0.6 + 4.6 * panels, 4.0, title)
@@ -67,7 +67,7 @@ def plot_sizes(
 
 
 def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -> None:
-    """Draw how often detections are right over their scores; on the diagonal, scores are probabilities."""
+    """Draw the share of correct detections over their score; calibrated scores lie on the diagonal."""
     figure = new_figure(5.2, 5.0, title)
     axes = figure.add_subplot()
     axes.plot([0, 1], [0, 1], color="grey", linewidth=1)
@@ -77,7 +77,7 @@ def plot_reliability(path: Path, title: str, found: Mapping[str, Reliability]) -
         axes.plot(one.scores, one.shares, color=color, linewidth=2, label=label)
         sizes = 8 + 120 * one.counts / max(1, one.counts.max(initial=0))
         axes.scatter(one.scores, one.shares, sizes, color=[color])
-    axes.set(xlabel="score", ylabel="share that is right", xlim=(0, 1), ylim=(0, 1.02))
+    axes.set(xlabel="score", ylabel="share of correct detections", xlim=(0, 1), ylim=(0, 1.02))
     axes.grid(alpha=0.25)
     axes.legend(loc="upper left")
     save_figure(figure, path)
@@ -94,7 +94,7 @@ def _draw_one_layer(axes: "Axes", errors: Mapping[int, tuple[float, float]]) -> 
     axes.set(
         title=f"one hidden layer: best {errors[best][1]:.4f} with {best}",
         xlabel="neurons",
-        ylabel="mean square error",
+        ylabel="mean squared error",
     )
     axes.grid(alpha=0.25)
     axes.legend()
@@ -105,7 +105,7 @@ def _draw_two_layers(axes: "Axes", errors: Mapping[tuple[int, int], float]) -> N
     second = sorted({pair[1] for pair in errors})
     values = np.array([[errors.get((a, b), np.nan) for b in second] for a in first])
     image = axes.imshow(values, cmap="viridis_r", origin="lower", aspect="auto")
-    axes.figure.colorbar(image, ax=axes, label="mean square error, validation")
+    axes.figure.colorbar(image, ax=axes, label="mean squared error, validation")
     axes.set_xticks(range(len(second)), [str(size) for size in second])
     axes.set_yticks(range(len(first)), [str(size) for size in first])
     best = min(errors, key=lambda pair: errors[pair])

@@ -1,4 +1,4 @@
-"""The making of dense maps as a figure: camera, returns, masks, and both maps by each method (Fig. 6.4, B.3)."""
+"""Figure of dense maps: returns, masks, triangulation, and both maps by each method (Fig. 6.4, B.3)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,7 +34,7 @@ def plot_maps(
     first = next(iter(maps))
     _draw_returns(rows[0, 0], image, sparse)
     rows[0, 1].imshow(mask_image(maps[first]))
-    rows[0, 1].set_title(f"{first}: measured (yellow), filled (blue), not known (black)")
+    rows[0, 1].set_title(f"{first}: measured (yellow), filled (blue), unknown (black)")
     for axes, box in zip(rows[1], (None, _busiest(sparse)), strict=True):
         _draw_triangles(axes, sparse, box)
     for (depth, reflectance), (name, dense) in zip(rows[2:], maps.items(), strict=True):
@@ -49,7 +49,7 @@ def plot_maps(
 
 
 def mask_image(dense: DenseMaps) -> UInt8:
-    """Return an (H, W, 3) picture of what is measured, filled and not known."""
+    """Return an (H, W, 3) image of the measured, filled and unknown pixels."""
     image = np.full((*dense.depth_m.shape, 3), _UNKNOWN, np.uint8)
     image[dense.is_filled] = _FILLED
     image[dense.is_measured] = _MEASURED
@@ -69,7 +69,7 @@ def _draw_returns(axes: "Axes", image: UInt8 | None, sparse: SparseMaps) -> None
 
 
 def _busiest(sparse: SparseMaps) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom of the window with most change of depth, to be seen enlarged."""
+    """Return left, top, right and bottom of the window with the largest variation of depth."""
     width, height = sparse.size_px
     window = max(1, width // 6), max(1, height // 6)
     spread = cv2.boxFilter(sparse.scattered(np.reciprocal(sparse.depth_m)) ** 2, -1, window)

@@ -1,4 +1,4 @@
-"""The thesis' motion grids as a picture: each step on the camera's image, and the grids from above."""
+"""Figure of the thesis' motion grids: each step on the camera's image, and the grids from above."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-# The figure, and what labels take of it beside and above the panels.
+# Width of the figure, and margins for labels beside and above the panels.
 _WIDTH_IN, _BESIDE_IN, _ABOVE_IN = 15.6, 2.0, 1.6
 _OPACITY = 0.75
 _FACE_LIGHT = np.array([0.82, 0.62, 1.0])
@@ -28,17 +28,17 @@ _UNSEEN: palette.Color = (20, 23, 31)
 _SEEN_GROUND: palette.Color = (46, 52, 66)
 _EXPLAINED: palette.Color = (104, 112, 130)
 _DROPPED: palette.Color = (198, 150, 96)
-# A walk along the edges of a box that takes each at least once, by corner numbers.
+# Corner numbers of a path along the edges of a box that contains each edge.
 _BOX_WALK = np.array([0, 1, 2, 3, 0, 4, 5, 1, 5, 6, 2, 6, 7, 3, 7, 4])
 
 
 @dataclass(frozen=True)
 class CameraView:
-    """What the camera saw of the scan's moment.
+    """Camera image of the scan.
 
     Attributes:
-        image: (H, W, 3) RGB.
-        image_P_velo: (3, 4) projection.
+        image: (H, W, 3) RGB image.
+        image_P_velo: (3, 4) projection from the LiDAR frame.
     """
 
     image: UInt8
@@ -47,13 +47,13 @@ class CameraView:
 
 @dataclass(frozen=True)
 class MotionGridScene:
-    """One scan's grids and what they lie in.
+    """Motion grids of one scan with its ground and camera.
 
     Attributes:
-        grids: of the scan.
-        boxes: (T) around its things, along the axes of the LiDAR frame.
-        ground: in the LiDAR frame.
-        camera: None where there is none.
+        grids: Motion grids of the scan.
+        boxes: (T) boxes of the objects, along the axes of the LiDAR frame.
+        ground: Ground surface in the LiDAR frame.
+        camera: Camera image, or None.
     """
 
     grids: MotionGrids
@@ -64,13 +64,13 @@ class MotionGridScene:
 
 @dataclass(frozen=True)
 class _Step:
-    """One step of the method, over the area in which objects are wanted.
+    """One step of the method in the region of interest.
 
     Attributes:
-        title: what it does.
-        height_m: (X, Y) of the cells that it leaves, 0 elsewhere.
-        colors: (X, Y, 3) RGB of these cells.
-        boxes: (T) around things, where it knows them.
+        title: Title of the panel.
+        height_m: (X, Y) heights of the remaining cells, 0 elsewhere.
+        colors: (X, Y, 3) RGB colours of these cells.
+        boxes: (T) boxes of the objects, where the step has them.
     """
 
     title: str
@@ -80,9 +80,9 @@ class _Step:
 
 
 def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
-    """Draw subtraction, suppression and things beside elevation grid, short-term map and motion grid.
+    """Draw subtraction, suppression and objects beside elevation grid, short-term map and motion grid.
 
-    It repeats Fig. 5.10, whose grids lie on the camera's image; without a camera they are seen from above.
+    The figure repeats Fig. 5.10 with the grids on the camera's image; without a camera, from above.
     """
     from_above = scene.grids.cells.shape[0] / scene.grids.cells.shape[1]
     shares = (_aspect(scene.camera.image) if scene.camera else from_above, from_above)
@@ -99,7 +99,7 @@ def plot_motion_grids(path: Path, title: str, scene: MotionGridScene) -> None:
     heights = _draw_heights(axes[0, 1], scene.grids, scene.grids.elevation.height_m[part])
     _draw_heights(axes[1, 1], scene.grids, scene.grids.background_m[part])
     _draw_heights(axes[2, 1], scene.grids, scene.grids.motion_m)
-    titles = "elevation grid E", "short-term map S", "motion grid M and its things"
+    titles = "elevation grid E", "short-term map S", "motion grid M and its objects"
     for panel, name in zip(axes[:, 1], titles, strict=True):
         panel.set_title(name, loc="left")
     _outline(axes[2, 1], scene.boxes)
@@ -116,21 +116,21 @@ def _steps(grids: MotionGrids, boxes: Boxes3D) -> list[_Step]:
     """Return the three steps of Fig. 5.10."""
     motion_m, labels = grids.motion_m, grids.found.labels
     stays = np.array([palette.STATIC, palette.MOVING], np.uint8)[(motion_m > 0).astype(int)]
-    things = np.array([palette.track_color(number) for number in range(len(boxes) + 1)], np.uint8)
-    # The cells that morphology joins are tiles on the ground; what moves in them stands there.
+    colors = np.array([palette.track_color(number) for number in range(len(boxes) + 1)], np.uint8)
+    # Cells that morphology adds are flat tiles; moving cells keep their height.
     tile_m = np.float32(grids.cells.cell_m / 2)
     joined_m = np.where(grids.found.joined, np.maximum(motion_m, tile_m), 0)
-    owners = np.where((labels > 0)[..., None], things[labels - 1], np.array(_DROPPED, np.uint8))
+    owners = np.where((labels > 0)[..., None], colors[labels - 1], np.array(_DROPPED, np.uint8))
     return [
         _Step(
-            "(a) by subtraction alone; red: what suppression takes away",
+            "(a) after subtraction; red: removed by suppression",
             grids.subtracted_m,
             stays,
             Boxes3D.empty(),
         ),
         _Step("(b) after suppression by the neighbourhood", motion_m, stays, Boxes3D.empty()),
         _Step(
-            "(c) after morphology and labelling; brown: of no plausible size",
+            "(c) after morphology and labelling; brown: implausible size",
             joined_m,
             owners,
             boxes,
@@ -141,7 +141,7 @@ def _steps(grids: MotionGrids, boxes: Boxes3D) -> list[_Step]:
 def _draw_on_image(
     axes: "Axes", camera: CameraView, ground: GroundModel, shown: tuple[MotionGrids, _Step]
 ) -> None:
-    """Stand every cell as a column on the ground before the camera."""
+    """Draw each cell as a column on the ground in the camera's image."""
     grids, step = shown
     height, width = camera.image.shape[:2]
     rows, columns = np.nonzero(step.height_m)
@@ -162,7 +162,7 @@ def _draw_on_image(
 
 
 def _columns(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float) -> Voxels:
-    """Stack cubes from each cell's top downwards; `counts` says which cell each cube belongs to."""
+    """Stack cubes from the top of each cell downwards; `counts` holds the cell of each cube."""
     cubes = np.maximum(np.ceil(height_m / cell_m - 0.01), 1).astype(int)
     cell_of = np.repeat(np.arange(len(cubes)), cubes)
     below = np.arange(len(cell_of)) - np.repeat(np.cumsum(cubes) - cubes, cubes)
@@ -172,7 +172,7 @@ def _columns(place_m: Float64, tops_m: Float64, height_m: Float32, cell_m: float
 
 
 def _draw_from_above(axes: "Axes", scene: MotionGridScene, step: _Step) -> None:
-    """Paint the cells of a step over what the scan saw."""
+    """Draw the cells of a step over the observed area."""
     image = _backdrop(scene.grids)
     is_shown = step.height_m > 0
     image[is_shown] = step.colors[is_shown]
@@ -181,20 +181,20 @@ def _draw_from_above(axes: "Axes", scene: MotionGridScene, step: _Step) -> None:
 
 
 def _draw_heights(axes: "Axes", grids: MotionGrids, height_m: Float32) -> "AxesImage":
-    """Paint heights in colours over what the scan saw."""
+    """Draw heights in colours over the observed area."""
     _show(axes, grids, _backdrop(grids))
     return _show(axes, grids, np.where(height_m > 0, height_m, np.nan))
 
 
 def _backdrop(grids: MotionGrids) -> UInt8:
-    """Return (X, Y, 3) a dark picture of what the scan saw: nothing, ground, or something standing."""
+    """Return the (X, Y, 3) dark image of unobserved cells, ground and obstacles."""
     part = grids.work_cells.part(grids.config.area)
     kind = grids.elevation.is_observed[part].astype(int) + (grids.elevation.height_m[part] > 0)
     return np.asarray(np.array([_UNSEEN, _SEEN_GROUND, _EXPLAINED], np.uint8)[kind])
 
 
 def _show(axes: "Axes", grids: MotionGrids, image: Float | UInt8) -> "AxesImage":
-    """Lay (X, Y) or (X, Y, 3) cells out with ahead to the right and left up."""
+    """Show (X, Y) or (X, Y, 3) cells with ahead to the right and left up."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -205,7 +205,7 @@ def _show(axes: "Axes", grids: MotionGrids, image: Float | UInt8) -> "AxesImage"
         image.swapaxes(0, 1),
         origin="lower",
         extent=(low_x, high_x, low_y, high_y),
-        # Without its darkest end, which the backdrop would swallow.
+        # Without the darkest end, which is not visible on the background.
         cmap=ListedColormap(colormaps["plasma"](np.linspace(0.25, 1, 256))),
         vmin=0,
         vmax=_HIGHEST_M,

@@ -1,4 +1,4 @@
-"""Figures that show one frame's points: the merged cloud, the gates, the counters and masks."""
+"""Figures of the obstacle stages in one frame: merged cloud, ground gates, motion counters and masks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class AgedPoints:
     """One panel of the merged cloud.
 
     Attributes:
-        points_m: (P, 3).
-        age: (P,) scans before the newest, the colour.
+        points_m: (P, 3) points relative to the object in metres.
+        age: (P,) number of scans before the newest, shown as colour.
     """
 
     points_m: Float
@@ -34,7 +34,7 @@ class AgedPoints:
 
 
 def plot_aged_points(path: Path, title: str, panels: Mapping[str, AgedPoints]) -> None:
-    """Draw each cloud from the side and from above, a colour for each scan (Fig. 5.2)."""
+    """Draw each cloud from the side and from above, with a colour for each scan (Fig. 5.2)."""
     from matplotlib import colormaps
     from matplotlib.colors import BoundaryNorm
 
@@ -50,8 +50,10 @@ def plot_aged_points(path: Path, title: str, panels: Mapping[str, AgedPoints]) -
         dots = side.scatter(x, z, c=panel.age, s=4, cmap=colors, norm=norm)
         above.scatter(x, y, c=panel.age, s=4, cmap=colors, norm=norm)
         side.set_title(name)
-        side.set_ylabel("height over the ground [m]" if number == 0 else "")
-        above.set(xlabel="ahead of its place [m]", ylabel="left of it [m]" if number == 0 else "")
+        side.set_ylabel("height above ground [m]" if number == 0 else "")
+        above.set(
+            xlabel="ahead of the object [m]", ylabel="left of the object [m]" if number == 0 else ""
+        )
         side.set(xlim=(-0.6, 0.6), ylim=(0, 2.1))
         above.set(xlim=(-0.6, 0.6), ylim=(-0.6, 0.6), aspect="equal")
         all_axes += [side, above]
@@ -62,13 +64,13 @@ def plot_aged_points(path: Path, title: str, panels: Mapping[str, AgedPoints]) -
 
 @dataclass(frozen=True)
 class GatedCloud:
-    """A merged cloud and the ground that was found in it.
+    """A merged cloud and its ground.
 
     Attributes:
-        points_velo: (K, 3+).
-        is_inlier: (K,) whether the point passed its slice's gate.
-        planes: the ground.
-        clearance_m: points under this distance from the ground belong to it, d_min.
+        points_velo: (K, 3+) points in the LiDAR frame.
+        is_inlier: (K,) mask of the points within the gate of their slice.
+        planes: Ground planes of the slices.
+        clearance_m: Distance from the ground below which points belong to it in metres, d_min.
     """
 
     points_velo: Float
@@ -101,7 +103,7 @@ def plot_gates(path: Path, title: str, cloud: GatedCloud, area: LocalArea) -> No
 
 
 def _draw_planes(axes: "Axes", cloud: GatedCloud, area: LocalArea) -> None:
-    """Draw gate, plane, the plane before continued, and the ground threshold of each slice."""
+    """Draw gate, plane, rejected plane and ground threshold of each slice."""
     from matplotlib.patches import Rectangle
 
     planes = cloud.planes
@@ -122,7 +124,7 @@ def _draw_planes(axes: "Axes", cloud: GatedCloud, area: LocalArea) -> None:
             color="magenta",
             linestyle="--",
             linewidth=1,
-            label="ground under this" if label else None,
+            label="ground threshold" if label else None,
         )
         if not planes.is_valid[number] and np.isfinite(planes.proposed[number]).all():
             rejected = plane_height_m(planes.proposed[number], x)
@@ -130,7 +132,7 @@ def _draw_planes(axes: "Axes", cloud: GatedCloud, area: LocalArea) -> None:
 
 
 def plane_height_m(plane: Float64, x_m: Float64) -> Float64:
-    """Return z of a x + b y + c z + d = 0 at y = 0."""
+    """Return z of the plane a x + b y + c z + d = 0 at y = 0."""
     return np.asarray(-(plane[0] * x_m + plane[3]) / plane[2])
 
 
@@ -139,7 +141,7 @@ def plot_masks(path: Path, title: str, counters: MotionCounters, points_velo: Fl
     figure = new_figure(11.0, 10.0, title)
     panels: Sequence[Axes] = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
     panels[0].scatter(points_velo[:, 1], points_velo[:, 0], s=0.3, color="black")
-    panels[0].set_title("(a) newest scan over the ground")
+    panels[0].set_title("(a) newest scan above ground")
     _map(
         panels[1], counters, _logarithm(counters.static_before), "(b) log $C_s$ before subtraction"
     )
@@ -180,5 +182,5 @@ def _map(
 
 
 def _logarithm(counts: Int) -> Float64:
-    """Return log10 of the counts, NaN where there is none."""
+    """Return log10 of the counts, NaN for 0."""
     return np.where(counts > 0, np.log10(np.maximum(counts, 1)), np.nan)

@@ -1,16 +1,16 @@
-"""The colours of every picture, RGB 0..255, in one place."""
+"""Colours of all images and figures, RGB 0 to 255."""
 
 from perception.types import Modality
 
 Color = tuple[int, int, int]
 
-# What the stages find (static red and moving green as in thesis Fig. 5.7).
+# Ground and obstacles (static red and moving green as in thesis Fig. 5.7).
 GROUND: Color = (46, 120, 255)
 GROUND_MESH: Color = (150, 200, 255)
 STATIC: Color = (240, 62, 54)
 MOVING: Color = (64, 232, 96)
-# One colour a track, in turn. With normal sight and with each kind of colour blindness they differ from
-# one another and from the three colours above (tests/render/test_palette.py).
+# Colours of tracks by id. With normal vision and with each kind of colour blindness they differ from one
+# another and from the three colours above (tests/render/test_palette.py).
 TRACKS: tuple[Color, ...] = (
     (255, 240, 50),
     (255, 80, 190),
@@ -19,22 +19,22 @@ TRACKS: tuple[Color, ...] = (
     (250, 190, 190),
 )
 
-# One object that is followed, its region of the image and the ring around it (as in thesis Fig. 5.13),
-# the way of the vehicle itself, and the truth where it is known.
+# Object of the one-object tracker, its region of the image and the ring around it (thesis Fig. 5.13), the path of
+# the vehicle, and the label.
 TRACKED_OBJECT: Color = (255, 168, 36)
 INSIDE: Color = (60, 132, 255)
 RING: Color = (240, 62, 54)
 EGO_PATH: Color = (232, 84, 232)
 TRUTH: Color = (120, 235, 160)
 
-# Boxes of the detectors, by what they look at: the image, the depth map, the reflectance map.
+# Boxes of the detectors in image, depth map and reflectance map.
 MODALITIES: dict[Modality, Color] = {
     "rgb": (255, 168, 36),
     "dm": (0, 214, 255),
     "rm": (214, 110, 255),
 }
 
-# The picture around it.
+# Backgrounds, text and the recording vehicle.
 BACKGROUND: Color = (13, 15, 20)
 PANEL: Color = (20, 23, 31)
 GRID: Color = (92, 106, 138)
@@ -46,7 +46,7 @@ VEHICLE: Color = (206, 212, 224)
 GLASS: Color = (58, 68, 86)
 LIMIT: Color = (255, 196, 64)
 
-# One colour a stage of the pipeline, in the order in which they run.
+# Colours of the pipeline's stages, and of curves and bars by number.
 STAGES: tuple[Color, ...] = (
     (88, 166, 255),
     (64, 200, 190),
@@ -63,5 +63,5 @@ STAGES: tuple[Color, ...] = (
 
 
 def track_color(track_id: int) -> Color:
-    """Return the colour by which a track is known as long as it lives."""
+    """Return the colour of a track."""
     return TRACKS[track_id % len(TRACKS)]

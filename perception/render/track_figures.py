@@ -1,4 +1,4 @@
-"""What is drawn of tracks, as lines and faces in the LiDAR frame, before any camera looks at them."""
+"""Tracks as lines and faces in the LiDAR frame, before projection."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from perception.types import Bool, Boxes3D, Float64, Int, Tracks
 _ARROW_S = 1.0
 _SLOWEST_M_S = 0.4
 _ARROW_HEAD_M = 0.6
-# The part of a box' top that is filled, from its front on.
+# Share of a box's top that is filled, from its front.
 _FRONT_SHARE = 0.22
 
 
 class TrackPart(IntEnum):
-    """What a line belongs to, in the order in which they are drawn."""
+    """Part of a track that a line belongs to, in drawing order."""
 
     OLD_PATH = 0
     PATH = 1
@@ -30,13 +30,13 @@ class TrackPart(IntEnum):
 
 @dataclass(frozen=True)
 class TrackFigures:
-    """The lines and faces of T tracks. A line's number tells its part and its track: part * T + row.
+    """Lines and faces of T tracks.
 
     Attributes:
-        tracks: (T) the farthest first.
-        segments_m: (S, 2, 3) lines.
-        numbers: (S,) of the lines.
-        faces_m: (2 T, 4, 3) front of each box, then the front of each top, clockwise from outside.
+        tracks: (T) tracks, the farthest first.
+        segments_m: (S, 2, 3) end points of the lines in the LiDAR frame.
+        numbers: (S,) part * T + row of the track of each line.
+        faces_m: (2 T, 4, 3) corners of the front of each box, then of the front of each top, clockwise from outside.
     """
 
     tracks: Tracks
@@ -46,16 +46,16 @@ class TrackFigures:
 
     @cached_property
     def speeds_m_s(self) -> Float64:
-        """(T,) over the ground."""
+        """(T,) speeds over ground in metres per second."""
         return np.asarray(np.hypot(*self.tracks.velocities_m_s.T))
 
 
 def track_figures(tracks: Tracks, paths_velo: Sequence[Float64]) -> TrackFigures:
-    """Make the figures of tracks.
+    """Return the lines and faces of tracks.
 
     Args:
-        tracks: (T) the tracks.
-        paths_velo: (K, 3) way of each up to now, in the same frame.
+        tracks: (T) tracks in the LiDAR frame.
+        paths_velo: (K, 3) path of each track in the LiDAR frame.
     """
     rows = np.argsort(-np.hypot(*tracks.boxes.bottom_m[:, :2].T), kind="stable")
     tracks, count = tracks[rows], len(tracks)
@@ -71,14 +71,14 @@ def track_figures(tracks: Tracks, paths_velo: Sequence[Float64]) -> TrackFigures
 
 
 def _paths(paths_velo: Sequence[Float64]) -> tuple[Float64, Int]:
-    """Return the pieces of all ways and their numbers: a third each of old, middle and new."""
+    """Return the segments of all paths and their numbers: thirds of old, middle and new segments."""
     pieces = [np.stack([path[:-1], path[1:]], axis=1) for path in paths_velo]
     numbers = [
         np.arange(len(piece)) * 3 // max(len(piece), 1) * len(pieces) + row
         for row, piece in enumerate(pieces)
     ]
     paths_m = np.concatenate([np.zeros((0, 2, 3)), *pieces])
-    # Where the vehicle stands now, it hides them.
+    # The vehicle hides the segments below it.
     is_free = ~_is_under_vehicle(paths_m).all(axis=1)
     return paths_m[is_free], np.concatenate([np.zeros(0, np.int64), *numbers])[is_free]
 
@@ -90,9 +90,9 @@ def _is_under_vehicle(points_velo: Float64) -> Bool:
 
 
 def _arrows(tracks: Tracks) -> tuple[Float64, Int]:
-    """Return shaft and two barbs, flat on the ground, of each track that is not slow, and their rows.
+    """Return shaft and two barbs of the velocity arrow of each track that is not slow, and their rows.
 
-    An arrow begins at the box' side and is as long as the way of one second.
+    An arrow lies on the ground, starts at the side of the box, and is as long as the path of one second.
     """
     speeds_m_s = np.hypot(*tracks.velocities_m_s.T)
     rows = np.flatnonzero(speeds_m_s > _SLOWEST_M_S)
@@ -108,15 +108,15 @@ def _arrows(tracks: Tracks) -> tuple[Float64, Int]:
 
 
 def _inside_m(boxes: Boxes3D, along: Float64) -> Float64:
-    """Return (M, 1) how far it is from each box' middle to its side, along a direction of its own."""
+    """Return the (M, 1) distance from the centre of each box to its side along a direction."""
     turn_rad = np.arctan2(along[:, 1], along[:, 0]) - boxes.yaw_rad
     share = np.abs(np.column_stack([np.cos(turn_rad), np.sin(turn_rad)]))
-    paths_m = boxes.size_m[:, :2] / 2 / np.maximum(share, 1e-9)
-    return np.asarray(paths_m.min(axis=1, keepdims=True))
+    distances_m = boxes.size_m[:, :2] / 2 / np.maximum(share, 1e-9)
+    return np.asarray(distances_m.min(axis=1, keepdims=True))
 
 
 def _fronts(boxes: Boxes3D) -> Float64:
-    """Return the front of each box, and after all of these the foremost part of each top."""
+    """Return the front faces of all boxes, then the front parts of all tops."""
     points = corners(boxes)
     top, rear_top = points[:, [4, 7]], points[:, [5, 6]]
     behind = top + _FRONT_SHARE * (rear_top - top)

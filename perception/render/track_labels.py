@@ -1,4 +1,4 @@
-"""The names of tracks beside their boxes: number and speed on dark tags that do not cover one another."""
+"""Labels of tracks beside their boxes: id and speed on dark tags that do not overlap."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _GAP_PX = 4
 
 @dataclass(frozen=True)
 class Tag:
-    """A rectangle of a canvas, with its edges in whole pixels; right and bottom are outside."""
+    """A rectangle of a canvas in whole pixels; right and bottom are exclusive."""
 
     left: int
     top: int
@@ -24,7 +24,7 @@ class Tag:
     bottom: int
 
     def overlaps(self, other: "Tag") -> bool:
-        """Tell whether the two share a pixel."""
+        """Return whether two tags share a pixel."""
         return (
             self.left < other.right
             and other.left < self.right
@@ -33,7 +33,7 @@ class Tag:
         )
 
     def is_within(self, canvas: UInt8) -> bool:
-        """Tell whether all of it lies on the canvas."""
+        """Return whether the tag lies on the canvas."""
         height, width = canvas.shape[:2]
         return self.left >= 0 and self.top >= 0 and self.right <= width and self.bottom <= height
 
@@ -41,16 +41,16 @@ class Tag:
 def draw_track_labels(
     canvas: UInt8, outlines_px: Float64, figures: TrackFigures, text_px: int
 ) -> None:
-    """Write number and speed beside every box, the nearest first; where no place is free, none.
+    """Write id and speed beside each box, the nearest first; a label without free space is left out.
 
     Args:
-        canvas: what is drawn on.
-        outlines_px: (T, 4) x1 y1 x2 y2 around each box; x1 > x2 where it is not seen.
-        figures: of (T) tracks.
-        text_px: height of capitals.
+        canvas: (H, W, 3) canvas.
+        outlines_px: (T, 4) x1 y1 x2 y2 around each box; x1 > x2 where it is not visible.
+        figures: (T) tracks as lines and faces.
+        text_px: Height of capitals.
     """
     taken: list[Tag] = []
-    # Of a box that leaves the canvas, the part that is on it counts.
+    # Boxes are clipped to the canvas.
     height, width = canvas.shape[:2]
     outlines = np.clip(outlines_px, 0, (width, height, width, height))
     is_observed = (outlines[:, 2:] > outlines[:, :2]).all(axis=1)
@@ -65,7 +65,7 @@ def draw_track_labels(
 
 @dataclass(frozen=True)
 class _Label:
-    """What is written of one track."""
+    """Label of one track."""
 
     name: str
     speed: str
@@ -82,7 +82,7 @@ class _Label:
 
     @property
     def indent_px(self) -> int:
-        """Where the speed begins."""
+        """Column at which the speed begins."""
         return round(1.4 * self.text_px) + text_width_px(self.name, self.text_px)
 
     @property
@@ -92,7 +92,7 @@ class _Label:
         return width, round(1.9 * self.text_px)
 
     def draw(self, canvas: UInt8, tag: Tag) -> None:
-        """Darken the tag and write onto it."""
+        """Darken the tag and write the label."""
         under = canvas[tag.top : tag.bottom, tag.left : tag.right]
         under[:] = under // 4
         under[:, : max(self.text_px // 4, 2)] = self.color
@@ -111,7 +111,7 @@ class _Label:
 def _places(
     outline_px: Sequence[int], size_px: tuple[int, int], canvas_width_px: int
 ) -> Iterator[Tag]:
-    """Yield where a tag may stand, best first: over its box, under it, beside it, higher up."""
+    """Yield possible positions of a tag, best first: above its box, below, beside, higher."""
     x1, y1, x2, y2 = outline_px
     width, height = size_px
     left = min(max((x1 + x2 - width) // 2, 0), canvas_width_px - width)

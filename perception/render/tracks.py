@@ -1,7 +1,7 @@
-"""Tracks drawn through any projection, the camera's or a virtual one.
+"""Tracks drawn through any projection: the camera's or a virtual one.
 
-Each is a box with its front filled, the way it came, an arrow as long as its way in a second, and its
-name. Broken edges: predicted, not seen in this scan.
+A track is a box with a filled front, its path, a velocity arrow as long as its path in one second, and a label.
+Dashed edges: predicted, not observed in this scan.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from perception.render.track_labels import draw_track_labels
 from perception.types import Bool, Float64, Int, UInt8
 
 _FRONT_OPACITY = 0.5
-# Brightness of each part: the way fades with its age.
+# Brightness of each part: the path fades with its age.
 _LIGHT = {
     TrackPart.OLD_PATH: 0.5,
     TrackPart.PATH: 0.75,
@@ -27,17 +27,17 @@ _LIGHT = {
     TrackPart.BOX: 1.0,
     TrackPart.ARROW: 1.0,
 }
-# Boxes with a smaller outline than this are drawn with thin lines.
+# Boxes with a smaller outline are drawn with thin lines.
 _SMALL_PX = 40.0
 
 
 @dataclass(frozen=True)
 class TrackStyle:
-    """How large things are drawn.
+    """Line width and text height.
 
     Attributes:
-        line_px: width of lines.
-        text_px: height of the labels' capitals.
+        line_px: Width of lines in pixels.
+        text_px: Height of capitals in pixels.
     """
 
     line_px: int = 2
@@ -45,7 +45,7 @@ class TrackStyle:
 
     @classmethod
     def of_height(cls, height_px: int) -> "TrackStyle":
-        """Return what is legible in a picture that high."""
+        """Return a style that is legible in an image of a height."""
         return cls(max(round(height_px / 450), 1), max(round(height_px / 90), 7))
 
 
@@ -59,11 +59,11 @@ def draw_tracks(
     """Draw tracks onto a canvas, each in the colour of its id.
 
     Args:
-        canvas: what is drawn on.
-        image_P_velo: (3, 4) projection to the canvas.
-        figures: of (T) tracks.
-        style: how large.
-        unnamed: ids of tracks that get no label.
+        canvas: (H, W, 3) canvas.
+        image_P_velo: (3, 4) projection from the LiDAR frame to the canvas.
+        figures: (T) tracks as lines and faces.
+        style: Line width and text height.
+        unnamed: Ids of tracks without a label.
     """
     if not len(figures.tracks):
         return
@@ -81,10 +81,10 @@ def draw_track_figures(
     colors: Sequence[Color],
     style: TrackStyle,
 ) -> Float64:
-    """Draw tracks without their names, each in a colour of its own.
+    """Draw tracks without labels, each in its colour.
 
     Returns:
-        (T, 4) x1 y1 x2 y2 around each box; x1 > x2 where it is not seen.
+        (T, 4) x1 y1 x2 y2 around each box; x1 > x2 where it is not visible.
     """
     count = len(figures.tracks)
     strokes = project_strokes(image_P_velo, canvas, figures.segments_m, figures.numbers)
@@ -96,14 +96,14 @@ def draw_track_figures(
     widths_px[boxes][_is_small(outlines)] = 1
     _fill_fronts(canvas, image_P_velo, figures, colors)
     strokes = strokes.dashed(is_dashed)
-    # A dark seam keeps boxes and arrows legible on any picture.
+    # A dark outline keeps boxes and arrows visible on any background.
     draw_seam(canvas, strokes.since(TrackPart.BOX * count), palette.BACKGROUND, style.line_px + 2)
     draw_strokes(canvas, strokes, _colors_of_parts(colors), widths_px)
     return np.asarray(outlines)
 
 
 def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
-    """Return the colour of every line by its number."""
+    """Return the colour of each line number."""
     return [
         (round(light * red), round(light * green), round(light * blue))
         for light in _LIGHT.values()
@@ -114,7 +114,7 @@ def _colors_of_parts(colors: Sequence[Color]) -> list[Color]:
 def _fill_fronts(
     canvas: UInt8, image_P_velo: Float64, figures: TrackFigures, colors: Sequence[Color]
 ) -> None:
-    """Fill the faces that mark the fronts of the boxes, where they are turned to the camera."""
+    """Fill the front faces of the boxes that face the camera."""
     pixels, depth_m = project(image_P_velo, figures.faces_m.reshape(-1, 3))
     polygons = pixels.reshape(-1, 4, 2)
     shown = (depth_m.reshape(-1, 4) > NEAREST_M).all(axis=1)
@@ -124,13 +124,13 @@ def _fill_fronts(
 
 
 def _is_near(polygons_px: Float64, canvas: UInt8) -> Bool:
-    """Tell which (F, C, 2) polygons lie on the canvas or not farther off than it is large."""
+    """Return the (F,) mask of the (F, C, 2) polygons within one canvas size of the canvas."""
     size = np.array([canvas.shape[1], canvas.shape[0]])
     return np.asarray(((polygons_px > -size) & (polygons_px < 2 * size)).all(axis=(1, 2)))
 
 
 def _is_clockwise(polygons_px: Float64) -> Bool:
-    """Tell which (F, C, 2) polygons run clockwise on the picture and are more than a line."""
+    """Return the (F,) mask of the (F, C, 2) polygons that are clockwise and have an area."""
     following = np.roll(polygons_px, -1, axis=1)
     cross = polygons_px[..., 0] * following[..., 1] - polygons_px[..., 1] * following[..., 0]
     return np.asarray(cross.sum(axis=1) > 1.0)

@@ -1,4 +1,4 @@
-"""Pictures into an H.264 file that every player and browser opens."""
+"""Videos as H.264 files that every player and browser opens."""
 
 import logging
 from contextlib import AbstractContextManager
@@ -16,27 +16,27 @@ from perception.errors import ImageError
 from perception.types import UInt8
 
 _LOG = logging.getLogger(__name__)
-# Best first. The last is in every build of FFmpeg, but browsers do not play it.
+# In order of preference. Every build of FFmpeg has the last one, but browsers do not play it.
 _ENCODERS = ("libx264", "libopenh264", "mpeg4")
-# A picture is encoded in a quarter of the time that `veryfast` takes, into a file about 1.6 times as large.
+# Encodes in a quarter of the time of `veryfast`, into a file about 1.6 times as large.
 _X264_OPTIONS = {"preset": "ultrafast", "crf": "24", "threads": "1"}
-# Red, green, blue and one, as shares of the blue and the red difference.
+# Weights of red, green, blue and one in the blue and the red difference.
 _CHROMA = np.array([[-0.148, -0.291, 0.439, 128], [0.439, -0.368, -0.071, 128]])
 _MPEG4_BITS_PER_PIXEL = 2
-# From this libavformat on, a file can be read at any moment while it is written.
+# First libavformat whose files can be read at any moment while they are written.
 _HYBRID_SINCE = (61, 7)
 
 
 class VideoSink(AbstractContextManager["VideoSink"], Protocol):
-    """Where pictures go, one after another."""
+    """Writer of a sequence of images."""
 
     def add(self, image: UInt8) -> None:
-        """Take the next (H, W, 3) RGB picture."""
+        """Add the next (H, W, 3) RGB image."""
         ...
 
 
 class NoVideo:
-    """Takes pictures and keeps none, where no video is wanted."""
+    """Writer that drops all images; implements `VideoSink`."""
 
     def __enter__(self) -> Self:
         return self
@@ -44,17 +44,23 @@ class NoVideo:
     def __exit__(self, *error: object) -> None: ...
 
     def add(self, image: UInt8) -> None:
-        """Drop the picture."""
+        """Drop the image."""
 
 
 class VideoFile:
-    """An MP4 file that grows by one picture at a time.
+    """Writer of an MP4 file; implements `VideoSink`.
 
-    It bears the name `partial_path` until it is complete; where a run stops early, that file holds
-    and plays every picture so far. Without pictures no file is made.
+    The file has the name `partial_path` until it is complete; where a run stops early, that file plays all images
+    so far. Without images no file is written.
     """
 
     def __init__(self, path: Path, rate_hz: float = 10.0) -> None:
+        """Start without a file.
+
+        Args:
+            path: Path of the complete file.
+            rate_hz: Images per second.
+        """
         self.path = path
         self.partial_path = path.with_name(f"{path.stem}.partial.mp4")
         self._rate_hz = Fraction(rate_hz).limit_denominator(1001)
@@ -73,7 +79,7 @@ class VideoFile:
         self.close(is_complete=error is None)
 
     def close(self, *, is_complete: bool) -> None:
-        """Close the file; give it its name where it is complete."""
+        """Close the file, and give it its final name where it is complete."""
         if self._container is None:
             return
         for packet in self._stream.encode():
@@ -84,10 +90,10 @@ class VideoFile:
             self.partial_path.replace(self.path)
 
     def add(self, image: UInt8) -> None:
-        """Encode the next (H, W, 3) RGB picture; height and width are even and stay the same.
+        """Encode the next (H, W, 3) RGB image; height and width are even and constant.
 
         Raises:
-            ImageError: the picture is of another size than the first, or of an odd one.
+            ImageError: the image differs in size from the first, or has an odd size.
         """
         container = self._container or self._open(image)
         self._check_size(image)
@@ -99,7 +105,9 @@ class VideoFile:
         height, width = image.shape[:2]
         if height % 2 or width % 2:
             raise ImageError(
-                self.path, expected="pictures of even size", found=f"{width}x{height} pixels"
+                self.path,
+                expected="images of even width and height",
+                found=f"{width}x{height} pixels",
             )
         encoder = _best_encoder()
         flags = "faststart"
@@ -121,15 +129,15 @@ class VideoFile:
         expected = (self._stream.height, self._stream.width, 3)
         if image.shape != expected:
             raise ImageError(
-                self.path, expected=f"pictures of shape {expected}", found=f"{image.shape}"
+                self.path, expected=f"images of shape {expected}", found=f"{image.shape}"
             )
 
 
 def _to_yuv420(image: UInt8) -> UInt8:
-    """Return (H * 3 / 2, W): brightness, then blue and red differences of every four pixels (BT.601).
+    """Return the (H * 3 / 2, W) luma, then blue and red differences of each four pixels (BT.601).
 
-    OpenCV takes the differences of one pixel of the four, which tears coloured lines; here they are
-    the mean's. FFmpeg does the same in several times the time.
+    OpenCV takes the differences of one of the four pixels, which breaks coloured lines; here they are those of the
+    mean. FFmpeg does the same in several times the time.
     """
     height, width = image.shape[:2]
     planes = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2YUV_I420), np.uint8)
@@ -140,7 +148,7 @@ def _to_yuv420(image: UInt8) -> UInt8:
 
 
 def open_video(path: Path | None, rate_hz: float = 10.0) -> VideoSink:
-    """Return a file, or what drops all pictures where there is no path."""
+    """Return the writer of a file, or one that drops all images where there is no path."""
     return NoVideo() if path is None else VideoFile(path, rate_hz)
 
 
