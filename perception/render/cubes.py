@@ -52,8 +52,8 @@ def _splat(image_P_velo: Float64, size_px: tuple[int, int], voxels: Voxels) -> I
     focal_px /= np.linalg.norm(image_P_velo[2, :3])
     edge_px = _SPREAD * focal_px * voxels.size_m / np.maximum(depth_m, _NEAREST_M)
     edge_px = np.maximum(np.rint(edge_px), 1).astype(np.int64)
-    seen = is_inside(pixels, size_px, edge_px // 2) & (depth_m > _NEAREST_M)
-    number = np.flatnonzero(seen)
+    visible = is_inside(pixels, size_px, edge_px // 2) & (depth_m > _NEAREST_M)
+    number = np.flatnonzero(visible)
     number = number[np.argsort(-depth_m[number], kind="stable")]
     # A border as broad as the largest cube makes clipping unnecessary.
     border = int(edge_px[number].max(initial=1)) + 1

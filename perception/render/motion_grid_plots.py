@@ -148,11 +148,11 @@ def _draw_on_image(
     place_m = grids.cells.centers_m(rows, columns)
     tops_m = ground.height_m(place_m) + step.height_m[rows, columns]
     stack = _columns(place_m, tops_m, step.height_m[rows, columns], grids.cells.cell_m)
-    seen = render_cubes(camera.image_P_velo, (width, height), stack)
+    visible = render_cubes(camera.image_P_velo, (width, height), stack)
     tints = step.colors[rows, columns][stack.counts]
-    lit = tints[seen.cubes] * _FACE_LIGHT[seen.faces, None]
+    lit = tints[visible.cubes] * _FACE_LIGHT[visible.faces, None]
     image = camera.image.reshape(-1, 3).astype(np.float64)
-    image[seen.pixels] += _OPACITY * (lit - image[seen.pixels])
+    image[visible.pixels] += _OPACITY * (lit - image[visible.pixels])
     axes.imshow(image.reshape(height, width, 3).astype(np.uint8))
     for number, box_m in enumerate(corners(step.boxes)):
         pixels, _ = project(camera.image_P_velo, box_m[_BOX_WALK])

@@ -61,8 +61,8 @@ def _draw_points(image: UInt8, image_P_velo: Float64, result: Result) -> None:
     outside = np.flatnonzero(result.obstacles.point_states == PointState.OUTSIDE)
     points = result.frame.points_velo.take(outside, axis=0)
     pixels, _ = project(image_P_velo, points)
-    seen, places = pixel_indices(pixels, (image.shape[1], image.shape[0]), image.shape[1])
-    brightness = 0.45 + 0.9 * np.minimum(points[:, 3:4].take(seen, axis=0), 0.6)
+    visible, places = pixel_indices(pixels, (image.shape[1], image.shape[0]), image.shape[1])
+    brightness = 0.45 + 0.9 * np.minimum(points[:, 3:4].take(visible, axis=0), 0.6)
     tints = np.minimum(np.array(palette.POINTS) * brightness, 255).astype(np.uint8)
     paint_pixels(image, places, packed(tints))
 

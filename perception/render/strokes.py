@@ -53,8 +53,8 @@ def project_strokes(
 ) -> Strokes:
     """Project (S, 2, 3) segments of (S,) owners onto a canvas."""
     size_px = (canvas.shape[1], canvas.shape[0])
-    seen = project_segments(image_P_velo, segments_velo, size_px, margin_px=_MARGIN_PX)
-    return Strokes(owners[seen.rows], seen.ends_px)
+    visible = project_segments(image_P_velo, segments_velo, size_px, margin_px=_MARGIN_PX)
+    return Strokes(owners[visible.rows], visible.ends_px)
 
 
 def draw_strokes(canvas: UInt8, strokes: Strokes, colors: Sequence[Color], widths_px: Int) -> None:

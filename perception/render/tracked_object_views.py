@@ -106,8 +106,8 @@ class TrackedObjectViews:
         """Return the (4,) window x1 y1 x2 y2 of the image around the object, or None where it is not in view."""
         outline_px, box = self._scene.tracked.box_px, self._scene.tracked.box_velo
         if box is not None:
-            seen = project_segments(image_P_velo, edges(box)[0], limits_px)
-            outline_px = outlines_px(seen.ends_px, np.zeros(len(seen), np.int64), 1)[0]
+            visible = project_segments(image_P_velo, edges(box)[0], limits_px)
+            outline_px = outlines_px(visible.ends_px, np.zeros(len(visible), np.int64), 1)[0]
         if outline_px is None or not np.isfinite(outline_px).all():
             return None
         middle_px, span_px = (outline_px[:2] + outline_px[2:]) / 2, outline_px[2:] - outline_px[:2]

@@ -13,14 +13,14 @@ KM_H = 3.6  # km/h of 1 m/s
 
 # Displacements between frames above these are no motion of a vehicle: the poses have been reset.
 _FASTEST_M_S = 100.0
-_LEAP_M = 5.0
+_JUMP_M = 5.0
 _STEP_M = 0.6  # minimum distance of two positions of a path
 
 
 class Trails:
     """Paths of all live tracks over the last seconds, in the world frame.
 
-    A track that has ended is forgotten, and everything is when time runs backwards or the vehicle leaps, since ids
+    A track that has ended is forgotten, and everything is when time runs backwards or the vehicle jumps, since ids
     and poses have been reset then.
     """
 
@@ -111,10 +111,10 @@ def _points(path: Iterable[tuple[float, Float64]]) -> Float64:
 
 
 def _is_reset(before: Result, after: Result) -> bool:
-    """Return whether time runs backwards or the vehicle has leapt."""
+    """Return whether time runs backwards or the vehicle jumps."""
     passed_s = after.frame.stamp_s - before.frame.stamp_s
     travelled_m = float(np.linalg.norm((after.world_SE3_velo - before.world_SE3_velo)[:3, 3]))
-    return passed_s < 0 or travelled_m > _LEAP_M + _FASTEST_M_S * passed_s
+    return passed_s < 0 or travelled_m > _JUMP_M + _FASTEST_M_S * passed_s
 
 
 def _transform(dst_SE3_src: Float64, points_src: Float64) -> Float64:
