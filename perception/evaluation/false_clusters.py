@@ -1,16 +1,16 @@
 """False moving clusters: clusters of moving points on the ground plane that no labelled object explains."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
 
 from perception.evaluation.config import ClusterConfig
 from perception.evaluation.objects import LabelledObjects, MotionState
-from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.types import Bool, Calibration, Float, Float64, Int, PointState, UInt8
+from perception.types import ArrayTable, Bool, Calibration, Float, Float64, Int, PointState, UInt8
 
 NO_OBJECT = -1
 
@@ -33,7 +33,7 @@ class FrameAnnotations:
 
 
 @dataclass(frozen=True)
-class MovingClusters(Rows):
+class MovingClusters(ArrayTable):
     """K clusters of points classified as moving, of one frame or of many.
 
     Attributes:
@@ -48,7 +48,7 @@ class MovingClusters(Rows):
 
     frames: Int
     points: Int
-    centers_m: Float64
+    centers_m: Annotated[Float64, 2]
     object_motions: Int
     view_shares: Float64
     dont_care_shares: Float64

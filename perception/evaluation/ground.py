@@ -8,18 +8,18 @@ the points classified as ground are counted against the true ones.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from perception.evaluation.confusion import Confusion, confusion, confusion_table
 from perception.evaluation.report import Column, Table
-from perception.evaluation.rows import Rows
 from perception.geometry.grids import LocalArea
 from perception.obstacles.config import PiecewisePlanesConfig
 from perception.obstacles.ground_planes import slice_edges_m, slice_starts_m
 from perception.sensor import LidarModel
 from perception.types import (
+    ArrayTable,
     Float,
     Float64,
     GroundModel,
@@ -70,7 +70,7 @@ def signed_errors(ground: GroundModel, bottom_centers: Float) -> Float64:
 
 
 @dataclass(frozen=True)
-class GroundErrors(Rows):
+class GroundErrors(ArrayTable):
     """Errors at the bottom centres of K labelled objects, of one frame or of many.
 
     Attributes:
@@ -80,7 +80,7 @@ class GroundErrors(Rows):
     """
 
     frames: Int
-    bottom_centers_m: Float64
+    bottom_centers_m: Annotated[Float64, 2]
     errors_m: Float64
 
     @property

@@ -21,14 +21,13 @@ from perception.evaluation.config import ObjectMatchConfig
 from perception.evaluation.confusion import Confusion, confusion
 from perception.evaluation.ground import GROUND_CLASSES, UNLABELLED_CLASSES
 from perception.evaluation.objects import LabelledObjects, MotionState
-from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside
 from perception.geometry.grids import LocalArea
-from perception.types import Bool, Float, Float64, Int, PointState, UInt8
+from perception.types import ArrayTable, Bool, Float, Float64, Int, PointState, UInt8
 
 
 @dataclass(frozen=True)
-class ObjectObservations(Rows):
+class ObjectObservations(ArrayTable):
     """K objects in the area, each in one frame.
 
     Attributes:

@@ -13,15 +13,14 @@ import numpy as np
 from perception.evaluation.config import ClusterConfig, ShadowConfig
 from perception.evaluation.false_clusters import FrameAnnotations, cluster_ids
 from perception.evaluation.objects import MotionState
-from perception.evaluation.rows import Rows
 from perception.geometry.boxes import points_inside, transform_boxes
 from perception.geometry.camera import is_in_view
 from perception.geometry.se3 import inverse
-from perception.types import Bool, Boxes3D, Float32, Int, Result
+from perception.types import ArrayTable, Bool, Boxes3D, Float32, Int, Result
 
 
 @dataclass(frozen=True)
-class Shadows(Rows):
+class Shadows(ArrayTable):
     """Shadows in F frames.
 
     Attributes:

@@ -1,30 +1,29 @@
-"""How far off detected vehicles are on the road: the place, the heading and the distance of each that is true."""
+"""Errors of detected vehicles on the road: position, heading and distance of those that match a true vehicle."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from perception.evaluation.rows import Rows
 from perception.geometry.angles import wrap
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import points_inside
 from perception.tracking.association import assign_hungarian
-from perception.types import Boxes3D, Float, Float64, Vehicles
+from perception.types import ArrayTable, Boxes3D, Float, Float64, Vehicles
 
-# KITTI's labels are tight: what lies on a side may be counted outside.
+# KITTI's labels are tight: points on a side of the box may lie outside.
 _MARGIN_M = 0.1
 
 
 @dataclass(frozen=True)
-class LocationErrors(Rows):
-    """N true vehicles that were detected; NaN where the detection has no box or no return.
+class LocationErrors(ArrayTable):
+    """Errors of N detected true vehicles; NaN where the detection has no box or no return.
 
     Attributes:
-        range_m: (N,) from the LiDAR to the true centre, over the ground.
-        center_m: (N,) between the centres, over the ground.
-        yaw_rad: (N,) between the headings.
-        axis_rad: (N,) the same where front and rear are not told apart.
-        distance_m: (N,) between the told distance and that of the nearest return in the true box.
+        range_m: (N,) Distance from the LiDAR to the true centre over the ground.
+        center_m: (N,) Distance of the centres over the ground.
+        yaw_rad: (N,) Absolute heading error, 0 to pi.
+        axis_rad: (N,) Absolute error of the box's axis, 0 to pi/2: front and rear are not distinguished.
+        distance_m: (N,) Absolute error of the reported distance against the nearest return in the true box.
     """
 
     range_m: Float64
@@ -41,14 +40,14 @@ def location_errors(
     points_velo: Float,
     min_iou: float = 0.5,
 ) -> LocationErrors:
-    """Measure the vehicles of one frame that are detected where the image shows a true one.
+    """Measure the vehicles of one frame that match a true vehicle in the image.
 
     Args:
-        vehicles: in the frame of the scan.
-        true_px: (T, 4) true boxes in the image.
-        true_boxes: (T) the same in the scan.
-        points_velo: (N, 3+) the scan.
-        min_iou: of a pair, in the image.
+        vehicles: Detected vehicles in the LiDAR frame.
+        true_px: (T, 4) True boxes x1 y1 x2 y2 in the image.
+        true_boxes: (T) True boxes in the LiDAR frame.
+        points_velo: (N, 3+) Points of the scan in the LiDAR frame.
+        min_iou: Overlap (IoU) in the image of a matched pair, 0 to 1.
     """
     iou = iou_px(true_px, vehicles.fused.detections.boxes_px)
     pairs = assign_hungarian(1.0 - iou, iou >= min_iou)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,10 +12,9 @@ from perception.evaluation.multi_object.kitti_protocol import kitti_frames
 from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_tracks, mot_table
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.report import Column, Table
-from perception.evaluation.rows import Rows
 from perception.evaluation.vehicle_location import LocationErrors, location_errors
 from perception.geometry.box_overlap_bev import iou_bev
-from perception.types import Float64, Int, Labels, PointTruth, Result, Tracks, Vehicles
+from perception.types import ArrayTable, Float64, Int, Labels, PointTruth, Result, Tracks, Vehicles
 
 # KITTI's moderate: visible or partly occluded, truncated by less than a third.
 _MAX_OCCLUSION, _MAX_TRUNCATION = 1, 0.3
@@ -36,7 +35,7 @@ PROTOCOL_WORDS = {
 
 
 @dataclass(frozen=True)
-class _ImageBoxes(Rows):
+class _ImageBoxes(ArrayTable):
     """Labelled or predicted boxes of one frame, as KITTI's tracking protocol reads them."""
 
     frames: Int
@@ -44,7 +43,7 @@ class _ImageBoxes(Rows):
     types: np.ndarray
     truncation: Float64
     occlusion: Float64
-    boxes_px: Float64
+    boxes_px: Annotated[Float64, 4]
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def test_slices_end_at_lines_of_x():
 
 def test_ratios_of_counts():
     counts = confusion(
-        answered=np.array([1, 1, 1, 0, 0, 0], bool), true=np.array([1, 1, 0, 1, 0, 0], bool)
+        predicted=np.array([1, 1, 1, 0, 0, 0], bool), target=np.array([1, 1, 0, 1, 0, 0], bool)
     )
     assert counts == Confusion(true_positives=2, false_positives=1, false_negatives=1)
     assert counts.precision == pytest.approx(2 / 3)

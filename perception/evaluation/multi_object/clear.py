@@ -1,4 +1,4 @@
-"""CLEAR: misses, false tracks and exchanged identities at one threshold of likeness.
+"""CLEAR MOT metrics: misses, false positives and identity switches at one threshold of similarity.
 
 K. Bernardin, R. Stiefelhagen, "Evaluating Multiple Object Tracking Performance: The CLEAR MOT Metrics",
 EURASIP JIVP 2008; mostly tracked and lost after Y. Li et al., CVPR 2009.
@@ -13,24 +13,24 @@ from perception.evaluation.multi_object.pairs import BoxPairs, group_by_track, p
 from perception.evaluation.multi_object.sequence import TrackedSequence
 from perception.types import Bool, Int
 
-# What a pair of the frame before gains over all others: more than any sum of likeness in a frame.
+# Bonus of a pair that was matched in the previous frame: more than any sum of similarities in a frame.
 _CONTINUED = 1000.0
 
 
 @dataclass(frozen=True)
 class Clear:
-    """Counts at one threshold; add them up over sequences. Ratios of nothing are 0.
+    """Counts at one threshold; those of several sequences are added. Ratios without a denominator are 0.
 
     Attributes:
-        true_positives: matched boxes.
-        false_positives: answered boxes without a truth.
-        false_negatives: true boxes without an answer.
-        id_switches: how often an object's track is another than its last one.
-        fragmentations: how often an object is found again after a frame in which it was not.
-        mostly_tracked: objects found in more than 80 % of their frames.
-        partly_tracked: in 20 % and more.
-        mostly_lost: in less.
-        similarity_sum: over the matched boxes.
+        true_positives: Number of matched boxes.
+        false_positives: Number of predicted boxes without a true box.
+        false_negatives: Number of true boxes without a predicted box.
+        id_switches: Number of times that an object is matched to another track than before.
+        fragmentations: Number of times that an object is matched again after a frame without a match.
+        mostly_tracked: Number of objects matched in more than 80 % of their frames.
+        partly_tracked: Number of objects matched in 20 % to 80 % of their frames.
+        mostly_lost: Number of objects matched in less than 20 % of their frames.
+        similarity_sum: Sum of the similarity over the matched boxes.
     """
 
     true_positives: int = 0
@@ -49,17 +49,17 @@ class Clear:
 
     @property
     def mota(self) -> float:
-        """Accuracy: 1 less the share of misses, false boxes and switches."""
+        """Accuracy: 1 less the share of misses, false positives and switches."""
         return self._accuracy(self.true_positives - self.id_switches)
 
     @property
     def moda(self) -> float:
-        """The same without switches."""
+        """Accuracy without switches."""
         return self._accuracy(self.true_positives)
 
     @property
     def smota(self) -> float:
-        """The same as MOTA, where a matched box counts as much as it is alike."""
+        """Accuracy with matched boxes weighted by their similarity."""
         return self._accuracy(self.similarity_sum - self.id_switches)
 
     @property
@@ -69,12 +69,12 @@ class Clear:
 
     @property
     def recall(self) -> float:
-        """Share of the true boxes that were found."""
+        """Share of the true boxes that are matched."""
         return _ratio(self.true_positives, self.true_positives + self.false_negatives)
 
     @property
     def precision(self) -> float:
-        """Share of the answered boxes that are true."""
+        """Share of the predicted boxes that are matched."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     def _accuracy(self, earned: float) -> float:
@@ -86,17 +86,17 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
     """Measure one sequence; several are combined by adding their results.
 
     Args:
-        sequence: frames in order.
-        threshold: of similarity, from which on two boxes may be the same.
+        sequence: Frames in order.
+        threshold: Similarity from which on two boxes may be matched.
     """
     paired = pair_boxes(sequence, threshold)
     matched = paired.pairs[_match_frames(paired.pairs)]
     true_positives = len(matched.truths)
     found = np.bincount(matched.truths, minlength=len(paired.truth_lengths))
-    # In whole numbers: 80 % of five frames is four of them.
+    # In integers: 80 % of five frames is four of them.
     is_mostly = 5 * found > 4 * paired.truth_lengths
     is_lost = 5 * found < paired.truth_lengths
-    # The matches of each object in turn: what follows on what.
+    # The matches of each object in order of time.
     by_object = np.lexsort((matched.timesteps, matched.truths))
     is_same = np.diff(matched.truths[by_object]) == 0
     has_other_track = np.diff(matched.tracks[by_object]) != 0
@@ -115,7 +115,7 @@ def clear(sequence: TrackedSequence, threshold: float = 0.5) -> Clear:
 
 
 def _match_frames(pairs: BoxPairs) -> Bool:
-    """Match frame after frame: who was matched in the frame before stays so if still alike enough."""
+    """Match frame by frame: a pair of the previous frame is kept while its similarity is high enough."""
     before = _pair_before(pairs)
     is_matched = np.ones(len(before), bool)
     for group in matching_components(pairs.truth_boxes, pairs.track_boxes):
@@ -127,7 +127,7 @@ def _match_frames(pairs: BoxPairs) -> Bool:
 
 
 def _pair_before(pairs: BoxPairs) -> Int:
-    """Return (C,) which pair is of the same object and track one moment earlier, or -1."""
+    """Return (C,) index of the pair of the same object and track one timestep earlier, or -1."""
     track_pairs = group_by_track(pairs).pair_ids
     order = np.lexsort((pairs.timesteps, track_pairs))
     is_next = (np.diff(track_pairs[order]) == 0) & (np.diff(pairs.timesteps[order]) == 1)

@@ -1,22 +1,21 @@
-"""Tracks of nothing that moves: those that follow nobody for most of their lives."""
+"""False tracks: those that match no object in more than half of their frames."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from perception.evaluation.multi_object.track_assignment import FrameAssignment
-from perception.evaluation.rows import Rows
-from perception.types import Bool, Int, Tracks
+from perception.types import ArrayTable, Bool, Int, Tracks
 
 
 @dataclass(frozen=True)
-class TrackOutcomes(Rows):
-    """K tracks that are judged or excused, each in one frame.
+class TrackOutcomes(ArrayTable):
+    """Outcomes of K evaluated or ignored tracks, each in one frame.
 
     Attributes:
-        track_ids: (K,)
-        is_matched: (K,) whether it follows an object, be it one that need not be tracked.
-        is_on_parked: (K,) whether it has no object and lies on a parked one.
+        track_ids: (K,) Id of the track.
+        is_matched: (K,) Whether it matches an object, also one that need not be tracked.
+        is_on_parked: (K,) Whether it matches no object and lies on a parked one.
     """
 
     track_ids: Int
@@ -25,7 +24,7 @@ class TrackOutcomes(Rows):
 
 
 def track_outcomes(tracks: Tracks, assignment: FrameAssignment) -> TrackOutcomes:
-    """Say of every track of one frame that counts whether it follows anybody."""
+    """Return for every track of one frame that counts whether it matches an object."""
     rows = np.append(assignment.evaluated, assignment.ignored)
     matched = np.append(assignment.matched_tracks, assignment.ignored)
     return TrackOutcomes(
@@ -35,13 +34,13 @@ def track_outcomes(tracks: Tracks, assignment: FrameAssignment) -> TrackOutcomes
 
 @dataclass(frozen=True)
 class FalseTracks:
-    """Tracks that follow nobody in more than half of the frames in which they count.
+    """Tracks that match no object in more than half of the frames in which they count.
 
     Attributes:
-        ids: of the tracks.
-        never_matched: of these, those that never follow anybody.
-        on_parked: of these, those that lie on a parked object in some frame.
-        per_minute: tracks over the time evaluated; NaN of no time.
+        ids: Ids of the false tracks.
+        never_matched: Ids of those that match no object in any frame.
+        on_parked: Ids of those that lie on a parked object in some frame.
+        per_minute: Number of false tracks per minute of evaluated time; NaN without time.
     """
 
     ids: Int
@@ -51,7 +50,7 @@ class FalseTracks:
 
 
 def find_false_tracks(found: TrackOutcomes, duration_s: float) -> FalseTracks:
-    """Find the false tracks of any number of frames, of a duration in all."""
+    """Find the false tracks of any number of frames with a total duration in seconds."""
     ids, row_of = np.unique(found.track_ids.astype(np.int64), return_inverse=True)
     frames = np.bincount(row_of, minlength=len(ids))
     frames_matched = np.bincount(row_of, found.is_matched, minlength=len(ids))

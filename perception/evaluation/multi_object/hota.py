@@ -1,4 +1,4 @@
-"""HOTA: detection, association and localisation in one figure, over all thresholds of likeness.
+"""HOTA: detection, association and localisation in one metric, over all thresholds of similarity.
 
 J. Luiten et al., "HOTA: A Higher Order Metric for Evaluating Multi-Object Tracking", IJCV 2021.
 """
@@ -31,19 +31,19 @@ def _no_sums() -> Float64:
 
 @dataclass(frozen=True)
 class Hota:
-    """Counts and sums at the 19 thresholds `alphas`; add them up over sequences.
+    """Counts and sums at the 19 thresholds `alphas`; those of several sequences are added.
 
-    Ratios of nothing are 0, but the localisation of nothing is 1. What is called `..._by_alpha` is an
-    array (19,), what has the same name without it is its mean.
+    Ratios without a denominator are 0, except the localisation accuracy, which is 1. Properties named
+    `..._by_alpha` are arrays (19,); those without the suffix are their means.
 
     Attributes:
-        true_positives: (19,) matched boxes.
-        false_negatives: (19,) true boxes without an answer.
-        false_positives: (19,) answered boxes without a truth.
-        association_sum: (19,) over the true positives, the IoU in time of their object and track.
-        association_recall_sum: (19,) the same by the length of the object.
-        association_precision_sum: (19,) the same by the length of the track.
-        similarity_sum: (19,) over the true positives.
+        true_positives: (19,) Number of matched boxes.
+        false_negatives: (19,) Number of true boxes without a predicted box.
+        false_positives: (19,) Number of predicted boxes without a true box.
+        association_sum: (19,) Sum over the true positives of the IoU in time of their object and track.
+        association_recall_sum: (19,) Sum over the true positives of their share of the object's frames.
+        association_precision_sum: (19,) Sum over the true positives of their share of the track's frames.
+        similarity_sum: (19,) Sum of the similarity over the true positives.
     """
 
     true_positives: Int = field(default_factory=_no_counts)
@@ -55,7 +55,7 @@ class Hota:
     similarity_sum: Float64 = field(default_factory=_no_sums)
 
     def __add__(self, other: "Hota") -> "Hota":
-        """Return the figures of both, as of one longer sequence whose ids never meet."""
+        """Return the sums of both, as of one longer sequence in which no id occurs in both parts."""
         return Hota(
             self.true_positives + other.true_positives,
             self.false_negatives + other.false_negatives,
@@ -68,7 +68,7 @@ class Hota:
 
     @property
     def alphas(self) -> Float64:
-        """(19,) thresholds of likeness, 0.05 to 0.95."""
+        """(19,) Thresholds of similarity, 0.05 to 0.95."""
         return ALPHAS
 
     @property
@@ -78,7 +78,7 @@ class Hota:
 
     @property
     def det_a_by_alpha(self) -> Float64:
-        """Detection accuracy: IoU of the true and the answered boxes as sets."""
+        """Detection accuracy: IoU of the true and the predicted boxes as sets."""
         wrong = self.false_negatives + self.false_positives
         return _ratio(self.true_positives, self.true_positives + wrong)
 
@@ -115,7 +115,7 @@ class Hota:
 
     @property
     def hota(self) -> float:
-        """Mean over the thresholds: not the root of the mean accuracies."""
+        """Mean over the thresholds, which is not the root of the mean accuracies."""
         return float(self.hota_by_alpha.mean())
 
     @property
@@ -159,7 +159,7 @@ def hota(sequence: TrackedSequence) -> Hota:
     paired = pair_boxes(sequence)
     pairs, track_pairs = paired.pairs, group_by_track(paired.pairs)
     weights = pairs.similarity * _alignment(paired, track_pairs)[track_pairs.pair_ids]
-    # One matching serves all thresholds: those who belong together over time, then those who are alike.
+    # One matching serves all thresholds: by association over time, then by similarity.
     is_matched = max_weight_matching(pairs.truth_boxes, pairs.track_boxes, weights)
     is_positive = is_matched & (pairs.similarity >= ALPHAS[:, None] - _ROUNDING)
     true_positives = is_positive.sum(axis=1)
@@ -178,7 +178,7 @@ def hota(sequence: TrackedSequence) -> Hota:
 
 
 def _alignment(paired: PairedSequence, track_pairs: TrackPairs) -> Float64:
-    """Return (K,) how well each couple fits over the whole sequence, were no box to choose one partner."""
+    """Return (K,) alignment of each object and track over the whole sequence, before boxes are matched one to one."""
     pairs = paired.pairs
     by_truth = np.bincount(pairs.truth_boxes, pairs.similarity)[pairs.truth_boxes]
     by_track = np.bincount(pairs.track_boxes, pairs.similarity)[pairs.track_boxes]

@@ -1,4 +1,4 @@
-"""Identity measures: every true object is given one track for the whole sequence, or none.
+"""Identity metrics: every true object is assigned one track for the whole sequence, or none.
 
 E. Ristani et al., "Performance Measures and a Data Set for Multi-Target, Multi-Camera Tracking",
 ECCV Workshops 2016.
@@ -13,12 +13,12 @@ from perception.evaluation.multi_object.sequence import TrackedSequence
 
 @dataclass(frozen=True)
 class Identity:
-    """Counts at one threshold; add them up over sequences. Ratios of nothing are 0.
+    """Counts at one threshold; those of several sequences are added. Ratios without a denominator are 0.
 
     Attributes:
-        true_positives: boxes at which an object and the track given to it meet.
-        false_positives: all other answered boxes.
-        false_negatives: all other true boxes.
+        true_positives: Number of frames in which an object overlaps its assigned track, over all objects.
+        false_positives: Number of all other predicted boxes.
+        false_negatives: Number of all other true boxes.
     """
 
     true_positives: int = 0
@@ -41,7 +41,7 @@ class Identity:
 
     @property
     def idp(self) -> float:
-        """Identity precision: share of the answered boxes."""
+        """Identity precision: share of the predicted boxes."""
         return _ratio(self.true_positives, self.true_positives + self.false_positives)
 
     @property
@@ -54,16 +54,16 @@ def identity(sequence: TrackedSequence, threshold: float = 0.5) -> Identity:
     """Measure one sequence; several are combined by adding their results.
 
     Args:
-        sequence: frames in order.
-        threshold: of similarity, from which on two boxes meet.
+        sequence: Frames in order.
+        threshold: Similarity from which on two boxes count as overlapping.
     """
     paired = pair_boxes(sequence, threshold)
     track_pairs = group_by_track(paired.pairs)
-    meetings = track_pairs.sums(paired.pairs.similarity > 0)
-    # A couple that meets c times spares c misses and c false boxes of what both would cost alone:
-    # the cheapest assignment is the one with the most meetings.
-    is_given = max_weight_matching(track_pairs.truths, track_pairs.tracks, meetings)
-    true_positives = int(meetings[is_given].sum())
+    overlaps = track_pairs.sums(paired.pairs.similarity > 0)
+    # A pair that overlaps in c frames saves c misses and c false positives, so the assignment of least cost
+    # is the one of most overlapping frames.
+    is_assigned = max_weight_matching(track_pairs.truths, track_pairs.tracks, overlaps)
+    true_positives = int(overlaps[is_assigned].sum())
     return Identity(
         true_positives=true_positives,
         false_positives=int(paired.track_lengths.sum()) - true_positives,

@@ -1,8 +1,7 @@
-"""KITTI's 2D tracking protocol: which boxes of a class are judged, frame by frame.
+"""KITTI's 2D tracking protocol: the boxes of a class that are evaluated, frame by frame.
 
-Neither right nor wrong are true boxes that are cut off or hidden, those of a neighbour class that looks
-much the same, and the answers given to them; nor unmatched answers that are too low, or that lie in a
-region without labels.
+Ignored are truncated or occluded true boxes, those of a similar class, and the predictions matched to them;
+also unmatched predictions that are too low, or that lie in a region without labels.
 """
 
 from collections.abc import Iterator
@@ -20,7 +19,7 @@ from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
 from perception.types import Bool, Float64, Int
 
 KittiClass = Literal["car", "pedestrian", "cyclist"]
-# Class: those that may be taken for it, all in lower case.
+# Class: similar classes, all in lower case.
 NEIGHBOURS: dict[KittiClass, tuple[str, ...]] = {
     "car": ("van",),
     "pedestrian": ("person", "person_sitting"),
@@ -31,36 +30,36 @@ _ROUNDING = np.finfo(np.float64).eps
 
 
 class BoxRows(Protocol):
-    """N labelled or answered boxes of a sequence, in any order: parallel arrays."""
+    """N labelled or predicted boxes of a sequence, in any order: parallel arrays."""
 
     @property
     def frames(self) -> Int:
-        """(N,) from 0."""
+        """(N,) Number of the frame, from 0."""
         ...
 
     @property
     def ids(self) -> Int:
-        """(N,) below 0 where a row is of no track."""
+        """(N,) Track id, below 0 where a row has no track."""
         ...
 
     @property
     def types(self) -> np.ndarray:
-        """(N,) names of classes, in any case."""
+        """(N,) Class name in any case."""
         ...
 
     @property
     def truncation(self) -> Float64:
-        """(N,) levels; not read of answers."""
+        """(N,) Level; not read from predictions."""
         ...
 
     @property
     def occlusion(self) -> Float64:
-        """(N,) levels; not read of answers."""
+        """(N,) Level; not read from predictions."""
         ...
 
     @property
     def boxes_px(self) -> Float64:
-        """(N, 4) x1 y1 x2 y2."""
+        """(N, 4) Box x1 y1 x2 y2."""
         ...
 
 
@@ -71,14 +70,14 @@ def kitti_frames(
     frame_count: int,
     config: KittiTrackingConfig | None = None,
 ) -> list[TrackedFrame]:
-    """Return what is judged of each frame, its similarity the IoU in the image.
+    """Return the evaluated boxes of each frame with their IoU in the image.
 
     Args:
-        truth: labels of all classes, with regions of type DontCare.
-        predictions: of a tracker.
-        class_name: car, pedestrian or cyclist.
-        frame_count: of the sequence.
-        config: of the benchmark.
+        truth: Labels of all classes, with regions of type DontCare.
+        predictions: Boxes of a tracker.
+        class_name: Class that is evaluated, "car", "pedestrian" or "cyclist".
+        frame_count: Number of frames of the sequence.
+        config: Thresholds of the benchmark.
     """
     config = config or KittiTrackingConfig()
     if class_name not in NEIGHBOURS:
@@ -111,7 +110,7 @@ def kitti_frames(
 
 
 def _by_frame(frames: Int, mask: Bool, frame_count: int) -> Iterator[Int]:
-    """Yield the wanted rows of each frame."""
+    """Yield the rows of each frame that a mask selects."""
     rows = np.flatnonzero(mask)
     if len(rows) and not 0 <= frames[rows].min() <= frames[rows].max() < frame_count:
         raise PerceptionError(
@@ -136,7 +135,7 @@ class _TrueBoxes:
 def _exclude_ignored(
     true: _TrueBoxes, regions_px: Float64, ids: Int, boxes_px: Float64, config: KittiTrackingConfig
 ) -> TrackedFrame:
-    """Leave out what is neither right nor wrong."""
+    """Leave out the boxes that are neither right nor wrong."""
     iou = iou_px(true.boxes_px, boxes_px)
     is_near = iou >= config.min_iou - _ROUNDING
     rows, columns = linear_sum_assignment(np.where(is_near, iou, 0), maximize=True)
@@ -145,7 +144,7 @@ def _exclude_ignored(
     is_low = boxes_px[:, 3] - boxes_px[:, 1] <= config.min_height_px
     share = intersection_over_area_px(boxes_px, regions_px)
     counts_unmatched = ~is_low & ~(share > config.max_dont_care + _ROUNDING).any(axis=1)
-    # A matched answer is judged if its true box is, whatever its height and place.
+    # A matched prediction is evaluated if its true box is, whatever its height and position.
     is_evaluated = counts_unmatched
     is_evaluated[columns] = true.is_evaluated[rows]
     return TrackedFrame(

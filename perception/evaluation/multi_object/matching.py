@@ -1,4 +1,4 @@
-"""One-to-one matchings of the greatest weight, over pairs of which most have no rival."""
+"""One-to-one matchings of maximum weight over sparse pairs, of which most compete with no other."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,12 +12,12 @@ from perception.types import Bool, Float64, Int
 
 
 def max_weight_matching(rows: Int, columns: Int, weights: Float64) -> Bool:
-    """Return (C,) which of C different pairs are in the one-to-one matching of the greatest sum of weights.
+    """Return (C,) whether each of C different pairs is in the one-to-one matching of maximum weight.
 
     Args:
-        rows: (C,) the one side of each pair, numbered from 0.
-        columns: (C,) the other side.
-        weights: (C,) above 0.
+        rows: (C,) First side of each pair, numbered from 0.
+        columns: (C,) Second side of each pair, numbered from 0.
+        weights: (C,) Weight above 0 of each pair.
     """
     is_chosen = np.ones(len(rows), bool)
     for group in matching_components(rows, columns):
@@ -27,12 +27,12 @@ def max_weight_matching(rows: Int, columns: Int, weights: Float64) -> Bool:
 
 @dataclass(frozen=True)
 class MatchingComponent:
-    """P pairs that compete, directly or through others, and with no pair outside.
+    """Connected component of P pairs that compete with each other and with no pair outside.
 
     Attributes:
-        pairs: (P,) indices, rising.
-        rows: (P,) the one side, numbered from 0 within the group.
-        columns: (P,) the other side, in the same way.
+        pairs: (P,) Indices of the pairs in ascending order.
+        rows: (P,) First side, numbered from 0 within the component.
+        columns: (P,) Second side, numbered from 0 within the component.
     """
 
     pairs: Int
@@ -40,19 +40,19 @@ class MatchingComponent:
     columns: Int
 
     def max_weight(self, weights: Float64) -> Bool:
-        """Return (P,) which pairs are in the one-to-one matching of the greatest sum of (P,) weights."""
+        """Return (P,) whether each pair is in the one-to-one matching of maximum (P,) weight."""
         table = np.zeros((int(self.rows.max()) + 1, int(self.columns.max()) + 1))
         table[self.rows, self.columns] = weights
         is_taken = np.zeros(table.shape, bool)
-        # What is assigned without being a pair weighs nothing and is dropped here.
+        # Assignments that are no pair have no weight and are dropped here.
         is_taken[linear_sum_assignment(table, maximize=True)] = True
         return np.asarray(is_taken[self.rows, self.columns])
 
 
 def matching_components(rows: Int, columns: Int) -> list[MatchingComponent]:
-    """Return the groups of two and more rivals, in the order of their first pair.
+    """Return the components of two and more pairs, in the order of their first pair.
 
-    The matching of all pairs is the matchings of these groups, and every pair that is in none.
+    The matching of all pairs is the union of the matchings of these components and of all other pairs.
     """
     labels = _components(rows, columns)
     members = np.flatnonzero(np.bincount(labels)[labels] > 1)

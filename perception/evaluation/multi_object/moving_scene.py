@@ -1,4 +1,4 @@
-"""What was there in a frame, for the measures of moving objects: which objects must be tracked, and where."""
+"""Labelled moving objects of one frame: which of them must be tracked, and where labels are complete."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,17 @@ from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
 from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
 
-_DONT_CARE_SHARE = 0.5  # of a box in the image, from which on it is in a DontCare region
+_DONT_CARE_SHARE = 0.5  # share of a box in the image at which it counts as in a DontCare region
 
 
 @dataclass(frozen=True)
 class LabelledView:
-    """The image in which objects were labelled.
+    """Image in which objects were labelled.
 
     Attributes:
-        calibration: of the camera.
-        image_size_px: (width, height).
-        dont_care_px: (D, 4) regions in which nothing was labelled.
+        calibration: Calibration of the camera.
+        image_size_px: Image size (width, height) in px.
+        dont_care_px: (D, 4) Regions x1 y1 x2 y2 without labels.
     """
 
     calibration: Calibration
@@ -31,14 +31,14 @@ class LabelledView:
 
 @dataclass(frozen=True)
 class MovingScene:
-    """What was there in one frame.
+    """Labelled objects of one frame with their motion.
 
     Attributes:
-        objects: M labelled objects in the LiDAR frame, those that stand too.
-        velocities_m_s: (M, 2) over the ground, along x and y of the LiDAR frame; NaN where unknown.
-        moves_in_drive: (M,) whether the object moves in any frame of the drive.
-        points: (M,) points of the scan that each box holds above its feet.
-        view: what was labelled; None where everything around was.
+        objects: M labelled objects in the LiDAR frame, static ones too.
+        velocities_m_s: (M, 2) Velocity over the ground along x and y of the LiDAR frame; NaN where unknown.
+        moves_in_drive: (M,) Whether the object moves in any frame of the drive.
+        points: (M,) Number of scan points that each box holds above its bottom.
+        view: Image in which objects were labelled; None where everything around was labelled.
     """
 
     objects: LabelledObjects
@@ -48,7 +48,7 @@ class MovingScene:
     view: LabelledView | None = None
 
     def __post_init__(self) -> None:
-        """Refuse arrays of different lengths."""
+        """Validate that the arrays have one length."""
         columns = (self.objects, self.velocities_m_s, self.moves_in_drive, self.points)
         lengths = {len(column) for column in columns}
         if len(lengths) > 1:
@@ -58,7 +58,7 @@ class MovingScene:
 
 
 def points_above_bottom(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
-    """Return (M,) how many points each box holds, less what lies near its bottom."""
+    """Return (M,) number of points in each box, without those near its bottom."""
     lift_m = np.array([0.0, 0.0, clearance_m])
     raised = Boxes3D(boxes_velo.bottom_m + lift_m, boxes_velo.size_m - lift_m, boxes_velo.yaw_rad)
     return np.asarray(np.count_nonzero(points_inside(raised, points_velo), axis=1), np.int64)
@@ -82,7 +82,7 @@ def _is_watched(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) 
 
 
 def is_labelled_region(boxes: Boxes3D, scene: MovingScene, config: MovingObjectConfig) -> Bool:
-    """Tell where an object would have been labelled: in area and view, and in no DontCare region."""
+    """Tell at which boxes an object would have been labelled: in area and view, and in no DontCare region."""
     is_watched = _is_watched(boxes, scene, config)
     if scene.view is None or len(boxes) == 0:
         return is_watched
@@ -93,7 +93,7 @@ def _is_in_dont_care(boxes: Boxes3D, view: LabelledView) -> Bool:
     """Tell which boxes have half of their outline in the image in one DontCare region."""
     pixels, _ = project(view.calibration.image_P_velo, corners(boxes).reshape(-1, 3))
     pixels = np.clip(pixels.reshape(-1, 8, 2), 0, view.image_size_px)
-    # What lies behind the camera is NaN, and left out by fmin and fmax.
+    # Corners behind the camera are NaN, which fmin and fmax leave out.
     low, high = np.fmin.reduce(pixels, axis=1), np.fmax.reduce(pixels, axis=1)
     regions = view.dont_care_px
     reach = np.minimum(high[:, None], regions[:, 2:]) - np.maximum(low[:, None], regions[:, :2])

@@ -1,34 +1,34 @@
-"""A sequence as flat arrays: its pairs of boxes that are alike, and who they belong to.
+"""A sequence as flat arrays: its pairs of similar boxes with their objects and tracks.
 
 G true objects and T tracks are numbered from 0 in place of their ids, boxes are numbered through all
-frames: every measure is then a few sums over C pairs, however long the sequence.
+frames: every metric is then a few sums over C pairs, however long the sequence.
 """
 
 from dataclasses import dataclass
-from typing import Self, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 
 from perception.evaluation.multi_object.sequence import TrackedSequence
-from perception.types import Bool, Float64, Int
+from perception.types import ArrayTable, Bool, Float64, Int
 
 Array = TypeVar("Array", Int, Float64)
 
-# A likeness of the threshold itself counts, also where rounding took its last digit.
+# A similarity equal to the threshold counts, also where rounding took its last digit.
 _ROUNDING = np.finfo(np.float64).eps
 
 
 @dataclass(frozen=True)
-class BoxPairs:
-    """C pairs of a true and an answered box of the same frame, in the order of frames.
+class BoxPairs(ArrayTable):
+    """C pairs of a true and a predicted box of the same frame, in the order of frames.
 
     Attributes:
-        truths: (C,) number of the true object.
-        tracks: (C,) number of the track.
-        truth_boxes: (C,) number of the true box.
-        track_boxes: (C,) number of the answered box.
-        timesteps: (C,) number of the frame, among those with both true and answered boxes.
-        similarity: (C,) above 0.
+        truths: (C,) Number of the true object.
+        tracks: (C,) Number of the track.
+        truth_boxes: (C,) Number of the true box.
+        track_boxes: (C,) Number of the predicted box.
+        timesteps: (C,) Number of the frame, among those with both true and predicted boxes.
+        similarity: (C,) Similarity above 0.
     """
 
     truths: Int
@@ -38,26 +38,15 @@ class BoxPairs:
     timesteps: Int
     similarity: Float64
 
-    def __getitem__(self, rows: Bool) -> Self:
-        """Return the pairs of a mask."""
-        return type(self)(
-            self.truths[rows],
-            self.tracks[rows],
-            self.truth_boxes[rows],
-            self.track_boxes[rows],
-            self.timesteps[rows],
-            self.similarity[rows],
-        )
-
 
 @dataclass(frozen=True)
 class PairedSequence:
-    """All that the measures need of a sequence.
+    """Pairs of a sequence, and the lengths of its objects and tracks.
 
     Attributes:
-        truth_lengths: (G,) in how many frames each true object is.
-        track_lengths: (T,) in how many frames each track is.
-        pairs: that are alike enough.
+        truth_lengths: (G,) Number of frames of each true object.
+        track_lengths: (T,) Number of frames of each track.
+        pairs: Pairs of similar boxes.
     """
 
     truth_lengths: Int
@@ -66,14 +55,14 @@ class PairedSequence:
 
 
 def pair_boxes(sequence: TrackedSequence, threshold: float = 0.0) -> PairedSequence:
-    """Find all pairs of a similarity above 0 and not under a threshold."""
+    """Find all pairs of a similarity above 0 and at or above a threshold."""
     truths = _numbered([frame.truth_ids for frame in sequence])
     tracks = _numbered([frame.track_ids for frame in sequence])
     similarity = _joined([frame.similarity.ravel() for frame in sequence], np.float64)
     heights = np.array([len(frame.truth_ids) for frame in sequence], np.int64)
     widths = np.array([len(frame.track_ids) for frame in sequence], np.int64)
     kept = np.flatnonzero((similarity > 0) & (similarity >= threshold - _ROUNDING))
-    # Where in which frame's (G, T) table each kept value stood.
+    # The frame and the place in its (G, T) table of each kept value.
     starts = _starts(heights * widths)
     frames = np.searchsorted(starts, kept, side="right") - 1
     rows, columns = np.divmod(kept - starts[frames], widths[frames])
@@ -96,12 +85,12 @@ def pair_boxes(sequence: TrackedSequence, threshold: float = 0.0) -> PairedSeque
 
 @dataclass(frozen=True)
 class TrackPairs:
-    """K different couples of a true object and a track that were alike in at least one frame.
+    """K combinations of a true object and a track with similar boxes in at least one frame.
 
     Attributes:
-        truths: (K,) number of the true object.
-        tracks: (K,) number of the track.
-        pair_ids: (C,) number of the couple that each pair belongs to.
+        truths: (K,) Number of the true object.
+        tracks: (K,) Number of the track.
+        pair_ids: (C,) Number of the combination that each pair of boxes belongs to.
     """
 
     truths: Int
@@ -109,12 +98,12 @@ class TrackPairs:
     pair_ids: Int
 
     def sums(self, weights: Float64 | Bool) -> Float64:
-        """Return (K,) sums of (C,) weights of pairs."""
+        """Return (K,) sums of the (C,) weights of pairs of boxes."""
         return np.bincount(self.pair_ids, weights, len(self.truths)).astype(np.float64)
 
 
 def group_by_track(pairs: BoxPairs) -> TrackPairs:
-    """Find out which pairs are of the same object and track."""
+    """Group pairs of boxes by object and track."""
     width = int(pairs.tracks.max(initial=0)) + 1
     keys, pair_ids = np.unique(pairs.truths * width + pairs.tracks, return_inverse=True)
     return TrackPairs(keys // width, keys % width, pair_ids)

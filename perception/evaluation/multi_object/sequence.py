@@ -1,4 +1,4 @@
-"""What the tracking measures need of a sequence: who was there, who was answered, how alike they are."""
+"""Input of the tracking metrics: ids of true objects and tracks, and their similarity, frame by frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,17 +8,17 @@ import numpy as np
 from perception.errors import PerceptionError
 from perception.types import Float64, Int
 
-_ROUNDING = 1e-9  # by which a likeness may exceed 1
+_ROUNDING = 1e-9  # tolerance of similarities above 1
 
 
 @dataclass(frozen=True)
 class TrackedFrame:
-    """G true objects and T answered tracks of one frame, after all that is not to be judged has left.
+    """G true objects and T tracks of one frame that are evaluated.
 
     Attributes:
-        truth_ids: (G,) each once.
-        track_ids: (T,) each once.
-        similarity: (G, T) from 0 to 1: IoU, or a distance turned into a likeness.
+        truth_ids: (G,) Ids of the objects, each once.
+        track_ids: (T,) Ids of the tracks, each once.
+        similarity: (G, T) Similarity from 0 to 1: IoU, or one that falls with the distance.
     """
 
     truth_ids: Int
@@ -26,7 +26,7 @@ class TrackedFrame:
     similarity: Float64
 
     def __post_init__(self) -> None:
-        """Refuse a similarity of another shape or range, and an id that is there twice."""
+        """Validate the shape and range of the similarity, and that ids occur once."""
         shape = (len(self.truth_ids), len(self.track_ids))
         if self.similarity.shape != shape:
             raise PerceptionError(

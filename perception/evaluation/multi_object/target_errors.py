@@ -1,4 +1,4 @@
-"""How each object that must be tracked is followed: by whom, and how far off in place, speed and size."""
+"""Errors of the tracks of objects that must be tracked: position, velocity, heading and extent."""
 
 from dataclasses import dataclass
 
@@ -6,27 +6,26 @@ import numpy as np
 
 from perception.evaluation.multi_object.moving_scene import MovingScene
 from perception.evaluation.multi_object.track_assignment import FrameAssignment
-from perception.evaluation.rows import Rows
-from perception.types import Bool, Float64, Int, Tracks
+from perception.types import ArrayTable, Bool, Float64, Int, Tracks
 
 NO_TRACK = -1
 
 
 @dataclass(frozen=True)
-class TargetErrors(Rows):
-    """K objects that must be tracked, each in one frame; errors are NaN where no track follows.
+class TargetErrors(ArrayTable):
+    """Errors of K objects that must be tracked, each in one frame; NaN where no track matches.
 
     Attributes:
-        stamps_s: (K,) time of the frame.
-        object_ids: (K,)
-        track_ids: (K,) who follows, NO_TRACK where nobody does.
-        center_errors_m: (K,) between the centres over the ground.
-        velocity_errors_m_s: (K,) length of the difference of both velocities over the ground.
-        heading_errors_rad: (K,) 0 to pi between the headings of both boxes.
-        length_errors_m: (K,) length of the track's box less that of the object's.
-        width_errors_m: (K,) the same of the width.
-        object_speeds_m_s: (K,) by the labels.
-        track_speeds_m_s: (K,)
+        stamps_s: (K,) Time of the frame.
+        object_ids: (K,) Track id of the object in the labels.
+        track_ids: (K,) Id of the matched track, NO_TRACK without one.
+        center_errors_m: (K,) Distance of the centres over the ground.
+        velocity_errors_m_s: (K,) Length of the difference of the velocities over the ground.
+        heading_errors_rad: (K,) Absolute difference of the headings, 0 to pi.
+        length_errors_m: (K,) Length of the track's box less that of the object's.
+        width_errors_m: (K,) Width of the track's box less that of the object's.
+        object_speeds_m_s: (K,) Speed of the object by the labels.
+        track_speeds_m_s: (K,) Speed of the track.
     """
 
     stamps_s: Float64
@@ -42,14 +41,14 @@ class TargetErrors(Rows):
 
     @property
     def is_tracked(self) -> Bool:
-        """(K,) whether a track follows the object."""
+        """(K,) Whether a track matches the object."""
         return np.asarray(self.track_ids != NO_TRACK)
 
 
 def target_errors(
     stamp_s: float, scene: MovingScene, tracks: Tracks, assignment: FrameAssignment
 ) -> TargetErrors:
-    """Say of every object of one frame that must be tracked who follows it, and how well."""
+    """Return the errors of every object of one frame that must be tracked."""
     targets = assignment.targets
     track_of = np.full(len(scene.objects), NO_TRACK)
     track_of[assignment.matched_objects] = assignment.matched_tracks
@@ -85,16 +84,16 @@ def target_errors(
 
 @dataclass(frozen=True)
 class TrackErrors:
-    """How far off the tracks are that follow an object; NaN of nothing.
+    """Summary of the errors of matched tracks; NaN without a match.
 
     Attributes:
-        pairs: boxes of an object and its track.
-        center_m: median distance of the centres.
-        velocity_m_s: median difference of the velocities.
-        mean_velocity_m_s: the mean of the same.
-        heading_rad: median, of tracks faster than 1 m/s.
-        length_m: mean size of the error.
-        width_m: mean size of the error.
+        pairs: Number of pairs of an object and its track.
+        center_m: Median distance of the centres.
+        velocity_m_s: Median difference of the velocities.
+        mean_velocity_m_s: Mean difference of the velocities.
+        heading_rad: Median heading error of tracks faster than 1 m/s.
+        length_m: Mean absolute error of the length.
+        width_m: Mean absolute error of the width.
     """
 
     pairs: int
@@ -106,11 +105,11 @@ class TrackErrors:
     width_m: float
 
 
-_HEADING_SPEED_M_S = 1.0  # a slower track has no heading to speak of
+_HEADING_SPEED_M_S = 1.0  # the heading of a slower track is not defined by its motion
 
 
 def track_errors(tracked: TargetErrors) -> TrackErrors:
-    """Sum up the errors of any number of frames."""
+    """Summarise the errors of any number of frames."""
     pairs = tracked[tracked.is_tracked]
     fast = pairs.track_speeds_m_s > _HEADING_SPEED_M_S
     return TrackErrors(
@@ -126,18 +125,18 @@ def track_errors(tracked: TargetErrors) -> TrackErrors:
 
 @dataclass(frozen=True)
 class ObjectSummary:
-    """How one object was followed over the drive.
+    """Tracking of one object over the drive.
 
     Attributes:
-        object_id: its number in the labels.
-        frames: in which it must be tracked.
-        frames_tracked: of these.
-        tracks: different ids that followed it.
-        switches: how often the id that follows is another than the last one.
-        time_to_first_track_s: from its first frame to the first in which a track follows; NaN where none ever does.
-        center_m: median distance of the centres.
-        velocity_m_s: median difference of the velocities.
-        speed_m_s: median speed by the labels.
+        object_id: Track id of the object in the labels.
+        frames: Number of frames in which it must be tracked.
+        frames_tracked: Number of these frames in which a track matches it.
+        tracks: Number of different tracks that match it.
+        switches: Number of times that the matched track changes.
+        time_to_first_track_s: Time from its first frame to the first match; NaN without a match.
+        center_m: Median distance of the centres.
+        velocity_m_s: Median difference of the velocities.
+        speed_m_s: Median speed by the labels.
     """
 
     object_id: int
@@ -152,17 +151,17 @@ class ObjectSummary:
 
     @property
     def share(self) -> float:
-        """Share of its frames in which it is followed."""
+        """Share of its frames in which a track matches it."""
         return self.frames_tracked / self.frames
 
     @property
     def is_never_tracked(self) -> bool:
-        """Whether no track ever followed it."""
+        """Whether no track ever matches it."""
         return self.frames_tracked == 0
 
 
 def summarise_objects(tracked: TargetErrors) -> list[ObjectSummary]:
-    """Return a summary of every object, in rising order of their ids."""
+    """Return a summary of every object in ascending order of their ids."""
     numbers = np.unique(tracked.object_ids)
     return [_summarise(int(n), tracked[tracked.object_ids == n]) for n in numbers]
 

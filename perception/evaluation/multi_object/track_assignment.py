@@ -1,19 +1,19 @@
-"""The protocol for tracks of moving objects on the ground plane: who must be tracked, and what a track may be.
+"""Protocol for tracks of moving objects on the ground plane: assignment of tracks to objects that must be tracked.
 
-- An object must be tracked in every frame in which the labels say that it moves, the bottom centre of
+- An object must be tracked in every frame in which the labels state that it moves, the bottom centre of
   its box is in the area, the middle of its box is in the camera's view, and its box holds `min_points`
-  points of the scan from `clearance_m` above its bottom. It must be from the first such frame, so the
-  frames that a tracker takes to be sure are misses.
-- A track and an object are alike as their centres are near, from 1 at no distance to 0 at `max_distance_m`, or
-  as their outlines overlap (IoU), whichever is more. From `min_similarity` on, a track may follow an
-  object. Objects that must be tracked and tracks are paired for the greatest sum.
-- A track is neither right nor wrong, and leaves, where it follows an object that may but need not be
-  tracked, and is more like it than its own one: one that moves but does not count in this frame, one
-  that has stopped or not yet started, one of unknown motion. Here it follows, too, where half of its
-  outline lies on the object. Parked objects, which move in no frame, excuse nobody.
-- A track without an object leaves where nothing was labelled: outside the area, outside the view, or
+  points of the scan from `clearance_m` above its bottom. It must be tracked from the first such frame, so
+  frames before a tracker confirms a track are misses.
+- The similarity of a track and an object is 1 at no distance of the centres and 0 at `max_distance_m`, or
+  the overlap (IoU) of their outlines, whichever is greater. From `min_similarity` on, a track may match an
+  object. Objects that must be tracked and tracks are assigned for the greatest sum of similarity.
+- A track is ignored where it matches an object that may but need not be tracked, and is more similar to it
+  than to its own object: one that moves but does not count in this frame, one that has stopped or not yet
+  started, one of unknown motion. It also matches such an object where half of its outline lies on it.
+  Tracks on parked objects, which move in no frame, are not ignored.
+- A track without an object is left out where nothing was labelled: outside the area, outside the view, or
   with half of its box in the image in one DontCare region.
-- What is left is judged twice: by distance and by overlap.
+- The remaining tracks are evaluated twice: by distance and by overlap.
 """
 
 from dataclasses import dataclass
@@ -37,20 +37,20 @@ from perception.geometry.box_overlap_bev import (
 )
 from perception.types import Boxes3D, Float64, Int, Tracks
 
-_COVERED_SHARE = 0.5  # of a track's outline, from which on it lies on an object
+_COVERED_SHARE = 0.5  # share of a track's outline at which it lies on an object
 
 
 @dataclass(frozen=True)
 class FrameAssignment:
-    """Which objects and tracks of one frame count, and which belong together.
+    """Evaluated objects and tracks of one frame, and their assignment.
 
     Attributes:
-        targets: (G,) rows of the objects that must be tracked.
-        evaluated: (T,) rows of the tracks that are right or wrong.
-        matched_objects: (P,) rows of objects that are tracked.
-        matched_tracks: (P,) rows of the tracks that follow them.
-        ignored: (E,) rows of tracks that follow an object which need not be tracked.
-        on_parked: (K,) rows of judged tracks without an object of their own, on a parked one.
+        targets: (G,) Rows of the objects that must be tracked.
+        evaluated: (T,) Rows of the tracks that are right or wrong.
+        matched_objects: (P,) Rows of the objects that a track matches.
+        matched_tracks: (P,) Rows of the tracks that match them.
+        ignored: (E,) Rows of tracks that match an object which need not be tracked.
+        on_parked: (K,) Rows of evaluated tracks that match no object and lie on a parked one.
     """
 
     targets: Int
@@ -64,7 +64,7 @@ class FrameAssignment:
 def assign_tracks(
     scene: MovingScene, tracks: Tracks, config: MovingObjectConfig
 ) -> FrameAssignment:
-    """Apply the protocol of this file to the tracks of one frame."""
+    """Assign the tracks of one frame to its objects by the protocol of this module."""
     boxes, targets = scene.objects.boxes_velo, is_target(scene, config)
     similarity = _similarity(boxes, tracks.boxes, config)
     target_rows = np.flatnonzero(targets)
@@ -97,11 +97,11 @@ def assign_tracks(
 
 @dataclass(frozen=True)
 class SimilarityFrames:
-    """One frame as the tracking measures take it.
+    """One frame as the tracking metrics take it.
 
     Attributes:
-        by_distance: likeness by how near the centres are.
-        by_overlap: IoU of the outlines.
+        by_distance: Frame with the similarity by distance of the centres.
+        by_overlap: Frame with the overlap (IoU) of the outlines.
     """
 
     by_distance: TrackedFrame
@@ -111,33 +111,34 @@ class SimilarityFrames:
 def similarity_frames(
     scene: MovingScene, tracks: Tracks, assignment: FrameAssignment, config: MovingObjectConfig
 ) -> SimilarityFrames:
-    """Return what is to be judged of one frame, by distance and by overlap."""
+    """Return the evaluated objects and tracks of one frame, by distance and by overlap."""
     truth = scene.objects.boxes_velo[assignment.targets]
     predicted = tracks[assignment.evaluated]
     ids = scene.objects.track_ids[assignment.targets], predicted.ids
-    near = distance_similarity(center_distances_m(truth, predicted.boxes), config.max_distance_m)
+    distances_m = center_distances_m(truth, predicted.boxes)
+    by_distance = distance_similarity(distances_m, config.max_distance_m)
     return SimilarityFrames(
-        by_distance=TrackedFrame(*ids, near),
+        by_distance=TrackedFrame(*ids, by_distance),
         by_overlap=TrackedFrame(*ids, iou_bev(truth, predicted.boxes)),
     )
 
 
 def _similarity(boxes: Boxes3D, tracks: Boxes3D, config: MovingObjectConfig) -> Float64:
-    """Return (M, T) how alike tracks and objects are: by distance or overlap, whichever is more."""
-    near = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
-    return np.maximum(near, iou_bev(boxes, tracks))
+    """Return (M, T) similarity of objects and tracks: by distance or overlap, whichever is greater."""
+    by_distance = distance_similarity(center_distances_m(boxes, tracks), config.max_distance_m)
+    return np.maximum(by_distance, iou_bev(boxes, tracks))
 
 
-def _best_pairs(similarity: Float64, at_least: float) -> tuple[Int, Int]:
-    """Return rows and columns of the pairs that are alike enough, with the greatest sum."""
-    enough = np.where(similarity >= at_least, similarity, 0.0)
+def _best_pairs(similarity: Float64, min_similarity: float) -> tuple[Int, Int]:
+    """Return rows and columns of the pairs of sufficient similarity with the greatest sum."""
+    enough = np.where(similarity >= min_similarity, similarity, 0.0)
     rows, columns = linear_sum_assignment(enough, maximize=True)
     kept = enough[rows, columns] > 0
     return rows[kept], columns[kept]
 
 
 def _covered_shares(boxes: Boxes3D, tracks: Boxes3D) -> Float64:
-    """Return (M, T) the share of each track's outline that lies on each object."""
+    """Return (M, T) share of each track's outline that lies on each object."""
     shared_m2 = intersection_areas_m2(boxes, tracks)
     areas_m2 = tracks.size_m[:, 0] * tracks.size_m[:, 1]
     return np.divide(shared_m2, areas_m2, out=np.zeros_like(shared_m2), where=areas_m2 > 0)

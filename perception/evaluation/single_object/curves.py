@@ -1,4 +1,4 @@
-"""Which frames of a followed object are right, and over thresholds how many."""
+"""Correct frames of one tracked object, and their shares over thresholds."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from perception.types import Bool, Float64
 
 @dataclass(frozen=True)
 class CorrectFrames:
-    """Which frames are right, each by one measure; none of what the tracker cannot say.
+    """Correct frames by each of three criteria.
 
     Attributes:
-        overlap: (K,) or (0,) of a tracker in the image alone.
-        heading: (K,) or (0,) the same.
-        location: (L,) of the frames with the object in the image.
+        overlap: (K,) Whether the 3D overlap is correct; (0,) for a tracker in the image alone.
+        heading: (K,) Whether the heading is correct; (0,) for a tracker in the image alone.
+        location: (L,) Whether the location is correct, in the frames with the object in the image.
     """
 
     overlap: Bool
@@ -25,10 +25,10 @@ class CorrectFrames:
 
 
 def correct_frames(errors: SingleObjectErrors, config: SingleObjectMetricsConfig) -> CorrectFrames:
-    """Tell which frames are right."""
+    """Tell which frames are correct."""
     in_space = slice(None) if errors.has_3d_boxes else slice(0)
     in_image = np.isfinite(errors.overlap_px)
-    # What is missing is NaN, and NaN is never right.
+    # Missing values are NaN, and NaN is never correct.
     return CorrectFrames(
         overlap=errors.overlap[in_space] > config.overlap,
         heading=np.abs(errors.heading_rad[in_space]) < np.radians(config.heading_deg),
@@ -57,7 +57,7 @@ def location_curve(errors: SingleObjectErrors, thresholds_px: Float64) -> Float6
 
 
 def cumulative_success(is_correct: Bool) -> Float64:
-    """Return (K + 1,) right frames up to each frame, over all frames (Figs A.1, A.2): ends at their share."""
+    """Return (K + 1,) correct frames up to each frame, as a share of all frames (Figs A.1, A.2)."""
     count = max(len(is_correct), 1)
     return np.concatenate([[0.0], np.cumsum(is_correct) / count])
 

@@ -1,7 +1,6 @@
-"""How far a tracker of one object is from it, frame by frame."""
+"""Errors of a tracker of one object, frame by frame."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,25 +9,25 @@ from perception.geometry.angles import wrap
 from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.box_overlap_3d import paired_iou_3d
 from perception.geometry.box_overlap_px import paired_iou_px
-from perception.types import Bool, Boxes3D, Calibration, Float64, Int
+from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float64, Int
 
 
 @dataclass(frozen=True)
-class SingleObjectErrors:
-    """The K frames that are judged: those with an answer in which the object is labelled.
+class SingleObjectErrors(ArrayTable):
+    """Errors in the K frames in which the object is labelled and the tracker has a prediction.
 
     Attributes:
-        frames: (K,) numbers of the frames.
-        states: (K,) what the tracker said of its answer.
-        center_m: (K,) between the centres of the boxes; NaN where the tracker gave none.
-        heading_rad: (K,) of the box less that of the object, from -pi to pi; NaN without a box.
-        overlap: (K,) 3D intersection over union (A.1), 0 where the tracker gave no box; NaN of a tracker
-            that never gives one.
-        velocity_m_s: (K,) length of the error; NaN without a box, or where the truth is unknown.
-        center_px: (K,) between the centres of the rectangles in the image; NaN where one is missing.
-        overlap_px: (K,) their intersection over union, 0 where the tracker gave none; NaN where the
+        frames: (K,) Numbers of the frames.
+        states: (K,) `TrackStatus` that the tracker reports.
+        center_m: (K,) Distance of the box centres; NaN without a predicted box.
+        heading_rad: (K,) Heading of the predicted box less that of the object, -pi to pi; NaN without a box.
+        overlap: (K,) 3D intersection over union (A.1), 0 without a predicted box; NaN of a tracker that never
+            predicts one.
+        velocity_m_s: (K,) Length of the velocity error; NaN without a box, or where the truth is unknown.
+        center_px: (K,) Distance of the centres of the rectangles in the image; NaN where one is missing.
+        overlap_px: (K,) Intersection over union of the rectangles, 0 without a predicted one; NaN where the
             object is not in the image.
-        seconds: (K,) that each answer took.
+        seconds: (K,) Time of each prediction in s.
     """
 
     frames: Int
@@ -41,37 +40,27 @@ class SingleObjectErrors:
     overlap_px: Float64
     seconds: Float64
 
-    def __len__(self) -> int:
-        """Return K."""
-        return len(self.frames)
-
     @property
     def has_3d_boxes(self) -> bool:
-        """Whether the tracker answers in space, not in the image alone."""
+        """Whether the tracker predicts 3D boxes, not rectangles in the image alone."""
         return not bool(np.isnan(self.overlap).all())
 
     @property
     def is_drifted(self) -> Bool:
-        """(K,) whether the answer shares nothing with the object, in space or else in the image."""
+        """(K,) Whether the prediction does not overlap the object, in space or else in the image."""
         in_space = np.isfinite(self.overlap)
         return np.asarray(np.where(in_space, self.overlap == 0, self.overlap_px == 0))
-
-    @classmethod
-    def concatenate(cls, parts: Sequence["SingleObjectErrors"]) -> "SingleObjectErrors":
-        """Return the frames of several tracks as one."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def single_object_errors(
     truth: TrueTrack, predicted_track: PredictedTrack, camera: Calibration | None = None
 ) -> SingleObjectErrors:
-    """Compare what a tracker answered with the object as it was.
+    """Compare a predicted track with the true one.
 
     Args:
-        truth: the object.
-        predicted_track: by a tracker, over the same frames or more.
-        camera: that sees both; None where there is none.
+        truth: Labelled or exact track of the object.
+        predicted_track: Track that a tracker predicts, over the same frames or more.
+        camera: Calibration of the camera, or None without one.
     """
     _, truth_rows, track_rows = np.intersect1d(
         truth.frames, predicted_track.frames, return_indices=True
@@ -96,7 +85,7 @@ def single_object_errors(
 
 
 def _outlines(boxes: Boxes3D, boxes_px: Float64, camera: Calibration | None) -> Float64:
-    """Return rectangles in the image: of the box where there is one, else as the tracker gave them."""
+    """Return rectangles in the image: projected boxes where there are any, else those of the tracker."""
     if camera is None:
         return boxes_px
     projected = box_outlines_px(camera.image_P_velo, boxes, camera.image_size_px)

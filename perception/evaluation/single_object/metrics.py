@@ -1,4 +1,4 @@
-"""What the errors of a tracker of one object come to: the thesis' figures, and those of the field."""
+"""Metrics of trackers of one object: those of the thesis, and one-pass evaluation."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ from perception.types import Bool, Float64
 
 METRIC_WORDS = {
     "start": (
-        "the tracker is told the labelled box in the first frame and nothing after; the first and the last "
-        "frame are judged, and every labelled one between"
+        "the tracker is initialised with the labelled box in the first frame; the first and the last frame are "
+        "evaluated, and every labelled one between"
     ),
     "frame": "boxes, headings and velocities are compared in the LiDAR frame of the scan, truth as labelled",
     "E3D": "(7.3) mean distance of the box centres in metres, over the frames with a box",
@@ -27,10 +27,10 @@ METRIC_WORDS = {
         "tracker in space is around its projected box, clipped to the image as the labels are; in_image: "
         "share of the frames with the object in the image that are counted"
     ),
-    "E_phi": "(7.4) mean angle between the headings as axes, 0 to pi/2: whoever is turned about has no error",
+    "E_phi": "(7.4) mean angle between the headings as axes, 0 to pi/2: an opposite heading has no error",
     "heading": "mean angle between the headings, 0 to pi; bias: mean signed error",
     "overlap": "(A.1) intersection over union of the upright boxes' volumes, sizes as they are",
-    "overlap_success": "share of frames whose overlap exceeds overlap; without a box there is none",
+    "overlap_success": "share of frames whose overlap exceeds `overlap`; it is 0 without a box",
     "heading_success": "(A.2) share of frames whose headings differ by less than heading_deg, 0 to 180",
     "location_success": (
         "share of the frames with the object in the image in which the centres of the rectangles are less "
@@ -44,41 +44,41 @@ METRIC_WORDS = {
         "one-pass evaluation: area under the share of frames whose centres are within a threshold, over "
         "steps thresholds from 0 to max_center_error_m (trapezoids), by max_center_error_m"
     ),
-    "velocity": "mean length of the velocity's error over the ground, in the frames in which truth is known",
-    "states": "shares of frames that the tracker itself calls seen, predicted and lost",
-    "off": "share of frames whose answer shares nothing with the object",
-    "lost_from_frame": "first frame from which on the answer never shares anything with the object again",
-    "ms": "of one tracker on one object, without what it shares with others: reading, poses, ground",
+    "velocity": "mean length of the velocity error over the ground, in the frames in which the truth is known",
+    "states": "shares of frames that the tracker reports as seen, predicted and lost",
+    "drifted": "share of frames whose prediction does not overlap the object",
+    "lost_from_frame": "first frame from which on the prediction never overlaps the object again",
+    "ms": "time of one tracker on one object, without the shared stages: reading, poses, ground",
     "together": "over all frames of all sequences, not a mean of the sequences",
 }
 
 
 @dataclass(frozen=True)
 class SingleObjectMetrics:
-    """What the errors of some frames come to; NaN is what nothing was measured of.
+    """Metrics of one object over its frames; NaN where no frame counts.
 
     Attributes:
-        frames: judged.
-        center_m: E3D.
-        center_px: E2D.
-        in_image: share of the frames with the object in the image in which the tracker's rectangle is there
-            too: E2D rests on these alone.
-        folded_heading_rad: E_phi.
-        heading_rad: mean size of the unfolded error.
-        heading_bias_rad: its mean.
-        velocity_m_s: mean size of the velocity's error.
-        overlap_success: share of frames, 0 to 1.
-        heading_success: the same.
-        location_success: the same of frames with the object in the image.
-        success: of one-pass evaluation, 0 to 1.
-        precision: the same.
-        seen: share of frames that the tracker calls so.
-        predicted: the same.
-        lost: the same.
-        drifted: share of frames that share nothing with the object.
-        lost_from_frame: frame from which on nothing is shared, or None where the last is not off.
-        ms_per_frame: mean.
-        ms_p99: 99th percentile.
+        frames: Number of evaluated frames.
+        center_m: E3D, mean distance of the box centres in m.
+        center_px: E2D, mean distance of the rectangles' centres in px.
+        in_image: Share of the frames with the object in the image in which the tracker's rectangle is in it too:
+            E2D rests on these alone.
+        folded_heading_rad: E_phi, mean heading error as axes in rad, 0 to pi/2.
+        heading_rad: Mean absolute heading error in rad, 0 to pi.
+        heading_bias_rad: Mean signed heading error in rad.
+        velocity_m_s: Mean length of the velocity error in m/s.
+        overlap_success: Share of frames with sufficient 3D overlap, 0 to 1.
+        heading_success: Share of frames with a correct heading, 0 to 1.
+        location_success: Share of frames with a correct location, of those with the object in the image, 0 to 1.
+        success: Success of one-pass evaluation, 0 to 1.
+        precision: Precision of one-pass evaluation, 0 to 1.
+        seen: Share of frames that the tracker reports as seen.
+        predicted: Share of frames that the tracker reports as predicted.
+        lost: Share of frames that the tracker reports as lost.
+        drifted: Share of frames in which the prediction does not overlap the object.
+        lost_from_frame: First frame from which on the prediction never overlaps the object again, or None.
+        ms_per_frame: Mean time per frame in ms.
+        ms_p99: 99th percentile of the time per frame in ms.
     """
 
     frames: int
@@ -106,7 +106,7 @@ class SingleObjectMetrics:
 def single_object_metrics(
     errors: SingleObjectErrors, config: SingleObjectMetricsConfig | None = None
 ) -> SingleObjectMetrics:
-    """Sum up the errors of one sequence, or of several together."""
+    """Return the metrics of one sequence, or of several together."""
     config = config or SingleObjectMetricsConfig()
     size_rad, correct = np.abs(errors.heading_rad), correct_frames(errors, config)
     shares = {state: _mean(errors.states == state) for state in TrackStatus}
@@ -142,6 +142,6 @@ def _lost_from(errors: SingleObjectErrors) -> int | None:
 
 
 def _mean(values: Float64 | Bool) -> float:
-    """Return the mean of what is known, or NaN of nothing."""
+    """Return the mean of the known values, or NaN without one."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else np.nan
