@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-from perception.errors import PerceptionError
-from perception.types import Boxes3D, Int
+from perception.types import ArrayTable, Boxes3D, Int
 
 
 class MotionState(IntEnum):
@@ -16,7 +15,7 @@ class MotionState(IntEnum):
 
 
 @dataclass(frozen=True)
-class LabelledObjects:
+class LabelledObjects(ArrayTable):
     """M labelled objects of one frame.
 
     Attributes:
@@ -28,15 +27,3 @@ class LabelledObjects:
     boxes_velo: Boxes3D
     motions: Int
     track_ids: Int
-
-    def __post_init__(self) -> None:
-        """Validate that the arrays have one length."""
-        lengths = {len(self.boxes_velo), len(self.motions), len(self.track_ids)}
-        if len(lengths) > 1:
-            raise PerceptionError(
-                "LabelledObjects", expected="arrays of one length", found=f"lengths {lengths}"
-            )
-
-    def __len__(self) -> int:
-        """Return M."""
-        return len(self.boxes_velo)

@@ -14,6 +14,7 @@ from perception.evaluation.obstacles import (
 )
 from perception.geometry.grids import LocalArea
 from perception.types import Boxes3D, PointState
+from tests.faults import fault
 
 AREA = LocalArea()
 OUTSIDE, GROUND = PointState.OUTSIDE, PointState.GROUND
@@ -146,5 +147,5 @@ def test_point_motion_by_hand():
 
 
 def test_labelled_objects_of_different_lengths_are_refused():
-    with pytest.raises(PerceptionError, match="one length"):
+    with fault(PerceptionError, where="LabelledObjects.motions", expected="shape (0,)"):
         LabelledObjects(Boxes3D.empty(), np.zeros(1, np.int64), np.zeros(0, np.int64))

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.reference import tracking_metrics as naive
 from perception.errors import PerceptionError
 from perception.evaluation.multi_object.hota import Hota, hota
+from tests.faults import fault
 
 
 def assert_same(a: Hota, b: Hota) -> None:
@@ -131,14 +132,14 @@ def test_two_sequences_are_one_whose_names_never_meet(crowd, frame_of):
 
 
 @pytest.mark.parametrize(
-    ("truths", "tracks", "similarity", "sentence"),
+    ("truths", "tracks", "similarity", "where", "found"),
     [
-        ([1, 1], [5], [[0], [0]], "truth_ids: expected every id once, found id 1 2 times"),
-        ([1], [5, 5], [[0, 0]], "track_ids: expected every id once, found id 5 2 times"),
-        ([1], [5], [[1.5]], "expected values from 0 to 1, found 1.5 to 1.5"),
-        ([1], [5], [[np.nan]], "expected values from 0 to 1, found nan"),
+        ([1, 1], [5], [[0], [0]], "truth_ids", "id 1 2 times"),
+        ([1], [5, 5], [[0, 0]], "track_ids", "id 5 2 times"),
+        ([1], [5], [[1.5]], "similarity", "1.5 to 1.5"),
+        ([1], [5], [[np.nan]], "similarity", "nan to nan"),
     ],
 )
-def test_frames_that_cannot_be(frame_of, truths, tracks, similarity, sentence):
-    with pytest.raises(PerceptionError, match=sentence):
+def test_frames_that_cannot_be(frame_of, truths, tracks, similarity, where, found):
+    with fault(PerceptionError, where=f"TrackedFrame.{where}", found=found):
         frame_of(truths, tracks, similarity)

@@ -9,6 +9,7 @@ from perception.errors import PerceptionError, UsageError
 from perception.evaluation.config import KittiTrackingConfig
 from perception.evaluation.multi_object.kitti_protocol import kitti_frames
 from perception.evaluation.multi_object.sequence import TrackedFrame
+from tests.faults import fault
 
 BOX = (100.0, 100.0, 150.0, 150.0)
 FAR = (400.0, 100.0, 450.0, 150.0)
@@ -171,9 +172,9 @@ def test_other_rules_may_be_set():
 
 
 def test_what_cannot_be_judged():
-    with pytest.raises(UsageError, match="one of car, pedestrian, cyclist, found 'tram'"):
+    with fault(UsageError, expected="one of car, pedestrian, cyclist", found="'tram'"):
         kitti_frames(boxes(), boxes(), "tram", 1)
-    with pytest.raises(PerceptionError, match="expected 0 to 0, found 0 to 3"):
+    with fault(PerceptionError, expected="0 to 0", found="0 to 3"):
         kitti_frames(
             boxes(), boxes(prediction(1, BOX), prediction(1, BOX), frames=[0, 3]), "car", 1
         )

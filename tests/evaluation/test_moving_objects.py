@@ -27,6 +27,7 @@ from perception.evaluation.multi_object.target_errors import (
 from perception.evaluation.multi_object.track_assignment import assign_tracks, similarity_frames
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.types import Boxes3D, Calibration, Tracks
+from tests.faults import fault
 
 CONFIG = MovingObjectConfig()
 CAR_M = (4.0, 2.0, 1.5)
@@ -292,5 +293,5 @@ def test_what_cannot_be_is_refused():
         MovingObjectConfig(min_points=0)
     with pytest.raises(UsageError):
         MovingObjectConfig(min_similarity=0.0)
-    with pytest.raises(PerceptionError, match="one length"):
+    with fault(PerceptionError, where="MovingScene.points", found="shape (2,)"):
         replace(scene_of(boxes_at((1, 1))), points=np.zeros(2, np.int64))

@@ -18,6 +18,7 @@ from perception.evaluation.single_object.metrics import single_object_metrics
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
 from perception.tracking.single_object.tracker import TrackedObject, TrackStatus
 from perception.types import Boxes3D, Calibration
+from tests.faults import fault
 
 SIZE = (4.0, 2.0, 1.5)
 # 100 px focal length, centre at (100, 50), at the LiDAR itself.
@@ -243,8 +244,8 @@ def test_no_frame_gives_no_figure():
 
 
 def test_what_cannot_be_measured_is_refused():
-    with pytest.raises(PerceptionError, match="arrays of one length"):
+    with fault(PerceptionError, where="TrueTrack.stamps_s", found="shape (2,)"):
         TrueTrack(np.arange(3), np.zeros(2), boxes([1, 2]), np.zeros((2, 4)), np.zeros((2, 2)), np.zeros(2, int))  # fmt: skip
     for bad in ({"overlap": 1.0}, {"heading_deg": 0.0}, {"steps": 1}):
-        with pytest.raises(UsageError, match="limits over 0"):
+        with fault(UsageError, expected="limits over 0"):
             SingleObjectMetricsConfig(**bad)

@@ -1,15 +1,15 @@
 """Labelled moving objects of one frame: which of them must be tracked, and where labels are complete."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from perception.errors import PerceptionError
 from perception.evaluation.config import MovingObjectConfig
 from perception.evaluation.objects import LabelledObjects, MotionState
 from perception.geometry.boxes import corners, points_inside
 from perception.geometry.camera import is_in_view, project
-from perception.types import Bool, Boxes3D, Calibration, Float, Float64, Int
+from perception.types import SHARED, ArrayTable, Bool, Boxes3D, Calibration, Float, Float64, Int
 
 _DONT_CARE_SHARE = 0.5  # share of a box in the image at which it counts as in a DontCare region
 
@@ -30,7 +30,7 @@ class LabelledView:
 
 
 @dataclass(frozen=True)
-class MovingScene:
+class MovingScene(ArrayTable):
     """Labelled objects of one frame with their motion.
 
     Attributes:
@@ -42,19 +42,10 @@ class MovingScene:
     """
 
     objects: LabelledObjects
-    velocities_m_s: Float64
+    velocities_m_s: Annotated[Float64, 2]
     moves_in_drive: Bool
     points: Int
-    view: LabelledView | None = None
-
-    def __post_init__(self) -> None:
-        """Validate that the arrays have one length."""
-        columns = (self.objects, self.velocities_m_s, self.moves_in_drive, self.points)
-        lengths = {len(column) for column in columns}
-        if len(lengths) > 1:
-            raise PerceptionError(
-                "MovingScene", expected="arrays of one length", found=f"lengths {sorted(lengths)}"
-            )
+    view: Annotated[LabelledView | None, SHARED] = None
 
 
 def points_above_bottom(boxes_velo: Boxes3D, points_velo: Float, clearance_m: float) -> Int:
