@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from data.atomic_file import write_atomically
 from data.results.documents import to_serializable, write_json
-from perception.cli.detectors import MeasuredModality
+from perception.cli.detectors import measured_network
 from perception.cli.evaluate_detection import DriveReport, measure_drives
 from perception.cli.flags import DriveFlags
 from perception.cli.progress import frame_progress_bar
@@ -175,7 +175,7 @@ def _evaluated(
     if known is not None and known["judging"] == asked:
         return VariantMetrics(**known["figures"])
     network = ModalityDetector(_model_file(folder))
-    detector = MeasuredModality(network, network.class_names[:1], evaluation.metric)
+    detector = measured_network(network, network.class_names[:1], evaluation.metric)
     measured = measure_drives(detector, evaluation.drives, DriveFlags(), evaluation.metric)
     first = measured[0].report
     metrics = VariantMetrics(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from data.array_store import ArrayStore
 from data.detections.cached_detections import (
@@ -35,163 +35,35 @@ from perception.evaluation.detection.protocol import DetectionClass, kitti_class
 from perception.maps.densify import DenseMaps
 from perception.maps.projection import camera_of
 from perception.pipeline.workers import StageClock
-from perception.sensor import LidarModel
+from perception.sensor import HDL_64E, LidarModel
 from perception.types import MODALITIES, Detections, Drive, Float64, Frame, Modality, UInt8
 
 _THESIS_TABLE_7_9 = "Thesis, Table 7.9: AP R11 37.59 % (easy, IoU 0.7) on the 7518 test frames of KITTI's server; not comparable."
 Detect = Callable[[Frame], Any]
 
 
-class MeasuredDetector(Protocol):
-    """A detector with its networks open, to be measured on one drive after another."""
+@dataclass(frozen=True)
+class OpenedDetector:
+    """A detector with its networks open, to be measured on one drive after another.
 
-    @property
-    def title(self) -> str:
-        """Name of the detector in the report."""
-        ...
+    Attributes:
+        title: Name of the detector in the report.
+        metadata: Metadata of each network's file.
+        classes: Classes that are measured.
+        start: Returns what detects in the frames of a drive, and a new measure of it.
+        image: Returns an (H, W, C) image on which detections are drawn.
+    """
 
-    @property
-    def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Metadata of each network's file."""
-        ...
-
-    @property
-    def classes(self) -> Sequence[DetectionClass]:
-        """Classes that are measured."""
-        ...
-
-    def start(self, drive: Drive) -> tuple[Detect, Any]:
-        """Return what detects in the frames of a drive, and a new measure of it."""
-        ...
-
-    def image(self, frame: Frame) -> UInt8:
-        """Return an (H, W, C) image on which detections are drawn."""
-        ...
+    title: str
+    metadata: Mapping[str, Mapping[str, str]]
+    classes: Sequence[DetectionClass]
+    start: Callable[[Drive], tuple[Detect, Any]]
+    image: Callable[[Frame], UInt8]
 
 
-class MeasuredModality:
-    """The detector of one modality; implements `MeasuredDetector`."""
-
-    def __init__(
-        self, network: ModalityDetector, classes: Sequence[str], metric: PrecisionConfig
-    ) -> None:
-        """Prepare the detector.
-
-        Args:
-            network: Detector of one modality.
-            classes: Classes to measure; none for all of the network.
-            metric: Metric configuration.
-        """
-        self._network, self._metric = network, metric
-        size = network.size
-        self.title = f"{network.model.name}: {network.modality}, {size.height_px}x{size.width_px}"
-        self.metadata = {str(network.modality): dict(network.metadata)}
-        self.classes = _parse_classes(classes, network.class_names)
-        self._detector = MultimodalDetector({network.modality: network}, workers=1)
-
-    def start(self, drive: Drive) -> tuple[Detect, DetectorMeasure]:
-        """Return what detects in the frames of a drive, and a new measure of it."""
-        del drive  # the network is the same for all
-        title = f"average precision of {self._network.modality}"
-        return self._detect, DetectorMeasure(title, self.classes, self._metric, (), _progress())
-
-    def image(self, frame: Frame) -> UInt8:
-        """Return the (H, W, C) image that the network is shown."""
-        return modality_image(frame, self._network.modality, self._network.filling)
-
-    def _detect(self, frame: Frame) -> FrameDetections:
-        output, modality = self._detector.detect(frame), self._network.modality
-        timings_s = {name: output.timings_s[name] for name in ("maps", modality)}
-        return FrameDetections(output.modality_detections[modality], timings_s)
-
-
-class MeasuredDepthCn:
-    """DepthCN, opened for the sensor of each drive; implements `MeasuredDetector`."""
-
-    def __init__(
-        self, config: DetectionConfig, classes: Sequence[str], metric: PrecisionConfig
-    ) -> None:
-        """Prepare the detector.
-
-        Args:
-            config: Network, proposals and suppression.
-            classes: Classes to measure; none for Car.
-            metric: Metric configuration.
-        """
-        self._config, self._metric = config, metric
-        self.title = "DepthCN"
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.classes = _parse_classes(classes, ("Car",))
-
-    def start(self, drive: Drive) -> tuple[Detect, DetectorMeasure]:
-        """Return what detects in the frames of a drive, and a new measure of it."""
-        network = open_depthcn(self._config.depthcn, self._config.nms, drive.sensor)
-        self.metadata = {"depthcn": dict(network.verifier.model.metadata)}
-        title, notes = "average precision of DepthCN", (_THESIS_TABLE_7_9,)
-        measure = DetectorMeasure(title, self.classes, self._metric, notes, _progress())
-
-        def detect(frame: Frame) -> FrameDetections:
-            output = run_depthcn(network, frame)
-            return FrameDetections(output.detections, output.timings_s, output.proposals_px)
-
-        return detect, measure
-
-    def image(self, frame: Frame) -> UInt8:
-        """Return the (H, W, C) camera image, or the depth map of a frame without one."""
-        return modality_image(frame, "dm" if frame.image is None else "rgb")
-
-
-class MeasuredFusion:
-    """Three detectors, whose detections are cached, and their fusions; implements `MeasuredDetector`."""
-
-    def __init__(
-        self,
-        config: DetectionConfig,
-        classes: Sequence[str],
-        metric: PrecisionConfig,
-        fusions: Sequence[Path] = (),
-        cache: Path | None = None,
-    ) -> None:
-        """Open the networks.
-
-        Args:
-            config: Networks and suppression.
-            classes: Class to measure; none for Car.
-            metric: Metric configuration.
-            fusions: ONNX files of further fusion networks.
-            cache: Folder for the detections; else the user's cache folder.
-        """
-        detector = open_modalities(config)
-        names = next(iter(detector.detectors.values())).class_names
-        self.classes = _parse_classes(classes or ("Car",), names)
-        if len(self.classes) != 1:
-            expected = "one class with --detector fusion"
-            raise UsageError("--classes", expected=expected, found=",".join(classes))
-        self._metric, self._store = metric, ArrayStore(cache)
-        self._fusions = open_fusions(config, fusions, detector)
-        self._detectors = FingerprintedDetector(detector, _fingerprint(config))
-        self.title = "Fusion of " + ", ".join(one.model.name for one in detector.detectors.values())
-        self.metadata = {str(name): dict(one.metadata) for name, one in detector.detectors.items()}
-        self.metadata |= {
-            f"fusion {name}": dict(one.metadata) for name, one in self._fusions.items()
-        }
-
-    def start(self, drive: Drive) -> tuple[Detect, FusionMeasure]:
-        """Return what detects in the frames of a drive, and a new measure of it."""
-
-        def detect(frame: Frame) -> DetectedScene:
-            return detected_scene(drive, frame.index, self._detectors, self._store)
-
-        return detect, FusionMeasure(self._fusions, self.classes[0], self._metric, _progress())
-
-    def image(self, frame: Frame) -> UInt8:
-        """Return the (H, W, C) camera image, or the depth map of a frame without one."""
-        return modality_image(frame, "dm" if frame.image is None else "rgb")
-
-
-def measured_detector(
+def open_detector(
     name: str, config: DetectionConfig, classes: Sequence[str], metric: PrecisionConfig
-) -> MeasuredDetector:
+) -> OpenedDetector:
     """Open DepthCN or the detector of one modality.
 
     Args:
@@ -205,13 +77,107 @@ def measured_detector(
         UsageError: there is no such detector, or the network does not know a class.
     """
     if name == "depthcn":
-        return MeasuredDepthCn(config, classes, metric)
+        return _measured_depthcn(config, classes, metric)
     modality = next((known for known in MODALITIES if known == name), None)
     if modality is None and not name.endswith(".onnx"):
         expected = "fusion, depthcn, rgb, dm, rm or an ONNX file"
         raise UsageError("--detector", expected=expected, found=name)
     model = Path(name) if modality is None else config.models[modality] or modality
-    return MeasuredModality(ModalityDetector(model, nms=config.nms), classes, metric)
+    return measured_network(ModalityDetector(model, nms=config.nms), classes, metric)
+
+
+def measured_network(
+    network: ModalityDetector, classes: Sequence[str], metric: PrecisionConfig
+) -> OpenedDetector:
+    """Return the detector of one modality, to be measured.
+
+    Args:
+        network: Detector of one modality.
+        classes: Classes to measure; none for all of the network.
+        metric: Metric configuration.
+    """
+    modality, size = network.modality, network.size
+    detector = MultimodalDetector({modality: network}, workers=1)
+    known = _parse_classes(classes, network.class_names)
+
+    def detect(frame: Frame) -> FrameDetections:
+        output = detector.detect(frame)
+        timings_s = {name: output.timings_s[name] for name in ("maps", modality)}
+        return FrameDetections(output.modality_detections[modality], timings_s)
+
+    def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
+        del drive  # the network is the same for all
+        title = f"average precision of {modality}"
+        return detect, DetectorMeasure(title, known, metric, (), _progress())
+
+    return OpenedDetector(
+        f"{network.model.name}: {modality}, {size.height_px}x{size.width_px}",
+        {str(modality): dict(network.metadata)},
+        known,
+        start,
+        lambda frame: modality_image(frame, modality, network.filling),
+    )
+
+
+def _measured_depthcn(
+    config: DetectionConfig, classes: Sequence[str], metric: PrecisionConfig
+) -> OpenedDetector:
+    """Return DepthCN, to be measured; it is opened for the sensor of each drive."""
+    known = _parse_classes(classes, ("Car",))
+    model = open_depthcn(config.depthcn, config.nms, HDL_64E).verifier.model
+
+    def start(drive: Drive) -> tuple[Detect, DetectorMeasure]:
+        network = open_depthcn(config.depthcn, config.nms, drive.sensor)
+        title, notes = "average precision of DepthCN", (_THESIS_TABLE_7_9,)
+
+        def detect(frame: Frame) -> FrameDetections:
+            output = run_depthcn(network, frame)
+            return FrameDetections(output.detections, output.timings_s, output.proposals_px)
+
+        return detect, DetectorMeasure(title, known, metric, notes, _progress())
+
+    return OpenedDetector("DepthCN", {"depthcn": dict(model.metadata)}, known, start, _camera_image)
+
+
+def open_fusion(
+    config: DetectionConfig,
+    classes: Sequence[str],
+    metric: PrecisionConfig,
+    further: Sequence[Path] = (),
+    cache: Path | None = None,
+) -> OpenedDetector:
+    """Open three detectors, whose detections are cached, and their fusions.
+
+    Args:
+        config: Networks and suppression.
+        classes: Class to measure; none for Car.
+        metric: Metric configuration.
+        further: ONNX files of further fusion networks.
+        cache: Folder for the detections; else the user's cache folder.
+
+    Raises:
+        ModelError: a file holds no such network.
+        UsageError: there are several classes, or the networks do not know it.
+    """
+    detector = open_modalities(config)
+    networks = detector.detectors
+    known = _parse_classes(classes or ("Car",), next(iter(networks.values())).class_names)
+    if len(known) != 1:
+        expected = "one class with --detector fusion"
+        raise UsageError("--classes", expected=expected, found=",".join(classes))
+    fusions = open_fusions(config, further, detector)
+    cached, store = FingerprintedDetector(detector, _fingerprint(config)), ArrayStore(cache)
+
+    def start(drive: Drive) -> tuple[Detect, FusionMeasure]:
+        def detect(frame: Frame) -> DetectedScene:
+            return detected_scene(drive, frame.index, cached, store)
+
+        return detect, FusionMeasure(fusions, known[0], metric, _progress())
+
+    metadata = {str(name): dict(one.metadata) for name, one in networks.items()}
+    metadata |= {f"fusion {name}": dict(one.metadata) for name, one in fusions.items()}
+    title = "Fusion of " + ", ".join(one.model.name for one in networks.values())
+    return OpenedDetector(title, metadata, known, start, _camera_image)
 
 
 def open_modalities(config: DetectionConfig) -> MultimodalDetector:
@@ -288,6 +254,11 @@ def run_depthcn(detector: DepthCn, frame: Frame) -> DepthCnOutput:
     with clock.stage("verification"):
         detections = detector.verify(proposals, dense, calibration).detections
     return DepthCnOutput(dense, proposals.boxes_px, detections, clock.seconds)
+
+
+def _camera_image(frame: Frame) -> UInt8:
+    """Return the camera image, or the depth map of a frame without one."""
+    return modality_image(frame, "dm" if frame.image is None else "rgb")
 
 
 def _modalities(config: DetectionConfig) -> tuple[Modality, ...]:

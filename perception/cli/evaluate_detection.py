@@ -16,7 +16,7 @@ from perception.evaluation.detection.protocol import DIFFICULTIES
 from perception.types import Detections, Drive, Frame, Labels
 
 if TYPE_CHECKING:
-    from perception.cli.detectors import MeasuredDetector
+    from perception.cli.detectors import OpenedDetector
     from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
     from perception.evaluation.report import Table
 
@@ -63,15 +63,15 @@ def evaluate_detection(  # noqa: PLR0913 - flags of a command
         worst_count: Number of these images of each drive and class.
         detection: Detectors: networks, proposals, suppression.
     """
-    from perception.cli.detectors import MeasuredFusion, measured_detector
+    from perception.cli.detectors import open_detector, open_fusion
 
     require_positive("--worst-count", worst_count)
     if reliability_plot is not None and detector != "fusion":
         raise UsageError("--reliability-plot", expected="--detector fusion", found=detector)
     opened = (
-        MeasuredFusion(detection, classes, metric, fusions, cache)
+        open_fusion(detection, classes, metric, fusions, cache)
         if detector == "fusion"
-        else measured_detector(detector, detection, classes, metric)
+        else open_detector(detector, detection, classes, metric)
     )
     images = None if worst_frames is None else WorstFramesFolder(worst_frames, worst_count)
     measured = measure_drives(opened, drives, drive, metric, images)
@@ -266,7 +266,7 @@ class WorstFramesFolder:
         self,
         drive: Drive,
         data: LabelledDrive,
-        detector: "MeasuredDetector",
+        detector: "OpenedDetector",
         found: "tuple[TrueBoxes, DetectedBoxes]",
         iou: float,
     ) -> None:
@@ -293,7 +293,7 @@ class WorstFramesFolder:
 
 
 def measure_drives(
-    detector: "MeasuredDetector",
+    detector: "OpenedDetector",
     drives: Sequence[Path],
     flags: DriveFlags,
     metric: PrecisionConfig,

@@ -4,13 +4,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from perception.cli.evaluate_detection import PrecisionFlags
 from perception.cli.evaluation import EvaluationDocument, publish_report
 from perception.cli.flags import ReportFlags
 from perception.errors import UsageError
 from perception.evaluation.detection.protocol import DIFFICULTIES, KITTI_CLASSES, DetectionClass
+
+if TYPE_CHECKING:
+    from data.kitti.detection_rows import DetectionSet
 
 Kind = Literal["auto", "detections", "tracks"]
 
@@ -83,27 +86,6 @@ def _are_tracks(results: Path) -> bool:
     return bool(names) and len(names[0]) != len("000000")
 
 
-@dataclass(frozen=True)
-class DetectionFiles:
-    """Files that the metrics of detections rest on.
-
-    Attributes:
-        results: Folder of the result files.
-        labels: Folder of the label files.
-        frame_list: File that named the frames, if any.
-        frames: Number of frames.
-        missing_results: Numbers of the frames without a result file, in which nothing was detected.
-        detections: Number of detections of all classes.
-    """
-
-    results: Path
-    labels: Path
-    frame_list: Path | None
-    frames: int
-    missing_results: tuple[int, ...]
-    detections: int
-
-
 def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
     results: Path,
     labels: Path,
@@ -129,41 +111,22 @@ def _measure_detections(  # noqa: PLR0913, PLR0917 - flags of the command
         measure_precision(found.truths, found.detections, frames, one, metric, progress)
         for one in classes
     ]
-    files = DetectionFiles(
-        results.resolve(),
-        labels.resolve(),
-        frame_list and frame_list.resolve(),
-        frames,
-        found.missing_results,
-        len(found.detections),
-    )
+    data = {
+        **_paths(results=results, labels=labels, frame_list=frame_list),
+        "frames": frames,
+        "missing_results": found.missing_results,
+        "detections": len(found.detections),
+    }
     values = {"classes": classes, "difficulties": DIFFICULTIES, **asdict(metric)}
     document = EvaluationDocument(
-        "detections", files, {**PROTOCOL, "values": values}, {"metric": metric}, _SPLIT
+        "detections", data, {**PROTOCOL, "values": values}, {"metric": metric}, _SPLIT
     )
     computed = PrecisionReport(f"Average precision, {frames} frames", precision, metric)
-    publish_report(_describe(results, files, found.extra_results), computed, document, json)
+    publish_report(_describe(results, found), computed, document, json)
     if plot is not None:
         from perception.render.curve_plots import plot_curves
 
         plot_curves(plot, f"{results}: {frames} frames", computed.panels(), share_y="all")
-
-
-@dataclass(frozen=True)
-class TrackFiles:
-    """Files that the metrics of tracks rest on.
-
-    Attributes:
-        results: Folder of the result files.
-        labels: Folder of the label files.
-        seqmap: File that named the sequences, if any.
-        frames: Number of frames of each sequence.
-    """
-
-    results: Path
-    labels: Path
-    seqmap: Path | None
-    frames: dict[str, int]
 
 
 def _measure_tracks(
@@ -184,10 +147,11 @@ def _measure_tracks(
         rows = files.read()
         measure.update(files.name, rows.labels, rows.results, rows.frame_count)
     computed = measure.compute()
-    used = TrackFiles(
-        results.resolve(), folder.resolve(), seqmap and seqmap.resolve(), computed.frame_counts
-    )
-    document = EvaluationDocument("tracks", used, computed.protocol(), {"classes": chosen}, _SPLIT)
+    data = {
+        **_paths(results=results, labels=folder, seqmap=seqmap),
+        "frames": computed.frame_counts,
+    }
+    document = EvaluationDocument("tracks", data, computed.protocol(), {"classes": chosen}, _SPLIT)
     heading = (
         f"{results}: {len(computed.frame_counts)} of {len(sequences_in(folder))} labelled sequences, "
         f"{computed.frames} frames"
@@ -218,16 +182,20 @@ def _parse_class(name: str, ious: Sequence[float]) -> DetectionClass:
     return DetectionClass(name, ious[0])
 
 
-def _describe(results: Path, files: DetectionFiles, extra_results: Sequence[int]) -> str:
+def _paths(**paths: Path | None) -> dict[str, object]:
+    return {name: path and path.resolve() for name, path in paths.items()}
+
+
+def _describe(results: Path, found: "DetectionSet") -> str:
     """Return what was read, and what was not there."""
-    lines = [f"{results}: {files.detections} detections in {files.frames} frames"]
-    if files.missing_results:
+    missing, extra = found.missing_results, found.extra_results
+    lines = [f"{results}: {len(found.detections)} detections in {len(found.numbers)} frames"]
+    if missing:
         lines.append(
-            f"{len(files.missing_results)} frames without a result file, the first "
-            f"{files.missing_results[0]:06d}: counted as no detection"
+            f"{len(missing)} frames without a result file, the first {missing[0]:06d}: counted as no detection"
         )
-    if extra_results:
+    if extra:
         lines.append(
-            f"{len(extra_results)} result files of other frames, the first {extra_results[0]:06d}: not read"
+            f"{len(extra)} result files of other frames, the first {extra[0]:06d}: not read"
         )
     return "\n".join(lines)

@@ -22,6 +22,9 @@ class Interval:
     high: float
 
 
+NO_INTERVAL = Interval(np.nan, np.nan)
+
+
 @dataclass(frozen=True)
 class PrecisionSamples:
     """Average precision of one class at one difficulty in N bootstrap resamples.
@@ -41,7 +44,7 @@ def percentile_interval(percent: Float64, confidence: float = 0.95) -> Interval:
     """Return the percentile interval of (N,) averages or of their differences."""
     known = percent[~np.isnan(percent)]
     if len(known) == 0:
-        return Interval(np.nan, np.nan)
+        return NO_INTERVAL
     low, high = np.quantile(known, [(1 - confidence) / 2, (1 + confidence) / 2])
     return Interval(float(low), float(high))
 

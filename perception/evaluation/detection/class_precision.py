@@ -1,8 +1,7 @@
 """Average precision of object classes at several IoUs and difficulties, with its table, JSON and curves."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from perception.types import Float64, Progress
 
 LEVELS = tuple(one.name for one in DIFFICULTIES)
 CONFIDENCE = 0.95
+_OPTIONAL = ("proposal", "95 %", "AOS")  # columns without a value in any row are not printed
 PROTOCOL: Mapping[str, str] = {
     "name": "KITTI object benchmark, boxes in the image",
     "similarity": "intersection over union, areas without + 1 pixel, above the IoU of the class",
@@ -55,11 +55,13 @@ class PrecisionMetrics:
         objects: Number of labelled objects that must be detected.
         curve: Precision-recall curve; None where no object of the class was detected.
         samples: Average precision of the bootstrap resamples; None without resamples.
+        proposal_recall_percent: Share of the objects that a proposal recalls; None of a detector without proposals.
     """
 
     objects: int
     curve: PrecisionCurve | None
     samples: PrecisionSamples | None = None
+    proposal_recall_percent: float | None = None
 
     @property
     def found(self) -> int | None:
@@ -71,23 +73,31 @@ class PrecisionMetrics:
         """Share of objects that are matched when all detections count; None of no objects or detections."""
         return 100 * self.curve.matches / self.objects if self.curve and self.objects else None
 
-    def ap(self, recall_points: int = 40) -> float:
+    def ap(self, points: int = 40) -> float:
         """Return the average precision in percent: 0 where nothing was detected, NaN without objects."""
         if not self.objects:
             return float("nan")
-        return self.curve.ap(recall_points) if self.curve else 0.0
+        return self.curve.ap(points) if self.curve else 0.0
 
-    def max_ap(self, recall_points: int = 40) -> float | None:
+    def known_ap(self, points: int = 40) -> float | None:
+        """Return the average precision in percent; None where nothing was detected or there are no objects."""
+        return self.curve.ap(points) if self.curve and self.objects else None
+
+    def aos(self, points: int = 40) -> float | None:
+        """Return the average orientation similarity in percent; None without headings or objects."""
+        return self.curve.aos(points) if self.curve and self.objects else None
+
+    def max_ap(self, points: int = 40) -> float | None:
         """Return the average precision in percent of a perfect detector; None without objects."""
-        return max_ap(self.objects, recall_points) if self.objects else None
+        return max_ap(self.objects, points) if self.objects else None
 
-    def resampled_ap(self, recall_points: int = 40) -> Float64:
+    def resampled_ap(self, points: int = 40) -> Float64:
         """Return (N,) average precisions of the resamples in percent, NaN without an object."""
-        return self.samples.percent[recall_points] if self.samples else np.zeros(0)
+        return self.samples.percent[points] if self.samples else np.zeros(0)
 
-    def interval(self, recall_points: int = 40) -> Interval:
+    def interval(self, points: int = 40) -> Interval:
         """Return the 95 % interval of the average precision; NaN without resamples."""
-        return percentile_interval(self.resampled_ap(recall_points), CONFIDENCE)
+        return percentile_interval(self.resampled_ap(points), CONFIDENCE)
 
 
 @dataclass(frozen=True)
@@ -103,14 +113,21 @@ class ClassPrecision:
     metrics: Mapping[float, Mapping[str, PrecisionMetrics]]
 
     @property
-    def ious(self) -> tuple[float, ...]:
-        """IoUs of the metrics."""
-        return tuple(self.metrics)
-
-    @property
     def first(self) -> Mapping[str, PrecisionMetrics]:
         """Metrics at the first IoU, by difficulty."""
         return next(iter(self.metrics.values()))
+
+    def to_json(self, config: PrecisionConfig) -> dict[str, Any]:
+        """Return the metrics by IoU and difficulty, with the curves."""
+        columns = precision_columns(config)
+        return {
+            f"{iou:g}": {
+                level: {str(one.key): one.value(metrics) for one in columns}
+                | {"curve": metrics.curve}
+                for level, metrics in by_level.items()
+            }
+            for iou, by_level in self.metrics.items()
+        }
 
 
 def measure_precision(
@@ -149,6 +166,38 @@ def measure_precision(
     return ClassPrecision(detection_class.name, metrics)
 
 
+def precision_columns(config: PrecisionConfig) -> list[Column[PrecisionMetrics]]:
+    """Return the columns of average precision, of which table and JSON document are made."""
+    columns: list[Column[PrecisionMetrics]] = [
+        Column("objects", lambda row: row.objects, key="objects"),
+        Column(
+            "proposal recall [%]",
+            lambda row: row.proposal_recall_percent,
+            ".1f",
+            "proposal_recall_percent",
+        ),
+        Column("found", lambda row: row.found, key="found"),
+        Column("recall [%]", lambda row: row.recall_percent, ".1f", "recall_percent"),
+    ]
+    for points in config.recall_points:
+        columns += _average_columns(points)
+    points = config.recall_points[-1]
+    columns.append(
+        Column("max AP [%]", lambda row: row.max_ap(points), ".1f", f"max_ap_r{points}_percent")
+    )
+    return columns
+
+
+def _average_columns(points: int) -> list[Column[PrecisionMetrics]]:
+    key = f"ap_r{points}"
+    return [
+        Column(f"AP R{points} [%]", lambda row: row.known_ap(points), ".2f", f"{key}_percent"),
+        Column("95 % low", lambda row: row.interval(points).low, ".2f", f"{key}_low_percent"),
+        Column("95 % high", lambda row: row.interval(points).high, ".2f", f"{key}_high_percent"),
+        Column(f"AOS R{points} [%]", lambda row: row.aos(points), ".2f", f"aos_r{points}_percent"),
+    ]
+
+
 @dataclass(frozen=True)
 class PrecisionReport:
     """Average precision of several classes: table, JSON and curves.
@@ -157,43 +206,34 @@ class PrecisionReport:
         title: Title of the table.
         classes: Metrics of each class.
         config: Metric configuration.
-        proposal_recall: Recall of the proposals in percent by IoU and difficulty, of detectors that have them.
         notes: Further lines below the table.
     """
 
     title: str
     classes: Sequence[ClassPrecision]
     config: PrecisionConfig
-    proposal_recall: Mapping[tuple[float, str], float] = field(default_factory=dict)
     notes: Sequence[str] = ()
 
     def tables(self) -> Sequence[Table[Any]]:
         """Return one table with a row for each class, difficulty and IoU."""
         rows = {
-            f"{one.name} {level} {iou:g}": _Row(iou, level, metrics)
+            f"{one.name} {level} {iou:g}": metrics
             for one in self.classes
             for iou, by_level in one.metrics.items()
             for level, metrics in by_level.items()
         }
-        heading = "class, difficulty, IoU"
-        return [Table(self.title, self._columns(), rows, heading, list(self._notes()))]
+        columns = [
+            column
+            for column in precision_columns(self.config)
+            if not column.name.startswith(_OPTIONAL)
+            or any(column.cell(row) != "-" for row in rows.values())
+        ]
+        notes = [*self._notes(list(rows.values())), *self.notes]
+        return [Table(self.title, columns, rows, "class, difficulty, IoU", notes)]
 
     def to_json(self) -> dict[str, Any]:
         """Return the metrics by class, IoU and difficulty, with the curves."""
-        columns = [column for column in self._columns() if column.key is not None]
-        return {
-            one.name: {
-                f"{iou:g}": {
-                    level: {
-                        **{str(c.key): c.value(_Row(iou, level, metrics)) for c in columns},
-                        "curve": metrics.curve,
-                    }
-                    for level, metrics in by_level.items()
-                }
-                for iou, by_level in one.metrics.items()
-            }
-            for one in self.classes
-        }
+        return {one.name: one.to_json(self.config) for one in self.classes}
 
     def panels(self) -> list[CurvePanel]:
         """Return the precision-recall curves, a panel for each class and IoU."""
@@ -212,102 +252,17 @@ class PrecisionReport:
             for iou, by_level in one.metrics.items()
         ]
 
-    def _columns(self) -> list[Column["_Row"]]:
-        columns: list[Column[_Row]] = [
-            Column("objects", lambda row: row.metrics.objects, key="objects"),
-            *self._proposal_columns(),
-            Column("found", lambda row: row.metrics.found, key="found"),
-            Column("recall [%]", lambda row: row.metrics.recall_percent, ".1f", "recall_percent"),
-        ]
-        for points in self.config.recall_points:
-            columns += _average_columns(points, has_intervals=self.config.bootstrap > 0)
-            if self._has_orientation():
-                columns.append(_aos_column(points))
-        points = self.config.recall_points[-1]
-        max_ap = partial(_max_ap, points=points)
-        return [*columns, Column("max AP [%]", max_ap, ".1f", f"max_ap_r{points}_percent")]
-
-    def _proposal_columns(self) -> list[Column["_Row"]]:
-        if not self.proposal_recall:
-            return []
-        recall = self.proposal_recall
-        return [
-            Column(
-                "proposal recall [%]",
-                lambda row: recall.get((row.iou, row.level)),
-                ".1f",
-                "proposal_recall_percent",
-            )
-        ]
-
-    def _metrics(self) -> Iterator[PrecisionMetrics]:
-        for one in self.classes:
-            for by_level in one.metrics.values():
-                yield from by_level.values()
-
-    def _has_orientation(self) -> bool:
-        return any(one.curve is not None and one.curve.aos() is not None for one in self._metrics())
-
-    def _notes(self) -> Iterator[str]:
-        """Yield what the numbers do not show by themselves."""
+    def _notes(self, rows: Sequence[PrecisionMetrics]) -> Iterator[str]:
         for one in self.classes:
             if all(metrics.curve is None for metrics in one.first.values()):
                 yield f"{one.name}: nothing detected, so it has no metrics."
-        objects = [metrics.objects for metrics in self._metrics() if metrics.curve is not None]
-        if objects and min(objects) <= RECALL_STEPS:
-            yield few_objects_note()
-        yield from self.notes
+        yield from few_objects_note(row.objects for row in rows if row.curve is not None)
 
 
-def few_objects_note() -> str:
-    """Return the note on classes with few objects."""
-    return (
-        f"With {RECALL_STEPS} objects or fewer, KITTI's protocol has fewer than {RECALL_STEPS + 1} thresholds: a "
-        "perfect detector stays below 100 %, at the maximum AP."
-    )
-
-
-@dataclass(frozen=True)
-class _Row:
-    iou: float
-    level: str
-    metrics: PrecisionMetrics
-
-
-def _average_columns(points: int, *, has_intervals: bool) -> list[Column[_Row]]:
-    key = f"ap_r{points}"
-    columns: list[Column[_Row]] = [
-        Column(f"AP R{points} [%]", lambda row: _ap(row, points), ".2f", f"{key}_percent")
-    ]
-    if has_intervals:
-        columns += [
-            Column(
-                "95 % low",
-                lambda row: row.metrics.interval(points).low,
-                ".2f",
-                f"{key}_low_percent",
-            ),
-            Column(
-                "95 % high",
-                lambda row: row.metrics.interval(points).high,
-                ".2f",
-                f"{key}_high_percent",
-            ),
-        ]
-    return columns
-
-
-def _aos_column(points: int) -> Column[_Row]:
-    def aos(row: _Row) -> float | None:
-        curve = row.metrics.curve
-        return curve.aos(points) if curve is not None and row.metrics.objects else None
-
-    return Column(f"AOS R{points} [%]", aos, ".2f", f"aos_r{points}_percent")
-
-
-def _max_ap(row: _Row, points: int) -> float | None:
-    return row.metrics.max_ap(points)
-
-
-def _ap(row: _Row, points: int) -> float | None:
-    return row.metrics.ap(points) if row.metrics.curve is not None else None
+def few_objects_note(objects: Iterable[int]) -> Iterator[str]:
+    """Yield a note where a class has few objects."""
+    if min(objects, default=RECALL_STEPS + 1) <= RECALL_STEPS:
+        yield (
+            f"With {RECALL_STEPS} objects or fewer, KITTI's protocol has fewer than {RECALL_STEPS + 1} thresholds: "
+            "a perfect detector stays below 100 %, at the maximum AP."
+        )

@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
-from perception.evaluation.detection.class_precision import PrecisionReport, measure_precision
+from perception.evaluation.detection.class_precision import (
+    ClassPrecision,
+    PrecisionReport,
+    measure_precision,
+)
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.proposal_recall import proposal_recall
-from perception.evaluation.detection.protocol import DIFFICULTIES, DetectionClass
+from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
+from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.report import Table
 from perception.render.curve_plots import CurvePanel
 from perception.types import Detections, Float64, Labels, Progress
@@ -132,24 +136,29 @@ class DetectorMeasure:
             for output in self._outputs
             if output.proposals_px is not None
         ]
-        report = PrecisionReport(self._title, classes, self._config, notes=self._notes)
         if not proposals:
+            report = PrecisionReport(self._title, classes, self._config, self._notes)
             return DetectorReport(report, seconds)
         recall = proposal_recall(
-            truths,
-            DetectedBoxes.of_frames(proposals),
-            frames,
-            self._classes[0].name,
-            self._config.iou,
+            truths, DetectedBoxes.of_frames(proposals), frames, classes[0].name, self._config.iou
         )
-        recalls = {
-            (iou, one.name): 100 * recall.difficulties[one.name].recall(iou)
-            for iou in self._config.iou
-            for one in DIFFICULTIES
+        classes[0] = _with_recall(classes[0], recall)
+        report = PrecisionReport(self._title, classes, self._config, self._notes)
+        return DetectorReport(report, seconds, recall.proposals_per_frame)
+
+
+def _with_recall(precision: ClassPrecision, recall: ProposalRecall) -> ClassPrecision:
+    """Return the metrics of a class with the recall of the proposals."""
+    metrics = {
+        iou: {
+            level: replace(
+                one, proposal_recall_percent=100 * recall.difficulties[level].recall(iou)
+            )
+            for level, one in by_level.items()
         }
-        return DetectorReport(
-            replace(report, proposal_recall=recalls), seconds, recall.proposals_per_frame
-        )
+        for iou, by_level in precision.metrics.items()
+    }
+    return replace(precision, metrics=metrics)
 
 
 def _unscored(boxes_px: Float64, name: str) -> Detections:

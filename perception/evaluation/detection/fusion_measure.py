@@ -16,18 +16,17 @@ from perception.detection.config import FusionVariant
 from perception.detection.detectors.nms_fusion import NmsFusion
 from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.rescoring import Fusion
-from perception.evaluation.detection.bootstrap import Interval, percentile_interval
+from perception.evaluation.detection.bootstrap import NO_INTERVAL, Interval, percentile_interval
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.class_precision import (
     CONFIDENCE,
     LEVELS,
     ClassPrecision,
-    PrecisionReport,
     few_objects_note,
     measure_precision,
 )
 from perception.evaluation.detection.config import PrecisionConfig
-from perception.evaluation.detection.protocol import RECALL_STEPS, DetectionClass
+from perception.evaluation.detection.protocol import DetectionClass
 from perception.evaluation.detection.reliability import (
     Reliability,
     match_correctness,
@@ -63,16 +62,20 @@ _BINS = 10  # of scores
 
 
 @dataclass(frozen=True)
-class Gain:
-    """Average precision above that of the best of other rows.
+class Estimate:
+    """Average precision in percent, or a difference of two in percentage points.
 
     Attributes:
-        points: Difference in percentage points.
-        interval: 95 % interval of the difference; NaN without resamples.
+        points: Value; NaN without objects.
+        interval: 95 % interval; NaN without resamples.
     """
 
-    points: float
-    interval: Interval
+    points: float | None
+    interval: Interval = NO_INTERVAL
+
+
+# Estimates of a row by difficulty.
+EstimateRow = Mapping[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -95,39 +98,43 @@ class FusionReport:
     steps: Mapping[str, ClassPrecision]
     reliability: Mapping[str, Reliability]
 
-    @property
-    def fusion_names(self) -> list[str]:
-        """Names of the rows that join modalities."""
-        return list(self.rows)[len(self.modalities) :]
+    def gains(self, iou: float) -> dict[str, EstimateRow]:
+        """Return the gain of each row that joins modalities over the best single modality."""
+        names = list(self.rows)[len(self.modalities) :]
+        return {name: self._gain(self.rows[name], self.modalities, iou) for name in names}
 
-    def gain(self, row: str, iou: float, level: str) -> Gain:
-        """Return the gain of a row over the best single modality."""
-        return self._gain(self.rows[row], self.modalities, iou, level)
-
-    def remaining_gain(self, remaining: Modalities, iou: float, level: str) -> Gain:
+    def remaining_gains(self, iou: float) -> dict[Modalities, EstimateRow]:
         """Return the gain of the fusion of the remaining modalities over the best of them."""
-        return self._gain(self.missing_modalities[remaining], remaining, iou, level)
+        missing = self.missing_modalities.items()
+        return {remaining: self._gain(row, remaining, iou) for remaining, row in missing}
 
     def tables(self) -> Sequence[Table[Any]]:
-        """Return four tables for each IoU: rows, gains, both with modalities missing."""
+        """Return four tables for each IoU: rows, gains, both with modalities missing; notes below the last."""
         tables = [table for iou in self.config.iou for table in self._tables_at(iou)]
         return [*tables[:-1], replace(tables[-1], notes=list(self._notes()))]
 
     def to_json(self) -> dict[str, Any]:
         """Return all metrics."""
+        ious = self.config.iou
+        gains = {f"{iou:g}": self.gains(iou) for iou in ious}
+        remaining = {f"{iou:g}": self.remaining_gains(iou) for iou in ious}
         return {
-            "rows": self._classes_json(self.rows),
-            "gain_points": self._gains_json(dict.fromkeys(self.fusion_names, self.gain)),
+            "rows": {name: one.to_json(self.config) for name, one in self.rows.items()},
+            "gain_points": {
+                name: {iou: rows[name] for iou, rows in gains.items()}
+                for name in self.gains(ious[0])
+            },
             "missing_modalities": {
-                "rows": self._classes_json(_joined(self.missing_modalities)),
+                "rows": {
+                    "+".join(names): one.to_json(self.config)
+                    for names, one in self.missing_modalities.items()
+                },
                 "gain_points": {
-                    "+".join(remaining): self._gains_json({remaining: self.remaining_gain})[
-                        remaining
-                    ]
-                    for remaining in self.missing_modalities
+                    "+".join(names): {iou: rows[names] for iou, rows in remaining.items()}
+                    for names in self.missing_modalities
                 },
             },
-            "steps": self._classes_json(self.steps),
+            "steps": {name: one.to_json(self.config) for name, one in self.steps.items()},
             "calibration": {
                 name: {**vars(one), "expected_calibration_error": one.expected_calibration_error}
                 for name, one in self.reliability.items()
@@ -143,141 +150,109 @@ class FusionReport:
         return [*panels, steps]
 
     def _tables_at(self, iou: float) -> Iterator[Table[Any]]:
-        points = self.config.recall_points[0]
-        thesis = self._thesis_columns() if iou == _THESIS_IOU else []
-        columns = [*self._ap_columns(iou), *thesis]
-        rows = {**self.rows, PERFECT: None}
-        yield Table(f"AP R{points} [%], IoU over {iou:g}", columns, _named(rows))
-        yield Table(
-            f"Gain over the best modality [points], IoU over {iou:g}",
-            self._gain_columns(lambda name, level: self.gain(name, iou, level)),
-            _named(dict.fromkeys(self.fusion_names)),
-        )
-        missing = {self._words(one): found for one, found in self.missing_modalities.items()}
-        yield Table(
-            f"Missing modalities: AP R{points} [%] of Trifuse's fusion of the remaining, IoU over {iou:g}",
-            self._ap_columns(iou),
-            _named(missing),
-        )
-        by_words = {self._words(one): one for one in self.missing_modalities}
-        yield Table(
-            f"Missing modalities: gain over the best remaining modality [points], IoU over {iou:g}",
-            self._gain_columns(lambda name, level: self.remaining_gain(by_words[name], iou, level)),
-            _named(dict.fromkeys(missing)),
-        )
+        ap, at_iou = f"AP R{self._points} [%]", f"IoU over {iou:g}"
+        first = next(iter(self.rows.values())).metrics[iou]
+        perfect = {level: Estimate(one.max_ap(self._points)) for level, one in first.items()}
+        rows = {name: self._estimates(one, iou) for name, one in self.rows.items()}
+        if iou == _THESIS_IOU:
+            rows = {name: {**row, **_thesis(name)} for name, row in rows.items()}
+        yield self._table(f"{ap}, {at_iou}", {**rows, PERFECT: perfect}, ".2f")
+        title = f"Gain over the best modality [points], {at_iou}"
+        yield self._table(title, self.gains(iou), "+.2f")
+        missing = {
+            _words(names): self._estimates(one, iou)
+            for names, one in self.missing_modalities.items()
+        }
+        title = f"Missing modalities: {ap} of Trifuse's fusion of the remaining, {at_iou}"
+        yield self._table(title, missing, ".2f")
+        gains = {_words(names): row for names, row in self.remaining_gains(iou).items()}
+        title = f"Missing modalities: gain over the best remaining modality [points], {at_iou}"
+        yield self._table(title, gains, "+.2f")
 
-    def _ap_columns(self, iou: float) -> list[Column["_Named"]]:
-        points, has_intervals = self.config.recall_points[0], self.config.bootstrap > 0
-        first = next(iter(self.rows.values()))
-
-        def ap(row: _Named, level: str) -> float | None:
-            if row.precision is None:
-                return first.metrics[iou][level].max_ap(points)
-            return row.precision.metrics[iou][level].ap(points)
-
-        def bound(row: _Named, level: str, side: str) -> float | None:
-            if row.precision is None:
-                return None
-            interval = row.precision.metrics[iou][level].interval(points)
-            return interval.low if side == "low" else interval.high
-
-        columns: list[Column[_Named]] = []
+    def _table(self, title: str, rows: Mapping[str, EstimateRow], spec: str) -> Table[EstimateRow]:
+        """Return a table with an estimate and its interval for each difficulty, then the thesis' values."""
+        columns: list[Column[EstimateRow]] = []
         for level in LEVELS:
-            columns.append(Column(level, partial(ap, level=level), ".2f"))
-            if has_intervals:
-                columns += [
-                    Column(f"95 % {side}", partial(bound, level=level, side=side), ".2f")
-                    for side in ("low", "high")
-                ]
-        return columns
-
-    def _gain_columns(self, gain: Callable[[str, str], Gain]) -> list[Column["_Named"]]:
-        def points(row: _Named, level: str) -> float:
-            return gain(row.name, level).points
-
-        def bound(row: _Named, level: str, side: str) -> float:
-            interval = gain(row.name, level).interval
-            return interval.low if side == "low" else interval.high
-
-        columns: list[Column[_Named]] = []
-        for level in LEVELS:
-            columns.append(Column(level, partial(points, level=level), "+.2f"))
+            columns.append(_value_column(level, spec))
             if self.config.bootstrap:
-                columns += [
-                    Column(f"95 % {side}", partial(bound, level=level, side=side), ".2f")
-                    for side in ("low", "high")
-                ]
-        return columns
+                columns += [_low_column(level), _high_column(level)]
+        thesis = [f"thesis {level}" for level in LEVELS]
+        if any(thesis[0] in row for row in rows.values()):
+            columns += [_value_column(name, spec) for name in thesis]
+        return Table(title, columns, rows)
 
-    def _thesis_columns(self) -> list[Column["_Named"]]:
-        def thesis(row: _Named, place: int) -> float | None:
-            known = THESIS_PERCENT.get(row.name)
-            return None if known is None else known[place]
+    @property
+    def _points(self) -> int:
+        return self.config.recall_points[0]
 
-        return [
-            Column(f"thesis {level}", partial(thesis, place=place), ".2f")
-            for place, level in enumerate(LEVELS)
-        ]
+    def _estimates(self, row: ClassPrecision, iou: float) -> EstimateRow:
+        by_level = row.metrics[iou].items()
+        return {
+            level: Estimate(one.ap(self._points), one.interval(self._points))
+            for level, one in by_level
+        }
 
-    def _gain(self, row: ClassPrecision, modalities: Modalities, iou: float, level: str) -> Gain:
+    def _gain(self, row: ClassPrecision, modalities: Modalities, iou: float) -> EstimateRow:
         """Return the gain over the best of modalities; in each resample, over the best of that resample."""
-        recall_points = self.config.recall_points[0]
-        own = row.metrics[iou][level]
-        singles = [self.rows[MODALITY_NAMES[name]].metrics[iou][level] for name in modalities]
-        points = own.ap(recall_points) - max(one.ap(recall_points) for one in singles)
-        samples = own.resampled_ap(recall_points)
-        of_singles = [one.resampled_ap(recall_points) for one in singles]
-        known = [one for one in of_singles if len(one) == len(samples)]
-        if not len(samples) or not known:
-            return Gain(points, Interval(np.nan, np.nan))
-        return Gain(points, percentile_interval(samples - np.max(known, axis=0), CONFIDENCE))
+        gains = {}
+        for level, own in row.metrics[iou].items():
+            singles = [self.rows[MODALITY_NAMES[name]].metrics[iou][level] for name in modalities]
+            points = own.ap(self._points) - max(one.ap(self._points) for one in singles)
+            samples = own.resampled_ap(self._points)
+            resampled = [one.resampled_ap(self._points) for one in singles]
+            known = [one for one in resampled if len(one) == len(samples)]
+            gains[level] = Estimate(points)
+            if len(samples) and known:
+                differences = samples - np.max(known, axis=0)
+                gains[level] = Estimate(points, percentile_interval(differences, CONFIDENCE))
+        return gains
 
     def _notes(self) -> Iterator[str]:
         objects = {
             level: one.objects for level, one in next(iter(self.rows.values())).first.items()
         }
-        yield "Objects: " + ", ".join(f"{objects[level]} {level}" for level in LEVELS)
+        yield "Objects: " + ", ".join(f"{count} {level}" for level, count in objects.items())
         yield "Expected calibration error [points]: " + ", ".join(
             f"{name} {100 * one.expected_calibration_error:.1f}"
             for name, one in self.reliability.items()
         )
-        if min(objects.values()) <= RECALL_STEPS:
-            yield few_objects_note()
+        yield from few_objects_note(objects.values())
         if _THESIS_IOU in self.config.iou:
             yield (
                 "Thesis: Table 7.10, on frames of KITTI's training set that are not named, over 11 recall "
                 "points; not comparable."
             )
 
-    def _classes_json(self, rows: Mapping[str, ClassPrecision]) -> dict[str, Any]:
-        return {
-            name: PrecisionReport("", [one], _of_row(self.config, one)).to_json()[one.name]
-            for name, one in rows.items()
-        }
-
-    def _gains_json(
-        self, rows: Mapping[Any, Callable[[Any, float, str], Gain]]
-    ) -> dict[Any, dict[str, dict[str, Gain]]]:
-        return {
-            name: {
-                f"{iou:g}": {level: gain(name, iou, level) for level in LEVELS}
-                for iou in self.config.iou
-            }
-            for name, gain in rows.items()
-        }
-
     def _panel(self, title: str, rows: Mapping[str, ClassPrecision], level: str) -> CurvePanel:
-        points = self.config.recall_points[0]
         curves = {
-            f"{name}: {one.first[level].ap(points):.1f} %": curve.precision
+            f"{name}: {one.first[level].ap(self._points):.1f} %": curve.precision
             for name, one in rows.items()
             if (curve := one.first[level].curve) is not None
         }
         return precision_panel(title, curves, "average precision")
 
-    @staticmethod
-    def _words(modalities: Modalities) -> str:
-        return " + ".join(MODALITY_NAMES[name] for name in modalities)
+
+def _value_column(level: str, spec: str) -> Column[EstimateRow]:
+    return Column(level, lambda row: row[level].points if level in row else None, spec)
+
+
+def _low_column(level: str) -> Column[EstimateRow]:
+    return Column("95 % low", lambda row: row[level].interval.low, ".2f")
+
+
+def _high_column(level: str) -> Column[EstimateRow]:
+    return Column("95 % high", lambda row: row[level].interval.high, ".2f")
+
+
+def _thesis(name: str) -> EstimateRow:
+    percent = THESIS_PERCENT.get(name, (None, None, None))
+    return {
+        f"thesis {level}": Estimate(value) for level, value in zip(LEVELS, percent, strict=True)
+    }
+
+
+def _words(modalities: Modalities) -> str:
+    return " + ".join(MODALITY_NAMES[name] for name in modalities)
 
 
 class FusionMeasure:
@@ -389,26 +364,6 @@ def merge_scene(scene: DetectedScene) -> Detections:
 def fuse_scene(fusion: Fusion, scene: DetectedScene) -> Detections:
     """Return the detections that a fusion makes of a scene."""
     return fusion.fuse_scene(scene).detections
-
-
-@dataclass(frozen=True)
-class _Named:
-    name: str
-    precision: ClassPrecision | None
-
-
-def _named(rows: Mapping[str, ClassPrecision | None]) -> dict[str, _Named]:
-    return {name: _Named(name, one) for name, one in rows.items()}
-
-
-def _joined(rows: Mapping[Modalities, ClassPrecision]) -> dict[str, ClassPrecision]:
-    return {"+".join(modalities): one for modalities, one in rows.items()}
-
-
-def _of_row(config: PrecisionConfig, row: ClassPrecision) -> PrecisionConfig:
-    """Return the configuration of a row: steps have no intervals."""
-    has_samples = any(one.samples is not None for one in row.first.values())
-    return config if has_samples else replace(config, bootstrap=0)
 
 
 def _single_modality(name: Modality, scene: DetectedScene) -> Detections:

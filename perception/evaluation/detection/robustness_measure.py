@@ -12,7 +12,6 @@ from perception.detection.fusion.rescoring import Fusion
 from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.class_precision import (
     ClassPrecision,
-    PrecisionReport,
     measure_precision,
 )
 from perception.evaluation.detection.config import PrecisionConfig
@@ -123,10 +122,7 @@ class RobustnessReport:
         """Return the metrics by corruption, level and row, at every difficulty."""
         return {
             one.name: {
-                f"{level:g}": {
-                    name: PrecisionReport("", [found], self.config).to_json()[found.name]
-                    for name, found in row.items()
-                }
+                f"{level:g}": {name: found.to_json(self.config) for name, found in row.items()}
                 for level, row in self._levels(one)
             }
             for one in self.corruptions
