@@ -1,120 +1,128 @@
-"""Accuracy of DepthCN's network without and with augmentation of what it learns from (Table 7.8)."""
+"""Accuracy of DepthCN's network without and with augmentation of its training data (Table 7.8)."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.studies.report import Study
+from benchmarks.studies.report import RESULTS, Study, publish
+from data.samples.crops.config import CropDataConfig
+from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
-from perception.cli.table import Cell, format_table
-from perception.cli.training import import_trainer
+from perception.cli.training import TrainingFlags, import_trainer
+from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves
 from perception.types import Method
 from train.config import TrainingRun
-from train.verifier.config import VerifierExperiment
+from train.verifier.config import VERIFIER_CONFIGS, VerifierExperiment
 
 if TYPE_CHECKING:
     from train.verifier.run import TrainedVerifier
 
-# By whether the training set was augmented: accuracy on it and on the validation set.
-THESIS_PERCENT = {False: (92.83, 86.69), True: (96.45, 91.93)}
-_NAMES = {False: "without augmentation", True: "with augmentation"}
-_FOLDERS = {False: "without", True: "with"}
+# Accuracy on the training and on the validation set in percent.
+THESIS_PERCENT = {"without augmentation": (92.83, 86.69), "with augmentation": (96.45, 91.93)}
+_FOLDERS = {"without augmentation": "without", "with augmentation": "with"}
 _LOGGED = ("train/accuracy", "validation/accuracy")
 
 
 @dataclass(frozen=True)
-class AugmentationStudyConfig:
-    """What is trained twice.
+class AugmentationStudyConfig(FlagGroup):
+    """Settings of both trainings.
 
     Attributes:
-        epochs: of each training.
-        seed: of both.
-        resume: whether to go on where an earlier study of the same folder ended.
+        method: Network: that of Fig. 6.5 with its own schedule, thesis, or default.
+        epochs: Number of epochs.
+        batch: Crops per batch.
+        workers: Number of processes that load samples.
+        cache: Folder for cached images and proposals; else the user's cache folder.
     """
 
+    method: Method = "thesis"
     epochs: int = 40
-    seed: int = 0
-    resume: bool = False
+    batch: int = 128
+    workers: int = 0
+    cache: Path | None = None
 
 
-def study_augmentation(
-    experiment: VerifierExperiment, plot_path: Path, config: AugmentationStudyConfig
-) -> Study:
-    """Train without and with augmentation in two folders beside the picture, and compare."""
-    trained = {
-        is_augmented: _train(experiment, plot_path, config, is_augmented)
-        for is_augmented in (False, True)
-    }
-    _plot(plot_path, experiment.method, trained)
-    return Study(
+def augmentation(
+    drives: list[Path],
+    *,
+    training: TrainingFlags,
+    config: AugmentationStudyConfig,
+    out: Path = RESULTS / "augmentation.png",
+) -> None:
+    """Train DepthCN's network without and with augmentation; print its accuracies beside Table 7.8.
+
+    Example: trifuse study augmentation synth/train --validation synth/val
+
+    Args:
+        drives: Labelled training drives.
+        out: Figure; the numbers and both trainings are written beside it.
+    """
+    experiment = VerifierExperiment(
+        training.drives(drives),
+        config.method,
+        CropDataConfig(batch_size=config.batch, workers=config.workers, cache=config.cache),
+        VERIFIER_CONFIGS[config.method].optimizer,
+    )
+    run = TrainingRun(epochs=config.epochs, seed=training.seed)
+    trained = {name: _train(experiment, run, name, out, training.resume) for name in THESIS_PERCENT}
+    _plot(out, config.method, trained)
+    study = Study(
         name="augmentation",
         repeats="Table 7.8",
-        table=_table(experiment.method, trained),
-        numbers={_FOLDERS[key]: asdict(one) for key, one in trained.items()},
+        table=_table(config.method, trained),
+        numbers={_FOLDERS[name]: asdict(one) for name, one in trained.items()},
         conditions={
             "experiment": experiment,
-            "config": config,
-            "thesis_percent": _by_folder(THESIS_PERCENT),
+            "run": run,
+            "thesis_percent": {_FOLDERS[name]: both for name, both in THESIS_PERCENT.items()},
         },
     )
+    publish(study, out)
 
 
 def _train(
-    experiment: VerifierExperiment,
-    plot_path: Path,
-    config: AugmentationStudyConfig,
-    is_augmented: bool,
+    experiment: VerifierExperiment, run: TrainingRun, name: str, plot_path: Path, resume: str | None
 ) -> "TrainedVerifier":
-    out = plot_path.with_suffix("") / _FOLDERS[is_augmented]
-    resume = "last" if config.resume and (out / "last.ckpt").exists() else None
-    trainer = import_trainer("train.verifier.run")
-    trained: TrainedVerifier = trainer.run_experiment(
-        replace(experiment, data=replace(experiment.data, augment=is_augmented)),
-        TrainingRun(epochs=config.epochs, seed=config.seed),
+    out = plot_path.with_suffix("") / _FOLDERS[name]
+    is_resumed = resume == "last" and (out / "last.ckpt").exists()
+    data = replace(experiment.data, augment=name == "with augmentation")
+    trained: TrainedVerifier = import_trainer("train.verifier.run").run_experiment(
+        replace(experiment, data=data),
+        run,
         out,
-        resume,
+        "last" if is_resumed else None,
         frame_progress_bar("proposals"),
     )
     return trained
 
 
-def _table(method: Method, trained: "dict[bool, TrainedVerifier]") -> str:
-    rows: list[list[Cell]] = []
-    for is_augmented, one in trained.items():
-        ours = [100 * metrics["accuracy"] for metrics in (one.training, one.validation)]
-        balanced = 100 * one.validation["balanced"]
-        cells = [*ours, balanced, *THESIS_PERCENT[is_augmented]]
-        rows.append([_NAMES[is_augmented], one.epoch, *(f"{cell:.2f}" for cell in cells)])
+def _table(method: Method, trained: Mapping[str, "TrainedVerifier"]) -> str:
     counts = next(iter(trained.values())).counts
     title = (
         f"Accuracy in %, {method} network: {counts['training_crops']} training and "
         f"{counts['validation_crops']} validation crops"
     )
-    header = (
-        "",
-        "best epoch",
-        "training",
-        "validation",
-        "balanced accuracy",
-        "thesis training",
-        "thesis validation",
-    )
-    return format_table(title, header, rows)
+    rows = {name: (one, *THESIS_PERCENT[name]) for name, one in trained.items()}
+    columns: list[Column[tuple[TrainedVerifier, float, float]]] = [
+        Column("best epoch", lambda row: row[0].epoch),
+        Column("training", lambda row: 100 * row[0].training["accuracy"], ".2f"),
+        Column("validation", lambda row: 100 * row[0].validation["accuracy"], ".2f"),
+        Column("balanced accuracy", lambda row: 100 * row[0].validation["balanced"], ".2f"),
+        Column("thesis training", lambda row: row[1], ".2f"),
+        Column("thesis validation", lambda row: row[2], ".2f"),
+    ]
+    return Table(title, columns, rows).text()
 
 
-def _plot(plot_path: Path, method: Method, trained: "dict[bool, TrainedVerifier]") -> None:
+def _plot(plot_path: Path, method: Method, trained: Mapping[str, "TrainedVerifier"]) -> None:
     from train.progress import read_scalars
 
     curves = []
-    for is_augmented, one in trained.items():
+    for name, one in trained.items():
         found = read_scalars(one.checkpoint.parent, _LOGGED)
         for part, values in zip(("training", "validation"), found.values(), strict=True):
-            epochs = range(1, len(values) + 1)
-            curves.append(Curve(f"{_NAMES[is_augmented]}, {part}", epochs, 100 * values))
-    title = f"Accuracy while learning, {method} network (training: as changed, half vehicles)"
+            curves.append(Curve(f"{name}, {part}", range(1, len(values) + 1), 100 * values))
+    title = f"Accuracy during training, {method} network (training: augmented, half vehicles)"
     plot_curves(plot_path, title, [CurvePanel("", "epoch", "accuracy [%]", curves)])
-
-
-def _by_folder(percent: dict[bool, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    return {_FOLDERS[key]: value for key, value in percent.items()}

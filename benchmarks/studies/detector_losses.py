@@ -1,4 +1,4 @@
-"""What a detector comes to by each form of its loss: as published, and with either of the options, or both."""
+"""Average precision of a detector by the form of its loss: as published, with one of two options, and with both."""
 
 from dataclasses import replace
 from itertools import product
@@ -6,48 +6,61 @@ from pathlib import Path
 from typing import Literal
 
 from benchmarks.studies.detector_variants import (
+    IOU,
     DetectorVariant,
-    VariantEvaluationConfig,
-    VariantTrainingConfig,
+    VariantFlags,
     study_variants,
 )
-from benchmarks.studies.report import Study
+from benchmarks.studies.report import RESULTS, Study, publish
 from benchmarks.studies.variant_report import plot_variant_curves, precision_tables
+from perception.types import Modality
 
 _BOXES: tuple[Literal["squared", "ciou"], ...] = ("squared", "ciou")
 _OBJECTNESSES: tuple[Literal["squared", "focal"], ...] = ("squared", "focal")
 _NAMES = ("as published", "focal objectness", "CIoU of boxes", "both")
 
 
-def loss_variants(base: DetectorVariant) -> list[DetectorVariant]:
-    """Return a detector for each form of the loss."""
-    forms = product(_BOXES, _OBJECTNESSES)
-    return [
-        replace(
-            base,
-            name=name,
-            experiment=replace(
-                base.experiment, loss=replace(base.experiment.loss, box=box, objectness=objectness)
-            ),
-        )
-        for name, (box, objectness) in zip(_NAMES, forms, strict=True)
-    ]
+def detector_losses(
+    drives: list[Path],
+    *,
+    training: VariantFlags,
+    modality: Modality = "dm",
+    size: str = "192x640",
+    out: Path = RESULTS / "detector-losses.png",
+) -> None:
+    """Train a detector with the published loss, with CIoU of boxes, with focal objectness, and with both.
 
+    A finished training is not repeated: the same command resumes where it was stopped.
 
-def study_detector_losses(
-    variants: list[DetectorVariant],
-    conditions: VariantTrainingConfig,
-    evaluation: VariantEvaluationConfig,
-    plot_path: Path,
-) -> Study:
-    """Train all, and print average precision at every overlap."""
-    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
-    overlaps = evaluation.metric.iou
-    plot_variant_curves(plot_path, "Losses", metrics, overlaps[0])
-    return Study(
+    Example: trifuse study detector-losses synth/train --validation synth/val --modality rgb
+
+    Args:
+        drives: Labelled training drives.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+        size: Height and width of the input.
+        out: Figure; the numbers and all trainings are written beside it.
+    """
+    variants = loss_variants(training.variant(drives, modality, size))
+    metrics = study_variants(variants, training, out.with_suffix(""))
+    plot_variant_curves(out, "Losses", metrics, IOU[0])
+    study = Study(
         name="detector-losses",
         repeats="none: the thesis trains as published",
-        table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in overlaps),
+        table="\n\n".join(precision_tables("Losses", metrics, iou) for iou in IOU),
         numbers=metrics,
-        conditions={"variants": variants, "training": conditions, "judging": evaluation},
+        conditions={"variants": variants, "training": training},
     )
+    publish(study, out)
+
+
+def loss_variants(base: DetectorVariant) -> dict[str, DetectorVariant]:
+    """Return a variant for each form of the loss."""
+    forms = product(_BOXES, _OBJECTNESSES)
+    loss, experiment = base.experiment.loss, base.experiment
+    return {
+        name: replace(
+            base,
+            experiment=replace(experiment, loss=replace(loss, box=box, objectness=objectness)),
+        )
+        for name, (box, objectness) in zip(_NAMES, forms, strict=True)
+    }

@@ -1,10 +1,10 @@
-"""Detectors that differ in one thing: each is trained, written as a model file, and measured on the same drives.
+"""Detectors that differ in one setting: each is trained, written as a model file, and measured on the same drives.
 
-OUT/NAME/settings.json   what it was trained with; a folder of other settings is refused
-         best.ckpt ...   as `trifuse train detector` leaves them
-         trained.json    there once the training is done, which is then never repeated
+OUT/NAME/settings.json   settings of the training; a folder with other settings is an error
+         best.ckpt ...   files of `trifuse train detector`
+         trained.json    written when the training is done, which is then not repeated
          detector.onnx
-         figures.json    what it comes to on the drives asked for
+         metrics.json    metrics on the drives
 """
 
 import json
@@ -15,19 +15,30 @@ from typing import TYPE_CHECKING, Any
 
 from data.atomic_file import write_atomically
 from data.results.documents import to_serializable, write_json
+from data.samples.config import TrainingDrives
+from data.samples.images.config import ImageDataConfig
 from perception.cli.detectors import measured_network
 from perception.cli.evaluate_detection import DriveReport, measure_drives
-from perception.cli.flags import DriveFlags
+from perception.cli.flags import DriveFlags, require_positive
+from perception.cli.parser import FlagGroup
 from perception.cli.progress import frame_progress_bar
 from perception.cli.training import import_trainer
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.errors import UsageError
 from perception.evaluation.detection.config import PrecisionConfig
+from perception.types import Modality
 from train.config import Accelerator, TrainingRun
-from train.detector.config import DetectorExperiment
+from train.detector.config import (
+    DETECTOR_PRESETS,
+    DetectorExperiment,
+    DetectorModelConfig,
+    Preset,
+)
 
 if TYPE_CHECKING:
     from train.detector.run import TrainedDetector
+
+IOU = (0.7, 0.5)
 
 
 @dataclass(frozen=True)
@@ -35,58 +46,80 @@ class DetectorVariant:
     """One of the detectors that a study compares.
 
     Attributes:
-        name: Name in tables, and of its folder.
         experiment: Settings of the training.
         epochs: Number of epochs.
     """
 
-    name: str
     experiment: DetectorExperiment
     epochs: int
 
 
 @dataclass(frozen=True)
-class VariantTrainingConfig:
-    """What is the same for all variants of a study.
+class VariantFlags(FlagGroup):
+    """Training and evaluation of all variants.
 
     Attributes:
-        seed: of every choice.
-        accelerator: auto takes a GPU where there is one.
+        validation: Drives on which the best epoch is chosen and all variants are measured, with commas between them.
+        network: Network: compact; yolov2, as in the thesis; or a torchvision classifier as backbone.
+        epochs: Number of epochs of each training; with all frames, where the variants differ in these.
+        batch: Images per batch; else that of the preset.
+        bootstrap: Number of bootstrap samples of the frames for confidence intervals; 0 for none.
+        seed: Seed of trainings and bootstrap.
+        workers: Number of processes that load samples.
+        accelerator: Device: auto takes a GPU where there is one.
+        cache: Folder for cached images; else the user's cache folder.
     """
 
+    validation: list[Path]
+    network: str = "compact"
+    epochs: int = 20
+    batch: int | None = None
+    bootstrap: int = 0
     seed: int = 0
+    workers: int = 0
     accelerator: Accelerator = "auto"
-
-
-@dataclass(frozen=True)
-class VariantEvaluationConfig:
-    """By what the variants are measured.
-
-    Attributes:
-        drives: each has its own figures.
-        metric: Metric configuration.
-    """
-
-    drives: tuple[Path, ...]
-    metric: PrecisionConfig
+    cache: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse no drive to measure on."""
-        if not self.drives:
+        """Validate the number of epochs and of drives."""
+        require_positive("--epochs", self.epochs)
+        if not self.validation:
             raise UsageError("--validation", expected="at least one drive", found="none")
+
+    def variant(
+        self, drives: Sequence[Path], modality: Modality, size: str, preset: Preset = "default"
+    ) -> DetectorVariant:
+        """Return the variant from which the others differ.
+
+        Args:
+            drives: Training drives.
+            modality: Modality of the detector.
+            size: Height and width of the input, such as 192x640.
+            preset: Preset of optimizer, loss and batch size.
+        """
+        chosen = DETECTOR_PRESETS[preset]
+        data = ImageDataConfig(
+            batch_size=self.batch or chosen.batch_size, workers=self.workers, cache=self.cache
+        )
+        sources = TrainingDrives(tuple(drives), tuple(self.validation))
+        model = DetectorModelConfig(self.network, size=size)
+        experiment = DetectorExperiment(
+            sources, modality, model, data, chosen.optimizer, chosen.loss
+        )
+        return DetectorVariant(experiment, self.epochs)
 
 
 @dataclass(frozen=True)
 class VariantMetrics:
-    """What came of a variant.
+    """Metrics of a variant.
 
     Attributes:
-        epoch: the best, from 1.
-        training_frames: that it learned from.
-        maps_ms: in the median, to make its picture of a scan, on the first drive; 0 for the camera's image.
-        network_ms: in the median, for the network on the CPU.
-        drives: for each drive whether it is real, how many frames it has, and by IoU and difficulty what
-            `PrecisionReport.to_json` states.
+        epoch: Number of the best epoch, from 1.
+        training_frames: Number of training frames.
+        maps_ms: Median time to make its map of a scan in milliseconds, on the first drive; 0 for the camera image.
+        network_ms: Median time of the network on the CPU in milliseconds.
+        drives: For each drive the kind of its data, its number of frames, and by IoU and difficulty the values of
+            `PrecisionReport.to_json`.
     """
 
     epoch: int
@@ -96,87 +129,82 @@ class VariantMetrics:
     drives: Mapping[str, Any]
 
     def detections(self, drive: str, iou: float, difficulty: str) -> Mapping[str, Any] | None:
-        """Return the figures of what was detected, or None where nothing was."""
+        """Return the values of one drive, IoU and difficulty, or None without detections."""
         found: Mapping[str, Any] = self.drives[drive]["iou"][f"{iou:g}"][difficulty]
         return None if found["ap_r40_percent"] is None else found
 
     def ap(self, drive: str, iou: float, difficulty: str) -> float:
-        """Return average precision in percent, 0 where nothing was detected, over 40 points."""
+        """Return average precision over 40 recall points in percent, 0 without detections."""
         found = self.detections(drive, iou, difficulty)
         return 0.0 if found is None else float(found["ap_r40_percent"])
 
 
 def study_variants(
-    variants: Sequence[DetectorVariant],
-    conditions: VariantTrainingConfig,
-    evaluation: VariantEvaluationConfig,
+    variants: Mapping[str, DetectorVariant],
+    flags: VariantFlags,
     out: Path,
+    others: Sequence[Path] = (),
 ) -> dict[str, VariantMetrics]:
-    """Train and measure all variants, in their order; those that are done are not done again.
+    """Train and measure all variants; a training or measurement that is done is not repeated.
+
+    Args:
+        variants: Variants by name.
+        flags: Settings of all trainings and of the evaluation.
+        out: Folder with a folder for each variant.
+        others: Drives to measure on beside the validation drives.
 
     Raises:
-        UsageError: the folder holds variants of other settings.
-        PerceptionError: a drive cannot be read or used.
+        UsageError: A folder holds a variant of other settings.
+        PerceptionError: A drive cannot be read or used.
     """
+    drives = (*flags.validation, *others)
     metrics = {}
-    for variant in variants:
-        folder = out / variant.name.replace(" ", "-").replace("/", "-")
-        trained = _trained(variant, conditions, folder)
-        metrics[variant.name] = _evaluated(trained, evaluation, folder)
+    for name, variant in variants.items():
+        folder = out / name.replace(" ", "-").replace("/", "-")
+        metrics[name] = _measured(_trained(variant, flags, folder), flags, drives, folder)
     return metrics
 
 
-def _trained(
-    variant: DetectorVariant, conditions: VariantTrainingConfig, folder: Path
-) -> Mapping[str, Any]:
-    """Train, go on, or read what is done."""
-    settings = to_serializable({"variant": asdict(variant), "conditions": conditions})
+def _trained(variant: DetectorVariant, flags: VariantFlags, folder: Path) -> Mapping[str, Any]:
+    """Train, resume, or read what is done."""
+    run = TrainingRun(
+        epochs=variant.epochs, accelerator=flags.accelerator, precision="auto", seed=flags.seed
+    )
+    settings = to_serializable({"experiment": asdict(variant.experiment), "run": asdict(run)})
     known = _read(folder / "settings.json")
     if known is not None and known != settings:
         raise UsageError(
             folder,
             expected="a training with the same settings, or none",
-            found="others in settings.json",
-            advice="name another --out",
+            found="other settings in settings.json",
+            advice="choose another --out",
         )
     write_json(folder / "settings.json", settings)
-    done = _read(folder / "trained.json")
+    done: Mapping[str, Any] | None = _read(folder / "trained.json")
     if done is None:
-        trained = _train(variant, conditions, folder)
+        resume = "last" if (folder / "last.ckpt").exists() else None
+        trainer = import_trainer("train.detector.run")
+        trained: TrainedDetector = trainer.run_experiment(
+            variant.experiment, run, folder, resume, frame_progress_bar("images")
+        )
         write_json(folder / "trained.json", trained)
-        done = to_serializable(trained)
-    found: Mapping[str, Any] = done
-    return found
+        done = _read(folder / "trained.json")
+        assert done is not None
+    return done
 
 
-def _train(
-    variant: DetectorVariant, conditions: VariantTrainingConfig, folder: Path
-) -> "TrainedDetector":
-    run = TrainingRun(
-        epochs=variant.epochs,
-        accelerator=conditions.accelerator,
-        precision="auto",
-        seed=conditions.seed,
-    )
-    resume = "last" if (folder / "last.ckpt").exists() else None
-    trainer = import_trainer("train.detector.run")
-    trained: TrainedDetector = trainer.run_experiment(
-        variant.experiment, run, folder, resume, frame_progress_bar("images")
-    )
-    return trained
-
-
-def _evaluated(
-    trained: Mapping[str, Any], evaluation: VariantEvaluationConfig, folder: Path
+def _measured(
+    trained: Mapping[str, Any], flags: VariantFlags, drives: Sequence[Path], folder: Path
 ) -> VariantMetrics:
-    """Measure, or read what was measured on the same drives by the same rules."""
-    asked = to_serializable(asdict(evaluation))
-    known = _read(folder / "figures.json")
-    if known is not None and known["judging"] == asked:
-        return VariantMetrics(**known["figures"])
+    """Measure, or read what was measured on the same drives."""
+    precision = PrecisionConfig(IOU, bootstrap=flags.bootstrap, seed=flags.seed)
+    protocol = to_serializable({"drives": list(drives), "precision": asdict(precision)})
+    known = _read(folder / "metrics.json")
+    if known is not None and known["protocol"] == protocol:
+        return VariantMetrics(**known["metrics"])
     network = ModalityDetector(_model_file(folder))
-    detector = measured_network(network, network.class_names[:1], evaluation.metric)
-    measured = measure_drives(detector, evaluation.drives, DriveFlags(), evaluation.metric)
+    detector = measured_network(network, network.class_names[:1], precision)
+    measured = measure_drives(detector, drives, DriveFlags(), precision)
     first = measured[0].report
     metrics = VariantMetrics(
         epoch=trained["epoch"],
@@ -185,7 +213,7 @@ def _evaluated(
         network_ms=first.median_ms(network.modality),
         drives=to_serializable({one.data.path: _of_drive(one) for one in measured}),
     )
-    write_json(folder / "figures.json", {"judging": asked, "figures": metrics})
+    write_json(folder / "metrics.json", {"protocol": protocol, "metrics": metrics})
     return metrics
 
 
@@ -195,7 +223,7 @@ def _of_drive(measured: DriveReport) -> dict[str, Any]:
 
 
 def _model_file(folder: Path) -> Path:
-    """Return the model file of the best epoch, made where it is not there."""
+    """Return the model file of the best epoch, exported where it is missing."""
     from export.detector import exportable_detector
     from export.onnx import to_onnx
 
@@ -205,5 +233,5 @@ def _model_file(folder: Path) -> Path:
     return file
 
 
-def _read(file: Path) -> Any:  # noqa: ANN401 - what we wrote as JSON
+def _read(file: Path) -> Any:  # noqa: ANN401 - JSON that was written here
     return json.loads(file.read_text()) if file.exists() else None

@@ -1,16 +1,11 @@
-"""How the reflectance map is made, and how large it is: what a detector comes to by each (Appendix B)."""
+"""Average precision of a detector by the method and the size of its reflectance map (Appendix B)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.studies.detector_variants import (
-    DetectorVariant,
-    VariantEvaluationConfig,
-    VariantTrainingConfig,
-    study_variants,
-)
-from benchmarks.studies.report import Study
+from benchmarks.studies.detector_variants import DetectorVariant, VariantFlags, study_variants
+from benchmarks.studies.report import RESULTS, Study, publish
 from benchmarks.studies.variant_report import (
     Percent,
     plot_variant_curves,
@@ -18,9 +13,10 @@ from benchmarks.studies.variant_report import (
     times_table,
 )
 from perception.detection.detectors.modalities import MapFilling
+from train.detector.config import Preset
 
 SPARSE, NEAREST, LINEAR, NATURAL = "sparse", "nearest", "linear", "natural"
-TRIFUSE, WIDE = "ours", "nearest, wide"
+TRIFUSE, WIDE = "Trifuse", "nearest, wide"
 # Tables B.2 and B.3, 1496 frames: easy, moderate, hard. RM is nearest; RM* the same at 1216x352.
 THESIS_B2: Mapping[str, Percent] = {
     SPARSE: (23.45, 17.57, 15.57),
@@ -43,60 +39,66 @@ _FILLINGS: Mapping[str, MapFilling] = {
 _IOU = 0.7
 
 
-def map_variants(base: DetectorVariant, wide_size: str) -> list[DetectorVariant]:
-    """Return a detector for each way to make the map, and one of a wider input.
+def reflectance_maps(
+    drives: list[Path],
+    *,
+    training: VariantFlags,
+    size: str = "416x416",
+    wide_size: str = "352x1216",
+    preset: Preset = "default",
+    out: Path = RESULTS / "reflectance-maps.png",
+) -> None:
+    """Train a detector on sparse, interpolated and wide reflectance maps (Tables B.1, B.2 and B.3).
+
+    A finished training is not repeated: the same command resumes where it was stopped.
+
+    Example: trifuse study reflectance-maps synth/train --validation synth/val --epochs 20
 
     Args:
-        base: what they have in common.
-        wide_size: of RM*.
+        drives: Labelled training drives.
+        size: Height and width of the input.
+        wide_size: Height and width of the input of RM* in Table B.2.
+        preset: Preset of the training: default, or that of 7.2.2 for yolov2, thesis.
+        out: Figure; the numbers and all trainings are written beside it.
     """
-    variants = [
-        replace(
-            base,
-            name=name,
-            experiment=replace(
-                base.experiment, model=replace(base.experiment.model, filling=filling)
-            ),
-        )
-        for name, filling in _FILLINGS.items()
-    ]
-    wide = replace(base.experiment.model, filling=_FILLINGS[NEAREST], size=wide_size)
-    return [*variants, replace(base, name=WIDE, experiment=replace(base.experiment, model=wide))]
-
-
-def study_reflectance_maps(
-    variants: list[DetectorVariant],
-    conditions: VariantTrainingConfig,
-    evaluation: VariantEvaluationConfig,
-    plot_path: Path,
-) -> Study:
-    """Train all, and print Tables B.1, B.2 and B.3."""
-    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
-    plot_variant_curves(plot_path, "Detectors of the reflectance map", metrics, _IOU)
+    variants = map_variants(training.variant(drives, "rm", size, preset), wide_size)
+    metrics = study_variants(variants, training, out.with_suffix(""))
+    plot_variant_curves(out, "Detectors of the reflectance map", metrics, _IOU)
     tables = [
-        precision_tables(
-            "Sparse, dense and wide (Table B.2)",
-            {name: metrics[name] for name in (*THESIS_B2, TRIFUSE)},
-            _IOU,
-            THESIS_B2,
-        ),
-        precision_tables(
-            "Interpolations (Table B.3)",
-            {name: metrics[name] for name in (*THESIS_B3, TRIFUSE)},
-            _IOU,
-            THESIS_B3,
-        ),
-        times_table("Time of a frame (Table B.1; the thesis' on a GPU)", metrics, THESIS_B1_MS),
+        precision_tables(title, {name: metrics[name] for name in (*thesis, TRIFUSE)}, _IOU, thesis)
+        for title, thesis in (
+            ("Sparse, dense and wide (Table B.2)", THESIS_B2),
+            ("Interpolations (Table B.3)", THESIS_B3),
+        )
     ]
-    return Study(
+    tables.append(
+        times_table("Time per frame (Table B.1; the thesis' on a GPU)", metrics, THESIS_B1_MS)
+    )
+    study = Study(
         name="reflectance-maps",
         repeats="Tables B.1, B.2 and B.3",
         table="\n\n".join(tables),
         numbers=metrics,
         conditions={
             "variants": variants,
-            "training": conditions,
-            "judging": evaluation,
+            "training": training,
             "thesis": {"B.1 ms": THESIS_B1_MS, "B.2": THESIS_B2, "B.3": THESIS_B3},
         },
     )
+    publish(study, out)
+
+
+def map_variants(base: DetectorVariant, wide_size: str) -> dict[str, DetectorVariant]:
+    """Return a variant for each method to fill the map, and one of a wider input.
+
+    Args:
+        base: Variant from which the others differ.
+        wide_size: Height and width of the wide input.
+    """
+    experiment, model = base.experiment, base.experiment.model
+    models = {name: replace(model, filling=filling) for name, filling in _FILLINGS.items()}
+    models[WIDE] = replace(models[NEAREST], size=wide_size)
+    return {
+        name: replace(base, experiment=replace(experiment, model=one))
+        for name, one in models.items()
+    }

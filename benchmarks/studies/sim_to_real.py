@@ -1,72 +1,80 @@
-"""What more of the synthetic worlds, and changing their pictures, is worth on held-out and on real drives."""
+"""Effect of the number of synthetic training frames, and of augmentation, on held-out and on real drives."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.studies.detector_variants import (
+    IOU,
     DetectorVariant,
-    VariantEvaluationConfig,
-    VariantTrainingConfig,
+    VariantFlags,
     study_variants,
 )
-from benchmarks.studies.report import Study
+from benchmarks.studies.report import RESULTS, Study, publish
 from benchmarks.studies.variant_report import plot_over_frames, precision_tables
 from perception.errors import UsageError
+from perception.types import Modality
 
-UNCHANGED = "all, pictures unchanged"
+UNCHANGED = "all, without augmentation"
 
 
-def share_variants(base: DetectorVariant, shares: Sequence[float]) -> list[DetectorVariant]:
-    """Return a detector for each share of the frames, as many steps long, and one without augmentation.
+def sim_to_real(  # noqa: PLR0913 - flags of a command
+    drives: list[Path],
+    *,
+    training: VariantFlags,
+    real: list[Path] | None = None,
+    modality: Modality = "dm",
+    size: str = "192x640",
+    shares: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0),
+    out: Path = RESULTS / "sim-to-real.png",
+) -> None:
+    """Train a detector on more and more synthetic frames; measure it on held-out and on real drives.
+
+    A smaller share is trained for more epochs, so that all take the same number of steps. A finished training is
+    not repeated: the same command resumes where it was stopped.
+
+    Example: trifuse study sim-to-real synth/train --validation synth/val --real kitti/object
+
+    Args:
+        drives: Synthetic training drives; shares take their first frames.
+        real: Other labelled drives to measure on, with commas between them.
+        modality: Camera image, rgb; depth map, dm; or reflectance map, rm.
+        size: Height and width of the input.
+        shares: Shares of the frames; one more training takes all, without augmentation.
+        out: Figure; the numbers and all trainings are written beside it.
+    """
+    variants = share_variants(training.variant(drives, modality, size), shares)
+    metrics = study_variants(variants, training, out.with_suffix(""), real or ())
+    of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
+    plot_over_frames(out, f"Detector of {modality}, trained on synthetic drives", of_shares, IOU)
+    study = Study(
+        name="sim-to-real",
+        repeats="none: the thesis trains on KITTI",
+        table="\n\n".join(
+            precision_tables("Shares of the training frames", metrics, iou) for iou in IOU
+        ),
+        numbers=metrics,
+        conditions={"variants": variants, "training": training, "real": real},
+    )
+    publish(study, out)
+
+
+def share_variants(base: DetectorVariant, shares: Sequence[float]) -> dict[str, DetectorVariant]:
+    """Return a variant for each share of the frames, with the same number of steps, and one without augmentation.
 
     Raises:
-        UsageError: a share is none, or there are none.
+        UsageError: A share is out of range, or there are none.
     """
     if not shares or min(shares) <= 0 or max(shares) > 1:
         found = ", ".join(f"{share:g}" for share in shares) or "none"
         raise UsageError("--shares", expected="shares above 0, at most 1", found=found)
-    variants = [
-        replace(
-            base,
-            name=f"{share:g} of all",
-            experiment=replace(
-                base.experiment, data=replace(base.experiment.data, training_fraction=share)
-            ),
-            epochs=round(base.epochs / share),
+    experiment, data = base.experiment, base.experiment.data
+    variants = {
+        f"{share:g} of all": DetectorVariant(
+            replace(experiment, data=replace(data, training_fraction=share)),
+            round(base.epochs / share),
         )
         for share in shares
-    ]
-    return [
-        *variants,
-        replace(
-            base,
-            name=UNCHANGED,
-            experiment=replace(base.experiment, data=replace(base.experiment.data, augment=False)),
-        ),
-    ]
-
-
-def study_sim_to_real(
-    variants: list[DetectorVariant],
-    conditions: VariantTrainingConfig,
-    evaluation: VariantEvaluationConfig,
-    plot_path: Path,
-) -> Study:
-    """Train all, and draw average precision over the number of frames learned from."""
-    metrics = study_variants(variants, conditions, evaluation, plot_path.with_suffix(""))
-    overlaps = evaluation.metric.iou
-    of_shares = {name: one for name, one in metrics.items() if name != UNCHANGED}
-    modality = variants[0].experiment.modality
-    plot_over_frames(
-        plot_path, f"Detector of {modality}, trained on synthetic drives", of_shares, overlaps
-    )
-    return Study(
-        name="sim-to-real",
-        repeats="none: the thesis trains on KITTI",
-        table="\n\n".join(
-            precision_tables("Shares of the training frames", metrics, iou) for iou in overlaps
-        ),
-        numbers=metrics,
-        conditions={"variants": variants, "training": conditions, "judging": evaluation},
-    )
+    }
+    unchanged = replace(base, experiment=replace(experiment, data=replace(data, augment=False)))
+    return {**variants, UNCHANGED: unchanged}

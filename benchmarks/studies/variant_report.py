@@ -1,18 +1,20 @@
-"""Figures of detectors that differ in one thing, as tables and curves."""
+"""Tables and curves of detectors that differ in one setting."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.studies.detector_variants import VariantMetrics
-from perception.cli.table import Cell, format_table
+from benchmarks.studies.report import value_table
 from perception.evaluation.detection.protocol import DIFFICULTIES
+from perception.evaluation.report import Column, Table
 from perception.render.curve_plots import Curve, CurvePanel, plot_curves, precision_panel
 
 Percent = tuple[float, float, float]  # easy, moderate, hard
 LEVELS = tuple(one.name for one in DIFFICULTIES)
-_SHOWN_LEVEL = "moderate"
+_DISPLAY_LEVEL = "moderate"
 
 
 def precision_tables(
@@ -21,39 +23,32 @@ def precision_tables(
     iou: float,
     thesis: Mapping[str, Percent] | None = None,
 ) -> str:
-    """Return a table for each drive: a row a variant, beside the thesis' figures where there are any."""
-    known = thesis or {}
-    header = ["", "data", "frames learned", "best epoch", *LEVELS]
-    header += [f"thesis {level}" for level in LEVELS] if known else []
-    return "\n\n".join(
-        format_table(
-            f"{title}: AP R40 % on {drive}, IoU over {iou:g}",
-            header,
-            [
-                [
-                    name,
-                    one.drives[drive]["data"],
-                    one.training_frames,
-                    one.epoch,
-                    *(_precision_cell(one, drive, iou, level) for level in LEVELS),
-                    *(_thesis_cells(known, name) if known else ()),
-                ]
-                for name, one in metrics.items()
-            ],
-        )
-        for drive in _drives(metrics)
-    )
+    """Return a table for each drive with a row for each variant, and the thesis' values where there are any."""
+    tables = []
+    for drive in _drives(metrics):
+        columns: list[Column[tuple[str, VariantMetrics]]] = [
+            Column("data", lambda row, drive=drive: str(row[1].drives[drive]["data"])),  # type: ignore[misc]
+            Column("training frames", lambda row: row[1].training_frames),
+            Column("best epoch", lambda row: row[1].epoch),
+            *(Column(level, partial(_precision, drive, iou, level)) for level in LEVELS),
+        ]
+        if thesis is not None:
+            columns += [
+                Column(f"thesis {level}", partial(_published, thesis, place), ".2f")
+                for place, level in enumerate(LEVELS)
+            ]
+        rows = {name: (name, one) for name, one in metrics.items()}
+        heading = f"{title}: AP R40 [%] on {drive}, IoU over {iou:g}"
+        tables.append(Table(heading, columns, rows).text())
+    return "\n\n".join(tables)
 
 
 def times_table(
     title: str, metrics: Mapping[str, VariantMetrics], thesis_ms: tuple[float, float]
 ) -> str:
-    """Return what pictures and networks take, beside what they took in the thesis."""
-    rows: list[list[Cell]] = [
-        [name, f"{one.maps_ms:.1f}", f"{one.network_ms:.1f}"] for name, one in metrics.items()
-    ]
-    rows.append(["thesis", *(f"{ms:g}" for ms in thesis_ms)])
-    return format_table(title, ("", "map ms", "network ms"), rows)
+    """Return the times of maps and networks, and those of the thesis."""
+    rows = {name: (one.maps_ms, one.network_ms) for name, one in metrics.items()}
+    return value_table(title, "", ("map [ms]", "network [ms]"), {**rows, "thesis": thesis_ms})
 
 
 def plot_variant_curves(
@@ -62,15 +57,15 @@ def plot_variant_curves(
     """Draw the precision-recall curves of all variants, a panel for each drive."""
     panels = []
     for drive in _drives(metrics):
-        curves = {}
-        for name, one in metrics.items():
-            found = one.detections(drive, iou, _SHOWN_LEVEL)
-            if found is not None:
-                curves[f"{name}: {one.ap(drive, iou, _SHOWN_LEVEL):.1f} %"] = np.array(
-                    found["curve"]["precision"]
-                )
+        curves = {
+            f"{name}: {one.ap(drive, iou, _DISPLAY_LEVEL):.1f} %": np.array(
+                found["curve"]["precision"]
+            )
+            for name, one in metrics.items()
+            if (found := one.detections(drive, iou, _DISPLAY_LEVEL)) is not None
+        }
         panels.append(
-            precision_panel(f"{drive}, {_SHOWN_LEVEL}, IoU over {iou:g}", curves, "AP R40")
+            precision_panel(f"{drive}, {_DISPLAY_LEVEL}, IoU over {iou:g}", curves, "AP R40")
         )
     plot_curves(plot_path, title, panels)
 
@@ -78,7 +73,7 @@ def plot_variant_curves(
 def plot_over_frames(
     plot_path: Path, title: str, metrics: Mapping[str, VariantMetrics], ious: Sequence[float]
 ) -> None:
-    """Draw average precision over the number of frames that were learned from, a panel for each drive."""
+    """Draw average precision over the number of training frames, a panel for each drive."""
     in_order = sorted(metrics.values(), key=lambda one: one.training_frames)
     frames = [one.training_frames for one in in_order]
     panels = [
@@ -88,9 +83,7 @@ def plot_over_frames(
             "AP R40 [%]",
             [
                 Curve(
-                    f"{level}, IoU {iou:g}",
-                    frames,
-                    [one.ap(drive, iou, level) for one in in_order],
+                    f"{level}, IoU {iou:g}", frames, [one.ap(drive, iou, level) for one in in_order]
                 )
                 for iou in ious
                 for level in LEVELS
@@ -106,16 +99,14 @@ def _drives(metrics: Mapping[str, VariantMetrics]) -> list[str]:
     return list(next(iter(metrics.values())).drives)
 
 
-def _precision_cell(one: VariantMetrics, drive: str, iou: float, level: str) -> Cell:
-    found = one.detections(drive, iou, level) or {}
+def _precision(drive: str, iou: float, level: str, row: tuple[str, VariantMetrics]) -> str:
+    found = row[1].detections(drive, iou, level) or {}
     low, high = found.get("ap_r40_low_percent"), found.get("ap_r40_high_percent")
-    words = f"{one.ap(drive, iou, level):.2f}"
-    if low is None:
-        return words
-    return f"{words} ({low:.1f} to {high:.1f})"
+    interval = "" if low is None else f" ({low:.1f} to {high:.1f})"
+    return f"{row[1].ap(drive, iou, level):.2f}{interval}"
 
 
-def _thesis_cells(known: Mapping[str, Percent], name: str) -> list[Cell]:
-    if name not in known:
-        return [None] * len(LEVELS)
-    return [f"{percent:.2f}" for percent in known[name]]
+def _published(
+    thesis: Mapping[str, Percent], place: int, row: tuple[str, VariantMetrics]
+) -> float | None:
+    return thesis[row[0]][place] if row[0] in thesis else None

@@ -39,19 +39,19 @@ STUDIES: Mapping[str, tuple[str, str]] = {
         "challenges of tracking one object, on scenes with exact truth",
     ),
     "augmentation": (
-        "benchmarks.studies.training_commands:augmentation",
+        "benchmarks.studies.augmentation:augmentation",
         "DepthCN trained without and with augmentation (Table 7.8)",
     ),
     "reflectance-maps": (
-        "benchmarks.studies.training_commands:reflectance_maps",
+        "benchmarks.studies.reflectance_maps:reflectance_maps",
         "detectors of sparse, interpolated and wide reflectance maps (Tables B.1 to B.3)",
     ),
     "detector-losses": (
-        "benchmarks.studies.training_commands:detector_losses",
+        "benchmarks.studies.detector_losses:detector_losses",
         "a detector trained with each form of the loss",
     ),
     "sim-to-real": (
-        "benchmarks.studies.training_commands:sim_to_real",
+        "benchmarks.studies.sim_to_real:sim_to_real",
         "a detector trained on more and more synthetic frames",
     ),
 }

@@ -10,9 +10,8 @@ from benchmarks.studies import detector_variants
 from benchmarks.studies.detector_losses import loss_variants
 from benchmarks.studies.detector_variants import (
     DetectorVariant,
-    VariantEvaluationConfig,
+    VariantFlags,
     VariantMetrics,
-    VariantTrainingConfig,
     study_variants,
 )
 from benchmarks.studies.reflectance_maps import THESIS_B2, THESIS_B3, map_variants
@@ -23,14 +22,13 @@ from data.samples.images.config import ImageDataConfig
 from export import onnx
 from perception.cli.main import main
 from perception.errors import UsageError
-from perception.evaluation.detection.config import PrecisionConfig
 from tests.detection.bright_cells import bright_cells
+from tests.faults import fault
 from tests.train.toy_images import tiny_network
 from train.detector import networks
 from train.detector.config import DetectorExperiment, DetectorModelConfig
 
 BASE = DetectorVariant(
-    "base",
     DetectorExperiment(
         TrainingDrives((Path("streets"),)), "rm", DetectorModelConfig("tiny", size="64x96")
     ),
@@ -64,61 +62,60 @@ def trainings(monkeypatch):
     return asked
 
 
-def with_model(name, **changes):
+def with_model(**changes):
     model = replace(BASE.experiment.model, **changes)
-    return replace(BASE, name=name, experiment=replace(BASE.experiment, model=model))
+    return replace(BASE, experiment=replace(BASE.experiment, model=model))
 
 
-def evaluation_on(*drives):
-    return VariantEvaluationConfig(drives, PrecisionConfig((0.7, 0.5)))
+def flags_of(*validation, **changes):
+    return VariantFlags(list(validation), **changes)
 
 
 def test_what_is_done_is_not_done_again(car_frames, trainings, tmp_path):
-    variants = [BASE, with_model("wide", size="64x128")]
-    evaluation = evaluation_on(car_frames)
-    first = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
+    variants = {"base": BASE, "wide": with_model(size="64x128")}
+    first = study_variants(variants, flags_of(car_frames), tmp_path / "out")
     assert [experiment.model.size for experiment, *_ in trainings] == ["64x96", "64x128"]
     assert list(first) == ["base", "wide"]
     assert (first["base"].epoch, first["base"].training_frames) == (3, 7)
     assert first["base"].drives[str(car_frames)]["frames"] == 3
     assert first["base"].maps_ms > 0
-    again = study_variants(variants, VariantTrainingConfig(), evaluation, tmp_path / "out")
+    again = study_variants(variants, flags_of(car_frames), tmp_path / "out")
     assert again == first
     assert len(trainings) == 2
 
 
 def test_other_drives_are_measured_without_training_again(car_frames, trainings, tmp_path):
-    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path / "out")
-    both = evaluation_on(car_frames, car_frames / "training")
-    metrics = study_variants([BASE], VariantTrainingConfig(), both, tmp_path / "out")
+    flags, others = flags_of(car_frames), [car_frames / "training"]
+    study_variants({"base": BASE}, flags, tmp_path / "out")
+    metrics = study_variants({"base": BASE}, flags, tmp_path / "out", others)
     assert list(metrics["base"].drives) == [str(car_frames), str(car_frames / "training")]
     assert len(trainings) == 1
 
 
-def test_a_training_that_was_stopped_is_gone_on_with(car_frames, trainings, tmp_path):
+def test_a_stopped_training_is_resumed(car_frames, trainings, tmp_path):
     out = tmp_path / "out"
-    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
+    study_variants({"base": BASE}, flags_of(car_frames), out)
     (out / "base/trained.json").unlink()
-    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), out)
+    study_variants({"base": BASE}, flags_of(car_frames), out)
     assert [resume for *_, resume in trainings] == [None, "last"]
 
 
-def test_a_folder_of_other_settings_is_refused(car_frames, trainings, tmp_path):
-    study_variants([BASE], VariantTrainingConfig(), evaluation_on(car_frames), tmp_path)
-    with pytest.raises(UsageError, match="base: expected a training with the same settings"):
-        study_variants([BASE], VariantTrainingConfig(seed=1), evaluation_on(car_frames), tmp_path)
-    with pytest.raises(UsageError, match="--validation: expected at least one drive, found none"):
-        evaluation_on()
+def test_a_folder_of_other_settings_is_an_error(car_frames, trainings, tmp_path):
+    study_variants({"base": BASE}, flags_of(car_frames), tmp_path)
+    with fault(UsageError, where="base", expected="a training with the same settings"):
+        study_variants({"base": BASE}, flags_of(car_frames, seed=1), tmp_path)
+    with fault(UsageError, where="--validation", expected="at least one drive", found="none"):
+        flags_of()
 
 
 def test_maps_differ_in_filling_and_size_alone():
-    variants = {one.name: one for one in map_variants(BASE, "64x128")}
+    variants = map_variants(BASE, "64x128")
     assert {name: one.experiment.model.filling for name, one in variants.items()} == {
         "sparse": "sparse",
         "nearest": "nearest",
         "linear": "linear",
         "natural": "natural",
-        "ours": "default",
+        "Trifuse": "default",
         "nearest, wide": "nearest",
     }
     sizes = {name: one.experiment.model.size for name, one in variants.items()}
@@ -128,8 +125,8 @@ def test_maps_differ_in_filling_and_size_alone():
 
 def test_losses_are_all_four():
     forms = {
-        one.name: (one.experiment.loss.box, one.experiment.loss.objectness)
-        for one in loss_variants(BASE)
+        name: (one.experiment.loss.box, one.experiment.loss.objectness)
+        for name, one in loss_variants(BASE).items()
     }
     assert forms == {
         "as published": ("squared", "squared"),
@@ -141,13 +138,13 @@ def test_losses_are_all_four():
 
 def test_shares_are_trained_for_as_many_steps():
     variants = share_variants(BASE, (0.25, 1.0))
-    reported = [
+    settings = [
         (one.experiment.data.training_fraction, one.epochs, one.experiment.data.augment)
-        for one in variants
+        for one in variants.values()
     ]
-    assert reported == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
-    assert variants[-1].name == UNCHANGED
-    with pytest.raises(UsageError, match="--shares: expected shares above 0, at most 1, found 2"):
+    assert settings == [(0.25, 16, True), (1.0, 4, True), (1.0, 4, False)]
+    assert list(variants)[-1] == UNCHANGED
+    with fault(UsageError, where="--shares", expected="shares above 0, at most 1", found="2"):
         share_variants(BASE, (2.0,))
 
 
@@ -161,16 +158,16 @@ def metrics_of(ap, interval=None):
 
 
 def test_tables_stand_beside_the_thesis():
-    metrics = {"sparse": metrics_of(20.0, (15, 25)), "ours": metrics_of(60.0)}
+    metrics = {"sparse": metrics_of(20.0, (15, 25)), "Trifuse": metrics_of(60.0)}
     table = precision_tables("Maps", metrics, 0.7, THESIS_B2)
     lines = [" ".join(line.split()) for line in table.splitlines()]
-    assert lines[0] == "Maps: AP R40 % on val, IoU over 0.7"
+    assert lines[0] == "Maps: AP R40 [%] on val, IoU over 0.7"
     sparse = "20.00 (15.0 to 25.0) 20.00 (15.0 to 25.0) 0.00 23.45 17.57 15.57"
     assert lines[3] == f"sparse synthetic 5 2 {sparse}"
-    assert lines[4] == "ours synthetic 5 2 60.00 60.00 0.00 - - -"
+    assert lines[4] == "Trifuse synthetic 5 2 60.00 60.00 0.00 - - -"
     times = times_table("Times", metrics, (34, 15)).splitlines()
     assert times[3].split() == ["sparse", "1.5", "20.2"]
-    assert times[-1].split() == ["thesis", "34", "15"]
+    assert times[-1].split() == ["thesis", "34.0", "15.0"]
 
 
 def test_the_command_prints_tables_and_draws(car_frames, trainings, tmp_path, capsys):
@@ -196,7 +193,6 @@ def model_of(metadata):
     return bright_cells("rm", size=(64, 96))
 
 
-@pytest.mark.usefixtures("one_torch_thread")
 def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatch):
     monkeypatch.setitem(networks.NETWORKS, "tiny", tiny_network)
     # To write a model file takes ten times as long as the rest; tests/export have that.
@@ -207,15 +203,11 @@ def test_a_tiny_training_from_frames_to_figures(car_frames, tmp_path, monkeypatc
         data=ImageDataConfig(batch_size=2, cache=tmp_path / "cache"),
     )
     variant = replace(BASE, experiment=experiment, epochs=1)
-    found = study_variants(
-        [variant],
-        VariantTrainingConfig(accelerator="cpu"),
-        evaluation_on(car_frames),
-        tmp_path / "out",
-    )
+    flags = flags_of(car_frames, accelerator="cpu")
+    found = study_variants({"base": variant}, flags, tmp_path / "out")
     assert (found["base"].epoch, found["base"].training_frames) == (1, 3)
     assert found["base"].network_ms > 0
     folder = tmp_path / "out/base"
-    assert {"best.ckpt", "detector.onnx", "settings.json", "trained.json", "figures.json"} <= {
+    assert {"best.ckpt", "detector.onnx", "settings.json", "trained.json", "metrics.json"} <= {
         file.name for file in folder.iterdir()
     }
