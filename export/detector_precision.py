@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 
-from data.true_boxes import true_boxes
 from export.parity import Network
 from export.result import ExportConfig
 from perception.detection.detectors.modalities import modality_image
 from perception.detection.detectors.modality_detector import ModalityDetector
-from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.types import Detections, Labels
 from train.detector.metrics import measure, precision_table
 
@@ -35,7 +34,7 @@ def measure_variants(
         inputs = {"pictures": detector.preprocess(image)}
         for name, network in networks.items():
             found[name].append(detector.postprocess(image, network(inputs)))
-    truths = true_boxes(labels)
+    truths = TrueBoxes.of_frames(labels)
     return {
         name: precision_table(
             measure(truths, DetectedBoxes.of_frames(of_variant), len(labels), detector.class_names)

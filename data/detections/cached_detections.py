@@ -21,10 +21,10 @@ from data.array_store import Arrays, ArrayStore, entry_key
 from data.detections.detected_frames import DetectedFrames
 from data.frame_fingerprint import code_fingerprint, frame_fingerprint
 from data.samples.config import OnBadFrame
-from data.true_boxes import true_boxes
 from perception.detection.detectors.modality_detector import ModalityDetector
 from perception.detection.fusion.detected_scene import DetectedScene, scene_of
 from perception.errors import DriveError, PerceptionError, UsageError
+from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.maps.densify import DenseMaps
 from perception.types import (
     MODALITIES,
@@ -120,7 +120,7 @@ def detect_drives(
         numbers.append(number)
     if not scenes:
         raise DriveError("detections", expected="labelled frames", found="none")
-    return DetectedFrames(tuple(scenes), true_boxes(labels), np.array(numbers, np.int64))
+    return DetectedFrames(tuple(scenes), TrueBoxes.of_frames(labels), np.array(numbers, np.int64))
 
 
 def detected_scene(

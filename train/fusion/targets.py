@@ -1,7 +1,8 @@
-"""What the fusion shall say of a combination: how far each of its boxes overlaps the object (6.5), (6.6)."""
+"""Training targets of the fusion: IoU of each box of a combination with the object (6.5), (6.6)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -13,21 +14,20 @@ from perception.detection.fusion.tri_boxes import tri_boxes
 from perception.errors import UsageError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.evaluation.detection.protocol import DONT_CARE, KITTI_CLASSES
-from perception.evaluation.rows import Rows
 from perception.geometry.box_overlap_px import intersection_over_area_px, iou_px
-from perception.types import Bool, Float32, Float64
+from perception.types import ArrayTable, Bool, Float32, Float64
 from train.fusion.augmentation import DROPPED_MODALITIES, jitter_scores
 
-_LIKE = 0.5  # overlap from which a box shows what is neither right nor wrong
+_MIN_IGNORED_IOU = 0.5  # with a neighbouring type or DontCare region, above which a box is ignored
 
 
 @dataclass(frozen=True)
 class BoxTargets:
-    """What is true of M boxes.
+    """Truth of M boxes.
 
     Attributes:
-        ious: (M,) with the label of the same type that each overlaps most, 0 without one.
-        is_used: (M,) not in a region without labels, and not of an alike type, such as Van for Car.
+        ious: (M,) largest IoU with a label of the same type, 0 without one.
+        is_used: (M,) mask of the boxes outside DontCare regions and off neighbouring types, such as Van for Car.
     """
 
     ious: Float64
@@ -35,18 +35,18 @@ class BoxTargets:
 
 
 @dataclass(frozen=True)
-class FusionRows(Rows):
-    """T combinations.
+class FusionRows(ArrayTable):
+    """T combinations of boxes.
 
     Attributes:
-        features: (T, F)
+        features: (T, F) features of each combination.
         targets: (T, 3) IoU of each box with the object, 0 where there is no box.
-        weights: (T, 3) how much each target counts.
+        weights: (T, 3) weight of each target.
     """
 
-    features: Float32
-    targets: Float32
-    weights: Float32
+    features: Annotated[Float32, ...]
+    targets: Annotated[Float32, 3]
+    weights: Annotated[Float32, 3]
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class FusionSets:
 
 
 def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
-    """Return what is true of all boxes of a scene, in the order of `DetectedScene.merged`."""
+    """Return the truth of all boxes of a scene, in the order of `DetectedScene.merged`."""
     found = scene.merged.detections
     types, true_types = _lower(found.types), _lower(truth.types)
     iou = iou_px(found.boxes_px, truth.boxes_px)
@@ -73,22 +73,25 @@ def box_targets(scene: DetectedScene, truth: TrueBoxes) -> BoxTargets:
     in_alike = np.where(is_alike.reshape(iou.shape), iou, 0.0).max(axis=1, initial=0.0)
     regions_px = truth.boxes_px[true_types == DONT_CARE]
     in_region = intersection_over_area_px(found.boxes_px, regions_px).max(axis=1, initial=0.0)
-    return BoxTargets(ious, (ious > _LIKE) | ((in_alike <= _LIKE) & (in_region <= _LIKE)))
+    return BoxTargets(
+        ious,
+        (ious > _MIN_IGNORED_IOU)
+        | ((in_alike <= _MIN_IGNORED_IOU) & (in_region <= _MIN_IGNORED_IOU)),
+    )
 
 
 def fusion_rows(
     frames: DetectedFrames, variant: FusionVariant, score_jitters: int = 0
 ) -> FusionRows:
-    """Return all combinations of all frames with what is true of them.
+    """Return all combinations of all frames with their targets.
 
-    The default also sees every frame as it would be without any one of the detectors, and all of these again
-    by detectors surer or less sure of themselves. What is not there has no target; in the thesis' variants it
-    has the target 0.
+    The default variant also gets every frame without any one of the detectors, and all of these again with jittered
+    scores. A missing box has no target; in the thesis' variants it has the target 0.
 
     Args:
-        frames: with what is true.
-        variant: what is said of a combination.
-        score_jitters: how often, for the default.
+        frames: Frames with labels.
+        variant: Features of a combination.
+        score_jitters: Number of copies with jittered scores, for the default variant.
 
     Raises:
         UsageError: there is no combination.
@@ -99,8 +102,8 @@ def fusion_rows(
     else:
         for version in (frames, *(jitter_scores(frames, seed) for seed in range(score_jitters))):
             parts += _rows_of(version, variant, 1.0)
-            for lost in DROPPED_MODALITIES:
-                parts += _rows_of(version.without(*lost), variant, 1 / len(DROPPED_MODALITIES))
+            for missing in DROPPED_MODALITIES:
+                parts += _rows_of(version.without(*missing), variant, 1 / len(DROPPED_MODALITIES))
     rows = FusionRows.concatenate(parts)
     if not len(rows):
         raise UsageError("fusion", expected="frames with detections", found="none")

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from data.frames import OnBadFrame
-from data.true_boxes import true_boxes
 from perception.detection.config import ProposalConfig
 from perception.detection.depthcn.proposal_order import ProposalOrder, order_scores
 from perception.detection.depthcn.proposals import propose
-from perception.evaluation.detection.box_rows import DetectedBoxes
+from perception.evaluation.detection.box_rows import DetectedBoxes, TrueBoxes
 from perception.evaluation.detection.proposal_recall import ProposalRecall, proposal_recall
 from perception.maps.projection import camera_of
 from perception.types import Detections, Frame, Labels, Method
@@ -87,7 +86,7 @@ def measure_recall(
     gathered = progress(run_parts(collect_proposals, tasks, workers), len(tasks))
     by_chunk = {task.chunk: frames for task, frames in gathered}
     frames = [frame for chunk in sorted(by_chunk) for frame in by_chunk[chunk]]
-    truths = true_boxes([frame.labels for frame in frames])
+    truths = TrueBoxes.of_frames([frame.labels for frame in frames])
     return [
         proposal_recall(
             truths,

@@ -2,9 +2,8 @@
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from data.samples.crops.labelled_frames import LabelledFrames, ProposalScene
 from data.samples.crops.matching import MATCHERS, VEHICLE
 from perception.detection.depthcn.windows import WindowKind, windows_px
 from perception.errors import DriveError, LabelError, PerceptionError
-from perception.types import Bool, Float32, Float64, Int, Progress
+from perception.types import ArrayTable, Bool, Float32, Float64, Int, Progress
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class CropSet:
+class CropSet(ArrayTable):
     """M crops of many frames, without their pixels.
 
     Attributes:
@@ -33,25 +32,11 @@ class CropSet:
     """
 
     frames: Int
-    windows_px: Float32
+    windows_px: Annotated[Float32, 4]
     depths_m: Float32
     is_vehicle: Bool
-    boxes_px: Float32
+    boxes_px: Annotated[Float32, 4]
     is_jittered: Bool
-
-    def __len__(self) -> int:
-        """Return M."""
-        return len(self.frames)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> Self:
-        """Return the crops of a mask, of indices, or of a slice."""
-        return type(self)(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the crops of all parts, one part after the other."""
-        names = [field.name for field in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     def of_frames(self, numbers: Int) -> Self:
         """Return the crops of some frames."""
@@ -116,7 +101,7 @@ def collect_crops(
         window = frames.config.window
         parts += [_proposed(scene, number, window), _jittered(scene, number, window, config, rng)]
     _require_vehicles(types, len(parts) // 2)
-    return CropSet.joined(parts)
+    return CropSet.concatenate(parts)
 
 
 def _require_vehicles(types: Counter[str], frames: int) -> None:

@@ -14,7 +14,6 @@ from data.samples.images.augmentation import augment
 from data.samples.images.config import ImageAugmentationConfig
 from data.samples.images.labelled_images import LabelledImages
 from data.samples.images.targets import DetectionTargets
-from data.true_boxes import true_boxes
 from perception.errors import LabelError
 from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Float64, Int, UInt8
@@ -94,7 +93,7 @@ class ImageDataset(Dataset[Sample]):
 
     def truth(self) -> TrueBoxes:
         """Return all labels in pixels of the original images, against which detections are evaluated."""
-        return true_boxes([self.frames.labels(number) for number in self.numbers.tolist()])
+        return TrueBoxes.of_frames([self.frames.labels(number) for number in self.numbers.tolist()])
 
     def require_targets(self, where: str) -> None:
         """Validate that there are targets.

@@ -5,13 +5,13 @@ As KITTI's benchmark does, training ignores neighbouring types, objects that are
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated
 
 import numpy as np
 
 from perception.detection.detectors.input_size import InputSize
 from perception.evaluation.detection.protocol import KITTI_CLASSES, Difficulty
-from perception.types import Bool, Float32, Float64, Int, Labels
+from perception.types import SHARED, ArrayTable, Bool, Float32, Float64, Int, Labels
 
 # KITTI's hard level but for the minimum height: objects just below 25 pixels look like those just above, and far
 # vehicles are that low. Lower ones show too little to be learned from.
@@ -19,7 +19,7 @@ TRAINING_DIFFICULTY = Difficulty("training", min_height_px=16, max_occlusion=2, 
 
 
 @dataclass(frozen=True)
-class DetectionTargets:
+class DetectionTargets(ArrayTable):
     """L boxes of one image.
 
     Attributes:
@@ -29,19 +29,10 @@ class DetectionTargets:
         min_height_px: Minimum height of an object that is not ignored.
     """
 
-    boxes_px: Float32
+    boxes_px: Annotated[Float32, 4]
     classes: Int
     is_ignored: Bool
-    min_height_px: float = 0.0
-
-    def __len__(self) -> int:
-        """Return L."""
-        return len(self.boxes_px)
-
-    def __getitem__(self, rows: Bool | Int | slice) -> Self:
-        """Return the boxes of a mask, of indices, or of a slice."""
-        kept = self.boxes_px[rows], self.classes[rows], self.is_ignored[rows]
-        return type(self)(*kept, self.min_height_px)
+    min_height_px: Annotated[float, SHARED] = 0.0
 
 
 def detection_targets(

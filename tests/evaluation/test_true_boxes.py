@@ -1,6 +1,6 @@
 import numpy as np
 
-from data.true_boxes import true_boxes
+from perception.evaluation.detection.box_rows import TrueBoxes
 from perception.types import Boxes3D, Labels
 
 
@@ -18,7 +18,7 @@ def labels(types: list[str], regions: int) -> Labels:
 
 
 def test_frames_follow_each_other_and_regions_their_objects():
-    rows = true_boxes([labels(["Car", "Van"], 1), labels([], 0), labels(["Car"], 2)])
+    rows = TrueBoxes.of_frames([labels(["Car", "Van"], 1), labels([], 0), labels(["Car"], 2)])
     np.testing.assert_array_equal(rows.frames, [0, 0, 0, 2, 2, 2])
     assert rows.types.tolist() == ["Car", "Van", "DontCare", "Car", "DontCare", "DontCare"]
     np.testing.assert_array_equal(rows.boxes_px[:, 0], [0, 4, 77, 0, 77, 77])
@@ -28,5 +28,5 @@ def test_frames_follow_each_other_and_regions_their_objects():
 
 
 def test_no_frames_and_no_labels_are_no_rows():
-    assert len(true_boxes([])) == 0
-    assert len(true_boxes([labels([], 0)])) == 0
+    assert len(TrueBoxes.of_frames([])) == 0
+    assert len(TrueBoxes.of_frames([labels([], 0)])) == 0
