@@ -5,7 +5,7 @@
     folder/.part-.../                   an entry that a process is writing; renamed when it is whole
 
 It is a cache. What it holds can be made again, so that any part of it may be deleted at any time, and an
-entry that is missing, damaged or gone is made anew.
+entry that is missing, damaged or gone is computed again.
 """
 
 import errno
@@ -33,7 +33,7 @@ Arrays = Mapping[str, NDArray[Any]]
 _PART = ".part-"
 _ABANDONED_S = 3600.0  # a part as old as this is of a process that died
 _MAPPED_BYTES = 1 << 16  # smaller arrays are read outright: a map costs a file handle
-_RESCAN_SHARE = 0.02  # share of the budget that is written between two looks at the whole folder
+_RESCAN_SHARE = 0.02  # share of the budget that is written between two scans of the whole folder
 
 
 def default_folder() -> Path:
@@ -55,15 +55,17 @@ class ArrayStore:
         """Open or make the folder.
 
         Args:
-            folder: where; else the user's cache folder.
-            budget_bytes: what is unused for the longest time is deleted where there is more.
+            folder: Folder; else the user's cache folder.
+            budget_bytes: Size in bytes, beyond which the least recently used entries are deleted.
 
         Raises:
             UsageError: the folder cannot be written to, or the budget is not above zero.
         """
         self.folder = default_folder() if folder is None else folder
         self.budget_bytes = budget_bytes
-        self._unscanned_bytes = budget_bytes  # so that the first entry has a look at the folder
+        self._unscanned_bytes = (
+            budget_bytes  # so that the first entry triggers a scan of the folder
+        )
         if budget_bytes <= 0:
             found = f"{budget_bytes} bytes"
             raise UsageError("budget of the cache", expected="above zero", found=found)

@@ -19,7 +19,7 @@ _WHITE_ELECTRONS, _READING_ELECTRONS = 10_000.0, 5.0
 
 
 def darken(frame: Frame, stops: float, rng: np.random.Generator) -> Frame:
-    """Take an image of half the light so many times over, with the noise of so few electrons.
+    """Darken an image by stops of half the light each, with the shot noise of the remaining electrons.
 
     Light arrives electron by electron, so that their number varies by its root (EMVA 1288, 2.2).
 
@@ -67,7 +67,7 @@ def rotate_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator)
 
 
 def shift_calibration(frame: Frame, shift_px: float, rng: np.random.Generator) -> Frame:
-    """Believe the scan shifted in the image by so many pixels, in any direction.
+    """Shift the calibration so that the scan moves in the image by some pixels, in a random direction.
 
     Raises:
         CalibrationError: the frame has no camera.

@@ -30,14 +30,14 @@ Inputs = dict[str, NDArray[Any]]
 
 # Of probabilities, and of pixels, as windows near the camera are some thousand pixels wide.
 TOLERANCES = {"scores": 1e-4, "boxes_px": 0.02}
-# No rows and one, which exporters like to get wrong, and as many as frames have candidates.
+# No rows and one, which exporters often get wrong, and as many as frames have proposals.
 _NOISE_ROWS = (0, 1, 2, 40)
 _BLOCK_PX = 2  # divides both edges of a crop
 _CALIBRATION_FRAMES = 8
 
 
 class Probabilities(nn.Module):
-    """A verifier that says how likely a vehicle is, in place of a logit."""
+    """A verifier that returns probabilities instead of logits."""
 
     def __init__(self, verifier: VehicleVerifier) -> None:
         super().__init__()
@@ -50,13 +50,13 @@ class Probabilities(nn.Module):
 
 
 def export_verifier(config: ExportConfig) -> ExportResult:
-    """Make the files of a checkpoint, and show them and the checkpoint noise and candidates of a drive.
+    """Make the model files of a checkpoint, and compare them on noise and on proposals of a drive.
 
-    The scales of an 8-bit form are those of the candidates. It is for comparison alone.
+    The scales of the 8-bit variant are calibrated on the proposals. It is for comparison alone.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
-        UsageError: another size than the network's is asked for, or 8 bits without a candidate in any frame.
+        UsageError: another size than the network's is asked for, or 8 bits without a proposal in any frame.
     """
     if config.size is not None:
         raise UsageError("size", expected="none, as crops have one size", found=str(config.size))
@@ -95,7 +95,7 @@ def export_verifier(config: ExportConfig) -> ExportResult:
 
 
 def exportable_verifier(checkpoint: Path) -> Exportable:
-    """Return the network of a checkpoint with all that its file says.
+    """Return the network of a checkpoint with the metadata of its model file.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
@@ -114,7 +114,7 @@ def exportable_verifier(checkpoint: Path) -> Exportable:
 def random_inputs(channels: int, rows: int, generator: np.random.Generator) -> Inputs:
     """Return crops of blocks of noise, and windows somewhere in an image of KITTI's size.
 
-    Blocks, since noise of single pixels is the same to a network wherever it looks.
+    Blocks, since noise of single pixels looks the same to a network everywhere.
     """
     blocks = (rows, channels, CROP_HEIGHT_PX // _BLOCK_PX, CROP_WIDTH_PX // _BLOCK_PX)
     brightness = generator.integers(0, 256, blocks, dtype=np.uint8)
@@ -127,7 +127,7 @@ def random_inputs(channels: int, rows: int, generator: np.random.Generator) -> I
 
 
 def crop_inputs(detector: DepthCn, frames: Iterable[Frame], sensor: LidarModel) -> Iterator[Inputs]:
-    """Yield what the detector shows its network of each frame that has candidates."""
+    """Yield the network's inputs of each frame that has proposals."""
     for frame in frames:
         dense = densify(project_frame(frame))
         windows = detector.verify_frame(frame, dense).windows_px

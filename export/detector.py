@@ -24,24 +24,24 @@ from perception.types import UInt8
 from train.detector.networks import load_detector
 from train.networks.yolo_detector import YoloDetector
 
-# Of probabilities, and of pixels, as boxes may be as large as the picture.
+# Of probabilities, and of pixels, as boxes may be as large as the image.
 TOLERANCES = {"scores": 1e-4, "boxes_px": 0.05}
 # What flows from convolution to convolution must not leave the integers on its way. The first convolution
 # has too few channels for their kernels: as it is, it is faster, and no 0.3 points of precision are lost on
-# it. So is the last: of what it says, 8 bits would be centres of boxes to no more than a fraction of a cell.
+# it. So is the last: 8 bits would quantize the centres of boxes to a coarse fraction of a cell.
 QUANTIZATION = QuantizationConfig(
     layers=("Conv", "Relu", "LeakyRelu", "Add", "Resize", "MaxPool", "Concat"), ends="Conv"
 )
 FP32, INT8 = "fp32", "int8"
 _MAX_LOST = 1.0  # points of average precision in percent, moderate, that 8 bits may cost
 _NOISE_ROWS = (1, 2, 3)
-_BLOCK_PX = 8  # divides every size; noise of single pixels is the same wherever a network looks
+_BLOCK_PX = 8  # divides every size; noise of single pixels looks the same to a network everywhere
 _CALIBRATION_FRAMES = 32
 _COMPARED_FRAMES = 8
 
 
 class DecodedDetector(nn.Module):
-    """A detector that says boxes and scores in place of raw predictions."""
+    """A detector that returns boxes and scores instead of raw predictions."""
 
     def __init__(self, detector: YoloDetector) -> None:
         super().__init__()
@@ -54,7 +54,7 @@ class DecodedDetector(nn.Module):
 
 
 def export_detector(config: ExportConfig) -> ExportResult:
-    """Make the files of a checkpoint, show all forms the same pictures, and choose one.
+    """Make the model files of a checkpoint, compare all variants on the same images, and choose one.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
@@ -104,12 +104,12 @@ def export_detector(config: ExportConfig) -> ExportResult:
 
 
 def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Exportable:
-    """Return the network of a checkpoint with all that its file says.
+    """Return the network of a checkpoint with the metadata of its model file.
 
     Args:
-        checkpoint: that training wrote.
-        size: of the pictures that the file shall take; None as it was trained. A network finds objects of
-            the pixels that it learned, so anchors stay as they are.
+        checkpoint: Checkpoint of a training.
+        size: Size of the input of the model file; None for that of the training. A network finds objects of
+            the sizes in pixels that it was trained on, so anchors stay as they are.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
@@ -127,7 +127,7 @@ def exportable_detector(checkpoint: Path, size: InputSize | None = None) -> Expo
 
 
 def random_images(rows: int, shape: tuple[int, ...], generator: np.random.Generator) -> UInt8:
-    """Return (rows, C, h, w) pictures of blocks of noise for a shape (C, h, w)."""
+    """Return (rows, C, h, w) images of blocks of noise for a shape (C, h, w)."""
     channels, height, width = shape
     blocks = (rows, channels, height // _BLOCK_PX, width // _BLOCK_PX)
     brightness = generator.integers(0, 256, blocks, dtype=np.uint8)

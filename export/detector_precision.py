@@ -19,9 +19,9 @@ def measure_variants(
     """Return average precision in percent by form, class and overlap, and difficulty.
 
     Args:
-        config: whose drive is looked at; without one, or without labels, nothing is measured.
-        networks: the forms by name.
-        detector: one of them, whose pictures and classes are those of all.
+        config: Export with its drive; without one, or without labels, nothing is measured.
+        networks: Variants by name.
+        detector: One of them, whose input and classes all share.
     """
     drive = config.drive
     if drive is None or not drive.has_labels:

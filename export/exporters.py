@@ -1,4 +1,4 @@
-"""Which networks become files, by what their checkpoints say that they are of."""
+"""Exporters of all networks, by the kind of model that their checkpoints state."""
 
 from collections.abc import Callable, Mapping
 
@@ -22,7 +22,7 @@ def export_network(config: ExportConfig) -> ExportResult:
 
     Raises:
         ModelError: it is damaged, or of a network that is not known.
-        UsageError: what is asked for does not go with the network.
+        UsageError: a setting does not apply to the network.
     """
     kind = str(model_of(read_checkpoint(config.checkpoint, *EXPORTERS)))
     return EXPORTERS[kind](config)

@@ -36,11 +36,11 @@ class NamedScores(nn.Module):
 def export_fusion(config: ExportConfig) -> ExportResult:
     """Make the file of a checkpoint, and show it and the checkpoint the same features.
 
-    Its scores are not calibrated; training does that, by detections that were not learned from.
+    Its scores are not calibrated; training calibrates them on held-out detections.
 
     Raises:
         ModelError: the checkpoint is damaged, or of another network.
-        UsageError: a size of pictures is asked for, or 8 bits.
+        UsageError: an input size or 8 bits are asked for.
     """
     if config.int8 or config.size is not None:
         raise UsageError(
@@ -50,7 +50,7 @@ def export_fusion(config: ExportConfig) -> ExportResult:
     rng = np.random.default_rng(0)
     lows, scales = network.lows.numpy(), network.scales.numpy()
     spans = np.where(scales > 0, 2 / np.where(scales > 0, scales, 1), 0)
-    # Within the range of what it learned from, and a little beyond.
+    # Within the range of the training features, and a little beyond.
     batches = [
         {"features": (lows + spans * rng.uniform(-0.1, 1.1, (n, len(lows)))).astype(np.float32)}
         for n in _ROWS

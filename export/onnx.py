@@ -1,4 +1,4 @@
-"""From a torch module to an ONNX file that says what it is."""
+"""Conversion of a torch module to an ONNX file with metadata."""
 
 import io
 import logging
@@ -24,10 +24,10 @@ class Exportable:
     """A network and how a file shall offer it.
 
     Attributes:
-        module: ready to judge; takes the inputs in their order, returns a tensor for each output.
-        inputs: an example of each by name, (M, ...) with the same M of at least 2. M is free in the file.
-        outputs: names.
-        metadata: what the file says of itself.
+        module: Module in evaluation mode; takes the inputs in their order, returns a tensor for each output.
+        inputs: Example of each input by name, (M, ...) with the same M of at least 2. M is free in the file.
+        outputs: Names of the outputs.
+        metadata: Metadata of the model file.
     """
 
     module: nn.Module
@@ -65,7 +65,7 @@ def to_onnx(exportable: Exportable) -> bytes:
 
 
 def _require_free_rows(model: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
-    """Refuse a graph to which the exporter, without a word, gave the number of rows of the examples."""
+    """Validate that the exporter did not fix the number of rows to that of the examples."""
     for entry in model.graph.input:
         if not entry.type.tensor_type.shape.dim[0].dim_param:
             raise ModelError(
@@ -77,7 +77,7 @@ def _require_free_rows(model: Any) -> None:  # noqa: ANN401 - made by protobuf, 
 
 
 def _forget_source(model: Any) -> None:  # noqa: ANN401 - made by protobuf, without types
-    """Drop what the exporter notes of the lines of Python, with paths of whoever exported."""
+    """Drop the exporter's notes on Python lines, which hold paths of this machine."""
     for part in (model.graph, *model.graph.node, *model.graph.input, *model.graph.output):
         del part.metadata_props[:]
         part.doc_string = ""

@@ -1,4 +1,4 @@
-"""Does the file say what the network said: the same inputs through both, the largest difference out."""
+"""Parity of a model file with its checkpoint: the largest difference of the outputs for the same inputs."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ class Parity:
     """How far two forms of a network are apart.
 
     Attributes:
-        rows: how many were compared.
-        largest: by output the largest difference of a number.
+        rows: Number of rows that were compared.
+        largest: Largest difference of each output.
     """
 
     rows: int
     largest: dict[str, float]
 
     def require(self, tolerances: Mapping[str, float], where: str) -> None:
-        """Refuse what is farther apart than it may be.
+        """Validate that the differences are within their tolerances.
 
         Raises:
             ModelError: an output is.

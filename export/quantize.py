@@ -34,10 +34,10 @@ class QuantizationConfig:
     """What of a network becomes 8-bit, and by which scales.
 
     Attributes:
-        layers: types of operators; the rest stays as it is, the decoding of boxes above all.
-        ends: type of the operator of which the first one stays as it is, and the last one with all that
+        layers: Types of operators to quantize; the rest, such as the decoding of boxes, stays in full precision.
+        ends: Type of the operator of which the first one stays in full precision, and the last one with all that
             follows from it; None for no such type.
-        scales: from the range of all that flows between the layers, or of most of it.
+        scales: Scales from the range of all activations, minmax, or of most of them, percentile.
     """
 
     layers: tuple[str, ...] = ("Conv", "Gemm", "MatMul")  # where the time goes
@@ -62,7 +62,7 @@ def to_int8(
         # It advises through the root logger, and prints what it goes through.
         logger.setLevel(logging.ERROR)
         try:
-            # The shapes that torch notes are enough; to find them anew fails on detectors.
+            # The shapes that torch notes suffice; inferring them again fails on detectors.
             quant_pre_process(plain, prepared, skip_symbolic_shape=True)
             with redirect_stdout(io.StringIO()):
                 quantize_static(
@@ -82,7 +82,7 @@ def to_int8(
 
 
 def _with_metadata(file: Path, quantization: QuantizationConfig) -> bytes:
-    """Return a file that says of itself what it was made into."""
+    """Return a file with the quantization in its metadata."""
     made = onnx.load(file)
     metadata = {entry.key: entry.value for entry in made.metadata_props}
     onnx.helper.set_model_props(made, metadata | {"form": f"int8 {quantization.scales}"})

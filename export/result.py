@@ -31,12 +31,12 @@ class ExportConfig:
     """What is asked for.
 
     Attributes:
-        checkpoint: that training wrote.
-        drive: whose frames all forms are shown, or None.
-        frames: of the drive at most, spread evenly over it.
-        int8: whether an 8-bit form is wanted, too.
-        size: of the pictures that the file shall take, where that may be chosen; None as it was trained.
-        progress: shows how far it is.
+        checkpoint: Checkpoint of a training.
+        drive: Drive whose frames all variants are compared on, or None.
+        frames: Maximum number of frames, spread evenly over the drive.
+        int8: Whether to make an 8-bit variant.
+        size: Size of the input of the model file, where it may be chosen; None for that of the training.
+        progress: Wrapper of the loop over frames that shows its progress.
     """
 
     checkpoint: Path
@@ -50,8 +50,8 @@ class ExportConfig:
         """Yield frames of the drive, none without one.
 
         Args:
-            what: is done with them.
-            most: of them, where fewer do.
+            what: Description of the loop.
+            most: Maximum number of frames, where it is less than the export's.
 
         Raises:
             PerceptionError: a frame cannot be read.
@@ -69,8 +69,8 @@ class ChosenVariant:
     """Which of several forms is the one to use.
 
     Attributes:
-        variant: its name.
-        reason: in words.
+        variant: Name of the variant.
+        reason: Reason in words.
     """
 
     variant: str
@@ -82,13 +82,13 @@ class ExportResult:
     """A network as files, and how they compare with it.
 
     Attributes:
-        metadata: what the files say of themselves.
-        models: their content by the name of their form: fp32, and the best of int8 where asked for.
-        variants: torch and all that were tried.
-        tolerances: by output, how far the file in full precision may be from the checkpoint.
-        choice: which one is best.
-        timed_input: what the forms were timed with, in words.
-        opset: of ONNX that they are written in.
+        metadata: Metadata of the model files.
+        models: Content of the model files by variant: fp32, and the best of int8 where asked for.
+        variants: Torch and all variants that were tried.
+        tolerances: Largest allowed difference of the file in full precision, by output.
+        choice: Best variant.
+        timed_input: Input that the variants were timed with, in words.
+        opset: Opset of ONNX.
     """
 
     metadata: dict[str, str]
@@ -100,7 +100,7 @@ class ExportResult:
     opset: int = OPSET
 
     def require_parity(self, where: str) -> None:
-        """Refuse a file in full precision that does not say what the checkpoint says.
+        """Validate that the file in full precision agrees with the checkpoint.
 
         Raises:
             ModelError: an output is too far from it.

@@ -13,9 +13,9 @@ class ModelVariant:
     """One form of a network.
 
     Attributes:
-        size_bytes: of its file; None of torch.
-        fastest_ms: for one batch.
-        parity: by kind of input how far it is from torch; empty of torch.
+        size_bytes: Size of the file; None of torch.
+        fastest_ms: Shortest time of one batch in ms.
+        parity: Parity with torch by kind of input; empty of torch.
         precision: average precision in percent by class and overlap, then by difficulty; empty where it
             was not measured.
     """
@@ -35,10 +35,10 @@ def compare_variants(
     """Return the forms by name, `torch` first.
 
     Args:
-        exportable: the network in torch.
-        models: size in bytes of the other forms, and how to run them.
-        inputs: batches by their kind.
-        timed: the batch that all are timed with, taking turns.
+        exportable: Network in torch.
+        models: Size in bytes of the other variants, and how to run them.
+        inputs: Batches by their kind.
+        timed: Batch that all are timed with in turn.
     """
     torch_network = torch_runner(exportable)
     networks = {"torch": torch_network} | {name: run for name, (_, run) in models.items()}

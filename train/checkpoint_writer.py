@@ -47,7 +47,7 @@ class AtomicCheckpointIO(TorchCheckpointIO):
 
 
 def require_same_network(checkpoint: Path, module: LightningModule) -> None:
-    """Refuse to go on from a checkpoint of another network.
+    """Validate that a checkpoint is of the same network.
 
     Raises:
         ModelError: where it is missing, damaged, of another model, or its weights have other sizes.

@@ -18,8 +18,8 @@ class AnchorFit:
     """Anchors and how well they fit.
 
     Attributes:
-        anchors_px: (A, 2) widths and heights, small to large.
-        mean_iou: of every label with its best anchor, both laid on one corner.
+        anchors_px: (A, 2) widths and heights in pixels, small to large.
+        mean_iou: Mean IoU of each label with its best anchor, both with one common corner.
     """
 
     anchors_px: Float64
@@ -30,9 +30,9 @@ def fit_anchors(sizes_px: Float64, count: int, rng: np.random.Generator) -> Anch
     """Return the anchors that labels gather around.
 
     Args:
-        sizes_px: (N, 2) widths and heights of labels at the scale of the network's input.
-        count: of anchors.
-        rng: draws the first anchors.
+        sizes_px: (N, 2) widths and heights of labels in pixels of the network's input.
+        count: Number of anchors.
+        rng: Random generator of the first anchors.
 
     Raises:
         LabelError: fewer different sizes than anchors, or sizes that are not over zero.
@@ -76,7 +76,7 @@ def _nearest(sizes_px: Float64, anchors: Float64) -> Int:
 
 
 def _means(sizes_px: Float64, anchors: Float64, nearest: Int) -> Float64:
-    """Return the mean size of each cluster; an empty one starts anew at the label that fits worst."""
+    """Return the mean size of each cluster; an empty one restarts at the label that fits worst."""
     counts = np.bincount(nearest, minlength=len(anchors))
     sums = np.stack(
         [np.bincount(nearest, weights=side, minlength=len(anchors)) for side in sizes_px.T], axis=1

@@ -1,4 +1,4 @@
-"""How well a detector sees, by KITTI's measure, over the validation pictures of all processes."""
+"""Metrics of a detector: KITTI's average precision over the validation images of all processes."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ from perception.evaluation.detection.protocol import (
 from perception.types import Detections, Int
 
 LOOSE_IOU = 0.5
-_COLUMNS = 8  # number of the picture, process, class, score, x1 y1 x2 y2
+_COLUMNS = 8  # number of the image, process, class, score, x1 y1 x2 y2
 
 
 class ValidationBoxes(Metric):
@@ -40,9 +40,9 @@ class ValidationBoxes(Metric):
         """Take a batch.
 
         Args:
-            found: in each picture, in pixels of the input.
-            numbers: (B,) of the pictures within the validation set.
-            process: which one saw them.
+            found: Detections in each image, in pixels of the input.
+            numbers: (B,) numbers of the images in the validation set.
+            process: Rank of the process.
         """
         for number, one in zip(numbers.tolist(), found, strict=True):
             rows = np.empty((len(one), _COLUMNS))
@@ -57,11 +57,11 @@ class ValidationBoxes(Metric):
         return torch.cat(rows) if isinstance(rows, list) else rows
 
     def gathered(self, size: InputSize, image_sizes_px: Int) -> DetectedBoxes:
-        """Return them in pixels of the pictures as they were taken, each picture's from one process.
+        """Return them in pixels of the original images, each image's from one process.
 
         Args:
-            size: of the input.
-            image_sizes_px: (F, 2) width and height of the F pictures of the validation set.
+            size: Size of the input.
+            image_sizes_px: (F, 2) width and height of the F images of the validation set.
         """
         rows = np.asarray(self.compute().cpu().numpy(), np.float64)
         numbers, processes = rows[:, :2].T.astype(np.int64)

@@ -1,4 +1,4 @@
-"""Training at several input sizes, so that the network learns objects at several scales.
+"""Multi-scale training: several input sizes, so that the network learns objects at several scales.
 
 Every tenth batch draws a new size, as in Redmon and Farhadi, "YOLO9000: better, faster, stronger", CVPR 2017,
 "Multi-scale training". There all are square; here they keep the shape of the size that the detector is for.
@@ -50,11 +50,11 @@ def size_of_batch(
 
 
 def resize_images(images: Tensor, size: InputSize, interpolation: Interpolation) -> Tensor:
-    """Return float pictures (B, C, H, W) of another size.
+    """Return float images (B, C, H, W) of another size.
 
     Args:
-        images: of 0..255.
-        size: wanted.
+        images: Images of 0..255.
+        size: Size to return.
         interpolation: `nearest` for maps, where a mean of two depths is a place where nothing is.
     """
     if interpolation == "nearest":
@@ -63,7 +63,7 @@ def resize_images(images: Tensor, size: InputSize, interpolation: Interpolation)
 
 
 def resize_labels(labels: BatchLabels, before: InputSize, after: InputSize) -> BatchLabels:
-    """Return the labels of pictures whose size has changed."""
+    """Return the labels of images whose size has changed."""
     across, down = after.width_px / before.width_px, after.height_px / before.height_px
     scale = labels.boxes_px.new_tensor([across, down, across, down])
     return labels._replace(boxes_px=labels.boxes_px * scale)

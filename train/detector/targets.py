@@ -1,4 +1,4 @@
-"""Which cell and which anchor answer for a label, and what they should say.
+"""Assignment of labels to predictions: the responsible cell and anchor of each label, and its targets.
 
 The cell that holds the label's centre answers, with the anchor of the most similar shape. Where two labels of one
 cell want the same anchor, the one that fits it better has it, and the other takes the next best that is free:
@@ -13,12 +13,12 @@ from torch import Tensor
 
 
 class ImageLabels(NamedTuple):
-    """What is to be found in one picture.
+    """Targets of one image.
 
     Attributes:
         boxes_px: (M, 4) x1 y1 x2 y2 in pixels of the network's input.
         classes: (M,) indices into the detector's class names.
-        is_ignored: (M,) areas in which a detection is neither right nor wrong, such as KITTI's DontCare.
+        is_ignored: (M,) mask of the areas in which detections are neither right nor wrong, such as KITTI's DontCare.
     """
 
     boxes_px: Tensor
@@ -27,12 +27,12 @@ class ImageLabels(NamedTuple):
 
 
 class BatchLabels(NamedTuple):
-    """The labels of B pictures, filled up to L each with boxes of zero size, which nothing answers for.
+    """Targets of B images, padded to L each with boxes of zero size, which are never assigned.
 
     Attributes:
-        boxes_px: (B, L, 4)
-        classes: (B, L)
-        is_ignored: (B, L)
+        boxes_px: (B, L, 4) x1 y1 x2 y2 in pixels of the network's input.
+        classes: (B, L) indices into the class names.
+        is_ignored: (B, L) mask of the ignored areas.
     """
 
     boxes_px: Tensor
@@ -44,9 +44,9 @@ class PredictionGrid(NamedTuple):
     """Cells over the input.
 
     Attributes:
-        rows: of cells.
-        columns: of cells.
-        stride_px: width and height of one.
+        rows: Number of rows of cells.
+        columns: Number of columns of cells.
+        stride_px: Width and height of a cell in pixels.
     """
 
     rows: int
@@ -58,15 +58,15 @@ class GridTargets(NamedTuple):
     """N predictions that answer for a label.
 
     Attributes:
-        image: (N,) number of the picture in the batch.
-        anchor: (N,)
-        row: (N,)
-        column: (N,)
-        boxes_px: (N, 4) the label's x1 y1 x2 y2.
+        image: (N,) number of the image in the batch.
+        anchor: (N,) anchor.
+        row: (N,) row of the cell.
+        column: (N,) column of the cell.
+        boxes_px: (N, 4) x1 y1 x2 y2 of the label.
         offsets: (N, 4) centre within the cell 0..1, and logarithms of width and height over the anchor's.
-        classes: (N,)
-        area_shares: (N,) of the label's box in the picture.
-        unassigned: labels outside the picture, of no size, or in a cell whose anchors are all taken.
+        classes: (N,) class index.
+        area_shares: (N,) area of the label's box as a fraction of the image.
+        unassigned: Number of labels outside the image, of no size, or in a cell whose anchors are all taken.
     """
 
     image: Tensor
@@ -81,7 +81,7 @@ class GridTargets(NamedTuple):
 
 
 def pad_labels(labels: Sequence[ImageLabels]) -> BatchLabels:
-    """Return the labels of several pictures as one batch."""
+    """Return the labels of several images as one batch."""
     padded = [
         torch.nn.utils.rnn.pad_sequence(list(parts), batch_first=True)
         for parts in zip(*labels, strict=True)
@@ -99,9 +99,9 @@ def assign_targets(labels: BatchLabels, anchors_px: Tensor, grid: PredictionGrid
     """Return what answers for the labels of a batch.
 
     Args:
-        labels: of B pictures.
-        anchors_px: (A, 2) widths and heights.
-        grid: of the predictions.
+        labels: Labels of B images.
+        anchors_px: (A, 2) widths and heights of the anchors.
+        grid: Grid of the predictions.
     """
     centers = (labels.boxes_px[..., :2] + labels.boxes_px[..., 2:]) / 2
     extent_px = centers.new_tensor([grid.columns, grid.rows]) * grid.stride_px
@@ -142,7 +142,7 @@ def _assign_anchors(overlaps: Tensor, cell: Tensor) -> Tensor:
     Every round serves at least one label of each cell, hence as many rounds as anchors.
 
     Args:
-        overlaps: (N, A) of the labels' shapes with the anchors.
+        overlaps: (N, A) IoU of the labels' shapes with the anchors.
         cell: (N,) number of the cell of each label.
     """
     _, cell = torch.unique(cell, return_inverse=True)

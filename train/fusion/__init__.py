@@ -1,1 +1,1 @@
-"""How the joint rescoring of three modalities is learned (6.2.4, 7.2.2)."""
+"""Training of the joint rescoring of three modalities (6.2.4, 7.2.2)."""

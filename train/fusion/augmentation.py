@@ -1,4 +1,4 @@
-"""Frames as they might also have been seen: without a detector, or by surer and less sure ones.
+"""Augmentation of the fusion's frames: dropped modalities and jittered scores.
 
 On roads that they have not learned from, detectors differ in how far their scores are to be believed. A fusion that
 has seen every detector doubted rests more on what they agree on, and on what is at the distance of a box.
@@ -13,7 +13,7 @@ from perception.detection.fusion.detected_scene import DetectedScene
 from perception.detection.fusion.score_calibration import BetaCalibration
 from perception.types import Modality
 
-# What may be lost where two views stay; of one alone there is nothing to learn.
+# Modalities that are dropped; with a single one left there is nothing to fuse.
 DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
 # By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
 _MAX_STRETCH, _SHIFT = 0.15, 0.45

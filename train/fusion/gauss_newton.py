@@ -25,8 +25,8 @@ class LayerFactors:
     """How the residuals of R rows go with the parameters of a layer of W neurons.
 
     Attributes:
-        back: (outputs, W, R) derivatives of the residuals by what comes into the neurons.
-        values: (V, R) what goes into the layer, the last of them 1 for the bias.
+        back: (outputs, W, R) derivatives of the residuals by the inputs of the neurons.
+        values: (V, R) inputs of the layer, the last of them 1 for the bias.
     """
 
     back: Tensor
@@ -35,12 +35,12 @@ class LayerFactors:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """P pairs of A and B things; of the same things, each two of them once.
+    """P pairs of A and B items; of the same items, each unordered pair once.
 
     Attributes:
-        first: (P,)
-        second: (P,)
-        number: (A, B) which pair is of these two.
+        first: (P,) first item of each pair.
+        second: (P,) second item of each pair.
+        number: (A, B) number of the pair of two items.
     """
 
     first: Tensor
@@ -68,9 +68,9 @@ class _Block:
         """Begin with no rows.
 
         Args:
-            one: (W, V) of the first layer, a bias among the values.
-            other: of the second.
-            is_same: whether it is the same layer.
+            one: (W, V) shape of the first layer, with a bias among the values.
+            other: Shape of the second layer.
+            is_same: Whether both are the same layer.
         """
         self._neurons = _Pairs.of(one[0], other[0], is_same=is_same)
         self._values = _Pairs.of(one[1], other[1], is_same=is_same)
@@ -113,7 +113,7 @@ class GaussNewtonSums:
         self._count = int(ends[-1])
 
     def add(self, residuals: Tensor, factors: Sequence[LayerFactors]) -> None:
-        """Add R rows, told by their (outputs, R) residuals and the factors of each layer."""
+        """Add R rows by their (outputs, R) residuals and the factors of each layer."""
         for slope, factor in zip(self._slopes, factors, strict=True):
             slope.addmm_((factor.back * residuals[:, None]).sum(dim=0), factor.values.T)
         for (one, other), block in self._blocks.items():

@@ -13,11 +13,11 @@ from train.fusion.levenberg_marquardt import NormalEquations
 from train.fusion.mlp import RescoringMlp
 from train.fusion.targets import FusionRows
 
-_ROWS_AT_ONCE = 512  # so that what is made of them stays in the cache
+_ROWS_AT_ONCE = 512  # so that intermediate results stay in the processor's cache
 
 
 class MlpLeastSquares:
-    """Weighted squares of what a network says less its targets, over its P parameters as one vector.
+    """Weighted squared errors of a network, over its P parameters as one vector.
 
     In double precision: the curvature has eigenvalues of many magnitudes.
     """
@@ -45,7 +45,7 @@ class MlpLeastSquares:
         return found
 
     def residuals_of(self, parameters: Tensor) -> Tensor:
-        """Return the same of a tensor, for whoever wants its derivatives by torch."""
+        """Return the residuals of a tensor, for derivatives by torch."""
         *_, says = self._layers(self._named(parameters), self._inputs)
         return ((says - self._targets) * self._roots).reshape(-1)
 
@@ -66,7 +66,7 @@ class MlpLeastSquares:
     def _factors(
         self, weights: dict[str, Tensor], inputs: list[Tensor], says: Tensor, roots: Tensor
     ) -> list[LayerFactors]:
-        """Return the factors of R rows for each layer, told what goes into each."""
+        """Return the factors of R rows for each layer, from the inputs of each."""
         slopes = says * (1 - says) if self._bends_output else torch.ones_like(says)
         # How each output goes with what comes into its bend, and with no other's.
         back = (slopes * roots).diag_embed().permute(1, 2, 0).contiguous()

@@ -1,1 +1,1 @@
-"""Networks as plain modules of torch; whoever trains them is elsewhere."""
+"""Networks as plain torch modules, independent of their training."""

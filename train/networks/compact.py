@@ -49,7 +49,7 @@ class Residual(nn.Module):
 
 
 class CompactTrunk(nn.Module):
-    """Down to a thirty-second, and back up to an eighth with what was seen from afar."""
+    """Backbone down to 1/32 of the input, and a neck back up to 1/8."""
 
     def __init__(
         self,
@@ -97,11 +97,11 @@ class CompactDetector(YoloDetector):
         """Build it with random weights.
 
         Args:
-            class_names: what it detects.
-            anchors_px: widths and heights of boxes to correct, at the input's scale.
+            class_names: Classes to detect.
+            anchors_px: Widths and heights of the anchors in pixels of the input.
             channels: 3, or 1 for maps.
-            widths: channels at a half, a quarter, an eighth, a sixteenth and a thirty-second of the input.
-            residuals: how many at an eighth, a sixteenth and a thirty-second.
+            widths: Channels at 1/2, 1/4, 1/8, 1/16 and 1/32 of the input.
+            residuals: Number of residual blocks at 1/8, 1/16 and 1/32.
         """
         trunk = CompactTrunk(channels, widths, residuals)
         head = YoloHead(trunk.out_channels, STRIDE_PX, anchors_px, class_names, _FIRST_SCORE)

@@ -37,8 +37,8 @@ class Darknet19(nn.Module):
     """The 18 convolutions before the classifier, in two parts.
 
     Attributes:
-        fine: picture to (B, 512, H / 16, W / 16).
-        coarse: this to (B, 1024, H / 32, W / 32).
+        fine: Image to (B, 512, H / 16, W / 16).
+        coarse: Fine map to (B, 1024, H / 32, W / 32).
     """
 
     def __init__(self, channels: int = 3) -> None:
@@ -61,8 +61,8 @@ def units(channels_in: int, stage: tuple[tuple[int, int], ...]) -> list[Convolut
     """Return convolutions one behind the other.
 
     Args:
-        channels_in: of the map before them.
-        stage: output channels and kernel size of each.
+        channels_in: Channels of the input.
+        stage: Output channels and kernel size of each.
     """
     inputs = [channels_in, *(channels for channels, _ in stage[:-1])]
     return [

@@ -1,4 +1,4 @@
-"""The networks that say whether a window shows a vehicle: that of the thesis, and the default.
+"""The networks that classify proposals and regress their boxes: that of the thesis, and the default.
 
 Both take M crops of 66 x 112 pixels with values 0..255 as `perception.detection.depthcn.image` makes them,
 and the windows (M, 4) that they were cut from; both return M logits of a vehicle and M boxes in pixels.
@@ -18,7 +18,7 @@ from perception.errors import ModelError
 from perception.types import Method
 from train.checkpoints import read_checkpoint, weights_of
 
-MODEL = KIND  # what the checkpoints say that they are of
+MODEL = KIND  # kind of model in checkpoints and model files
 
 
 class VehicleVerifier(nn.Module, ABC):
@@ -29,11 +29,11 @@ class VehicleVerifier(nn.Module, ABC):
         """Return (M,) logits and (M, 4) boxes x1 y1 x2 y2 as shares of the window."""
 
     def forward(self, crops: Tensor, windows_px: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M,) logits and (M, 4) boxes in pixels of the picture.
+        """Return (M,) logits and (M, 4) boxes in pixels of the image.
 
         Args:
-            crops: (M, C, 66, 112), uint8 or float, 0..255.
-            windows_px: (M, 4) x1 y1 x2 y2 that they were cut from.
+            crops: (M, C, 66, 112) crops, uint8 or float, 0..255.
+            windows_px: (M, 4) x1 y1 x2 y2 of the crops in the image.
         """
         logits, shares = self.heads(crops)
         origin_px = windows_px[:, :2]
@@ -51,7 +51,7 @@ class ThesisVerifier(VehicleVerifier):
 
     def __init__(self) -> None:
         super().__init__()
-        # Subtracted first: the mean picture of the training set.
+        # Subtracted first: the mean image of the training set.
         self.register_buffer("mean_image", torch.zeros(1, CROP_HEIGHT_PX, CROP_WIDTH_PX))
         self.features = nn.Sequential(
             nn.Conv2d(1, 32, 5, padding=2),
@@ -91,14 +91,14 @@ class ThesisVerifier(VehicleVerifier):
 
 
 class DefaultVerifier(VehicleVerifier):
-    """The default: light, with batch norm, and says where in the window the vehicle's box is."""
+    """The default: light, with batch norm; also regresses the vehicle's box."""
 
     # (filters, stride) of the 3 x 3 convolutions, and the units of the full layer. Where filters are many,
     # convolutions split into places and channels: a third of the time.
     _WHOLE = ((16, 2), (32, 2))
     _SEPARABLE = ((48, 1), (64, 2), (96, 1), (128, 2))
     _UNITS = 64
-    # Where the box of a car is before anything is learned: the middle of the window's lower half.
+    # Initial box: the middle of the window's lower half.
     _FIRST_BOX = (0.3, 0.45, 0.7, 0.85)
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class DefaultVerifier(VehicleVerifier):
 
 
 class RelativeDepthEncoding(nn.Module):
-    """From 8-bit pictures to what a network learns easily: every channel from -1 to 1.
+    """Normalization of 8-bit crops: every channel from -1 to 1, depth relative to the object's.
 
     depth         how far behind the middle of the window, 8 m to both sides; unknown pixels come out nearest
     height        as it is, unknown pixels -1
@@ -149,7 +149,7 @@ class RelativeDepthEncoding(nn.Module):
     _MIDDLE = (..., slice(30, 54), slice(48, 64))
 
     def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (M, 3, H, W) channels of (M, 3, H, W) pictures of 0..255, and (M, 1) how far they are."""
+        """Return (M, 3, H, W) normalized channels of (M, 3, H, W) crops of 0..255, and (M, 1) distances."""
         images = crops.float()
         depth, height = images[:, 0][self._MIDDLE], images[:, 1][self._MIDDLE]
         known = (height > 0).float()  # heights are 1..255
@@ -176,11 +176,11 @@ def _block(
 
 @dataclass(frozen=True)
 class VerifierInputConfig:
-    """What one of the networks looks at.
+    """Input of a network.
 
     Attributes:
-        channels: of the picture, names of `CHANNELS`.
-        window: how a crop is cut around a proposal.
+        channels: Channels of the input image, names of `CHANNELS`.
+        window: Part of the image around a proposal that is cropped.
     """
 
     channels: tuple[str, ...]
@@ -199,7 +199,7 @@ def make_verifier(method: Method) -> VehicleVerifier:
 
 
 def load_verifier(checkpoint: Path) -> tuple[VehicleVerifier, dict[str, str]]:
-    """Return a trained network, ready to judge, and what a model file says of it.
+    """Return a trained network in evaluation mode, and the metadata of its model file.
 
     Raises:
         ModelError: where the checkpoint is damaged, or of another network.

@@ -32,7 +32,7 @@ STRIDES_PX = (8, 16, 32)
 _WIDTH = 128  # channels where the three maps are added up
 _FIRST_SCORE = 0.02
 _PROBE_PX = 64
-# Of ImageNet, by which torchvision's classifiers are shown pictures of 0..1.
+# Statistics of ImageNet, by which torchvision's classifiers normalize images of 0..1.
 _MEAN, _DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
@@ -72,7 +72,7 @@ class TorchvisionTrunk(nn.Module):
 
 
 class TorchvisionDetector(YoloDetector):
-    """A detector with a trunk that may have seen ImageNet."""
+    """A detector with a backbone that may be pretrained on ImageNet."""
 
     def __init__(
         self,
@@ -84,9 +84,9 @@ class TorchvisionDetector(YoloDetector):
         """Build it with random weights.
 
         Args:
-            name: torchvision's, of the classifier.
-            class_names: what it detects.
-            anchors_px: widths and heights of boxes to correct, at the input's scale.
+            name: Name of the classifier in torchvision.
+            class_names: Classes to detect.
+            anchors_px: Widths and heights of the anchors in pixels of the input.
             channels: 3, or 1 for maps.
 
         Raises:
@@ -107,8 +107,8 @@ def init_from_classifier(detector: TorchvisionDetector, name: str, weights: str)
     """Fill the trunk from a classifier that was trained before.
 
     Args:
-        detector: with that classifier as its trunk.
-        name: torchvision's, of the classifier.
+        detector: Detector with that classifier as its backbone.
+        name: Name of the classifier in torchvision.
         weights: File of its state_dict as torchvision publishes it, or the word download.
 
     Raises:

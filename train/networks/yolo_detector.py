@@ -1,4 +1,4 @@
-"""A detector: a trunk that turns a picture into a map, and a head that reads boxes from it."""
+"""A detector: a backbone from an image to a feature map, and a head that predicts boxes from it."""
 
 from torch import Tensor, nn
 
@@ -8,12 +8,12 @@ from train.networks.yolo_head import DecodedBoxes, YoloHead
 
 
 class YoloDetector(nn.Module):
-    """Find objects in pictures of any size that is a multiple of 32.
+    """Detector of objects in images of any size that is a multiple of 32.
 
     Attributes:
-        channels: of the picture: 3 for RGB, 1 for a depth or reflectance map.
-        trunk: pictures (B, C, H, W) of 0..1 to a map.
-        head: the map to boxes.
+        channels: Channels of the image: 3 for RGB, 1 for a depth or reflectance map.
+        trunk: Backbone: images (B, C, H, W) of 0..1 to a feature map.
+        head: Head: the feature map to boxes.
     """
 
     def __init__(self, channels: int, trunk: nn.Module, head: YoloHead) -> None:
@@ -24,7 +24,7 @@ class YoloDetector(nn.Module):
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """Name what is detected, in the order of the scores."""
+        """Names of the classes in the order of the scores."""
         return self.head.class_names
 
     def forward(self, images: Tensor) -> Tensor:

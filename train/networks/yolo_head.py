@@ -1,4 +1,4 @@
-"""What YOLOv2 ends with: boxes told cell by cell, as corrections of a few anchor boxes.
+"""The head of YOLOv2: boxes predicted in each cell as offsets to a few anchor boxes.
 
     map of C channels ---1x1---> raw (B, A, 5 + classes, rows, columns)
 
@@ -23,11 +23,11 @@ _LARGEST_LOG_SCALE = 8.0
 
 
 class DecodedBoxes(NamedTuple):
-    """What a grid of predictions says.
+    """Decoded predictions.
 
     Attributes:
         boxes_px: (B, K, 4) x1 y1 x2 y2 in pixels of the network's input; K runs over rows, columns, anchors.
-        scores: (B, K, classes) objectness times the class' share, 0..1.
+        scores: (B, K, classes) objectness times class probability, 0..1.
     """
 
     boxes_px: Tensor
@@ -38,9 +38,9 @@ class YoloHead(nn.Module):
     """Predict boxes from a map, and read them.
 
     Attributes:
-        class_names: in the order of the raw channels.
-        stride_px: width and height of a cell.
-        anchors_px: (A, 2) widths and heights at the input's scale.
+        class_names: Classes in the order of the raw channels.
+        stride_px: Width and height of a cell in pixels.
+        anchors_px: (A, 2) widths and heights of the anchors in pixels of the input.
     """
 
     anchors_px: Tensor
@@ -56,11 +56,11 @@ class YoloHead(nn.Module):
         """Build it with random weights.
 
         Args:
-            channels: of the map.
-            stride_px: of a cell of the map.
+            channels: Channels of the feature map.
+            stride_px: Width and height of a cell of the feature map in pixels.
             anchors_px: A widths and heights.
-            class_names: what is detected.
-            first_score: about the objectness that every prediction starts training with.
+            class_names: Classes to detect.
+            first_score: Approximate initial objectness of every prediction.
         """
         super().__init__()
         _require_anchors_and_classes(anchors_px, class_names)
@@ -77,7 +77,7 @@ class YoloHead(nn.Module):
         return maps.reshape(batch, len(self.anchors_px), 5 + len(self.class_names), rows, columns)
 
     def decode(self, raw: Tensor) -> DecodedBoxes:
-        """Return what the raw predictions say, in float32."""
+        """Decode raw predictions in float32."""
         raw = raw.float()
         boxes = box_corners(self.decode_boxes(raw))
         scores = _as_list(raw[:, :, OBJECTNESS, None]).sigmoid()

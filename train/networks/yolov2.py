@@ -80,8 +80,8 @@ class YOLOv2(YoloDetector):
         """Build it with random weights.
 
         Args:
-            class_names: what it detects.
-            anchors_px: widths and heights of boxes to correct, at the input's scale.
+            class_names: Classes to detect.
+            anchors_px: Widths and heights of the anchors in pixels of the input.
             channels: 3, or 1 for maps.
         """
         trunk = Yolov2Trunk()

@@ -19,13 +19,13 @@ class SearchTask:
     """What one process does at a time.
 
     Attributes:
-        chunk: number of the chunk.
-        frames: of the chunk.
-        parameters: settings with the same cell and least variance.
-        method: default or thesis.
-        of_class: type of the objects.
+        chunk: Number of the chunk.
+        frames: Frames of the chunk.
+        parameters: Parameters with the same cell and minimum variance.
+        method: Method of the proposals: default or thesis.
+        of_class: Class of the objects.
         overlaps: IoUs from which on a proposal reaches an object.
-        on_bad_frame: raise at a frame that cannot be read, or count it as unread.
+        on_bad_frame: Raise at a damaged frame, or count it as unread.
     """
 
     chunk: int
@@ -42,12 +42,12 @@ class ProposalCount:
     """What one setting reaches in one chunk, or in several together.
 
     Attributes:
-        parameters: the setting.
-        frames: that were read.
-        unread: frames that could not be.
-        objects: of the class, in those that were read.
-        reached: of these, how many at each overlap.
-        proposals: of all frames together.
+        parameters: Parameters of the proposals.
+        frames: Number of frames that were read.
+        unread: Number of frames that could not be read.
+        objects: Number of objects of the class in the frames that were read.
+        reached: Number of objects reached at each IoU.
+        proposals: Number of proposals of all frames.
     """
 
     parameters: ProposalConfig

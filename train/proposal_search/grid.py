@@ -10,13 +10,13 @@ from perception.errors import UsageError
 
 @dataclass(frozen=True)
 class SearchGrid:
-    """Values of each of the four parameters; the thesis does not say which ones it tried.
+    """Values of each of the four parameters; the thesis does not state which it tried.
 
     Attributes:
-        cell_m: edges of a cell of the ground removal.
-        min_variance_m2: of the heights in a cell that is not ground.
-        min_points: within the radius of a core of a cluster.
-        radius_m: of DBSCAN's neighbourhood.
+        cell_m: Edges of a cell of the ground removal in metres.
+        min_variance_m2: Minimum variances of the heights in a cell above the ground, in square metres.
+        min_points: Minimum numbers of points within the radius of a core point (DBSCAN).
+        radius_m: Radii of the neighbourhood in metres (DBSCAN).
     """
 
     cell_m: tuple[float, ...] = (0.3, 0.4, 0.5, 0.7)
@@ -25,7 +25,7 @@ class SearchGrid:
     radius_m: tuple[float, ...] = (0.2, 0.3, 0.4, 0.5, 0.7)
 
     def __post_init__(self) -> None:
-        """Refuse a parameter without values, one that is there twice, and values that cannot work."""
+        """Validate that each parameter has values, each once, that can be used."""
         for name in (field.name for field in fields(self)):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):

@@ -27,8 +27,8 @@ class ProposalSetting:
     """One way to make proposals.
 
     Attributes:
-        parameters: its four parameters.
-        method: default or thesis.
+        parameters: Parameters of the proposals.
+        method: Method of the proposals: default or thesis.
     """
 
     parameters: ProposalConfig = field(default_factory=ProposalConfig)
@@ -40,11 +40,11 @@ class RecallTask:
     """What one process gathers at a time.
 
     Attributes:
-        chunk: number of the chunk.
-        frames: of the chunk.
-        settings: all.
-        order: by which proposals are scored.
-        on_bad_frame: raise at a frame that cannot be read, or pass over it.
+        chunk: Number of the chunk.
+        frames: Frames of the chunk.
+        settings: All settings.
+        order: Order by which proposals are scored.
+        on_bad_frame: Raise at a damaged frame, or skip it.
     """
 
     chunk: int
@@ -59,8 +59,8 @@ class FrameProposals:
     """One frame.
 
     Attributes:
-        labels: all of it.
-        proposals: of each setting, scored by their order.
+        labels: Labels of the frame.
+        proposals: Proposals of each setting, scored by their order.
     """
 
     labels: Labels
@@ -100,7 +100,7 @@ def measure_recall(
 
 
 def collect_proposals(task: RecallTask) -> list[FrameProposals]:
-    """Return what is labelled and what is proposed in each frame that can be read."""
+    """Return the labels and the proposals of each frame that can be read."""
     drive, frames = task.frames.open(), task.frames.frames
     read = ((index, read_or_skip(drive, index, task.on_bad_frame)) for index in frames)
     return [

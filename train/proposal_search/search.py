@@ -27,12 +27,12 @@ class SearchConfig:
     """What is tried, and how.
 
     Attributes:
-        survey: the drives and the class.
-        grid: the values of the parameters.
-        method: of the proposals, default or thesis.
-        overlaps: IoUs that are counted; the first is what is maximised.
-        chunk_frames: frames that one process takes at a time.
-        on_bad_frame: stop at a frame that cannot be read, or leave it out of all counts.
+        survey: Drives and object class.
+        grid: Values of the parameters.
+        method: Method of the proposals: default or thesis.
+        overlaps: IoU thresholds; the recall at the first is maximized.
+        chunk_frames: Number of frames that one process takes at a time.
+        on_bad_frame: Stop at a damaged frame, or leave it out of all counts.
     """
 
     survey: Survey
@@ -43,7 +43,7 @@ class SearchConfig:
     on_bad_frame: OnBadFrame = "stop"
 
     def __post_init__(self) -> None:
-        """Refuse no overlap, and overlaps that are no demand."""
+        """Validate the IoU thresholds."""
         if not self.overlaps or len(set(self.overlaps)) < len(self.overlaps):
             found = str(list(self.overlaps))
             raise UsageError("--iou", expected="one or more, each once", found=found)
@@ -93,14 +93,14 @@ def search(
     workers: int = 1,
     progress: SearchProgress = lambda finished, done, parts: finished,
 ) -> list[ProposalCount]:
-    """Count what is not counted yet, and return every setting over all frames, the best first.
+    """Count what is not counted yet, and return all parameters over all frames, the best first.
 
     The best reaches most objects at the first overlap (6.1.4); of several, it has the fewest proposals.
 
     Args:
-        config: what is tried.
-        search_log: file that keeps the counts, and from which a search that was ended goes on.
-        workers: how many processes.
+        config: Drives and values to try.
+        search_log: File of the counts, from which an interrupted search continues.
+        workers: Number of processes.
         progress: goes through the finished parts and may show how far it is: it is told how many were
             done before, and how many there are.
 

@@ -1,12 +1,12 @@
-"""What is counted so far, in a file that a search which is ended at any time goes on from.
+"""Counts of a search in a file from which an interrupted search continues.
 
-The first row says what is searched over; each other row is what one setting reaches in one chunk:
+The first row states what is searched; each other row is what one setting reaches in one chunk:
 
     {"search": {"drives": [...], "of_class": "Car", "overlaps": [0.7, 0.5], ...}}
     {"chunk": 0, "parameters": {"cell_m": 0.5, ...}, "frames": 20, "unread": 0, "objects": 61, "reached": [30, 47], "proposals": 512}
 
-A row counts once it ends in a line break. What a row says depends on its own setting alone, so that a
-search over more values goes on from one over fewer.
+A row counts once it ends in a line break. It depends on its own setting alone, so that a
+search over more values continues from one over fewer.
 """
 
 import json
@@ -30,8 +30,8 @@ class SearchLog:
         """Read what there is, or begin.
 
         Args:
-            path: of the file, made where it is missing.
-            search: in JSON's own types, all that the counts depend on beside chunk and setting.
+            path: File, created where it is missing.
+            search: All that the counts depend on beside chunk and setting, as JSON types.
 
         Raises:
             UsageError: the file is of another search, or none of this kind.
@@ -47,7 +47,7 @@ class SearchLog:
             self._read(number, line)
 
     def holds(self, part: SearchTask) -> bool:
-        """Tell whether every setting of a part is counted."""
+        """Return whether every setting of a part is counted."""
         return all((part.chunk, parameters) in self.counts for parameters in part.parameters)
 
     def add(self, chunk: int, counts: Iterable[ProposalCount]) -> None:

@@ -18,9 +18,9 @@ class FrameSet:
     """Frames of a drive, as another process can read them.
 
     Attributes:
-        path: as `open_drive` takes it.
-        sequence: which one, where the path holds several.
-        frames: indices.
+        path: Path as `open_drive` takes it.
+        sequence: Sequence, where the path holds several.
+        frames: Indices of the frames.
     """
 
     path: Path
@@ -28,18 +28,18 @@ class FrameSet:
     frames: tuple[int, ...]
 
     def open(self) -> Drive:
-        """Open the drive with its images, as some say only by them how large they are."""
+        """Open the drive with its images, from which some drives know the image size."""
         return _open(self.path, self.sequence)
 
 
 @dataclass(frozen=True)
 class Survey:
-    """All drives, and what their labels say.
+    """All drives, with the numbers of their labels.
 
     Attributes:
-        drives: one after the other.
-        labels: by type in lower case, how many of each drive.
-        of_class: what is looked for.
+        drives: Frames of each drive.
+        labels: Number of labels of each drive, by type in lower case.
+        of_class: Class of the objects.
     """
 
     drives: tuple[FrameSet, ...]
@@ -47,7 +47,7 @@ class Survey:
     of_class: str
 
     def __post_init__(self) -> None:
-        """Refuse drives in which there is nothing to be found."""
+        """Validate that there are objects of the class."""
         if not sum(self.objects):
             types = sorted({name for of_drive in self.labels for name in of_drive})
             raise LabelError(
@@ -67,7 +67,7 @@ class Survey:
         return tuple(of_drive.get(self.of_class.lower(), 0) for of_drive in self.labels)
 
     def chunks(self, frames: int) -> list[FrameSet]:
-        """Cut every drive into pieces of so many frames."""
+        """Cut every drive into chunks of frames."""
         return [
             replace(drive, frames=drive.frames[first : first + frames])
             for drive in self.drives
@@ -81,10 +81,10 @@ def survey(
     """Read all labels.
 
     Args:
-        paths: of drives, or of folders of drives or sequences, all of which are taken.
-        of_class: type of the objects, in any case.
-        every: take each such frame of a drive.
-        progress: goes through the frames of a drive, and may show how far it is.
+        paths: Drives, or folders of drives or sequences, all of which are taken.
+        of_class: Class of the objects, in any case.
+        every: Stride of the frames of each drive.
+        progress: Wrapper of the loop over frames that may show its progress.
 
     Raises:
         DriveError: a path holds no drive, or one without labels.

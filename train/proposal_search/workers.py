@@ -26,9 +26,9 @@ def run_parts(
     Every process keeps to one thread, so that as many processes as cores do not wait for one another.
 
     Args:
-        work: a function of a module, which other processes can find.
-        parts: what it is called with.
-        workers: how many processes; with 1, the work is done in this one.
+        work: Function of a module, which other processes can import.
+        parts: Arguments of each call.
+        workers: Number of processes; 1 runs in this process.
 
     Raises:
         PerceptionError: the work raised it, or a process was ended from outside.

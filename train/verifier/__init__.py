@@ -1,1 +1,1 @@
-"""DepthCN's network: how it learns to tell vehicles among candidates, and what is watched meanwhile."""
+"""Training of DepthCN's network, which classifies proposals as vehicles."""

@@ -21,14 +21,14 @@ _COUNT = _COLUMNS * _ROWS
 
 @dataclass(frozen=True)
 class ScoredCrops:
-    """M candidates and what a verifier says of them.
+    """M crops with the output of a verifier.
 
     Attributes:
-        crops: (M, C, H, W) uint8.
-        logits: (M,) of a vehicle.
-        shares: (M, 4) of its boxes in the crop.
-        is_vehicle: (M,) what they are.
-        normalized_box: (M, 4) of the labels' boxes, NaN where there is none.
+        crops: (M, C, H, W) uint8 crops.
+        logits: (M,) logits of a vehicle.
+        shares: (M, 4) predicted boxes, 0..1 over the crop.
+        is_vehicle: (M,) mask of the vehicles.
+        normalized_box: (M, 4) boxes of the labels, 0..1 over the crop, NaN where there is none.
     """
 
     crops: Tensor
@@ -39,7 +39,7 @@ class ScoredCrops:
 
     @property
     def losses(self) -> Tensor:
-        """(M,) how wrong each is: above log 2 what is called what it is not."""
+        """(M,) cross-entropy of each; above log 2 it is misclassified."""
         return functional.binary_cross_entropy_with_logits(
             self.logits, self.is_vehicle.float(), reduction="none"
         )
@@ -58,10 +58,10 @@ class VerifierImages(Callback):
     """Draws augmentations once, and worst mistakes and boxes of every validation."""
 
     def __init__(self, augmentations: Callable[[], Mapping[str, UInt8]] = dict) -> None:
-        """Take what is shown at the start.
+        """Take what is logged at the start.
 
         Args:
-            augmentations: makes (H, W, 3) RGB pictures by name, when the data is there.
+            augmentations: Function that returns (H, W, 3) RGB images by name, called once the data is loaded.
         """
         self._augmentations = augmentations
         self._mistakes: ScoredCrops | None = None

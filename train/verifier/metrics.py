@@ -10,9 +10,9 @@ from train.box_overlap import paired_iou
 class VerifierMetrics(Metric):
     """Counts over the batches of an epoch, summed over all processes.
 
-    accuracy     share of the candidates that are called what they are
+    accuracy     share of the crops that are classified correctly
     balanced     the same, were there as many vehicles as others
-    precision    share of what is called a vehicle that is one
+    precision    share of the crops classified as vehicles that are vehicles
     recall       share of the vehicles that are called so
     box_iou      mean IoU of the vehicles' boxes with the labels'
     box_iou_70   share of the vehicles' boxes with an IoU above 0.7, KITTI's demand
@@ -37,13 +37,13 @@ class VerifierMetrics(Metric):
     def update(
         self, logits: Tensor, shares: Tensor, is_vehicle: Tensor, normalized_box: Tensor
     ) -> None:
-        """Count a batch of M candidates.
+        """Count a batch of M crops.
 
         Args:
-            logits: (M,) of a vehicle.
-            shares: (M, 4) of the boxes.
-            is_vehicle: (M,) what they are.
-            normalized_box: (M, 4) of the labels, NaN where there is none.
+            logits: (M,) logits of a vehicle.
+            shares: (M, 4) predicted boxes.
+            is_vehicle: (M,) mask of the vehicles.
+            normalized_box: (M, 4) boxes of the labels, NaN where there is none.
         """
         truth = is_vehicle.long()
         is_right = (logits > 0).long() == truth

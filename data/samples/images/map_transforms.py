@@ -83,10 +83,10 @@ def _drop_cells(
     """Return an (h, w) map with cells set to 0.
 
     Args:
-        image: the map.
-        weights: (256,) by value, how readily a pixel fades.
-        magnitudes: how much is lost at most.
-        rng: draws.
+        image: (h, w) map.
+        weights: (256,) relative probability of a loss by pixel value.
+        magnitudes: Largest fractions that are lost.
+        rng: Random generator.
     """
     dropout, fading = rng.random(2) ** 2 * (magnitudes.dropout, magnitudes.fading)
     height, width = image.shape
