@@ -1,7 +1,6 @@
-"""What goes wrong with sensors: darkness, lost rays, a calibration that is off. Frames in, frames out.
+"""Sensor corruptions of a frame: darkness, point dropout, and an erroneous calibration.
 
-Draws come from a generator that is passed in. One that starts from the same seed draws the same at every
-level, so that more of a disturbance is what less of it was, and more.
+A generator of the same seed draws the same at every level: a stronger corruption includes the weaker one.
 """
 
 from dataclasses import replace
@@ -14,7 +13,7 @@ from perception.maps.projection import camera_of
 from perception.types import Calibration, Float32, Float64, Frame, UInt8
 
 _GAMMA = 2.2  # from light to grey levels, about that of sRGB
-# Of a pixel 3 µm wide, as in cameras of cars: how many electrons are white, and the noise of reading them.
+# Of a pixel 3 µm wide, as in automotive cameras: electrons of white, and the read noise.
 _WHITE_ELECTRONS, _READING_ELECTRONS = 10_000.0, 5.0
 
 
@@ -24,7 +23,7 @@ def darken(frame: Frame, stops: float, rng: np.random.Generator) -> Frame:
     Light arrives electron by electron, so that their number varies by its root (EMVA 1288, 2.2).
 
     Raises:
-        UsageError: light would be added.
+        UsageError: the number of stops is negative.
     """
     if stops < 0:
         raise UsageError("darkness", expected="0 stops or more", found=f"{stops:g}")
@@ -38,13 +37,13 @@ def darken(frame: Frame, stops: float, rng: np.random.Generator) -> Frame:
 
 
 def drop_points(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
-    """Lose a share of the LiDAR's returns, each as likely; one is always left.
+    """Drop a random fraction of the LiDAR points; at least one stays.
 
     Raises:
-        UsageError: it is no share.
+        UsageError: the fraction is not from 0 to below 1.
     """
     if not 0 <= share < 1:
-        raise UsageError("share of rays lost", expected="from 0 to below 1", found=f"{share:g}")
+        raise UsageError("point dropout", expected="from 0 to below 1", found=f"{share:g}")
     luck = rng.random(len(frame.points_velo))
     is_kept = luck >= share
     is_kept[luck.argmax()] = True
@@ -52,7 +51,7 @@ def drop_points(frame: Frame, share: float, rng: np.random.Generator) -> Frame:
 
 
 def rotate_calibration(frame: Frame, angle_deg: float, rng: np.random.Generator) -> Frame:
-    """Believe the LiDAR turned by an angle before the camera, about any axis through the camera.
+    """Rotate the LiDAR in the calibration by an angle about a random axis through the camera.
 
     Raises:
         CalibrationError: the frame has no camera.

@@ -1,4 +1,4 @@
-"""How well every form of a detector sees on the same labelled frames."""
+"""Average precision of every variant of a detector on the same labelled frames."""
 
 from collections.abc import Mapping
 

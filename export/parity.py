@@ -17,7 +17,7 @@ Network = Callable[[Arrays], Arrays]
 
 @dataclass(frozen=True)
 class Parity:
-    """How far two forms of a network are apart.
+    """Differences of two variants of a network.
 
     Attributes:
         rows: Number of rows that were compared.

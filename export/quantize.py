@@ -1,4 +1,4 @@
-"""Weights and what flows between the layers as 8-bit numbers, scaled by what real inputs bring about."""
+"""Static 8-bit quantization of weights and activations, calibrated on real inputs."""
 
 import io
 import logging
@@ -31,7 +31,7 @@ _METHODS: dict[Scales, CalibrationMethod] = {
 
 @dataclass(frozen=True)
 class QuantizationConfig:
-    """What of a network becomes 8-bit, and by which scales.
+    """Parameters of the 8-bit quantization.
 
     Attributes:
         layers: Types of operators to quantize; the rest, such as the decoding of boxes, stays in full precision.
@@ -48,10 +48,10 @@ class QuantizationConfig:
 def to_int8(
     model: bytes, batches: Iterable[Arrays], quantization: QuantizationConfig = QuantizationConfig()
 ) -> bytes:
-    """Return a quantised form of an ONNX file, its scales from batches of real inputs.
+    """Return a quantized ONNX file, calibrated on batches of real inputs.
 
-    A scale for each channel of the weights, none that changes from input to input: finding those at run
-    time was measured and is seven times slower than no quantisation. Weights are signed and what flows is
+    Weights have a scale for each channel; activations have static scales, since dynamic ones were measured to be
+    seven times slower than no quantization. Weights are signed and activations are
     not: the only pair of types that ONNX Runtime has fast kernels for on processors with VNNI.
     """
     logger = logging.getLogger()

@@ -1,4 +1,4 @@
-"""What is asked of an export, and what it comes to, whatever the network."""
+"""Settings and result of the export of any network."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ def no_progress(frames: Iterable[Frame], what: str, count: int) -> Iterable[Fram
 
 @dataclass(frozen=True)
 class ExportConfig:
-    """What is asked for.
+    """Settings of an export.
 
     Attributes:
         checkpoint: Checkpoint of a training.
@@ -66,7 +66,7 @@ class ExportConfig:
 
 @dataclass(frozen=True)
 class ChosenVariant:
-    """Which of several forms is the one to use.
+    """The best of several variants.
 
     Attributes:
         variant: Name of the variant.
@@ -79,7 +79,7 @@ class ChosenVariant:
 
 @dataclass(frozen=True)
 class ExportResult:
-    """A network as files, and how they compare with it.
+    """Model files of a network, compared with it.
 
     Attributes:
         metadata: Metadata of the model files.

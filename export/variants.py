@@ -1,23 +1,22 @@
-"""A network in torch and as files, side by side: size, time, and how far each is from torch."""
+"""Variants of a network, in torch and as files: size, time, and parity with torch."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from export.latency import fastest_ms
 from export.onnx import Exportable
 from export.parity import Arrays, Network, Parity, compare, torch_runner
 
 
 @dataclass(frozen=True)
 class ModelVariant:
-    """One form of a network.
+    """One variant of a network.
 
     Attributes:
         size_bytes: Size of the file; None of torch.
         fastest_ms: Shortest time of one batch in ms.
         parity: Parity with torch by kind of input; empty of torch.
-        precision: average precision in percent by class and overlap, then by difficulty; empty where it
-            was not measured.
+        precision: Average precision in percent by class and IoU, then by difficulty; empty where it was not measured.
     """
 
     size_bytes: int | None
@@ -32,7 +31,7 @@ def compare_variants(
     inputs: Mapping[str, Sequence[Arrays]],
     timed: Arrays,
 ) -> dict[str, ModelVariant]:
-    """Return the forms by name, `torch` first.
+    """Return the variants by name, `torch` first.
 
     Args:
         exportable: Network in torch.
@@ -48,3 +47,14 @@ def compare_variants(
         parity = {kind: compare(torch_network, run, batches) for kind, batches in inputs.items()}
         variants[name] = ModelVariant(size_bytes, times[name], parity)
     return variants
+
+
+def fastest_ms(networks: Mapping[str, Network], batch: Arrays, rounds: int = 7) -> dict[str, float]:
+    """Return the shortest run of each, taking turns: other load on the machine affects it least."""
+    fastest = dict.fromkeys(networks, float("inf"))
+    for _ in range(rounds):
+        for name, network in networks.items():
+            start = time.perf_counter()
+            network(batch)
+            fastest[name] = min(fastest[name], 1e3 * (time.perf_counter() - start))
+    return fastest

@@ -56,7 +56,7 @@ class CachedFrames:
             compute: Function from the frame to the arrays.
 
         Raises:
-            PerceptionError: a file of the frame cannot be read, or it lacks what is computed from.
+            PerceptionError: a file of the frame cannot be read, or it lacks the image or the calibration.
         """
         drive, index = self._frames[number]
         if (number, what) not in self._keys:

@@ -1,4 +1,4 @@
-"""Which frames are for training, for validation, and for the final test."""
+"""Splits of frames into training, validation and test."""
 
 from dataclasses import dataclass
 from pathlib import Path

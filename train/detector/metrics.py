@@ -26,7 +26,7 @@ _COLUMNS = 8  # number of the image, process, class, score, x1 y1 x2 y2
 
 
 class ValidationBoxes(Metric):
-    """All that is detected in an epoch, in all processes."""
+    """All detections of an epoch, in all processes."""
 
     full_state_update = False
     rows: list[Tensor]

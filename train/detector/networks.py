@@ -51,7 +51,7 @@ class DetectorNetworkConfig:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """The same as texts, for model files."""
+        """Texts that model files state."""
         return {
             "kind": MODEL,
             "network": self.network,

@@ -1,8 +1,8 @@
 """Assignment of labels to predictions: the responsible cell and anchor of each label, and its targets.
 
-The cell that holds the label's centre answers, with the anchor of the most similar shape. Where two labels of one
-cell want the same anchor, the one that fits it better has it, and the other takes the next best that is free:
-at a cell of 32 pixels, parked cars would go unlearned otherwise.
+The cell of the label's centre is responsible, with the anchor of the most similar shape. Where two labels of one
+cell match the same anchor, the better match gets it, and the other gets its next best free anchor: with cells of
+32 pixels, parked cars would not be trained on otherwise.
 """
 
 from collections.abc import Sequence

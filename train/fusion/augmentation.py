@@ -1,7 +1,7 @@
 """Augmentation of the fusion's frames: dropped modalities and jittered scores.
 
-On roads that they have not learned from, detectors differ in how far their scores are to be believed. A fusion that
-has seen every detector doubted rests more on what they agree on, and on what is at the distance of a box.
+On roads that they were not trained on, the scores of detectors are miscalibrated by different amounts. Trained on
+jittered scores, the fusion relies more on agreement and on the depth of the boxes.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from perception.types import Modality
 
 # Modalities that are dropped; with a single one left there is nothing to fuse.
 DROPPED_MODALITIES: tuple[tuple[Modality, ...], ...] = (("rgb",), ("dm",), ("rm",))
-# By how much logits of scores are stretched at most, and shifted (standard deviation), for each frame and view.
+# Largest stretch of the scores' logits, and standard deviation of their shift, for each frame and modality.
 _MAX_STRETCH, _SHIFT = 0.15, 0.45
 
 

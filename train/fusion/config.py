@@ -110,7 +110,7 @@ class FusionTrainingConfig:
 
     @property
     def hyper_parameters(self) -> dict[str, Any]:
-        """What a checkpoint states of it."""
+        """Hyperparameters that a checkpoint stores."""
         return {
             "model": MODEL,
             "variant": self.network.variant,

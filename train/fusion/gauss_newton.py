@@ -22,7 +22,7 @@ from perception.types import Float64, Int
 
 @dataclass(frozen=True)
 class LayerFactors:
-    """How the residuals of R rows go with the parameters of a layer of W neurons.
+    """Derivatives of the residuals of R rows by the parameters of a layer of W neurons.
 
     Attributes:
         back: (outputs, W, R) derivatives of the residuals by the inputs of the neurons.

@@ -15,7 +15,7 @@ from train.fusion.config import MODEL, FusionTrainingConfig, MlpConfig
 
 
 class RescoringMlp(nn.Module):
-    """From (T, F) features to (T, 3) expected IoU.
+    """Network from (T, F) features to (T, 3) expected IoU.
 
     features - to -1..1 over the training set - tanh layers - linear, in the default a sigmoid after it
     """

@@ -22,7 +22,7 @@ MODEL = KIND  # kind of model in checkpoints and model files
 
 
 class VehicleVerifier(nn.Module, ABC):
-    """What both networks have in common."""
+    """Base of both networks."""
 
     @abstractmethod
     def heads(self, crops: Tensor) -> tuple[Tensor, Tensor]:
@@ -142,7 +142,7 @@ class RelativeDepthEncoding(nn.Module):
     reflectance   as it is
 
     Encoded depths are linear in inverse depth (6.2), so that one factor and one offset a channel and
-    candidate do it all.
+    crop suffice.
     """
 
     _RANGE_M = 8.0

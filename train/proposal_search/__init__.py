@@ -1,1 +1,1 @@
-"""Which rules of the proposals reach most objects of labelled drives: all combinations are tried (6.1.4)."""
+"""Exhaustive search of the proposals' parameters that reach most labelled objects (6.1.4)."""

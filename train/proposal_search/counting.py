@@ -16,7 +16,7 @@ from train.proposal_search.survey import FrameSet, is_of_class
 
 @dataclass(frozen=True)
 class SearchTask:
-    """What one process does at a time.
+    """Frames and parameters that one process counts at a time.
 
     Attributes:
         chunk: Number of the chunk.
@@ -39,7 +39,7 @@ class SearchTask:
 
 @dataclass(frozen=True)
 class ProposalCount:
-    """What one setting reaches in one chunk, or in several together.
+    """Counts of one setting in one chunk, or in several together.
 
     Attributes:
         parameters: Parameters of the proposals.

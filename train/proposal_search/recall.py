@@ -1,4 +1,4 @@
-"""What a few settings reach on all drives, object by object: for curves, where the search only counts."""
+"""Recall of a few settings on all drives, object by object, for curves; the search itself only counts."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ RecallProgress = Callable[[CollectedProposals, int], CollectedProposals]
 
 @dataclass(frozen=True)
 class ProposalSetting:
-    """One way to make proposals.
+    """Parameters and method of the proposals.
 
     Attributes:
         parameters: Parameters of the proposals.
@@ -37,7 +37,7 @@ class ProposalSetting:
 
 @dataclass(frozen=True)
 class RecallTask:
-    """What one process gathers at a time.
+    """Frames whose proposals one process collects at a time.
 
     Attributes:
         chunk: Number of the chunk.

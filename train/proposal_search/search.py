@@ -24,7 +24,7 @@ SearchProgress = Callable[[FinishedTasks, int, int], FinishedTasks]
 
 @dataclass(frozen=True)
 class SearchConfig:
-    """What is tried, and how.
+    """Drives and values of a search.
 
     Attributes:
         survey: Drives and object class.
@@ -101,7 +101,7 @@ def search(
         config: Drives and values to try.
         search_log: File of the counts, from which an interrupted search continues.
         workers: Number of processes.
-        progress: goes through the finished parts and may show how far it is: it is told how many were
+        progress: Wrapper of the loop over finished parts that may show its progress; it gets how many were
             done before, and how many there are.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What is searched over: the frames of labelled drives, cut into chunks that any process can read."""
+"""Frames and labels of the drives of a search, in chunks that any process can read."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -58,12 +58,12 @@ class Survey:
 
     @property
     def frames(self) -> int:
-        """How many there are."""
+        """Number of frames."""
         return sum(len(drive.frames) for drive in self.drives)
 
     @property
     def objects(self) -> tuple[int, ...]:
-        """How many objects there are to be found in each drive."""
+        """Number of objects of the class in each drive."""
         return tuple(of_drive.get(self.of_class.lower(), 0) for of_drive in self.labels)
 
     def chunks(self, frames: int) -> list[FrameSet]:

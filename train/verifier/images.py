@@ -1,4 +1,4 @@
-"""What TensorBoard shows of a verifier: its crops, its worst mistakes, and where it sees boxes."""
+"""TensorBoard images of a verifier: augmented crops, worst errors, and predicted boxes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,10 +55,10 @@ class ScoredCrops:
 
 
 class VerifierImages(Callback):
-    """Draws augmentations once, and worst mistakes and boxes of every validation."""
+    """Draw augmentations once, and worst errors and boxes of every validation."""
 
     def __init__(self, augmentations: Callable[[], Mapping[str, UInt8]] = dict) -> None:
-        """Take what is logged at the start.
+        """Take the source of the images at the start.
 
         Args:
             augmentations: Function that returns (H, W, 3) RGB images by name, called once the data is loaded.
@@ -102,7 +102,7 @@ class VerifierImages(Callback):
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Show both."""
-        for name, scored in (("worst mistakes", self._mistakes), ("boxes", self._vehicles)):
+        for name, scored in (("worst errors", self._mistakes), ("boxes", self._vehicles)):
             if scored is not None and len(scored.logits):
                 _show(trainer, f"validation/{name}", draw_scored(scored[:_COUNT]))
 

@@ -1,4 +1,4 @@
-"""How well a verifier tells vehicles from the rest, and finds their boxes."""
+"""Metrics of a verifier: classification of vehicles, and IoU of their boxes."""
 
 import torch
 from torch import Tensor
@@ -56,7 +56,7 @@ class VerifierMetrics(Metric):
         self.boxes += has_box.sum()
 
     def compute(self) -> dict[str, Tensor]:
-        """Return the figures, 0 where there is nothing to divide by."""
+        """Return the metrics, 0 where there is nothing to divide by."""
         total = self.is_right + self.is_wrong
         found = self.is_right[1]
         return {

@@ -1,4 +1,4 @@
-"""From labelled frames to crops: every proposal, and jittered boxes of labelled vehicles."""
+"""Crops of labelled frames: every proposal, and jittered boxes of labelled vehicles."""
 
 import logging
 from collections import Counter
