@@ -65,13 +65,13 @@ def check_mounting(points_velo: Float32, sensor: LidarModel, source: str = "firs
         raise MountingError(
             source,
             expected="the ground below the LiDAR, z pointing up",
-            found=f"it {-ground.height_m:.2f} m above",
-            advice="the LiDAR is mounted upside down: turn the points by 180 degrees about x",
+            found=f"the ground {-ground.height_m:.2f} m above the LiDAR",
+            advice="the LiDAR is mounted upside down: rotate the points by 180 degrees about x",
         )
     raise MountingError(
         source,
         expected=f"the ground {sensor.height_m:.2f} m below the LiDAR, as {sensor.name} says",
-        found=f"it {ground.height_m:.2f} m below",
+        found=f"the ground {ground.height_m:.2f} m below the LiDAR",
         advice="set height_m in a sensor .json and pass it with --sensor",
     )
 

@@ -60,34 +60,37 @@ def test_a_lidar_mounted_right_passes(sensor, scene):
 @pytest.mark.parametrize("scene", ["street", "wide road"])
 def test_a_lidar_upside_down_is_reported(sensor, scene):
     points_velo = transform_points(UPSIDE_DOWN, street(sensor, **SCENES[scene]))
-    with pytest.raises(
-        MountingError, match=r"0007\.bin: .*found it 1\.\d\d m above; .*upside down"
-    ):
+    with pytest.raises(MountingError) as error:
         check_mounting(points_velo, sensor, "0007.bin")
+    assert error.value.where == "0007.bin"
+    height_m, direction = error.value.found.split()[2:5:2]
+    assert float(height_m) == pytest.approx(1.73, abs=0.3)
+    assert direction == "above"
 
 
 @pytest.mark.parametrize(
     ("velo_SE3_true", "up"),
     [
-        (from_euler(-np.pi / 2, 0, 0), r"\+y"),
+        (from_euler(-np.pi / 2, 0, 0), "+y"),
         (from_euler(np.pi / 2, 0, 0), "-y"),
-        (from_euler(0, np.pi / 2, 0), r"\+x"),
+        (from_euler(0, np.pi / 2, 0), "+x"),
         (from_euler(0, -np.pi / 2, 0), "-x"),
     ],
     ids=["y", "-y", "x", "-x"],
 )
 def test_swapped_axes_are_reported(velo_SE3_true, up):
     points_velo = transform_points(velo_SE3_true, street(HDL_64E))
-    with pytest.raises(MountingError, match=f"found {up} pointing up"):
+    with pytest.raises(MountingError) as error:
         check_mounting(points_velo, HDL_64E)
+    assert error.value.found == f"{up} pointing up"
 
 
 @pytest.mark.parametrize("change_m", [-0.9, 0.9])
 def test_another_height_is_reported(change_m):
     points_velo = street(HDL_64E) - np.float32([0, 0, change_m, 0])
-    found = f"found it {1.73 + change_m:.2f} m below; set height_m in a sensor .json"
-    with pytest.raises(MountingError, match=found):
+    with pytest.raises(MountingError) as error:
         check_mounting(points_velo, HDL_64E)
+    assert error.value.found == f"the ground {1.73 + change_m:.2f} m below the LiDAR"
 
 
 def test_a_scan_that_shows_no_ground_is_let_pass():
@@ -100,6 +103,7 @@ def test_real_scans(kitti_root):
     for path in paths:
         points_velo = np.fromfile(path, np.float32).reshape(-1, 4)
         check_mounting(points_velo, HDL_64E, str(path))
-        with pytest.raises(MountingError, match="upside down"):
+        with pytest.raises(MountingError) as error:
             check_mounting(transform_points(UPSIDE_DOWN, points_velo), HDL_64E)
+        assert error.value.found.endswith("m above the LiDAR")
     assert len(paths) == 16 + 27

@@ -154,8 +154,10 @@ def test_an_ins_jump_of_metres_is_refused_by_name(jump_m: float) -> None:
         odometry.update(observed_from(truth[index], index), index * STEP_S, truth[index])
     jumped = truth[2].copy()
     jumped[1, 3] += jump_m
-    with pytest.raises(PoseError, match=r"oxts 0002: expected an INS pose .* found a jump of"):
+    with pytest.raises(PoseError) as error:
         odometry.update(observed_from(truth[2], 2), 2 * STEP_S, jumped, "oxts 0002")
+    assert error.value.where == "oxts 0002"
+    assert error.value.found.startswith("a jump of")
 
 
 def test_an_ins_slip_of_a_metre_is_repaired() -> None:
@@ -195,8 +197,9 @@ def test_a_repeated_stamp_repeats_the_pose_and_a_falling_one_is_refused() -> Non
     again = odometry.update(observed_from(np.eye(4), 0), 5.0)
     assert again.origin is PoseOrigin.REPEATED
     np.testing.assert_array_equal(again.world_SE3_velo, np.eye(4))
-    with pytest.raises(PoseError, match="stamps that rise"):
-        odometry.update(observed_from(np.eye(4), 0), 4.9)
+    with pytest.raises(PoseError) as error:
+        odometry.update(observed_from(np.eye(4), 0), 4.9, source="frame 2")
+    assert error.value.where == "frame 2"
 
 
 def test_orthonormal_repairs_printed_digits() -> None:

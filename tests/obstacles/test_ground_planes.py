@@ -164,5 +164,7 @@ def test_an_empty_area_is_level_ground_and_says_that_nothing_was_found() -> None
 
 
 def test_values_that_leave_no_sample_are_refused() -> None:
-    with pytest.raises(UsageError, match="subsample of at least 3"):
+    with pytest.raises(UsageError) as error:
         PiecewisePlanesConfig(subsample=2)
+    assert error.value.where == "ground planes"
+    assert "subsample=2" in error.value.found

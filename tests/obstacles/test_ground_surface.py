@@ -199,5 +199,7 @@ def test_the_grid_covers_the_area_and_its_margin() -> None:
 
 
 def test_sizes_that_make_no_grid_are_refused() -> None:
-    with pytest.raises(UsageError, match="ground surface: expected positive sizes"):
+    with pytest.raises(UsageError) as error:
         GroundSurfaceConfig(cell_m=0.0)
+    assert error.value.where == "ground surface"
+    assert "cell_m=0.0" in error.value.found

@@ -184,8 +184,9 @@ def test_an_error_in_the_middle_comes_in_order_and_ends_the_stream(street_frames
     frames = [*street_frames[:2], replace(last, world_SE3_velo=pose), later]
     with Pipeline(config=all_stages) as pipeline, pipeline.stream(frames) as stream:
         assert [next(stream).frame.index, next(stream).frame.index] == [0, 1]
-        with pytest.raises(PoseError, match="jump of"):
+        with pytest.raises(PoseError) as error:
             next(stream)
+        assert error.value.found.startswith("a jump of")
         assert list(stream) == []
 
 
@@ -195,8 +196,9 @@ def test_detectors_that_are_not_wanted_are_not_opened(tmp_path):
         NO_DETECTION, rgb_model=nowhere, depthcn=DepthCnConfig(enabled=False, model=nowhere)
     )
     Pipeline(config=PipelineConfig(detection=unused)).close()
-    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
+    with pytest.raises(ModelError) as error:
         Pipeline(config=PipelineConfig(detection=DetectionConfig(rgb_model=nowhere)))
+    assert error.value.where.endswith("nowhere.onnx")
 
 
 def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
@@ -207,8 +209,7 @@ def test_a_pipeline_that_cannot_be_made_ends_its_process(tmp_path, monkeypatch):
         ended.append(process.process_id)
 
     monkeypatch.setattr(LidarProcess, "close", close_and_tell)
-    with pytest.raises(ModelError, match=r"nowhere\.onnx"):
-        Pipeline(
-            config=PipelineConfig(detection=DetectionConfig(rgb_model=tmp_path / "nowhere.onnx"))
-        )
+    missing = DetectionConfig(rgb_model=tmp_path / "nowhere.onnx")
+    with pytest.raises(ModelError):
+        Pipeline(config=PipelineConfig(detection=missing))
     assert len(ended) == 1

@@ -1,4 +1,4 @@
-"""Every number of Tables 7.1 and 7.4 has a flag and the value of the thesis; the tree is light and round-trips."""
+"""Every number of Tables 7.1, 7.4 and 7.5 has a flag and the value of the thesis; the tree is light and round-trips."""
 
 import math
 import subprocess
@@ -14,6 +14,7 @@ from perception.errors import UsageError
 from perception.obstacles.motion_segmentation import static_threshold
 from perception.pipeline import PipelineConfig
 from perception.sensor import HDL_64E
+from perception.tracking.single_object.config import SingleObjectTrackerConfig
 
 HEAVY = ("scipy", "cv2", "onnxruntime", "small_gicp", "torch")
 
@@ -37,6 +38,14 @@ TABLE_7_4 = [
     ("epsilon", "datmo.thesis.motion.radius_cells", 5),
     ("alpha", "datmo.thesis.motion.alpha", 0.2),
 ]
+TABLE_7_5 = [
+    ("eta", "fusion.points.max_iterations", 5),
+    ("delta", "fusion.points.tolerance_m", 0.05),
+    ("eta'", "fusion.image.max_iterations", 4),
+    ("delta'", "fusion.image.tolerance_px", 1),
+    ("b", "fusion.colors.bins_per_channel", 8),
+    ("d_min", "point.min_height_m", 0.20),
+]
 # The values of the author's code, where they are others.
 AUTHOR = [
     ("T_mu", "datmo.author.elevation.ground_height_m", 0.80),
@@ -46,20 +55,26 @@ AUTHOR = [
     ("epsilon", "datmo.author.motion.radius_cells", 10),
     ("alpha", "datmo.author.motion.alpha", 0.3),
 ]
-DEFAULT = PipelineConfig()
+DEFAULT, TRACKER = PipelineConfig(), SingleObjectTrackerConfig()
 NUMBERS = [*TABLE_7_1, *TABLE_7_4, *AUTHOR]
 
 
-def parsed(*words: str) -> PipelineConfig:
-    """Return the configuration that a command with these flags is called with."""
+def configs(*words: str) -> tuple[PipelineConfig, SingleObjectTrackerConfig]:
+    """Return the configurations that a command with these flags is called with."""
     found = []
 
-    def command(*, pipeline: PipelineConfig = DEFAULT) -> None:
-        """Keep the configuration."""
-        found.append(pipeline)
+    def command(
+        *, pipeline: PipelineConfig = DEFAULT, tracker_config: SingleObjectTrackerConfig = TRACKER
+    ) -> None:
+        """Keep the configurations."""
+        found.extend([pipeline, tracker_config])
 
     call("trifuse command", command, words)
-    return found[0]
+    return found[0], found[1]
+
+
+def parsed(*words: str) -> PipelineConfig:
+    return configs(*words)[0]
 
 
 def leaf_names(kind: type, prefix: str) -> set[str]:
@@ -71,14 +86,31 @@ def leaf_names(kind: type, prefix: str) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize(("number", "name", "value"), NUMBERS, ids=[name for _, name, _ in NUMBERS])
+def other(name: str, value: float) -> float:
+    """Return another value that is valid."""
+    if name.endswith(".cell_m"):
+        return 0.5  # the areas are whole cells of it
+    if name.endswith("bins_per_channel"):
+        return 16
+    return value + 1 if isinstance(value, int) else 2 * value
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "value"), NUMBERS, ids=[f"{name} {number}" for number, name, _ in NUMBERS]
+)
 def test_numbers_of_the_tables_have_a_flag_and_the_value_of_the_thesis(number, name, value):
-    assert attrgetter(name)(PipelineConfig()) == pytest.approx(value), number
-    other = value + 1 if isinstance(value, int) else 2 * value
-    if name.endswith("cell_m"):
-        other = 0.5  # the areas are whole cells of it
+    assert attrgetter(name)(DEFAULT) == pytest.approx(value), number
     flag = f"--pipeline.{name}".replace("_", "-")
-    assert attrgetter(name)(parsed(flag, str(other))) == pytest.approx(other)
+    changed = other(name, value)
+    assert attrgetter(name)(parsed(flag, str(changed))) == pytest.approx(changed)
+
+
+@pytest.mark.parametrize(("number", "name", "value"), TABLE_7_5, ids=[row[1] for row in TABLE_7_5])
+def test_numbers_of_table_7_5_have_a_flag_and_the_value_of_the_thesis(number, name, value):
+    assert attrgetter(name)(TRACKER) == pytest.approx(value), number
+    flag = f"--tracker-config.{name}".replace("_", "-")
+    changed = other(name, value)
+    assert attrgetter(name)(configs(flag, str(changed))[1]) == pytest.approx(changed)
 
 
 def test_the_static_threshold_is_that_of_the_thesis_and_can_be_set():
@@ -127,8 +159,6 @@ def test_a_window_without_history_is_an_error():
 
 
 def test_the_configuration_loads_no_numeric_library():
-    code = (
-        f"import sys, perception.pipeline.config; print([m for m in {HEAVY} if m in sys.modules])"
-    )
+    code = f"import sys, perception.pipeline.config, perception.tracking.single_object.config; print([m for m in {HEAVY} if m in sys.modules])"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert ran.stdout.strip() == "[]", ran.stderr

@@ -95,14 +95,17 @@ def test_an_ins_jump_of_metres_is_an_error_that_names_the_frame(frames):
     pipeline = Pipeline(config=LIDAR_ALONE)
     pipeline.step(frames[0])
     pipeline.step(frames[1])
-    with pytest.raises(PoseError, match=r"frame.*jump of"):
+    with pytest.raises(PoseError) as error:
         pipeline.step(replace(frames[2], world_SE3_velo=jumped, source="frame 2"))
+    assert error.value.where == "frame 2"
+    assert error.value.found.startswith("a jump of")
 
 
 def test_an_upside_down_lidar_is_an_error(frames):
     points = frames[0].points_velo * np.array([1, -1, -1, 1], np.float32)
-    with pytest.raises(MountingError, match="upside down"):
+    with pytest.raises(MountingError) as error:
         Pipeline(config=LIDAR_ALONE).step(replace(frames[0], points_velo=points))
+    assert error.value.found.endswith("m above the LiDAR")
 
 
 def test_a_window_without_history_is_refused():
