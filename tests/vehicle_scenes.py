@@ -3,8 +3,8 @@
 import numpy as np
 
 from perception.geometry import se3
-from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.boxes import transform_boxes
+from perception.geometry.camera import box_outlines_px
 from perception.types import Boxes3D, Calibration, Detections, Frame, FusedDetections
 
 ROAD_M = -1.7

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from perception.errors import LabelError
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.types import Boxes3D, Calibration, Float64, Labels
 
 DONT_CARE = "DontCare"

@@ -15,9 +15,9 @@ import numpy as np
 from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from data.results.records import RecordWriter, read_records
-from perception.geometry.angles import wrap
 from perception.geometry.boxes import edges, transform_boxes
-from perception.geometry.segments import outlines_px, project_segments
+from perception.geometry.camera import outlines_px, project_segments
+from perception.geometry.se3 import wrap
 from perception.types import Bool, Boxes3D, Calibration, Float64, Result, Tracks
 
 # Upper volumes of the author's classes, height x width x length; a larger box is a car.

@@ -20,7 +20,7 @@ from data.kitti.labels import alphas_rad, boxes_to_cam
 from data.kitti.tracking_rows import TrackingRows, format_result_rows
 from data.results.records import RecordWriter, read_records
 from data.results.tracks import RowWriter
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.types import MODALITIES, Calibration, Drive, Float64, Result, Vehicles
 
 # Values of KITTI's columns that are not known.

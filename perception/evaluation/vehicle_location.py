@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.angles import wrap
 from perception.geometry.box_overlap_px import iou_px
 from perception.geometry.boxes import points_inside
+from perception.geometry.se3 import wrap
 from perception.tracking.association import assign_hungarian
 from perception.types import ArrayTable, Boxes3D, Float, Float64, Vehicles
 

@@ -13,7 +13,7 @@ from perception.evaluation.multi_object.mot_metrics import MotMetrics, evaluate_
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.report import Column, Table
 from perception.evaluation.vehicle_location import LocationErrors, location_errors
-from perception.geometry.box_overlap_bev import iou_bev
+from perception.geometry.box_overlap import iou_bev
 from perception.types import ArrayTable, Float64, Int, Labels, PointTruth, Result, Tracks, Vehicles
 
 # KITTI's moderate: visible or partly occluded, truncated by less than a third.

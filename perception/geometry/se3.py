@@ -54,3 +54,8 @@ def orthonormal(dst_SE3_src: Float64) -> Float64:
     left, _, right = np.linalg.svd(dst_SE3_src[:3, :3])
     flip = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
     return from_rotation_translation(left @ flip @ right, dst_SE3_src[:3, 3])
+
+
+def wrap(angle_rad: Float64 | float, period_rad: float = 2 * np.pi) -> Float64:
+    """Return the same angle within half a period of 0."""
+    return np.asarray((angle_rad + period_rad / 2) % period_rad - period_rad / 2)

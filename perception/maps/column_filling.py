@@ -17,9 +17,8 @@ import numpy as np
 from cv2.typing import MatLike
 
 from perception.maps.beam_rows import ColumnFillingConfig, ColumnGrid, fill_rows
-from perception.maps.filling import FilledMaps
+from perception.maps.filling import FilledMaps, first_rows, nearest_true
 from perception.maps.projection import SparseMaps
-from perception.maps.region import first_rows, nearest_true
 from perception.types import Bool, Complex64, Float32, Int
 
 _CONFIG = ColumnFillingConfig()

@@ -7,7 +7,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from perception.geometry.segments import project_segments
+from perception.geometry.camera import project_segments
 from perception.render.palette import Color
 from perception.types import Bool, Float64, Int, UInt8
 

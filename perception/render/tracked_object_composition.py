@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.render import palette
 from perception.render.canvas import Align, blank_canvas, draw_text, text_width_px
 from perception.render.panels import LegendEntry, draw_legend, place_panel

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from perception.geometry.boxes import corners, edges
-from perception.geometry.segments import outlines_px, project_segments
+from perception.geometry.camera import outlines_px, project_segments
 from perception.render import palette
 from perception.render.birds_eye import BirdsEyeView, draw_rings, draw_vehicle
 from perception.render.canvas import blank_canvas

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.camera import project
-from perception.geometry.segments import NEAREST_M, outlines_px
+from perception.geometry.camera import NEAREST_M, outlines_px, project
 from perception.render import palette
 from perception.render.palette import Color
 from perception.render.strokes import draw_seam, draw_strokes, fill_polygons, project_strokes

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from perception.geometry import se3
-from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.footprints import Footprints
 from perception.geometry.grids import LocalArea
+from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.association import assign_hungarian
 from perception.tracking.config import BoxTrackerConfig

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.geometry.angles import wrap
 from perception.geometry.footprints import Footprints
+from perception.geometry.se3 import wrap
 from perception.tracking.config import HeadingConfig
 from perception.tracking.track_table import TrackTable
 from perception.tracking.visible_sides import measure_extents

@@ -5,7 +5,6 @@ Other packages import all of it from here: `from perception.types import Frame`.
 """
 
 from perception.types.arrays import Bool, Complex64, Float, Float32, Float64, Int, UInt8
-from perception.types.boxes import Boxes3D
 from perception.types.detections import (
     MAP_MODALITIES,
     MODALITIES,
@@ -17,6 +16,7 @@ from perception.types.detections import (
 )
 from perception.types.drive import Drive, Labels, PointTruth
 from perception.types.frame import Calibration, Frame
+from perception.types.objects import Boxes3D, Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles, PointState, Voxels
 from perception.types.result import Result
 from perception.types.stages import (
@@ -29,8 +29,6 @@ from perception.types.stages import (
     relative_to_start,
 )
 from perception.types.table import SHARED, ArrayTable
-from perception.types.tracks import Tracks
-from perception.types.vehicles import Vehicles
 
 __all__ = [
     "MAP_MODALITIES",

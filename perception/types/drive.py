@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.types.arrays import Bool, Float64, Int
-from perception.types.boxes import Boxes3D
 from perception.types.frame import Calibration, Frame
+from perception.types.objects import Boxes3D
 from perception.types.table import SHARED, ArrayTable
 
 if TYPE_CHECKING:  # the sensor's module needs the types

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from perception.types.arrays import Float64, UInt8
 from perception.types.detections import Detections, Modality, ModalityDetections
 from perception.types.frame import Frame
+from perception.types.objects import Tracks, Vehicles
 from perception.types.obstacles import GroundModel, Obstacles
 from perception.types.stages import StageSpan
-from perception.types.tracks import Tracks
-from perception.types.vehicles import Vehicles
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from perception.geometry.box_outline_px import box_outlines_px
+from perception.geometry.camera import box_outlines_px
 from perception.types import Boxes3D
 
 # x forward, y left, z up; 100 px focal length, image centre at (100, 50).

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from perception.geometry.box_overlap_3d import paired_iou_3d
-from perception.geometry.box_overlap_bev import (
+from perception.geometry.box_overlap import (
     intersection_areas_m2,
     paired_intersection_areas_m2,
+    paired_iou_3d,
 )
 from perception.types import Boxes3D
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from perception.geometry.segments import project_segments
+from perception.geometry.camera import project_segments
 
 # Looks along +z; a pixel is 1 cm at 1 m.
 IMAGE_P_CAM = np.array([[100.0, 0, 100, 0], [0, 100.0, 50, 0], [0, 0, 1, 0]])

@@ -13,8 +13,8 @@ from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns
 from perception.maps.densify import FILL_METHODS, densify
 from perception.maps.distance_filling import fill_natural, fill_nearest
+from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps
-from perception.maps.region import region_of_interest
 from perception.maps.triangle_filling import fill_linear, fill_nearest_vertex
 
 

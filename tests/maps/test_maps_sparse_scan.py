@@ -9,8 +9,8 @@ from data.synthetic.drive import SyntheticDrive
 from perception.maps.beam_rows import ColumnFillingConfig
 from perception.maps.column_filling import fill_columns
 from perception.maps.densify import densify
+from perception.maps.filling import region_of_interest
 from perception.maps.projection import SparseMaps, project_frame
-from perception.maps.region import region_of_interest
 from perception.sensor import VLP_16
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from perception.detection.vehicles.config import LShapeFitConfig, VehicleConfig
 from perception.detection.vehicles.l_shape_fit import ImageSpans, fit_rectangles
 from perception.detection.vehicles.vehicle_points import VehiclePoints, find_points
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.maps.projection import camera_of
 from perception.types import (
     Boxes3D,

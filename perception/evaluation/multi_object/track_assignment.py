@@ -29,7 +29,7 @@ from perception.evaluation.multi_object.moving_scene import (
 )
 from perception.evaluation.multi_object.sequence import TrackedFrame
 from perception.evaluation.objects import MotionState
-from perception.geometry.box_overlap_bev import (
+from perception.geometry.box_overlap import (
     center_distances_m,
     distance_similarity,
     intersection_areas_m2,

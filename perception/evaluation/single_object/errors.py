@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from perception.evaluation.single_object.track import PredictedTrack, TrueTrack
-from perception.geometry.angles import wrap
-from perception.geometry.box_outline_px import box_outlines_px
-from perception.geometry.box_overlap_3d import paired_iou_3d
+from perception.geometry.box_overlap import paired_iou_3d
 from perception.geometry.box_overlap_px import paired_iou_px
+from perception.geometry.camera import box_outlines_px
+from perception.geometry.se3 import wrap
 from perception.types import ArrayTable, Bool, Boxes3D, Calibration, Float64, Int
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from perception.errors import PerceptionError
 from perception.geometry import se3
-from perception.geometry.box_outline_px import box_outlines_px
 from perception.geometry.boxes import transform_boxes
+from perception.geometry.camera import box_outlines_px
 from perception.types import Boxes3D, Float32, Float64, GroundModel, UInt8
 
 

@@ -8,7 +8,7 @@ most once for each vehicle that it turns out to be. They stay bound until they h
 
 import numpy as np
 
-from perception.geometry.box_overlap_bev import iou_bev
+from perception.geometry.box_overlap import iou_bev
 from perception.tracking.association import assign_hungarian
 from perception.tracking.vehicles.config import SharedIdsConfig
 from perception.types import Bool, Boxes3D, Float64, Int, Tracks

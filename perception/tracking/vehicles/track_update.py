@@ -6,9 +6,9 @@ from typing import Annotated, Self
 import numpy as np
 
 from perception.geometry import se3
-from perception.geometry.angles import wrap
 from perception.geometry.boxes import transform_boxes
 from perception.geometry.camera import project
+from perception.geometry.se3 import wrap
 from perception.tracking import motion_model
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.tracking.vehicles.vehicle_table import VehicleTable

@@ -14,7 +14,7 @@ from data.synthetic.roadside import ParkingLot
 from data.synthetic.traffic_generator import _apart
 from data.synthetic.world_config import WorldConfig
 from perception.errors import UsageError
-from perception.geometry.box_overlap_bev import iou_bev
+from perception.geometry.box_overlap import iou_bev
 from tests.faults import fault
 
 KINDS = [

@@ -7,8 +7,8 @@ from data.open_drive import open_drive
 from perception.detection.vehicles.config import VehicleConfig
 from perception.detection.vehicles.locate import locate
 from perception.errors import CalibrationError
-from perception.geometry.angles import wrap
 from perception.geometry.camera import project
+from perception.geometry.se3 import wrap
 from perception.tracking.vehicles.config import VehicleTrackerConfig
 from perception.types import Boxes3D, Frame, FusedDetections
 from tests.vehicle_scenes import (

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.tracking.single_object.config import (
     ObjectMotionConfig,
     TurnRateMotionConfig,

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from perception.geometry.angles import wrap
+from perception.geometry.se3 import wrap
 from perception.tracking.single_object.box.object_shape import ObjectShape, into_frame
 from perception.tracking.single_object.box.observation import ObjectObservation
 from perception.tracking.single_object.config import PoseSearchConfig

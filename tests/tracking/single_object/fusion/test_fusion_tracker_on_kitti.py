@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from data.open_drive import open_drive
-from perception.geometry.box_outline_px import box_outlines_px
+from perception.geometry.camera import box_outlines_px
 from perception.geometry.grids import EgoVehicle
 from perception.sensor import HDL_64E
 from perception.tracking.single_object.fusion.fusion_tracker import FusionTracker

@@ -1,4 +1,4 @@
-"""Overlap and distance of upright boxes in the bird's eye view."""
+"""Overlap and distance of upright boxes: in the bird's eye view, and in space."""
 
 from typing import NamedTuple
 
@@ -107,3 +107,20 @@ def _clamped_integral(y: Float64, limit: Float64) -> Float64:
     """Return the integral of clamp(y, -limit, limit) from 0 to y."""
     inside = np.minimum(np.abs(y), limit)
     return np.asarray(inside**2 / 2 + limit * (np.abs(y) - inside))
+
+
+def paired_iou_3d(a: Boxes3D, b: Boxes3D) -> Float64:
+    """Return (M,) intersection over union of each box with the one in the same row of b (A.1).
+
+    Both lie in one frame. 0 of no volume; NaN where a box is.
+    """
+    top_m = np.minimum(_tops_m(a), _tops_m(b))
+    bottom_m = np.maximum(a.bottom_m[:, 2], b.bottom_m[:, 2])
+    shared_m3 = paired_intersection_areas_m2(a, b) * np.maximum(top_m - bottom_m, 0.0)
+    joint_m3 = a.size_m.prod(axis=1) + b.size_m.prod(axis=1) - shared_m3
+    iou = np.divide(shared_m3, joint_m3, out=np.zeros_like(joint_m3), where=joint_m3 != 0)
+    return np.asarray(iou)
+
+
+def _tops_m(boxes: Boxes3D) -> Float64:
+    return np.asarray(boxes.bottom_m[:, 2] + boxes.size_m[:, 2])

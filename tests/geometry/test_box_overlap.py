@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.geometry.box_overlap_bev import (
+from perception.geometry.box_overlap import (
     center_distances_m,
     distance_similarity,
     intersection_areas_m2,

@@ -1,12 +1,51 @@
-"""Detected vehicles as objects on the road."""
+"""Objects on the road: boxes, tracks and vehicles."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from perception.types.arrays import Float64, Int, require_shape
-from perception.types.boxes import Boxes3D
+from perception.types.arrays import Bool, Float64, Int, require_shape
 from perception.types.detections import FusedDetections
+from perception.types.table import ArrayTable
+
+
+@dataclass(frozen=True)
+class Boxes3D(ArrayTable):
+    """M upright boxes in one frame, the LiDAR frame unless the variable's name states another.
+
+             front
+          +---^---+
+          |   |   |
+    left  |   o   |
+          +-------+
+
+    Attributes:
+        bottom_m: (M, 3) centre of the bottom face.
+        size_m: (M, 3) length (along the heading), width, height.
+        yaw_rad: (M,) heading, from +x towards +y.
+    """
+
+    bottom_m: Annotated[Float64, 3]
+    size_m: Annotated[Float64, 3]
+    yaw_rad: Float64
+
+
+@dataclass(frozen=True)
+class Tracks(ArrayTable):
+    """T tracked objects at the time of one scan, in the LiDAR frame of that scan.
+
+    Attributes:
+        ids: (T,) rising; an id is never used again.
+        boxes: (T)
+        velocities_m_s: (T, 2) over the ground, not relative to the vehicle, along x and y of the LiDAR frame.
+        is_observed: (T,) whether the object was observed in this scan, or is predicted.
+    """
+
+    ids: Int
+    boxes: Boxes3D
+    velocities_m_s: Annotated[Float64, 2]
+    is_observed: Bool
 
 
 @dataclass(frozen=True)
